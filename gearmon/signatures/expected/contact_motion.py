@@ -157,11 +157,6 @@ class PeriodicMotion:
             )
 
     @cached_property
-    def panels(self) -> _Panels:
-        """The panels, ready to be solved."""
-        return _Panels(self.around, self.grid.widths, self.kappa)
-
-    @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
         around, size = self.around, len(self.around.force)
@@ -174,26 +169,67 @@ class PeriodicMotion:
             push[..., -1] += np.einsum("mpi,ma->pia", pressed, around.vectors)
             moved = around.dampers[:, None] * around.vectors
             shift[..., -1] = np.einsum("mpi,ma->pia", self.excitation, moved)
-        return self.panels.answer(push, shift, np.eye(2 * size, 2 * size + 1))
+        return self._answer(push, shift, np.eye(2 * size, 2 * size + 1))
 
     @cached_property
     def forced(self) -> _PanelMaps:
         """Motion on the panels from rest, by forces in the meshes: a column each mesh and point."""
-        return self._pushed(shifts=False)
+        return self._answer(self._unit_forces, None, np.zeros((2 * self._unit_forces.shape[2], 1)))
 
     @cached_property
     def shifted(self) -> _PanelMaps:
         """The same by e of the dampers."""
-        return self._pushed(shifts=True)
+        push = self._unit_forces
+        shift = push * np.repeat(self.around.dampers, POINTS)
+        return self._answer(np.zeros_like(push), shift, np.zeros((2 * push.shape[2], 1)))
 
-    def _pushed(self, *, shifts: bool) -> _PanelMaps:
-        vectors, dampers = self.around.vectors, self.around.dampers
+    @property
+    def _unit_forces(self) -> FloatArray:
+        vectors = self.around.vectors
         each = np.einsum("ma,il->iaml", vectors, np.eye(POINTS)).reshape(POINTS, len(vectors.T), -1)
-        push = np.broadcast_to(each, (self.kappa.shape[1], *each.shape))
-        none = np.zeros((2 * len(vectors.T), each.shape[-1]))
-        if not shifts:
-            return self.panels.answer(push, None, none)
-        return self.panels.answer(np.zeros_like(push), push * np.repeat(dampers, POINTS), none)
+        return np.broadcast_to(each, (self.kappa.shape[1], *each.shape))
+
+    @cached_property
+    def _collocation(self) -> tuple[FloatArray, FloatArray]:
+        """Stiffness at the points, (panels, points, n, n), and the matrix of u' on each panel."""
+        around, integrals = self.around, _integrals()
+        vectors, h = around.vectors, self.grid.widths[:, None, None, None, None]
+        stiffness = around.stiffness + np.einsum("mpi,ma,mb->piab", self.kappa, vectors, vectors)
+        matrix = h * integrals[:, None, :, None] * around.damping[:, None, :]
+        twice = (integrals @ integrals)[:, None, :, None]
+        matrix = matrix + h**2 * twice * stiffness[:, :, :, None, :]
+        size = POINTS * len(around.force)
+        return stiffness, matrix.reshape(len(h), size, size) + np.eye(size)
+
+    def _answer(self, push: FloatArray, shift: FloatArray | None, start: FloatArray) -> _PanelMaps:
+        """Return the motions, a column each.
+
+        Parameters
+        ----------
+        push : ndarray, shape (panels, points, n, columns)
+            What is added to u'.
+        shift : ndarray, same shape, optional
+            What is added to q'.
+        start : ndarray, shape (2n, columns)
+            State when the panel begins.
+        """
+        around, size, (stiffness, matrix) = self.around, push.shape[2], self._collocation
+        q0, u0 = start[:size], start[size:]
+        h, weights = self.grid.widths[:, None, None, None], 0.5 * gauss(POINTS)[1]
+        reach = _integrals().sum(axis=1)[:, None, None]
+        speed, place = u0, q0 + h * reach * u0
+        if shift is not None:
+            speed, place = speed + shift, place + h * _integrated(shift)
+        right = push - around.damping @ speed - stiffness @ place
+        slope = np.linalg.solve(matrix, right.reshape(*matrix.shape[:2], -1)).reshape(right.shape)
+        u = u0 + h * _integrated(slope)
+        rate = u if shift is None else u + shift
+        q = q0 + h * _integrated(rate)
+        h = h[:, 0]
+        ends = q0 + h * np.einsum("i,piac->pac", weights, rate)
+        step = np.concatenate([ends, u0 + h * np.einsum("i,piac->pac", weights, slope)], axis=1)
+        seen = np.stack([around.vectors @ rate, around.vectors @ q]).swapaxes(2, 3)
+        return _PanelMaps(step=step, seen=seen)
 
     @cached_property
     def monodromy(self) -> FloatArray:
@@ -207,29 +243,27 @@ class PeriodicMotion:
         return np.asarray(np.linalg.solve(np.eye(len(free)) - free, self.maps.whole[:, -1]))
 
     @cached_property
-    def motion(self) -> tuple[FloatArray, FloatArray]:
-        """Deflections and their speeds at the points, shape (meshes, panels, points)."""
+    def motion(self) -> FloatArray:
+        """Speeds and deflections at the points, shape (2, meshes, panels, points)."""
         states = self.maps.states(self.start)
-        return self.maps.deflections(states), self.maps.speeds(states)
+        own = _reached(self.maps.seen[..., :-1], states[None])[:, 0]
+        return np.asarray(own + self.maps.seen[..., -1].swapaxes(1, 2))
 
     @cached_property
     def load(self) -> FloatArray:
         """Kappa (d - e) at the points, shape (meshes, panels, points)."""
         moved = 0.0 if self.excitation is None else self.excitation
-        return np.asarray(self.kappa * (self.motion[0] - moved))
+        return np.asarray(self.kappa * (self.motion[1] - moved))
 
     @cached_property
     def force(self) -> FloatArray:
         """Mesh forces at the points but for those of e', shape (meshes, panels, points)."""
-        return np.asarray(self.load + self.around.dampers[:, None, None] * self.motion[1])
+        return np.asarray(self.load + self.around.dampers[:, None, None] * self.motion[0])
 
     @cached_property
     def free_force(self) -> FloatArray:
         """The same of free vibration, by the state when the period begins: one axis more, 2n."""
-        speed, deflection = (
-            part.reshape(*self.kappa.shape, part.shape[-1]) for part in self.maps.free
-        )
-        dampers = self.around.dampers[:, None, None, None]
+        (speed, deflection), dampers = self.maps.free, self.around.dampers[:, None, None, None]
         return np.asarray(self.kappa[..., None] * deflection + dampers * speed)
 
     @cached_property
@@ -240,7 +274,7 @@ class PeriodicMotion:
     @property
     def mean_deflection(self) -> FloatArray:
         """Mean deflection of each mesh [m], shape (1, meshes)."""
-        return self.grid.mean(self.motion[0])[None]
+        return self.grid.mean(self.motion[1])[None]
 
     @property
     def least_force(self) -> FloatArray:
@@ -250,7 +284,7 @@ class PeriodicMotion:
     @property
     def unresolved(self) -> FloatArray:
         """Share of the speeds in the last two Legendre terms of the panels; see `Deviations`."""
-        return _unresolved(self.motion[1][None], self.grid.widths)
+        return _unresolved(self.motion[:1], self.grid.widths)
 
     @property
     def period(self) -> int:
@@ -340,8 +374,8 @@ class Deviations:
     def mean_deflection(self) -> FloatArray:
         """Change of the mean deflection of each mesh [m], shape (turns, meshes)."""
         mesh, period = self.mesh, self.states.shape[1]
-        free = mesh.maps.free[1].T.reshape(-1, *mesh.kappa.shape)
-        total = self._even.sum(axis=1) @ mesh.grid.mean(free)
+        free = mesh.grid.mean(np.moveaxis(mesh.maps.free[1], -1, 0))
+        total = self._even.sum(axis=1) @ free
         return np.asarray((total + mesh.grid.mean(self.deflection).sum(axis=1)) / period)
 
     @property
@@ -431,11 +465,11 @@ def deviations(
         states[:, number] = state
         met = places.get(number)
         state = np.asarray(state @ free.T if met is None else _applied(met.maps.whole, state))
-    speed, deflection = np.empty(delta.shape), np.empty(delta.shape)
-    for i, (here, own) in enumerate(places.items()):
-        speed[:, i], deflection[:, i] = own.motion(mesh, states[:, here])
+    speed, deflection = np.stack(
+        [own.motion(mesh, states[:, here]) for here, own in places.items()], axis=2
+    )
     moved = deflection if excitation is None else deflection - excitation
-    load = delta * mesh.motion[0] + (mesh.kappa + delta) * moved
+    load = delta * mesh.motion[1] + (mesh.kappa + delta) * moved
     return Deviations(
         mesh=mesh,
         where=where,
@@ -457,7 +491,7 @@ class _Changed:
     Parameters
     ----------
     columns : ndarray of int, shape (acting * points,)
-        Meshes that differ, among the columns of `PeriodicMotion.answers`.
+        Meshes that differ, among the columns of `PeriodicMotion.forced`.
     force : ndarray, shape (turns, panels, acting * points, 2n + 1)
         f by the state of the deviation when its panel begins, and what is there anyway.
     excitation : ndarray, shape (turns, panels, acting * points), optional
@@ -483,94 +517,33 @@ class _Changed:
             chosen = np.moveaxis(values[..., acting, :, :], -3, -2)
             return np.asarray(chosen.reshape(*chosen.shape[:-2], -1))
 
-        forced = mesh.forced
-        free = np.asarray(mesh.maps.rows(acting))
-        free[..., -1] = rows(mesh.motion[0])
+        free, forced = mesh.maps.rows(acting), mesh.forced
+        free[..., -1] = rows(mesh.motion[1])
         own = rows(delta)
         right = -own[..., None] * free
         if excitation is not None:
             moved, shifted = rows(excitation), mesh.shifted
             by_e = (shifted.rows(acting)[..., columns] @ moved[..., None])[..., 0]
             right[..., -1] += rows(mesh.kappa + delta) * moved - own * by_e
-        matrix = own[..., None] * forced.rows(acting)[..., columns]
-        matrix += np.eye(len(columns))
-        force = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+        force, answers = np.zeros(right.shape), forced.rows(acting)[..., columns]
+        pressed = (right != 0).any(axis=(-2, -1))
+        matrix = own[pressed][..., None] * answers[np.nonzero(pressed)[-1]]
+        force[pressed] = np.linalg.solve(matrix + np.eye(len(columns)), right[pressed])
         step = forced.step[..., columns] @ force
         step[..., :-1] += mesh.maps.step[..., :-1]
         if excitation is not None:
             step[..., -1] += (shifted.step[..., columns] @ moved[..., None])[..., 0]
-        maps = _PanelMaps(step=step, speed=mesh.maps.speed, deflection=mesh.maps.deflection)
+        maps = _PanelMaps(step=step, seen=mesh.maps.seen)
         return cls(columns, force, None if excitation is None else moved, maps)
 
-    def motion(self, mesh: PeriodicMotion, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return deviations of speeds and deflections, (turns, meshes, panels, points)."""
+    def motion(self, mesh: PeriodicMotion, start: FloatArray) -> FloatArray:
+        """Return deviations of speeds and deflections, (2, turns, meshes, panels, points)."""
         states = self.maps.states(start)
-        force = _applied(self.force, states)[..., None]
-        found = []
-        for name in ("speed", "deflection"):
-            own, by_force = getattr(mesh.maps, name), getattr(mesh.forced, name)
-            flat = own.shape[0], math.prod(own.shape[1:-1])
-            moved = own[..., :-1].reshape(*flat, own.shape[-1] - 1) @ states[..., None]
-            moved = moved + by_force[..., self.columns].reshape(*flat, len(self.columns)) @ force
-            if self.excitation is not None:
-                by_e, e = getattr(mesh.shifted, name), self.excitation[..., None]
-                moved = moved + by_e[..., self.columns].reshape(*flat, len(self.columns)) @ e
-            shape = (*moved.shape[:-2], *own.shape[1:-1])
-            found.append(np.moveaxis(moved.reshape(shape), -1, -3))
-        return found[0], found[1]
-
-
-class _Panels:
-    """The collocation equations of u' on each panel.
-
-    Parameters
-    ----------
-    around : Surroundings
-    widths : ndarray, shape (panels,)
-    kappa : ndarray, shape (meshes, panels, points)
-    """
-
-    def __init__(self, around: Surroundings, widths: FloatArray, kappa: FloatArray) -> None:
-        self.around, self.widths = around, widths[:, None, None, None]
-        vectors, integrals = around.vectors, _integrals()
-        self.stiffness = around.stiffness + np.einsum("mpi,ma,mb->piab", kappa, vectors, vectors)
-        h = self.widths[..., None]
-        matrix = h * integrals[:, None, :, None] * around.damping[:, None, :]
-        twice = (integrals @ integrals)[:, None, :, None]
-        matrix = matrix + h**2 * twice * self.stiffness[:, :, :, None, :]
-        size = POINTS * len(around.force)
-        self.matrix = matrix.reshape(len(widths), size, size) + np.eye(size)
-
-    def answer(self, push: FloatArray, shift: FloatArray | None, start: FloatArray) -> _PanelMaps:
-        """Return the motions, a column each.
-
-        Parameters
-        ----------
-        push : ndarray, shape (panels, points, n, columns)
-            What is added to u'.
-        shift : ndarray, same shape, optional
-            What is added to q'.
-        start : ndarray, shape (2n, columns)
-            State when the panel begins.
-        """
-        around, h, size = self.around, self.widths, push.shape[2]
-        q0, u0 = start[:size], start[size:]
-        weights = 0.5 * gauss(POINTS)[1]
-        reach = _integrals().sum(axis=1)[:, None, None]
-        speed, place = u0, q0 + h * reach * u0
-        if shift is not None:
-            speed, place = speed + shift, place + h * _integrated(shift)
-        right = push - around.damping @ speed - self.stiffness @ place
-        solved = np.linalg.solve(self.matrix, right.reshape(*self.matrix.shape[:2], -1))
-        slope = solved.reshape(right.shape)
-        u = u0 + h * _integrated(slope)
-        rate = u if shift is None else u + shift
-        q = q0 + h * _integrated(rate)
-        h = h[:, 0]
-        ends = q0 + h * np.einsum("i,piac->pac", weights, rate)
-        step = np.concatenate([ends, u0 + h * np.einsum("i,piac->pac", weights, slope)], axis=1)
-        vectors = around.vectors
-        return _PanelMaps(step=step, speed=vectors @ rate, deflection=vectors @ q)
+        found = _reached(mesh.maps.seen[..., :-1], states)
+        found += _reached(mesh.forced.seen[..., self.columns], _applied(self.force, states))
+        if self.excitation is not None:
+            found += _reached(mesh.shifted.seen[..., self.columns], self.excitation)
+        return found
 
 
 def _integrated(values: FloatArray) -> FloatArray:
@@ -587,13 +560,12 @@ class _PanelMaps:
     ----------
     step : ndarray of float, shape (..., panels, 2n, columns)
         The state at the end.
-    speed, deflection : ndarray of float, shape (panels, points, meshes, columns)
-        At the collocation points.
+    seen : ndarray of float, shape (2, panels, meshes, points, columns)
+        Speeds and deflections at the collocation points.
     """
 
     step: FloatArray
-    speed: FloatArray
-    deflection: FloatArray
+    seen: FloatArray
 
     @cached_property
     def _ends(self) -> FloatArray:
@@ -612,17 +584,15 @@ class _PanelMaps:
         return np.asarray(self._ends[..., -1, :, :])
 
     @cached_property
-    def free(self) -> tuple[FloatArray, FloatArray]:
+    def free(self) -> FloatArray:
         """Speeds and deflections of free vibration, by the state at the start of all panels.
 
-        Shape (meshes * panels * points, 2n).
+        Shape (2, meshes, panels, points, 2n).
         """
-        before = self._ends[:-1, :, :-1]
-        size = before.shape[-1]
-        before = np.concatenate([np.eye(size)[None], before])
-        own = (part[..., :-1] @ before[:, None] for part in (self.speed, self.deflection))
-        speed, deflection = (np.moveaxis(part, 2, 0).reshape(-1, size) for part in own)
-        return speed, deflection
+        before, own = self._ends[:-1, :, :-1], self.seen[..., :-1]
+        before = np.concatenate([np.eye(before.shape[-1])[None], before])
+        moved = own.reshape(2, len(before), -1, own.shape[-1]) @ before
+        return np.asarray(moved.reshape(own.shape).swapaxes(1, 2))
 
     def states(self, start: FloatArray) -> FloatArray:
         """Return the states at the starts of all panels, shape (..., panels, 2n)."""
@@ -630,18 +600,20 @@ class _PanelMaps:
         first = np.broadcast_to(start[..., None, :], (*ends.shape[:-2], 1, start.shape[-1]))
         return np.concatenate([first, ends], axis=-2)
 
-    def speeds(self, states: FloatArray) -> FloatArray:
-        """Return the speeds at the points, shape (meshes, panels, points)."""
-        return np.asarray(np.moveaxis(_applied(self.speed, states[:, None]), -1, 0))
-
-    def deflections(self, states: FloatArray) -> FloatArray:
-        """Return the deflections at the points, shape (meshes, panels, points)."""
-        return np.asarray(np.moveaxis(_applied(self.deflection, states[:, None]), -1, 0))
-
     def rows(self, meshes: IntArray) -> FloatArray:
         """Deflections of some meshes, shape (panels, meshes * points, columns)."""
-        own = self.deflection[:, :, meshes].swapaxes(1, 2)
+        own = self.seen[1][:, meshes]
         return np.asarray(own.reshape(len(own), -1, own.shape[-1]))
+
+
+def _reached(seen: FloatArray, by: FloatArray) -> FloatArray:
+    """Return what columns make of values (turns, panels, columns) on each panel.
+
+    Shape (2, turns, meshes, panels, points).
+    """
+    _, panels, meshes, points, columns = seen.shape
+    moved = seen.reshape(2, 1, panels, meshes * points, columns) @ by[..., None]
+    return np.asarray(moved.reshape(2, len(by), panels, meshes, points).swapaxes(2, 3))
 
 
 def _applied(maps: FloatArray, state: FloatArray) -> FloatArray:

@@ -7,7 +7,7 @@ gear's turn.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -17,22 +17,16 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
 from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
-from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.pulses import LEAST_OVERLAP
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray
-from gearmon.signatures.expected.faulty_teeth import (
-    contact_grid,
-    faulty_lines,
-    is_of_teeth,
-    periodic_lines,
-)
+from gearmon.signatures.expected.faulty_teeth import faulty_lines, periodic_lines
 from gearmon.signatures.expected.mesh import (
     PosedStage,
     Wrong,
-    mesh_with,
+    gear_places,
     operating_point,
     posed_mesh,
     posed_stage,
@@ -65,10 +59,10 @@ GONE = ("1tooth",)
 ALL_TEETH = ("wear", "eccentricity", "cumulative", "misalignment", "profile")
 #: Kinds whose loss of stiffness is as large all along their part of the contact.
 UNIFORM_KINDS = ("crack", "stiffness", "pitting", "spall")
-#: Panels of a mesh period up to which all kinds of a gear are solved on the same ones.
-MOST_PANELS = 48
 
 Size = float | str
+# Columns of the table beside those of the lines.
+_TOLD = ("kind", "gear", "size", "loss", "operating")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -186,12 +180,21 @@ class FaultFamily(Result):
             `operating` (from 0); of each member the lines of its own stage with tooth 1 faulty, and
             those of the healthy stages (kind "healthy").
         """
-        parts = [
-            (lines, "healthy", "ring" if mesh else "", "", 0.0, operating)
+        parts: list[tuple[MeshLines, tuple[str | float, ...]]] = [
+            (lines, ("healthy", "ring" if mesh else "", "", 0.0, float(operating)))
             for (operating, _, mesh), lines in self.healthy.items()
         ]
-        parts += [(m.lines, m.kind, m.gear, m.size, m.loss, m.operating) for m in self.members]
-        tables = [_columns(mesh_harmonics, sidebands, *part) for part in parts]
+        parts += [
+            (m.lines, (m.kind, m.gear, m.size, m.loss, float(m.operating))) for m in self.members
+        ]
+        tables = []
+        for lines, told in parts:
+            columns = lines.columns()
+            same = {
+                name: np.full(len(columns["stage"]), own)
+                for name, own in zip(_TOLD, told, strict=True)
+            }
+            tables.append(_limited(same | columns, mesh_harmonics, sidebands))
         header = {
             "operating_points": [
                 {"speed_rpm": point.speed_rpm, "torque_nm": point.torque_nm, "name": point.name}
@@ -244,29 +247,16 @@ class FaultFamily(Result):
         }
 
 
-def _columns(
-    mesh_harmonics: int | None,
-    sidebands: int | None,
-    lines: MeshLines,
-    kind: str,
-    gear: str,
-    size: str,
-    loss: float,
-    operating: int,
+def _limited(
+    columns: dict[str, npt.NDArray[Any]], mesh_harmonics: int | None, sidebands: int | None
 ) -> dict[str, npt.NDArray[Any]]:
-    """Return the columns of a member, of the lines that are wanted."""
-    told = {"kind": kind, "gear": gear, "size": size, "loss": loss, "operating": float(operating)}
-    types = {"kind": None, "gear": "U16", "size": "U64", "loss": None, "operating": None}
-    columns = lines.columns()
-    count = len(columns["stage"])
-    kept = np.ones(count, dtype=bool)
+    kept = np.ones(len(columns["stage"]), dtype=bool)
     if mesh_harmonics is not None:
         # lines below the first mesh harmonic are multiples of the turn, not its sidebands
         kept &= (columns["mesh_harmonic"] >= 1) & (columns["mesh_harmonic"] <= mesh_harmonics)
     if sidebands is not None:
         kept &= np.abs(columns["sideband"]) <= sidebands
-    same = {name: np.full(count, own, dtype=types[name]) for name, own in told.items()}
-    return {name: column[kept] for name, column in (same | columns).items()}
+    return {name: column[kept] for name, column in columns.items()}
 
 
 def fault_family(
@@ -333,150 +323,110 @@ def fault_family(
     check_range("tolerance", tolerance, 1e-10, 1.0)
     texts = _size_texts(kinds, sizes)
     points = _points(machine, operating)
-    places = {place: mesh_with(machine, *place) for place in _places(machine, gears)}
+    places = _places(machine, gears)
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
         if not part:
             raise ArgumentError(f"{name}: none given, at least one is needed")
-    posed: dict[tuple[int, int, int], PosedStage] = {}
-    every = {(number, 0) for number in range(1, len(machine.stages) + 1)}
-    every |= {(stage, mesh) for (stage, _), mesh in places.items()}
-    for number, (stage, mesh) in product(points, sorted(every)):
-        even = posed_stage(machine, stage, number, form=form, mesh=mesh)
-        # a set that is taken as a whole has all of its gears in one
-        posed.setdefault((number, stage, mesh if even.train is None else 0), even)
+    stages = _stages(machine, points, places, form)
     healthy = {
-        key: periodic_lines(own, own.limit_hz(max_hz), tolerance) for key, own in posed.items()
+        key: periodic_lines(own, own.limit_hz(max_hz), tolerance) for key, own in stages.items()
     }
     if not any(len(lines.displacement) for lines in healthy.values()):
         refuse_no_lines((lines.mechanics for lines in healthy.values()), max_hz)
     members: list[FamilyMember] = []
-    notes: list[str] = []
+    notes: dict[str, None] = {}
     for number, ((stage, gear), mesh) in product(points, places.items()):
-        key = (number, stage, mesh if (number, stage, mesh) in posed else 0)
-        one = _Gear(
-            machine=machine,
-            stage=stage,
-            gear=gear,
-            mesh=mesh,
-            operating=number,
-            form=form,
-            limit_hz=posed[key].limit_hz(max_hz),
-            tolerance=tolerance,
-            sizes=texts,
-            even=posed[key],
-            sound=healthy[key],
-        )
-        found, left_out = one.members()
-        if left_out and kinds is not None:
-            raise next(iter(left_out.values()))
-        members += found
-        notes += [
-            f"{kind} of the {gear} of stage {stage} left out: {error}"
-            for kind, error in left_out.items()
-        ]
+        key = (number, stage, mesh if (number, stage, mesh) in stages else 0)
+        one = _Gear(machine, number, stage, gear, mesh, form, stages[key], healthy[key])
+        cases: list[tuple[str, str, PosedStage]] = []
+        for kind, own in texts.items():
+            try:
+                cases += [(kind, *case) for case in zip(own, one.posed(kind, own), strict=True)]
+            except ArgumentError as error:
+                if kinds is not None:
+                    raise
+                notes[f"{kind} of the {gear} of stage {stage} left out: {error}"] = None
+        members += one.solved(cases, max_hz, tolerance)
     return FaultFamily(
         machine=machine,
         members=tuple(members),
         healthy=healthy,
         max_hz=max_hz,
         tolerance=tolerance,
-        notes=tuple(dict.fromkeys(notes)),
+        notes=tuple(notes),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+def _stages(
+    machine: Machine, points: Sequence[int], places: Mapping[tuple[int, str], int], form: str
+) -> dict[tuple[int, int, int], PosedStage]:
+    """Pose the healthy stages, by operating point, stage and mesh."""
+    found: dict[tuple[int, int, int], PosedStage] = {}
+    every = {(number, 0) for number in range(1, len(machine.stages) + 1)}
+    every |= {(stage, mesh) for (stage, _), mesh in places.items()}
+    for number, (stage, mesh) in product(points, sorted(every)):
+        even = posed_stage(machine, stage, number, form=form, mesh=mesh)
+        # a set that is taken as a whole has all of its gears in one
+        found.setdefault((number, stage, mesh if even.train is None else 0), even)
+    return found
+
+
+@dataclass(frozen=True)
 class _Gear:
-    """A gear at an operating point, what can be wrong with it, and the same stage without."""
+    """A gear at an operating point, and its stage without faults."""
 
     machine: Machine
+    operating: int
     stage: int
     gear: str
     mesh: int
-    operating: int
     form: str
-    limit_hz: float
-    tolerance: float
-    sizes: Mapping[str, tuple[str, ...]]
     even: PosedStage
     sound: MeshLines
 
-    def members(self) -> tuple[list[FamilyMember], dict[str, ArgumentError]]:
-        """Return all members of the gear, and why kinds are left out."""
-        found: dict[str, list[FamilyMember]] = {}
-        left_out: dict[str, ArgumentError] = {}
-        teeth: dict[str, list[PosedStage]] = {}
-        for kind in self.sizes:
-            try:
-                posed = self._posed(kind)
-                if is_of_teeth(posed):
-                    teeth[kind] = posed
-                else:
-                    found |= self._solved({kind: posed})
-            except ArgumentError as error:
-                left_out[kind] = error
-        for group in self._groups(teeth):
-            found |= self._solved(group)
-        return [own for kind in self.sizes for own in found.get(kind, [])], left_out
-
-    def _posed(self, kind: str) -> list[PosedStage]:
+    def posed(self, kind: str, sizes: Sequence[str]) -> list[PosedStage]:
         """Pose all sizes of a kind; where they take the same pulse more or less, the largest."""
-        faults = [
-            parse_fault_or_error(_words(kind, self.stage, self.gear, size))
-            for size in self.sizes[kind]
-        ]
+        faults = [parse_fault_or_error(_words(kind, self.stage, self.gear, s)) for s in sizes]
         losses = [own.loss for own in faults if isinstance(own, Fault) and own.is_loss]
         overlap = self.even.mechanics.stiffness.overlap_ratio
         alike = kind in UNIFORM_KINDS or (kind == "breakage" and overlap < LEAST_OVERLAP)
-        alike &= self.form != POTENTIAL_ENERGY and len(losses) == len(faults)
         most = max(losses, default=0.0)
-        chosen = faults[losses.index(most) :][:1] if alike and most else faults
-        posed = [
-            posed_stage(
-                self.machine, self.stage, self.operating, [own], form=self.form, mesh=self.mesh
-            )
-            for own in chosen
-        ]
-        if len(posed) < len(faults):
-            return [posed[0].scaled(loss / most) for loss in losses]
-        return posed
+        if alike and most and len(losses) == len(faults) and self.form != POTENTIAL_ENERGY:
+            whole = self._posed(faults[losses.index(most)])
+            return [whole.scaled(loss / most) for loss in losses]
+        return [self._posed(own) for own in faults]
 
-    def _groups(self, teeth: dict[str, list[PosedStage]]) -> list[dict[str, list[PosedStage]]]:
-        """Return kinds together that are solved on the same panels: all, if these are not many."""
-        every = [self.even, *(own for posed in teeth.values() for own in posed)]
-        few = self.even.train is None and (
-            len(contact_grid(every, self.limit_hz).widths) <= MOST_PANELS
-        )
-        if few and teeth:
-            return [teeth]
-        return [{kind: posed} for kind, posed in teeth.items()]
+    def _posed(self, *wrong: Wrong) -> PosedStage:
+        place = self.machine, self.stage, self.operating
+        return posed_stage(*place, wrong, form=self.form, mesh=self.mesh)
 
-    def _solved(self, kinds: Mapping[str, list[PosedStage]]) -> dict[str, list[FamilyMember]]:
-        """Solve all sizes of some kinds."""
-        even, sound = self.even, self.sound
-        every = [own for posed in kinds.values() for own in posed]
-        if even.train is not None and any(own.train is None for own in every):
-            # what the set cannot be solved with is taken against the same mesh alone
-            even = posed_mesh(
-                self.machine, self.stage, self.operating, form=self.form, mesh=self.mesh
-            )
-            sound = periodic_lines(even, self.limit_hz, self.tolerance)
-        solved = iter(faulty_lines(even, every, self.limit_hz, self.tolerance))
-        return {
-            kind: [
-                FamilyMember(
+    def solved(
+        self, cases: Sequence[tuple[str, str, PosedStage]], max_hz: float | None, tolerance: float
+    ) -> list[FamilyMember]:
+        """Solve all that is wrong with the gear."""
+        limit_hz, of_set = self.even.limit_hz(max_hz), self.even.train is not None
+        found: dict[PosedStage, FamilyMember] = {}
+        for alone in (False, True):
+            chosen = [case for case in cases if (of_set and case[2].train is None) == alone]
+            even, sound = self.even, self.sound
+            if alone and chosen:
+                # what the set cannot be solved with is taken against the same mesh alone
+                place = self.machine, self.stage, self.operating
+                even = posed_mesh(*place, form=self.form, mesh=self.mesh)
+                sound = periodic_lines(even, limit_hz, tolerance)
+            lines = faulty_lines(even, [own for _, _, own in chosen], limit_hz, tolerance)
+            for (kind, size, own), solved in zip(chosen, lines, strict=True):
+                found[own] = FamilyMember(
                     kind=kind,
                     stage=self.stage,
                     gear=self.gear,
                     size=size,
                     loss=own.loss(even),
                     operating=self.operating,
-                    lines=next(solved),
+                    lines=solved,
                     sound=sound,
                 )
-                for size, own in zip(self.sizes[kind], posed, strict=True)
-            ]
-            for kind, posed in kinds.items()
-        }
+        return [found[own] for _, _, own in cases]
 
 
 def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
@@ -486,12 +436,11 @@ def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
 
 
 def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[int, ...]:
-    if operating is None:
-        operating = range(len(machine.operating))
-    points = (operating,) if isinstance(operating, int) else tuple(operating)
+    every = range(len(machine.operating)) if operating is None else operating
+    points = (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
     for number in points:
         operating_point(machine, number)
-    return tuple(dict.fromkeys(points))
+    return points
 
 
 def _size_texts(
@@ -543,25 +492,15 @@ def _fits(kind: str, text: str) -> bool:
 
 def _places(
     machine: Machine, gears: Iterable[tuple[int, str] | str] | None
-) -> Iterator[tuple[int, str]]:
-    """Give stages and gears as asked for; the caller finds those that are not there."""
-    every = [
-        (number, member.name)
-        for number, stage in enumerate(machine.stages, start=1)
-        for pair in mesh_pairs(stage, number, machine.path)
-        for member in pair.members
-    ]
-    for item in every if gears is None else gears:
-        if not isinstance(item, str):
-            yield int(item[0]), item[1]
-        elif ":" not in item:
-            own = [place for place in every if place[1] == item.strip()]
-            if not own:
-                names = ", ".join(dict.fromkeys(gear for _, gear in every))
-                raise ArgumentError(f"gear {item!r} is not in this machine: it has {names}")
-            yield from own
-        else:
-            stage, _, gear = item.partition(":")
-            if not stage.strip().isdecimal():
-                raise ArgumentError(f"gear {item!r}: must be STAGE:GEAR, such as 1:pinion, or GEAR")
-            yield int(stage), gear.strip()
+) -> dict[tuple[int, str], int]:
+    """Return stages and gears as asked for, and in which mesh each is taken."""
+    every = gear_places(machine)
+    names = {f"{stage}:{gear}": (stage, gear) for stage, gear in every}
+    chosen = {}
+    for item in names if gears is None else gears:
+        text = item.strip() if isinstance(item, str) else f"{item[0]}:{item[1]}"
+        own = [place for name, place in names.items() if text in (name, place[1])]
+        if not own:
+            check_word("gear ", text, names)
+        chosen |= {place: every[place] for place in own}
+    return chosen

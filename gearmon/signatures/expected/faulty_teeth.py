@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -27,13 +27,15 @@ from gearmon.signatures.expected.contact_motion import (
     PhaseGrid,
     deviations,
 )
-from gearmon.signatures.expected.mesh import PosedMesh, PosedStage, mesh_with, posed_stage
+from gearmon.signatures.expected.mesh import PosedMesh, PosedStage, gear_places, posed_stage
 from gearmon.signatures.expected.mesh_lines import MeshLines, added_up
 
 _Motion = TypeVar("_Motion", PeriodicMotion, Deviations)
 
 #: How often panels are halved at most.
 MOST_HALVINGS = 4
+#: Cases, panels and coordinates that are solved at once: some 100 MB.
+MOST_NUMBERS = 2_000_000
 #: Loss of a tooth that stands for the derivative at none: it leaves out as much of it.
 SMALL_LOSS = 1e-6
 
@@ -51,10 +53,11 @@ def periodic_lines(posed: PosedStage, max_hz: float, tolerance: float) -> MeshLi
     """
     grid = contact_grid([posed], max_hz) if posed.is_local else _turn_grid(posed, max_hz)
     found = _refined(grid, tolerance, lambda own: periodic_motion(posed, own))
-    number, carrier, lines = posed.heard(found, _count(posed, max_hz, posed.period), posed.period)
+    period, mean = posed.period, found.mean_deflection[:, 0]
+    number, carrier, lines = posed.heard(found, _count(posed, max_hz, period), period)
+    same = {"period": period, "number": number, "carrier": carrier}
     method = "contact" if posed.is_local else "whole turn"
-    mean = found.mean_deflection[:, 0]
-    return _each([posed], posed.period, number, carrier, lines, mean, found, method)[0]
+    return _each([posed], found, mean, lines, method=method, **same)[0]
 
 
 def faulty_lines(
@@ -74,17 +77,26 @@ def faulty_lines(
         Relative error of what the fault adds (an estimate), or of the whole for turns that are
         solved as a whole.
     """
-    if not is_of_teeth(faulty):
-        return [periodic_lines(posed, max_hz, tolerance) for posed in faulty]
-    found, number, carrier, even, added = _solved(healthy, faulty, max_hz, tolerance)
+    teeth = [own for own in faulty if own.is_local and own.period > 1]
+    solved = dict(zip(teeth, _tooth_lines(healthy, teeth, max_hz, tolerance), strict=True))
+    return [solved.get(own) or periodic_lines(own, max_hz, tolerance) for own in faulty]
+
+
+def _tooth_lines(
+    healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
+) -> list[MeshLines]:
+    """Solve cases of which a few mesh periods of a turn differ from the others."""
+    if not faulty:
+        return []
+    grid, half = contact_grid([healthy, *faulty], max_hz), len(faulty) // 2
+    numbers = len(faulty) * len(grid.widths) * (8 + len(healthy.around.force)) ** 2
+    if half and numbers > MOST_NUMBERS:
+        parts = faulty[:half], faulty[half:]
+        return [own for part in parts for own in _tooth_lines(healthy, part, max_hz, tolerance)]
+    found, number, carrier, even, added = _solved(healthy, faulty, grid, max_hz, tolerance)
     mean = found.mesh.mean_deflection[0, 0] + found.mean_deflection[:, 0]
-    period = found.states.shape[1]
-    return _each(faulty, period, number, carrier, even + added, mean, found, "contact")
-
-
-def is_of_teeth(faulty: Sequence[PosedStage]) -> bool:
-    """Return whether in all cases a few mesh periods of a turn differ from the others."""
-    return all(own.is_local for own in faulty) and any(own.period > 1 for own in faulty)
+    same = {"period": found.states.shape[1], "number": number, "carrier": carrier}
+    return _each(faulty, found, mean, even + added, method="contact", **same)
 
 
 def contact_grid(cases: Sequence[PosedStage], max_hz: float) -> PhaseGrid:
@@ -113,15 +125,15 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
 
 
 def _solved(
-    healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
+    healthy: PosedStage,
+    faulty: Sequence[PosedStage],
+    grid: PhaseGrid,
+    max_hz: float,
+    tolerance: float,
 ) -> tuple[Deviations, IntArray, IntArray, ComplexArray, ComplexArray]:
     """Return turns, places of their lines, the healthy ones, and what faults add in each turn."""
     period = max(posed.period for posed in faulty)
-    found = _refined(
-        contact_grid([healthy, *faulty], max_hz),
-        tolerance,
-        lambda grid: _changes(healthy, faulty, grid, period),
-    )
+    found = _refined(grid, tolerance, lambda own: _changes(healthy, faulty, own, period))
     count = _count(healthy, max_hz, period)
     number, carrier, added = healthy.heard(found, count, period)
     of_mesh, beside, sound = healthy.heard(found.mesh, count // period, 1)
@@ -175,31 +187,16 @@ def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Mo
 
 def _each(
     posed: Sequence[PosedStage],
-    period: int,
-    number: IntArray,
-    carrier: IntArray,
-    lines: ComplexArray,
-    mean: FloatArray,
     found: PeriodicMotion | Deviations,
-    method: str,
+    mean_m: FloatArray,
+    lines: ComplexArray,
+    **same: Any,
 ) -> list[MeshLines]:
     """Return the lines of each turn by themselves."""
-    lost = found.least_force <= 0
-    told = zip(posed, lines, found.unresolved.tolist(), lost.tolist(), mean.tolist(), strict=True)
-    return [
-        MeshLines(
-            posed=own,
-            period=period,
-            number=number,
-            carrier=carrier,
-            displacement=displacement,
-            method=method,
-            error=error,
-            contact_lost=is_lost,
-            mean_m=mean_m,
-        )
-        for own, displacement, error, is_lost, mean_m in told
-    ]
+    lost = (found.least_force <= 0).tolist()
+    told = zip(posed, lines, found.unresolved.tolist(), lost, mean_m.tolist(), strict=True)
+    names = ("posed", "displacement", "error", "contact_lost", "mean_m")
+    return [MeshLines(**dict(zip(names, own, strict=True)), **same) for own in told]
 
 
 def _count(posed: PosedStage, max_hz: float, period: int) -> int:
@@ -221,13 +218,9 @@ def _changed(posed: PosedStage, period: int) -> set[int]:
     for mesh in posed.members:
         stiffness = mesh.mechanics.stiffness
         spans = [
-            (
-                term.offset,
-                term.pulse.length + term.face_end * train.overlap_ratio,
-                train.period_mesh,
-            )
+            (t.offset, t.pulse.length + t.face_end * train.overlap_ratio, train.period_mesh)
             for train in stiffness.pulses
-            for term in train.terms
+            for t in train.terms
         ]
         spans += [
             ((e.tooth or 1) - 1, stiffness.total_contact_ratio, e.period_mesh)
@@ -394,11 +387,13 @@ def loss_response(
     """
     check_word("kind=", kind, ("crack", "stiffness", "breakage", "pitting", "spall"))
     machine = load_machine(machine)
-    place = mesh_with(machine, stage, gear)
+    check_range("stage", stage, 1, len(machine.stages))
+    places = {own: mesh for (at, own), mesh in gear_places(machine).items() if at == stage}
+    check_word("gear ", gear, places)
     check_range("loss", loss, 0.0, 0.999)
     text = f"{kind}:{stage}:{gear}:1:{float(loss) or SMALL_LOSS!r}"
     healthy, faulty = (
-        posed_stage(machine, stage, operating, wrong, form=form, mesh=place)
+        posed_stage(machine, stage, operating, wrong, form=form, mesh=places[gear])
         for wrong in ((), (text,))
     )
     highest_hz = healthy.limit_hz(None)
@@ -407,7 +402,8 @@ def loss_response(
         highest_hz = max_order * machine.operating[operating].shaft1_hz
     if _count(healthy, highest_hz, faulty.period) < 1:
         raise ArgumentError(f"max_order={max_order} lies below the first line: nothing is left")
-    _, number, carrier, even, (added,) = _solved(healthy, [faulty], highest_hz, math.inf)
+    grid = contact_grid([healthy, faulty], highest_hz)
+    _, number, carrier, even, (added,) = _solved(healthy, [faulty], grid, highest_hz, math.inf)
     turns = number / faulty.period + carrier * float(healthy.pass_order)
     to_acceleration = -((2 * math.pi * turns * healthy.mechanics.mesh_frequency_hz) ** 2)
     lost = faulty.loss(healthy)

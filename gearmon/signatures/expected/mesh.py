@@ -36,7 +36,7 @@ from functools import cached_property
 import numpy as np
 
 from gearmon.dynamics import HillProblem
-from gearmon.errors import ArgumentError, check_range, nearest_name
+from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.drive_train import DriveTrain, drive_train
 from gearmon.gears.excitation import Excitation, FlankError, TurningError, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
@@ -478,20 +478,11 @@ def operating_point(machine: Machine, number: int) -> OperatingPoint:
     return machine.operating[number]
 
 
-def mesh_with(machine: Machine, stage: int, gear: str) -> int:
-    """Return in which mesh of its stage a gear is taken: that with the sun, but for the ring.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such stage, or no such gear in it.
-    """
-    check_range("stage", stage, 1, len(machine.stages))
-    pairs = mesh_pairs(machine.stages[stage - 1], stage, machine.path)
-    for number, pair in enumerate(pairs):
-        if gear in (member.name for member in pair.members):
-            return number
-    known = list(dict.fromkeys(m.name for pair in pairs for m in pair.members))
-    near = nearest_name(gear, known)
-    hint = f"; did you mean {near}?" if near else ""
-    raise ArgumentError(f"gear {gear!r} is not in stage {stage}: {', '.join(known)}{hint}")
+def gear_places(machine: Machine) -> dict[tuple[int, str], int]:
+    """Return in which mesh of its stage each gear is taken: that with the sun, but for the ring."""
+    found: dict[tuple[int, str], int] = {}
+    for number, stage in enumerate(machine.stages, start=1):
+        for mesh, pair in enumerate(mesh_pairs(stage, number, machine.path)):
+            for member in pair.members:
+                found.setdefault((number, member.name), mesh)
+    return found
