@@ -30,6 +30,14 @@ from gearmon.signatures.signature import Signature
 Solved = tuple[MeshLines, dict[str, Any], list[str]]
 #: Most stiffness harmonics of one problem.
 MOST_HARMONICS = 200_000
+# What is told of a stage that is solved from corner to corner, besides its error.
+_TOLD: dict[str, Any] = {
+    "order_used": 0,
+    "error_bound": None,
+    "error_estimate": None,
+    "stiffness_harmonics": 0,
+}
+_TOLD |= {"stiffness_cut": 0.0, "stable": True, "contact_loss_angle_rad": None}
 #: Effect of stiffness harmonics above J over A^2 (R/J)^3, see `_stiffness_harmonics`.
 CUT_FACTOR = 6.0
 
@@ -162,14 +170,8 @@ def _from_corners(posed: PosedStage, max_hz: float, tolerance: float) -> Solved:
     alone = posed.train is None
     what = "from corner to corner" if alone else "the whole set, as the housing hears it"
     added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
-    told = {
-        "order_used": 0,
-        "error_bound": None,
+    told = _TOLD | {
         "error_estimate": lines.error,
-        "stiffness_harmonics": 0,
-        "stiffness_cut": 0.0,
-        "stable": True,
-        "contact_loss_angle_rad": None,
         "message": f"{what}: error estimated as {lines.error:.2g}{added}",
     }
     warnings = []
@@ -201,10 +203,9 @@ def _steady(
         contact_lost=angle is not None,
         mean_m=float(response.displacement[0].real),
     )
-    told = {
+    told = _TOLD | {
         "order_used": response.order,
         "error_bound": lines.error,
-        "error_estimate": None,
         "stiffness_harmonics": len(harmonics),
         "stiffness_cut": cut,
         "stable": response.stable,

@@ -496,7 +496,7 @@ def _places(
     """Return stages and gears as asked for, and in which mesh each is taken."""
     every = gear_places(machine)
     names = {f"{stage}:{gear}": (stage, gear) for stage, gear in every}
-    chosen = {}
+    chosen: dict[tuple[int, str], int] = {}
     for item in names if gears is None else gears:
         text = item.strip() if isinstance(item, str) else f"{item[0]}:{item[1]}"
         own = [place for name, place in names.items() if text in (name, place[1])]

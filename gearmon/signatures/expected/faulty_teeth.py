@@ -168,9 +168,9 @@ def _changes(
     excitation = None
     if any(posed.is_excited for posed in faulty):
         excitation = np.zeros(delta.shape)
-        for posed, own in zip(faulty, excitation, strict=True):
+        for turn, posed in enumerate(faulty):
             if posed.is_excited:
-                own[:] = _moved(posed, phases).swapaxes(0, 1)
+                excitation[turn] = _moved(posed, phases).swapaxes(0, 1)
     return deviations(periodic_motion(healthy, grid), period, where, delta, excitation)
 
 

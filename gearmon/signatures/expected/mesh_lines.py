@@ -184,7 +184,7 @@ def added_up(place: IntArray, lines: ComplexArray) -> tuple[IntArray, ComplexArr
     """Add lines (..., n) that share a place; return the first of each place, and the sums."""
     _, first, where = np.unique(place, return_index=True, return_inverse=True)
     total = np.zeros((*lines.shape[:-1], len(first)), dtype=np.complex128)
-    np.add.at(total, (..., where), lines)
+    np.add.at(total.T, where, lines.T)
     return first, total
 
 
