@@ -281,7 +281,7 @@ def fault_family(
         `FAMILY_KINDS`, of which those that the machine file has too little data for are left out
         and named in `FaultFamily.notes`.
     sizes : iterable of str or float, optional
-        As in ``KIND:STAGE:GEAR:TOOTH:SIZE``, or numbers: losses of pair stiffness in [0, 1). Each
+        As in ``KIND:STAGE:GEAR:TOOTH:SIZE``, or numbers: the share of pair stiffness lost. Each
         is taken for all kinds that understand it (um are errors, mm damage). By default 2.5, 5,
         10, 20 and 40 % and 5, 10, 20 and 40 um.
     gears : iterable of (int, str) or str, optional
