@@ -392,24 +392,6 @@ class ToothMesh:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Ripple:
-    """Torque that varies once per turn of a shaft, as couplings out of line make it.
-
-    Parameters
-    ----------
-    order : float
-        Turns of the shaft per turn of shaft 1.
-    amplitude : float
-        Relative to the mean torque.
-    phase_rad : float
-    """
-
-    order: float
-    amplitude: float
-    phase_rad: float
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Drive:
     """Motion and load of the train over time.
 
@@ -418,19 +400,20 @@ class Drive:
     motion : ShaftMotion
     load : Wander
         Departure of the load from its mean.
-    ripples : tuple of Ripple
+    ripples : tuple of (float, float, float)
+        Torque that varies once per turn of a shaft, as couplings out of line make it: turns of the
+        shaft per turn of shaft 1, amplitude relative to the mean torque, and phase [rad].
     """
 
     motion: ShaftMotion
     load: Wander
-    ripples: tuple[Ripple, ...]
+    ripples: tuple[tuple[float, float, float], ...]
 
     def load_factor(self, time_s: FloatArray, turns: FloatArray) -> FloatArray:
         """Load over its mean."""
         factor = 1.0 + self.load.value(time_s)
-        for ripple in self.ripples:
-            angle = 2 * math.pi * ripple.order * turns + ripple.phase_rad
-            factor += ripple.amplitude * np.cos(angle)
+        for order, amplitude, phase_rad in self.ripples:
+            factor += amplitude * np.cos(2 * math.pi * order * turns + phase_rad)
         return factor
 
 

@@ -19,8 +19,8 @@ from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
 from gearmon.result import Result, sample_rows, with_units
-from gearmon.simulation.contact import Drive, Ripple, ShaftMotion, ToothMesh, random_wander
-from gearmon.simulation.settings import Settings, check_seed, stream
+from gearmon.simulation.contact import Drive, ShaftMotion, ToothMesh, random_wander
+from gearmon.simulation.settings import Settings, stream
 from gearmon.simulation.train import Train, build_train
 from gearmon.simulation.vibration import (
     BEARING_SLIP,
@@ -177,7 +177,6 @@ def simulate(
     >>> recording.samples.shape, recording.truth["faults"][0]["tooth"]
     ((1, 4000), 7)
     """
-    check_seed("seed", seed)
     settings = Settings(
         duration_s=duration_s,
         sampling_rate_hz=sampling_rate_hz,
@@ -261,9 +260,7 @@ def _drive(machine: Machine, settings: Settings, point: OperatingPoint) -> Drive
     for shaft in kinematics(machine).shafts:
         generator = stream(settings.machine_seed, "ripple", shaft.number)
         size, angle = generator.uniform(0.3, 1.0), generator.uniform(0, 2 * math.pi)
-        ripples.append(
-            Ripple(order=shaft.order, amplitude=settings.torque_ripple * size, phase_rad=angle)
-        )
+        ripples.append((shaft.order, settings.torque_ripple * size, angle))
     seed = settings.recording_seed
     return Drive(
         motion=ShaftMotion(
@@ -333,6 +330,7 @@ def _truth(
         j - 1 modulo z; shaft 1 passes a whole turn at each of ``speed.turn_times_s``.
     """
     speed = _speed(settings, point, drive)
+    wander = settings.load * (1 + drive.load.value(_times(settings)))
     return {
         "kind": "truth of a simulated recording",
         "gearmon_version": __version__,
@@ -347,7 +345,12 @@ def _truth(
         "condition": "fault" if any(_stiffness_loss(own) != 0 for own in faults) else "healthy",
         "faults": [_fault(fault) for fault in faults],
         "speed": speed,
-        "load": _load(settings, point, drive),
+        "load": {
+            "nominal_torque_nm": point.torque_nm,
+            "mean_share": float(wander.mean()),
+            "min_share": float(wander.min()),
+            "max_share": float(wander.max()),
+        },
         "shafts": [
             {"shaft": s.number, "order": s.order, "mean_hz": s.order * speed["mean_hz"]}
             for s in kinematics(machine).shafts
@@ -381,8 +384,7 @@ def _fault(fault: Fault | GearError) -> dict[str, Any]:
 
 
 def _speed(settings: Settings, point: OperatingPoint, drive: Drive) -> dict[str, Any]:
-    motion = drive.motion
-    times = np.linspace(0.0, settings.samples / settings.sampling_rate_hz, 4097)
+    motion, times = drive.motion, _times(settings)
     speed = motion.speed_hz(times)
     first, last = motion.turns(times[[0, -1]])
     return {
@@ -398,15 +400,9 @@ def _speed(settings: Settings, point: OperatingPoint, drive: Drive) -> dict[str,
     }
 
 
-def _load(settings: Settings, point: OperatingPoint, drive: Drive) -> dict[str, Any]:
-    times = np.linspace(0.0, settings.samples / settings.sampling_rate_hz, 4097)
-    wander = settings.load * (1 + drive.load.value(times))
-    return {
-        "nominal_torque_nm": point.torque_nm,
-        "mean_share": float(wander.mean()),
-        "min_share": float(wander.min()),
-        "max_share": float(wander.max()),
-    }
+def _times(settings: Settings) -> FloatArray:
+    """Return instants at which slow wander is told [s]."""
+    return np.linspace(0.0, settings.samples / settings.sampling_rate_hz, 4097)
 
 
 def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:

@@ -8,14 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint
+from gearmon.machine.fields import Checked, Count, held, within
 
 #: Sampling rate over mesh frequency that anti-aliasing needs to let the mesh through.
 LEAST_RATE_OVER_MESH = 2.56
 #: Most samples in a channel.
 MOST_SAMPLES = 100_000_000
+LARGEST_SEED = 2**64
+_POSITIVE = {"open_low": True, "open_high": True}
 
 
 def stream(seed: int, *purpose: str | int) -> np.random.Generator:
@@ -37,21 +40,8 @@ def stream(seed: int, *purpose: str | int) -> np.random.Generator:
     return np.random.default_rng([seed, zlib.crc32(name)])
 
 
-def check_seed(name: str, seed: int) -> int:
-    """Return `seed` as an int.
-
-    Raises
-    ------
-    ArgumentError
-        If it is not a whole number from 0 on.
-    """
-    if isinstance(seed, bool) or seed != int(seed) or seed < 0:
-        raise ArgumentError(f"{name}={seed} must be a whole number >= 0")
-    return int(seed)
-
-
 @dataclass(frozen=True, kw_only=True)
-class Settings:
+class Settings(Checked):
     """What a simulated recording is to be like.
 
     Parameters
@@ -93,52 +83,34 @@ class Settings:
         If a value is out of its range.
     """
 
-    duration_s: float = 10.0
-    sampling_rate_hz: float = 20_000.0
-    machine_seed: int = 0
-    recording_seed: int = 0
-    channels: int = 4
-    load: float = 1.0
-    slip: float = 0.01
-    speed_drift: float = 0.005
-    load_drift: float = 0.03
-    torque_ripple: float = 0.02
+    duration_s: float = within(0, math.inf, "s", default=10.0, **_POSITIVE)
+    sampling_rate_hz: float = within(0, math.inf, "Hz", default=20_000.0, **_POSITIVE)
+    machine_seed: int = held(Count(low=0, high=LARGEST_SEED), 0)
+    recording_seed: int = held(Count(low=0, high=LARGEST_SEED), 0)
+    channels: int = held(Count(low=1, high=64), 4)
+    load: float = within(0, 10, default=1.0, open_low=True)
+    slip: float = within(-0.2, 0.2, default=0.01)
+    speed_drift: float = within(0, 0.1, default=0.005)
+    load_drift: float = within(0, 0.1, default=0.03)
+    torque_ripple: float = within(0, 0.5, default=0.02)
     snr_db: float | None = 20.0
     accuracy_grade: float | None = 6.0
-    unbalance: float = 1.0
-    bearing_tones: float = 0.0
-    mains_hz: float | None = None
+    unbalance: float = within(0, 1000, default=1.0)
+    bearing_tones: float = within(0, 1000, default=0.0)
+    mains_hz: float | None = within(0, math.inf, "Hz", default=None, **_POSITIVE)
     tacho_shaft: int | None = None
 
     def __post_init__(self) -> None:
-        check_positive("duration_s", self.duration_s, "s")
-        check_positive("sampling_rate_hz", self.sampling_rate_hz, "Hz")
+        super().__post_init__()
         if self.duration_s * self.sampling_rate_hz > MOST_SAMPLES:
             raise ArgumentError(
                 f"duration_s={self.duration_s:g} s makes more than {MOST_SAMPLES} samples at "
                 f"{self.sampling_rate_hz:g} Hz; take less of either"
             )
-        check_seed("machine_seed", self.machine_seed)
-        check_seed("recording_seed", self.recording_seed)
-        if self.channels != int(self.channels) or not 1 <= self.channels <= 64:
-            raise ArgumentError(f"channels={self.channels} must be a whole number in [1, 64]")
-        check_positive("load", self.load)
-        check_range("load", self.load, 0, 10)
-        check_range("slip", self.slip, -0.2, 0.2)
-        check_range("speed_drift", self.speed_drift, 0, 0.1)
-        check_range("load_drift", self.load_drift, 0, 0.1)
-        check_range("torque_ripple", self.torque_ripple, 0, 0.5)
-        self._check_additions()
-
-    def _check_additions(self) -> None:
         if self.snr_db is not None:
             check_range("snr_db", self.snr_db, -60, 200, "dB")
         if self.accuracy_grade is not None:
             check_range("accuracy_grade", self.accuracy_grade, 1, 11)
-        check_range("unbalance", self.unbalance, 0, 1000)
-        check_range("bearing_tones", self.bearing_tones, 0, 1000)
-        if self.mains_hz is not None:
-            check_positive("mains_hz", self.mains_hz, "Hz")
 
     @property
     def samples(self) -> int:

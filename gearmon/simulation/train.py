@@ -31,13 +31,12 @@ from gearmon.simulation.settings import stream
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Made:
     """What the meshes of a train are made from: see `build_train`."""
 
     machine: Machine
-    faults: Sequence[Fault]
-    errors: Sequence[GearError]
+    faults: Sequence[Fault | GearError]
     point: OperatingPoint
     load: float
     seed: int
@@ -125,21 +124,12 @@ def build_train(
     running = machine.operating[0] if point is None else point
     if running.torque_nm is not None:
         running = replace(running, torque_nm=load * running.torque_nm)
-    errors = [own for own in faults if isinstance(own, GearError)]
     pairs = [mesh_pairs(stage, i, machine.path) for i, stage in enumerate(machine.stages, start=1)]
     gears = {(pair.number, m.name) for own in pairs for pair in own for m in pair.members}
-    for error in errors:
-        if (error.stage, error.gear) not in gears:
+    for error in faults:
+        if isinstance(error, GearError) and (error.stage, error.gear) not in gears:
             raise ArgumentError(f"error {error}: {machine.name} has no such gear")
-    made = _Made(
-        machine=machine,
-        faults=[own for own in faults if isinstance(own, Fault)],
-        errors=errors,
-        point=running,
-        load=load,
-        seed=seed,
-        accuracy_grade=accuracy_grade,
-    )
+    made = _Made(machine, faults, running, load, seed, accuracy_grade)
     # a bearing that tells only its balls stays rigid: the path to the sensors has its softness, and
     # by Hertz, with no damper told, a sound pair at half load swung at 1.5 times its mesh
     modelled = {section.shaft for section in machine.sections}
@@ -177,8 +167,8 @@ def _meshes(
     stages = made.machine.stages[: number - 1]
     angles = train.planets[sum(isinstance(s, PlanetaryStage) for s in stages)].angles_rad
     # damage of a planet is on the first one; wear of all of its teeth on every planet
-    shared = [f for f in made.faults if f.gear != "planet" or f.tooth is None]
-    others = replace(made, faults=shared)
+    hurt = [f for f in made.faults if isinstance(f, Fault) and f.gear == "planet" and f.tooth]
+    others = replace(made, faults=[f for f in made.faults if f not in hurt])
     return [
         _mesh(others if i else made, pair, springs[side * len(angles) + i], f" {i + 1}", angle)
         for side, pair in enumerate(pairs)
@@ -190,8 +180,9 @@ def _mesh(
     made: _Made, pair: MeshPair, spring: Spring, planet: str, angle_rad: float
 ) -> tuple[ToothMesh, StageMechanics]:
     number = pair.number or 1
+    faults = [own for own in made.faults if isinstance(own, Fault)]
     mechanics = stage_mechanics(
-        made.machine, number, made.point, faults=made.faults, mesh=int(pair.second.internal)
+        made.machine, number, made.point, faults=faults, mesh=int(pair.second.internal)
     )
     if mechanics.torque_nm is None:  # the stage gives its force, which the load must scale
         mechanics = replace(mechanics, force_n=made.load * mechanics.force_n)
@@ -235,8 +226,8 @@ def _errors(made: _Made, pair: MeshPair, member: GearTeeth, planet: str) -> Gear
             made.accuracy_grade,
             stream(made.seed, "errors", pair.number or 1, member.name, flank),
         )
-    for error in made.errors:
-        if (error.stage, error.gear) == (pair.number, member.name):
+    for error in made.faults:
+        if isinstance(error, GearError) and (error.stage, error.gear) == (pair.number, member.name):
             own = own.with_error(error)
     return own
 

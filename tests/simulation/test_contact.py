@@ -11,7 +11,7 @@ from reference.simulated_machines import one_pair
 
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.mechanics import stage_mechanics
-from gearmon.simulation.contact import Drive, Ripple, ShaftMotion, contact_course, random_wander
+from gearmon.simulation.contact import Drive, ShaftMotion, contact_course, random_wander
 from gearmon.simulation.integrate import integrate
 from gearmon.simulation.train import build_train
 from gearmon.simulation.vibration import triangle_means
@@ -111,7 +111,7 @@ def test_ripple_turns_with_its_shaft():
     drive = Drive(
         motion=ShaftMotion(mean_hz=10.0, wander=random_wander(0.0, np.random.default_rng(0))),
         load=random_wander(0.0, np.random.default_rng(0)),
-        ripples=(Ripple(order=0.5, amplitude=0.1, phase_rad=0.0),),
+        ripples=((0.5, 0.1, 0.0),),
     )
     times = np.array([0.0, 0.1, 0.2])
     assert drive.load_factor(times, drive.motion.turns(times)) == pytest.approx([1.1, 0.9, 1.1])

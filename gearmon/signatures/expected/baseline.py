@@ -21,23 +21,23 @@ from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.signals.array_types import ComplexArray
-from gearmon.signatures.expected.faulty_teeth import Posed, faulty_lines
-from gearmon.signatures.expected.mesh import (
-    AMPLITUDES,
-    MeshLines,
-    PosedMesh,
-    Wrong,
-    joined,
-    operating_point,
-    refuse_no_lines,
-)
-from gearmon.signatures.expected.planetary_set import posed_stage
+from gearmon.signatures.expected.faulty_teeth import faulty_lines
+from gearmon.signatures.expected.mesh import PosedStage, Wrong, operating_point, posed_stage
+from gearmon.signatures.expected.mesh_lines import AMPLITUDES, MeshLines, joined, refuse_no_lines
 from gearmon.signatures.signature import Signature
 
 #: Lines, how they were solved, and what to warn of.
 Solved = tuple[MeshLines, dict[str, Any], list[str]]
 #: Most stiffness harmonics of one problem.
 MOST_HARMONICS = 200_000
+# What is told of a stage that is solved from corner to corner, besides its error.
+_TOLD: dict[str, Any] = {
+    "order_used": 0,
+    "error_bound": None,
+    "error_estimate": None,
+    "stiffness_harmonics": 0,
+}
+_TOLD |= {"stiffness_cut": 0.0, "stable": True, "contact_loss_angle_rad": None}
 #: Effect of stiffness harmonics above J over A^2 (R/J)^3, see `_stiffness_harmonics`.
 CUT_FACTOR = 6.0
 
@@ -121,7 +121,7 @@ def expected_signature(
             | {
                 "max_hz": limit,
                 "cross_lines_share": share,
-                "warnings": [*posed.mechanics.warnings, *posed.warnings, *warnings],
+                "warnings": [*posed.warnings, *warnings],
             }
         )
         mechanics.append(posed.mechanics)
@@ -150,11 +150,11 @@ def _listed(lines: MeshLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]
 
 
 def _solved(
-    posed: Posed, max_hz: float, tolerance: float, method: Method, order: int | None
+    posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> Solved:
     """Solve one stage with all that is wrong with it."""
-    if isinstance(posed, PosedMesh):
-        if posed.excitation is None and (method != "auto" or len(posed.marked) < 2):
+    if posed.train is None:
+        if not posed.is_excited and (method != "auto" or len(posed.marked) < 2):
             return _steady(posed, max_hz, tolerance, method, order)
         if method != "auto":
             raise ArgumentError(
@@ -164,20 +164,14 @@ def _solved(
     return _from_corners(posed, max_hz, tolerance)
 
 
-def _from_corners(posed: Posed, max_hz: float, tolerance: float) -> Solved:
+def _from_corners(posed: PosedStage, max_hz: float, tolerance: float) -> Solved:
     """Solve a mesh or a planetary set from corner to corner of its stiffnesses."""
     (lines,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
-    alone = isinstance(posed, PosedMesh)
+    alone = posed.train is None
     what = "from corner to corner" if alone else "the whole set, as the housing hears it"
     added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
-    told = {
-        "order_used": 0,
-        "error_bound": None,
+    told = _TOLD | {
         "error_estimate": lines.error,
-        "stiffness_harmonics": 0,
-        "stiffness_cut": 0.0,
-        "stable": True,
-        "contact_loss_angle_rad": None,
         "message": f"{what}: error estimated as {lines.error:.2g}{added}",
     }
     warnings = []
@@ -189,7 +183,7 @@ def _from_corners(posed: Posed, max_hz: float, tolerance: float) -> Solved:
 
 
 def _steady(
-    posed: PosedMesh, max_hz: float, tolerance: float, method: Method, order: int | None
+    posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> Solved:
     """Solve a mesh over its true period, with a bound of the error."""
     mechanics, period = posed.mechanics, posed.period
@@ -199,22 +193,19 @@ def _steady(
     response = steady_state(problem, least, method=method, order=order, harmonics=shown)
     angle = response.contact_loss_angle_rad
     lines = MeshLines(
-        mechanics=mechanics,
-        mesh_order=posed.order,
+        posed=posed,
         period=period,
         number=np.arange(1, shown + 1),
         carrier=np.zeros(shown, dtype=int),
         displacement=response.displacement[1:],
-        marked=posed.marked,
         method=response.method,
         error=response.error_bound + cut,
         contact_lost=angle is not None,
         mean_m=float(response.displacement[0].real),
     )
-    told = {
+    told = _TOLD | {
         "order_used": response.order,
         "error_bound": lines.error,
-        "error_estimate": None,
         "stiffness_harmonics": len(harmonics),
         "stiffness_cut": cut,
         "stable": response.stable,

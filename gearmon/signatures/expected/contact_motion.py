@@ -16,8 +16,7 @@ whatever the machine. Through the rest of the turn what the tooth has set off di
 vibration of the healthy machine, ``y_{p+1} = M y_p``. Every size of damage is exact, without an
 expansion in it.
 
-Lines of a deflection are those of its speed, which has no jumps that displacement excitation could
-make infinite: ``d_r = speed_r / (2 pi i r/P)``.
+What is told of all is the force of each mesh: its lines are those of the force on what is around.
 """
 
 from __future__ import annotations
@@ -29,6 +28,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.fft import next_fast_len
+from scipy.sparse import csr_array
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import Pulse, gauss, panel_nodes
@@ -39,9 +39,6 @@ from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 POINTS, LARGEST_HALF_TURN = 16, 9.0
 #: Points of the grid that each value is spread over for its lines, and nodes of their weights.
 SPREAD, BELL_POINTS = 14, 40
-#: Share of the change at which a response per unit of it is taken, by central differences: they
-#: leave out some 1e-8 of it and lose as much to rounding.
-SMALL_SHARE = 1e-4
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,6 +86,10 @@ class PhaseGrid:
         """Weights of integrals over the mesh period, shape (panels, points)."""
         return np.asarray(self.widths[:, None] * (0.5 * gauss(POINTS)[1]))
 
+    def mean(self, values: FloatArray) -> FloatArray:
+        """Return the means over the period of values at the points, the last two axes."""
+        return np.asarray((values * self.weights).sum(axis=(-2, -1)) / self.edges[-1])
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surroundings:
@@ -116,6 +117,11 @@ class Surroundings:
         """Return what is around a single mesh."""
         one, c = np.ones((1, 1)), np.array([damping])
         return cls(stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force * one[0])
+
+    def moved(self, lines: ComplexArray, period: int) -> ComplexArray:
+        """Return the lines of c e' over P mesh periods by those of e, (..., meshes, lines)."""
+        rates = 2j * np.pi / period * np.arange(1, lines.shape[-1] + 1)
+        return np.asarray(self.dampers[:, None] * rates * lines)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -151,11 +157,6 @@ class PeriodicMotion:
             )
 
     @cached_property
-    def panels(self) -> _Panels:
-        """The panels, ready to be solved."""
-        return _Panels(self.around, self.grid.widths, self.kappa)
-
-    @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
         around, size = self.around, len(self.around.force)
@@ -168,21 +169,67 @@ class PeriodicMotion:
             push[..., -1] += np.einsum("mpi,ma->pia", pressed, around.vectors)
             moved = around.dampers[:, None] * around.vectors
             shift[..., -1] = np.einsum("mpi,ma->pia", self.excitation, moved)
-        return self.panels.answer(push, shift, np.eye(2 * size, 2 * size + 1))
+        return self._answer(push, shift, np.eye(2 * size, 2 * size + 1))
 
     @cached_property
-    def answers(self) -> tuple[_PanelMaps, _PanelMaps]:
-        """Motion on the panels from rest, by forces in the meshes and by e of their dampers.
+    def forced(self) -> _PanelMaps:
+        """Motion on the panels from rest, by forces in the meshes: a column each mesh and point."""
+        return self._answer(self._unit_forces, None, np.zeros((2 * self._unit_forces.shape[2], 1)))
 
-        One column for each mesh and point, in this order.
-        """
-        vectors, dampers = self.around.vectors, self.around.dampers
+    @cached_property
+    def shifted(self) -> _PanelMaps:
+        """The same by e of the dampers."""
+        push = self._unit_forces
+        shift = push * np.repeat(self.around.dampers, POINTS)
+        return self._answer(np.zeros_like(push), shift, np.zeros((2 * push.shape[2], 1)))
+
+    @property
+    def _unit_forces(self) -> FloatArray:
+        vectors = self.around.vectors
         each = np.einsum("ma,il->iaml", vectors, np.eye(POINTS)).reshape(POINTS, len(vectors.T), -1)
-        push = np.broadcast_to(each, (self.kappa.shape[1], *each.shape))
-        shift = push * np.repeat(dampers, POINTS)
-        none = np.zeros((2 * len(vectors.T), each.shape[-1]))
-        still = np.zeros_like(shift)
-        return self.panels.answer(push, None, none), self.panels.answer(still, shift, none)
+        return np.broadcast_to(each, (self.kappa.shape[1], *each.shape))
+
+    @cached_property
+    def _collocation(self) -> tuple[FloatArray, FloatArray]:
+        """Stiffness at the points, (panels, points, n, n), and the matrix of u' on each panel."""
+        around, integrals = self.around, _integrals()
+        vectors, h = around.vectors, self.grid.widths[:, None, None, None, None]
+        stiffness = around.stiffness + np.einsum("mpi,ma,mb->piab", self.kappa, vectors, vectors)
+        matrix = h * integrals[:, None, :, None] * around.damping[:, None, :]
+        twice = (integrals @ integrals)[:, None, :, None]
+        matrix = matrix + h**2 * twice * stiffness[:, :, :, None, :]
+        size = POINTS * len(around.force)
+        return stiffness, matrix.reshape(len(h), size, size) + np.eye(size)
+
+    def _answer(self, push: FloatArray, shift: FloatArray | None, start: FloatArray) -> _PanelMaps:
+        """Return the motions, a column each.
+
+        Parameters
+        ----------
+        push : ndarray, shape (panels, points, n, columns)
+            What is added to u'.
+        shift : ndarray, same shape, optional
+            What is added to q'.
+        start : ndarray, shape (2n, columns)
+            State when the panel begins.
+        """
+        around, size, (stiffness, matrix) = self.around, push.shape[2], self._collocation
+        q0, u0 = start[:size], start[size:]
+        h, weights = self.grid.widths[:, None, None, None], 0.5 * gauss(POINTS)[1]
+        reach = _integrals().sum(axis=1)[:, None, None]
+        speed, place = u0, q0 + h * reach * u0
+        if shift is not None:
+            speed, place = speed + shift, place + h * _integrated(shift)
+        right = push - around.damping @ speed - stiffness @ place
+        slope = np.linalg.solve(matrix, right.reshape(*matrix.shape[:2], -1)).reshape(right.shape)
+        u = u0 + h * _integrated(slope)
+        rate = u if shift is None else u + shift
+        q = q0 + h * _integrated(rate)
+        h = h[:, 0]
+        ends = q0 + h * np.einsum("i,piac->pac", weights, rate)
+        step = np.concatenate([ends, u0 + h * np.einsum("i,piac->pac", weights, slope)], axis=1)
+        seen = np.stack([around.vectors @ rate, around.vectors @ q]).swapaxes(2, 3)
+        return _PanelMaps(step=step, seen=seen)
 
     @cached_property
     def monodromy(self) -> FloatArray:
@@ -196,84 +243,89 @@ class PeriodicMotion:
         return np.asarray(np.linalg.solve(np.eye(len(free)) - free, self.maps.whole[:, -1]))
 
     @cached_property
-    def motion(self) -> tuple[FloatArray, FloatArray]:
-        """Deflections and their speeds at the points, shape (meshes, panels, points)."""
+    def motion(self) -> FloatArray:
+        """Speeds and deflections at the points, shape (2, meshes, panels, points)."""
         states = self.maps.states(self.start)
-        return self.maps.deflections(states), self.maps.speeds(states)
+        own = _reached(self.maps.seen[..., :-1], states[None])[:, 0]
+        return np.asarray(own + self.maps.seen[..., -1].swapaxes(1, 2))
 
     @cached_property
     def load(self) -> FloatArray:
         """Kappa (d - e) at the points, shape (meshes, panels, points)."""
         moved = 0.0 if self.excitation is None else self.excitation
-        return np.asarray(self.kappa * (self.motion[0] - moved))
+        return np.asarray(self.kappa * (self.motion[1] - moved))
+
+    @cached_property
+    def force(self) -> FloatArray:
+        """Mesh forces at the points but for those of e', shape (meshes, panels, points)."""
+        return np.asarray(self.load + self.around.dampers[:, None, None] * self.motion[0])
+
+    @cached_property
+    def free_force(self) -> FloatArray:
+        """The same of free vibration, by the state when the period begins: one axis more, 2n."""
+        (speed, deflection), dampers = self.maps.free, self.around.dampers[:, None, None, None]
+        return np.asarray(self.kappa[..., None] * deflection + dampers * speed)
 
     @cached_property
     def mean_load(self) -> FloatArray:
         """Mean force of each mesh."""
-        weights = self.grid.weights
-        return np.asarray((self.load * weights).sum(axis=(1, 2)) / weights.sum())
+        return self.grid.mean(self.load)
 
     @property
     def mean_deflection(self) -> FloatArray:
         """Mean deflection of each mesh [m], shape (1, meshes)."""
-        weights = self.grid.weights
-        return np.asarray((self.motion[0] * weights).sum(axis=(1, 2)) / weights.sum())[None]
+        return self.grid.mean(self.motion[1])[None]
 
     @property
-    def least_force(self) -> float:
-        """Least mesh force over its mean; at or below 0 teeth part."""
-        force = self.load + self.around.dampers[:, None, None] * self.motion[1]
-        return float((force.min(axis=(1, 2)) / self.mean_load).min())
+    def least_force(self) -> FloatArray:
+        """Least mesh force over its mean, shape (1,); at or below 0 teeth part."""
+        return np.asarray((self.force.min(axis=(1, 2)) / self.mean_load).min())[None]
 
     @property
-    def unresolved(self) -> float:
+    def unresolved(self) -> FloatArray:
         """Share of the speeds in the last two Legendre terms of the panels; see `Deviations`."""
-        return float(_unresolved(self.motion[1][None], self.grid.widths)[0])
+        return _unresolved(self.motion[:1], self.grid.widths)
 
     @property
     def period(self) -> int:
         """P, mesh periods of the grid."""
         return round(float(self.grid.edges[-1]))
 
-    def lines(self, highest: int, mesh: int = 0) -> ComplexArray:
-        """Return the harmonics 1..highest of the period of a deflection [m]."""
-        found = self._transform(self.motion[1][mesh], highest)
-        return np.asarray(found / (2j * np.pi * np.arange(1, highest + 1)))
-
     def force_lines(self, highest: int) -> ComplexArray:
-        """Return the harmonics 1..highest of all mesh forces, shape (meshes, highest)."""
-        rates = 2j * np.pi / self.period * np.arange(1, highest + 1)
-        found = []
-        for number, c in enumerate(self.around.dampers):
-            own = self._transform(self.load[number] + c * self.motion[1][number], highest)
-            if self.excitation is not None:
-                own = own - c * rates * self._transform(self.excitation[number], highest)
-            found.append(own)
-        return np.array(found) / self.period
-
-    def _transform(self, values: FloatArray, highest: int) -> ComplexArray:
-        """Return the integrals of values times exp(-2 pi i r s/P), r = 1..highest."""
-        turns = self.grid.phase.ravel() / self.period
-        return fourier_sums(turns, self.grid.weights.ravel() * values.ravel(), highest)
+        """Return the harmonics 1..highest of all mesh forces, shape (1, meshes, highest)."""
+        turns = self.grid.phase / self.period
+        found = fourier_sums(turns, self.force * self.grid.weights, highest)
+        if self.excitation is not None:
+            moved = fourier_sums(turns, self.excitation * self.grid.weights, highest)
+            found -= self.around.moved(moved, self.period)
+        return found[None] / self.period
 
 
 def fourier_sums(turns: FloatArray, values: FloatArray, highest: int) -> ComplexArray:
     """Return the sums of values times exp(-2 pi i r turn), r = 1..highest, at any turns.
 
-    Every value is spread over the points next to it of a grid that the fast transform takes, by
+    The last axes of `values` are those of `turns`; in their place are the lines. Every value is
+    spread over the points next to it of a grid that the fast transform takes, by
     exp(b (sqrt(1 - t^2) - 1)), whose own lines are divided out: right to 1e-12 of their size with
     14 points and twice as many as there are lines (Barnett, Magland and af Klinteberg, SIAM J. Sci.
     Comput. 41, 2019, C479).
     """
     length = next_fast_len(2 * (2 * highest + 1), real=True)
-    place = turns * length
+    place = turns.ravel() * length
     points = np.ceil(place - SPREAD / 2).astype(int)[:, None] + np.arange(SPREAD)
-    spread = _bell((points - place[:, None]) * (2 / SPREAD)) * values[:, None]
-    grid = np.bincount(points.ravel() % length, spread.ravel(), length)
-    numbers = np.arange(1, highest + 1)
-    nodes, weights, _ = gauss(BELL_POINTS)
-    own = np.cos(np.pi * SPREAD / length * np.outer(numbers, nodes)) @ (weights * _bell(nodes))
-    return np.asarray(np.fft.rfft(grid)[1 : highest + 1] / (SPREAD / 2 * own))
+    spread = _bell((points - place[:, None]) * (2 / SPREAD))
+    starts = np.arange(0, spread.size + 1, SPREAD)
+    grid = csr_array((spread.ravel(), points.ravel() % length, starts), shape=(len(place), length))
+    before = values.shape[: values.ndim - turns.ndim]
+    found = np.fft.rfft(values.reshape(-1, len(place)) @ grid)[:, 1 : highest + 1]
+    return np.asarray((found / _bell_lines(length, highest)).reshape(*before, highest))
+
+
+@lru_cache(maxsize=8)
+def _bell_lines(length: int, highest: int) -> FloatArray:
+    numbers, (nodes, weights, _) = np.arange(1, highest + 1), gauss(BELL_POINTS)
+    waves = np.cos(np.pi * SPREAD / length * np.outer(numbers, nodes))
+    return np.asarray(SPREAD / 2 * (waves @ (weights * _bell(nodes))))
 
 
 def _bell(t: FloatArray) -> FloatArray:
@@ -290,31 +342,53 @@ class Deviations:
         Of one mesh period.
     where : tuple of int
         Mesh periods of the turn that differ.
-    deflection, speed, load : ndarray of float, shape (turns, P, meshes, panels, points)
-        Change of the deflections, of their speeds, and of kappa (d - e), in all P mesh periods.
+    states : ndarray of float, shape (turns, P, 2n)
+        Change of the state (q, u) when each mesh period begins: all there is to say of those that
+        do not differ.
+    deflection, speed, load : ndarray of float, shape (turns, W, meshes, panels, points)
+        Change of the deflections, of their speeds, and of kappa (d - e), in those that differ.
     excitation : ndarray, same shape, optional
         e [m].
     """
 
     mesh: PeriodicMotion
     where: tuple[int, ...]
+    states: FloatArray
     deflection: FloatArray
     speed: FloatArray
     load: FloatArray
     excitation: FloatArray | None = None
 
     @property
+    def _even(self) -> FloatArray:
+        """States with zeros where mesh periods differ."""
+        states = self.states.copy()
+        states[:, list(self.where)] = 0.0
+        return states
+
+    @property
+    def _force(self) -> FloatArray:
+        return np.asarray(self.load + self.mesh.around.dampers[:, None, None] * self.speed)
+
+    @property
     def mean_deflection(self) -> FloatArray:
         """Change of the mean deflection of each mesh [m], shape (turns, meshes)."""
-        weighted = self.deflection * self.mesh.grid.weights
-        return np.asarray(weighted.sum(axis=(1, 3, 4)) / self.deflection.shape[1])
+        mesh, period = self.mesh, self.states.shape[1]
+        free = mesh.grid.mean(np.moveaxis(mesh.maps.free[1], -1, 0))
+        total = self._even.sum(axis=1) @ free
+        return np.asarray((total + mesh.grid.mean(self.deflection).sum(axis=1)) / period)
 
     @property
     def least_force(self) -> FloatArray:
         """Least mesh force over its mean, shape (turns,); at or below 0 teeth part."""
-        dampers, mean = self.mesh.around.dampers[:, None, None], self.mesh.mean_load
-        force = self.load + dampers * self.speed + self.mesh.load + dampers * self.mesh.motion[1]
-        return np.asarray((force.min(axis=(1, 3, 4)) / mean).min(axis=1))
+        mesh, mean = self.mesh, self.mesh.mean_load
+        changed = (self._force + mesh.force).min(axis=(1, 3, 4)) / mean
+        found = [changed.min(axis=1)]
+        for free, even, own in zip(mesh.free_force, mesh.force, mean, strict=True):
+            states = self._even.reshape(-1, free.shape[-1])
+            least = (states @ free.reshape(-1, free.shape[-1]).T + even.ravel()).min(axis=1)
+            found.append(least.reshape(len(self.states), -1).min(axis=1) / own)
+        return np.asarray(np.min(found, axis=0))
 
     @property
     def unresolved(self) -> FloatArray:
@@ -323,40 +397,36 @@ class Deviations:
         An estimate of the relative error: where the panels suffice the terms fall fast, and what
         is left out is less than what is still seen.
         """
-        return _unresolved(self.speed[:, list(self.where)], self.mesh.grid.widths)
-
-    def lines(self, highest: int, mesh: int = 0) -> ComplexArray:
-        """Return harmonics 1..highest of the turn of the change of a deflection [m], by turn."""
-        found = self._transform(self.speed[:, :, mesh : mesh + 1], highest)[:, 0]
-        return np.asarray(found / (2j * np.pi * np.arange(1, highest + 1)))
+        return np.maximum(_unresolved(self.speed, self.mesh.grid.widths), self.mesh.unresolved)
 
     def force_lines(self, highest: int) -> ComplexArray:
-        """Return harmonics 1..highest of the change of the forces, (turns, meshes, highest)."""
-        dampers, period = self.mesh.around.dampers[:, None, None], self.speed.shape[1]
-        found = self._transform(self.load + dampers * self.speed, highest) / period
-        if self.excitation is not None:
-            rates = 2j * np.pi / period**2 * np.arange(1, highest + 1)
-            found -= dampers[..., 0] * rates * self._transform(self.excitation, highest)
-        return np.asarray(found)
+        """Return harmonics 1..highest of the change of the forces, (turns, meshes, highest).
 
-    def _transform(self, values: FloatArray, highest: int) -> ComplexArray:
-        """Return the integrals over the turn of values times exp(-2 pi i r s/P), r = 1..highest."""
-        grid, (turns, period, meshes) = self.mesh.grid, values.shape[:3]
-        phase, numbers = grid.phase.ravel(), np.arange(period)
-        # r = a + P b: over the mesh periods by a transform, within one by the points
-        slow = np.fft.fft(values.reshape(turns, period, meshes, -1), axis=1)
-        slow *= np.exp(-2j * np.pi / period * np.outer(numbers, phase))[:, None]
-        fast = np.exp(-2j * np.pi * np.outer(phase, np.arange(highest // period + 1)))
-        found = slow @ (grid.weights.ravel()[:, None] * fast)
-        lines = found.transpose(0, 2, 3, 1).reshape(turns, meshes, -1)
-        return np.asarray(lines[..., 1 : highest + 1])
+        Of a mesh period that does not differ they follow from its state: the sum over the turn is
+        a transform of the states.
+        """
+        mesh, period = self.mesh, self.states.shape[1]
+        grid, numbers = mesh.grid, np.arange(1, highest + 1)
+        free = np.moveaxis(mesh.free_force * grid.weights[..., None], -1, 1)
+        by_state = fourier_sums(grid.phase / period, free, highest)
+        states = np.fft.fft(self._even, axis=1)[:, numbers % period]
+        found = np.einsum("mkr,trk->tmr", by_state, states)
+        turns = (np.array(self.where)[:, None, None] + grid.phase) / period
+
+        def met(values: FloatArray) -> ComplexArray:
+            return fourier_sums(turns, values.swapaxes(1, 2) * grid.weights, highest)
+
+        found += met(self._force)
+        if self.excitation is not None:
+            found -= mesh.around.moved(met(self.excitation), period)
+        return np.asarray(found / period)
 
 
 def deviations(
     mesh: PeriodicMotion,
     period: int,
     where: tuple[int, ...],
-    kappa: FloatArray,
+    delta: FloatArray,
     excitation: FloatArray | None = None,
 ) -> Deviations:
     """Solve turns in which some mesh periods differ.
@@ -369,16 +439,16 @@ def deviations(
         P, mesh periods of the turn.
     where : tuple of int, increasing
         Those that differ, 0 to P - 1.
-    kappa : ndarray, shape (turns, W, meshes, panels, points)
-        k T^2 in these periods.
+    delta : ndarray, shape (turns, W, meshes, panels, points)
+        Change of k T^2 in these periods.
     excitation : ndarray, same shape, optional
         e [m] in these periods; zero in the others.
     """
     still = [None] * len(where) if excitation is None else list(excitation.swapaxes(0, 1))
     changed = [
-        _Changed.of(mesh, own, e) for own, e in zip(kappa.swapaxes(0, 1), still, strict=True)
+        _Changed.of(mesh, own, e) for own, e in zip(delta.swapaxes(0, 1), still, strict=True)
     ]
-    free, turns = mesh.monodromy, len(kappa)
+    free, turns = mesh.monodromy, len(delta)
     size = len(free)
     total = np.broadcast_to(np.eye(size, size + 1), (turns, size, size + 1)).copy()
     # from the first changed period on; those before it come last
@@ -395,20 +465,19 @@ def deviations(
         states[:, number] = state
         met = places.get(number)
         state = np.asarray(state @ free.T if met is None else _applied(met.maps.whole, state))
-    shape = (turns, period, *mesh.kappa.shape)
-    speed = (states @ mesh.maps.free[0].T).reshape(shape)
-    deflection = (states @ mesh.maps.free[1].T).reshape(shape)
-    load = deflection * mesh.kappa
-    e = None if excitation is None else np.zeros(shape)
-    for i, (here, own) in enumerate(places.items()):
-        speed[:, here], deflection[:, here] = own.motion(mesh, states[:, here])
-        moved = deflection[:, here] + mesh.motion[0]
-        if e is not None and excitation is not None:
-            e[:, here] = excitation[:, i]
-            moved = moved - e[:, here]
-        load[:, here] = kappa[:, i] * moved - mesh.load
+    speed, deflection = np.stack(
+        [own.motion(mesh, states[:, here]) for here, own in places.items()], axis=2
+    )
+    moved = deflection if excitation is None else deflection - excitation
+    load = delta * mesh.motion[1] + (mesh.kappa + delta) * moved
     return Deviations(
-        mesh=mesh, where=where, deflection=deflection, speed=speed, load=load, excitation=e
+        mesh=mesh,
+        where=where,
+        states=states,
+        deflection=deflection,
+        speed=speed,
+        load=load,
+        excitation=excitation,
     )
 
 
@@ -422,7 +491,7 @@ class _Changed:
     Parameters
     ----------
     columns : ndarray of int, shape (acting * points,)
-        Meshes that differ, among the columns of `PeriodicMotion.answers`.
+        Meshes that differ, among the columns of `PeriodicMotion.forced`.
     force : ndarray, shape (turns, panels, acting * points, 2n + 1)
         f by the state of the deviation when its panel begins, and what is there anyway.
     excitation : ndarray, shape (turns, panels, acting * points), optional
@@ -437,9 +506,8 @@ class _Changed:
     maps: _PanelMaps
 
     @classmethod
-    def of(cls, mesh: PeriodicMotion, kappa: FloatArray, excitation: FloatArray | None) -> _Changed:
-        """Pose a mesh period by kappa and e, shape (turns, meshes, panels, points)."""
-        delta = kappa - mesh.kappa
+    def of(cls, mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray | None) -> _Changed:
+        """Pose a mesh period by its change of kappa and e, (turns, meshes, panels, points)."""
         marked = delta if excitation is None else (delta != 0) | (excitation != 0)
         acting = np.flatnonzero(marked.any(axis=(0, 2, 3)))
         columns = (acting[:, None] * POINTS + np.arange(POINTS)).ravel()
@@ -449,122 +517,33 @@ class _Changed:
             chosen = np.moveaxis(values[..., acting, :, :], -3, -2)
             return np.asarray(chosen.reshape(*chosen.shape[:-2], -1))
 
-        forced, shifted = mesh.answers
-        free = np.asarray(mesh.maps.rows(acting))
-        free[..., -1] = rows(mesh.motion[0])
+        free, forced = mesh.maps.rows(acting), mesh.forced
+        free[..., -1] = rows(mesh.motion[1])
         own = rows(delta)
         right = -own[..., None] * free
         if excitation is not None:
-            moved = rows(excitation)
+            moved, shifted = rows(excitation), mesh.shifted
             by_e = (shifted.rows(acting)[..., columns] @ moved[..., None])[..., 0]
-            right[..., -1] += rows(kappa) * moved - own * by_e
-        matrix = own[..., None] * forced.rows(acting)[..., columns]
-        matrix += np.eye(len(columns))
-        force = np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+            right[..., -1] += rows(mesh.kappa + delta) * moved - own * by_e
+        force, answers = np.zeros(right.shape), forced.rows(acting)[..., columns]
+        pressed = (right != 0).any(axis=(-2, -1))
+        matrix = own[pressed][..., None] * answers[np.nonzero(pressed)[-1]]
+        force[pressed] = np.linalg.solve(matrix + np.eye(len(columns)), right[pressed])
         step = forced.step[..., columns] @ force
         step[..., :-1] += mesh.maps.step[..., :-1]
         if excitation is not None:
             step[..., -1] += (shifted.step[..., columns] @ moved[..., None])[..., 0]
-        maps = _PanelMaps(step=step, speed=mesh.maps.speed, deflection=mesh.maps.deflection)
+        maps = _PanelMaps(step=step, seen=mesh.maps.seen)
         return cls(columns, force, None if excitation is None else moved, maps)
 
-    def motion(self, mesh: PeriodicMotion, start: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return deviations of speeds and deflections, (turns, meshes, panels, points)."""
+    def motion(self, mesh: PeriodicMotion, start: FloatArray) -> FloatArray:
+        """Return deviations of speeds and deflections, (2, turns, meshes, panels, points)."""
         states = self.maps.states(start)
-        force = _applied(self.force, states)[..., None]
-        forced, shifted = mesh.answers
-        found = []
-        for name in ("speed", "deflection"):
-            own, by_force, by_e = (getattr(m, name) for m in (mesh.maps, forced, shifted))
-            flat = own.shape[0], math.prod(own.shape[1:-1])
-            moved = own[..., :-1].reshape(*flat, own.shape[-1] - 1) @ states[..., None]
-            moved = moved + by_force[..., self.columns].reshape(*flat, len(self.columns)) @ force
-            if self.excitation is not None:
-                e = self.excitation[..., None]
-                moved = moved + by_e[..., self.columns].reshape(*flat, len(self.columns)) @ e
-            shape = (*moved.shape[:-2], *own.shape[1:-1])
-            found.append(np.moveaxis(moved.reshape(shape), -1, -3))
-        return found[0], found[1]
-
-
-def lines_per_unit(
-    mesh: PeriodicMotion, period: int, where: tuple[int, ...], kappa: FloatArray
-) -> Deviations:
-    """Return what the first part of a change of stiffness makes, per whole change.
-
-    Parameters
-    ----------
-    mesh, period, where
-        As in `deviations`.
-    kappa : ndarray, shape (W, meshes, panels, points)
-        k T^2 with the whole change.
-
-    Returns
-    -------
-    Deviations
-        Of one turn; only what is linear in the motion holds: speeds, loads and their lines.
-    """
-    small = SMALL_SHARE * (kappa - mesh.kappa)
-    found = deviations(mesh, period, where, np.stack([mesh.kappa + small, mesh.kappa - small]))
-    parts = {
-        name: (part[:1] - part[1:]) / (2 * SMALL_SHARE)
-        for name, part in vars(found).items()
-        if name in ("deflection", "speed", "load")
-    }
-    return Deviations(mesh=mesh, where=where, **parts)
-
-
-class _Panels:
-    """The collocation equations of u' on each panel.
-
-    Parameters
-    ----------
-    around : Surroundings
-    widths : ndarray, shape (panels,)
-    kappa : ndarray, shape (meshes, panels, points)
-    """
-
-    def __init__(self, around: Surroundings, widths: FloatArray, kappa: FloatArray) -> None:
-        self.around, self.widths = around, widths[:, None, None, None]
-        vectors, integrals = around.vectors, _integrals()
-        self.stiffness = around.stiffness + np.einsum("mpi,ma,mb->piab", kappa, vectors, vectors)
-        h = self.widths[..., None]
-        matrix = h * integrals[:, None, :, None] * around.damping[:, None, :]
-        twice = (integrals @ integrals)[:, None, :, None]
-        matrix = matrix + h**2 * twice * self.stiffness[:, :, :, None, :]
-        size = POINTS * len(around.force)
-        self.matrix = matrix.reshape(len(widths), size, size) + np.eye(size)
-
-    def answer(self, push: FloatArray, shift: FloatArray | None, start: FloatArray) -> _PanelMaps:
-        """Return the motions, a column each.
-
-        Parameters
-        ----------
-        push : ndarray, shape (panels, points, n, columns)
-            What is added to u'.
-        shift : ndarray, same shape, optional
-            What is added to q'.
-        start : ndarray, shape (2n, columns)
-            State when the panel begins.
-        """
-        around, h, size = self.around, self.widths, push.shape[2]
-        q0, u0 = start[:size], start[size:]
-        weights = 0.5 * gauss(POINTS)[1]
-        reach = _integrals().sum(axis=1)[:, None, None]
-        speed, place = u0, q0 + h * reach * u0
-        if shift is not None:
-            speed, place = speed + shift, place + h * _integrated(shift)
-        right = push - around.damping @ speed - self.stiffness @ place
-        solved = np.linalg.solve(self.matrix, right.reshape(*self.matrix.shape[:2], -1))
-        slope = solved.reshape(right.shape)
-        u = u0 + h * _integrated(slope)
-        rate = u if shift is None else u + shift
-        q = q0 + h * _integrated(rate)
-        h = h[:, 0]
-        ends = q0 + h * np.einsum("i,piac->pac", weights, rate)
-        step = np.concatenate([ends, u0 + h * np.einsum("i,piac->pac", weights, slope)], axis=1)
-        vectors = around.vectors
-        return _PanelMaps(step=step, speed=vectors @ rate, deflection=vectors @ q)
+        found = _reached(mesh.maps.seen[..., :-1], states)
+        found += _reached(mesh.forced.seen[..., self.columns], _applied(self.force, states))
+        if self.excitation is not None:
+            found += _reached(mesh.shifted.seen[..., self.columns], self.excitation)
+        return found
 
 
 def _integrated(values: FloatArray) -> FloatArray:
@@ -581,13 +560,12 @@ class _PanelMaps:
     ----------
     step : ndarray of float, shape (..., panels, 2n, columns)
         The state at the end.
-    speed, deflection : ndarray of float, shape (panels, points, meshes, columns)
-        At the collocation points.
+    seen : ndarray of float, shape (2, panels, meshes, points, columns)
+        Speeds and deflections at the collocation points.
     """
 
     step: FloatArray
-    speed: FloatArray
-    deflection: FloatArray
+    seen: FloatArray
 
     @cached_property
     def _ends(self) -> FloatArray:
@@ -606,17 +584,15 @@ class _PanelMaps:
         return np.asarray(self._ends[..., -1, :, :])
 
     @cached_property
-    def free(self) -> tuple[FloatArray, FloatArray]:
+    def free(self) -> FloatArray:
         """Speeds and deflections of free vibration, by the state at the start of all panels.
 
-        Shape (meshes * panels * points, 2n).
+        Shape (2, meshes, panels, points, 2n).
         """
-        before = self._ends[:-1, :, :-1]
-        size = before.shape[-1]
-        before = np.concatenate([np.eye(size)[None], before])
-        own = (part[..., :-1] @ before[:, None] for part in (self.speed, self.deflection))
-        speed, deflection = (np.moveaxis(part, 2, 0).reshape(-1, size) for part in own)
-        return speed, deflection
+        before, own = self._ends[:-1, :, :-1], self.seen[..., :-1]
+        before = np.concatenate([np.eye(before.shape[-1])[None], before])
+        moved = own.reshape(2, len(before), -1, own.shape[-1]) @ before
+        return np.asarray(moved.reshape(own.shape).swapaxes(1, 2))
 
     def states(self, start: FloatArray) -> FloatArray:
         """Return the states at the starts of all panels, shape (..., panels, 2n)."""
@@ -624,18 +600,20 @@ class _PanelMaps:
         first = np.broadcast_to(start[..., None, :], (*ends.shape[:-2], 1, start.shape[-1]))
         return np.concatenate([first, ends], axis=-2)
 
-    def speeds(self, states: FloatArray) -> FloatArray:
-        """Return the speeds at the points, shape (meshes, panels, points)."""
-        return np.asarray(np.moveaxis(_applied(self.speed, states[:, None]), -1, 0))
-
-    def deflections(self, states: FloatArray) -> FloatArray:
-        """Return the deflections at the points, shape (meshes, panels, points)."""
-        return np.asarray(np.moveaxis(_applied(self.deflection, states[:, None]), -1, 0))
-
     def rows(self, meshes: IntArray) -> FloatArray:
         """Deflections of some meshes, shape (panels, meshes * points, columns)."""
-        own = self.deflection[:, :, meshes].swapaxes(1, 2)
+        own = self.seen[1][:, meshes]
         return np.asarray(own.reshape(len(own), -1, own.shape[-1]))
+
+
+def _reached(seen: FloatArray, by: FloatArray) -> FloatArray:
+    """Return what columns make of values (turns, panels, columns) on each panel.
+
+    Shape (2, turns, meshes, panels, points).
+    """
+    _, panels, meshes, points, columns = seen.shape
+    moved = seen.reshape(2, 1, panels, meshes * points, columns) @ by[..., None]
+    return np.asarray(moved.reshape(2, len(by), panels, meshes, points).swapaxes(2, 3))
 
 
 def _applied(maps: FloatArray, state: FloatArray) -> FloatArray:

@@ -16,30 +16,28 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
-from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
-from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
+from gearmon.gears.pulses import LEAST_OVERLAP
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray
-from gearmon.signatures.expected.faulty_teeth import (
-    Posed,
-    faulty_lines,
-    pair_loss,
-    periodic_lines,
-)
+from gearmon.signatures.expected.faulty_teeth import faulty_lines, periodic_lines
 from gearmon.signatures.expected.mesh import (
-    AMPLITUDES,
-    MeshLines,
-    PosedMesh,
+    PosedStage,
     Wrong,
-    joined,
-    mesh_with,
+    gear_places,
     operating_point,
     posed_mesh,
+    posed_stage,
+)
+from gearmon.signatures.expected.mesh_lines import (
+    AMPLITUDES,
+    MeshLines,
+    joined,
     refuse_no_lines,
     rms,
 )
-from gearmon.signatures.expected.planetary_set import PosedSet, posed_stage
 from gearmon.signatures.signature import Signature
 
 #: What a family holds unless told otherwise. A crack in % is a uniform loss of stiffness.
@@ -59,9 +57,12 @@ ERROR_SIZES = ("5um", "10um", "20um", "40um")
 GONE = ("1tooth",)
 #: Kinds that concern all teeth of a gear.
 ALL_TEETH = ("wear", "eccentricity", "cumulative", "misalignment", "profile")
+#: Kinds whose loss of stiffness is as large all along their part of the contact.
+UNIFORM_KINDS = ("crack", "stiffness", "pitting", "spall")
 
 Size = float | str
-Sizes = Sequence[Size] | Mapping[str, Sequence[Size]] | None
+# Columns of the table beside those of the lines.
+_TOLD = ("kind", "gear", "size", "loss", "operating")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,12 +180,21 @@ class FaultFamily(Result):
             `operating` (from 0); of each member the lines of its own stage with tooth 1 faulty, and
             those of the healthy stages (kind "healthy").
         """
-        parts = [
-            (lines, "healthy", "ring" if mesh else "", "", 0.0, operating)
+        parts: list[tuple[MeshLines, tuple[str | float, ...]]] = [
+            (lines, ("healthy", "ring" if mesh else "", "", 0.0, float(operating)))
             for (operating, _, mesh), lines in self.healthy.items()
         ]
-        parts += [(m.lines, m.kind, m.gear, m.size, m.loss, m.operating) for m in self.members]
-        tables = [_limited(_with_member(*part), mesh_harmonics, sidebands) for part in parts]
+        parts += [
+            (m.lines, (m.kind, m.gear, m.size, m.loss, float(m.operating))) for m in self.members
+        ]
+        tables = []
+        for lines, told in parts:
+            columns = lines.columns()
+            same = {
+                name: np.full(len(columns["stage"]), own)
+                for name, own in zip(_TOLD, told, strict=True)
+            }
+            tables.append(_limited(same | columns, mesh_harmonics, sidebands))
         header = {
             "operating_points": [
                 {"speed_rpm": point.speed_rpm, "torque_nm": point.torque_nm, "name": point.name}
@@ -237,21 +247,6 @@ class FaultFamily(Result):
         }
 
 
-def _with_member(
-    lines: MeshLines, kind: str, gear: str, size: str, loss: float, operating: int
-) -> dict[str, Any]:
-    columns = lines.columns()
-    count = len(columns["stage"])
-    return {
-        "kind": np.full(count, kind),
-        "gear": np.full(count, gear, dtype="U16"),
-        "size": np.full(count, size, dtype="U64"),
-        "loss": np.full(count, loss),
-        "operating": np.full(count, float(operating)),
-        **columns,
-    }
-
-
 def _limited(
     columns: dict[str, npt.NDArray[Any]], mesh_harmonics: int | None, sidebands: int | None
 ) -> dict[str, npt.NDArray[Any]]:
@@ -267,7 +262,7 @@ def _limited(
 def fault_family(
     machine: MachineLike,
     kinds: Iterable[str] | None = None,
-    sizes: Sizes = None,
+    sizes: Iterable[Size] | str | None = None,
     gears: Iterable[tuple[int, str] | str] | None = None,
     operating: Iterable[int] | int | None = None,
     max_hz: float | None = None,
@@ -285,10 +280,10 @@ def fault_family(
         Kinds of `gears.faults.KINDS` and `gears.faults.ERROR_KINDS`; by default
         `FAMILY_KINDS`, of which those that the machine file has too little data for are left out
         and named in `FaultFamily.notes`.
-    sizes : sequence or mapping of str to sequence, optional
-        As in ``KIND:STAGE:GEAR:TOOTH:SIZE``, or numbers: losses of pair stiffness in [0, 1). By
-        kind, or for all kinds that understand them (of a plain sequence, um are errors and mm
-        damage). By default 2.5, 5, 10, 20 and 40 % and 5, 10, 20 and 40 um.
+    sizes : iterable of str or float, optional
+        As in ``KIND:STAGE:GEAR:TOOTH:SIZE``, or numbers: the share of pair stiffness lost. Each
+        is taken for all kinds that understand it (um are errors, mm damage). By default 2.5, 5,
+        10, 20 and 40 % and 5, 10, 20 and 40 um.
     gears : iterable of (int, str) or str, optional
         Stages and gears, such as (1, "pinion"), "1:pinion" or "pinion"; by default all.
     operating : iterable of int, or int, optional
@@ -328,40 +323,30 @@ def fault_family(
     check_range("tolerance", tolerance, 1e-10, 1.0)
     texts = _size_texts(kinds, sizes)
     points = _points(machine, operating)
-    places = {place: mesh_with(machine, *place) for place in _places(machine, gears)}
+    places = _places(machine, gears)
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
         if not part:
             raise ArgumentError(f"{name}: none given, at least one is needed")
-    job = _Job(machine=machine, max_hz=max_hz, tolerance=tolerance, form=form)
-    posed: dict[tuple[int, int, int], Posed] = {}
-    for number, stage in product(points, range(1, len(machine.stages) + 1)):
-        for mesh in sorted({0, *(mesh for (own, _), mesh in places.items() if own == stage)}):
-            even = posed_stage(machine, stage, number, form=form, mesh=mesh)
-            # a set that is taken as a whole has all of its gears in one
-            whole = isinstance(even, PosedSet)
-            posed[number, stage, 0 if whole else mesh] = even
-    meshes = {
-        place: mesh if (points[0], place[0], mesh) in posed else 0 for place, mesh in places.items()
-    }
+    stages = _stages(machine, points, places, form)
     healthy = {
-        key: periodic_lines(mesh, mesh.limit_hz(max_hz), tolerance) for key, mesh in posed.items()
+        key: periodic_lines(own, own.limit_hz(max_hz), tolerance) for key, own in stages.items()
     }
     if not any(len(lines.displacement) for lines in healthy.values()):
         refuse_no_lines((lines.mechanics for lines in healthy.values()), max_hz)
     members: list[FamilyMember] = []
     notes: dict[str, None] = {}
-    for number in points:
-        for (stage, gear), mesh in meshes.items():
-            even, sound = posed[number, stage, mesh], healthy[number, stage, mesh]
-            for kind, own in texts.items():
-                try:
-                    members += job.members(
-                        even, sound, number, gear, places[stage, gear], kind, own
-                    )
-                except ArgumentError as error:
-                    if kinds is not None:
-                        raise
-                    notes[f"{kind} of the {gear} of stage {stage} left out: {error}"] = None
+    for number, ((stage, gear), mesh) in product(points, places.items()):
+        key = (number, stage, mesh if (number, stage, mesh) in stages else 0)
+        one = _Gear(machine, number, stage, gear, mesh, form, stages[key], healthy[key])
+        cases: list[tuple[str, str, PosedStage]] = []
+        for kind, own in texts.items():
+            try:
+                cases += [(kind, *case) for case in zip(own, one.posed(kind, own), strict=True)]
+            except ArgumentError as error:
+                if kinds is not None:
+                    raise
+                notes[f"{kind} of the {gear} of stage {stage} left out: {error}"] = None
+        members += one.solved(cases, max_hz, tolerance)
     return FaultFamily(
         machine=machine,
         members=tuple(members),
@@ -372,63 +357,76 @@ def fault_family(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Job:
-    """What all members of a family are solved with."""
+def _stages(
+    machine: Machine, points: Sequence[int], places: Mapping[tuple[int, str], int], form: str
+) -> dict[tuple[int, int, int], PosedStage]:
+    """Pose the healthy stages, by operating point, stage and mesh."""
+    found: dict[tuple[int, int, int], PosedStage] = {}
+    every = {(number, 0) for number in range(1, len(machine.stages) + 1)}
+    every |= {(stage, mesh) for (stage, _), mesh in places.items()}
+    for number, (stage, mesh) in product(points, sorted(every)):
+        even = posed_stage(machine, stage, number, form=form, mesh=mesh)
+        # a set that is taken as a whole has all of its gears in one
+        found.setdefault((number, stage, mesh if even.train is None else 0), even)
+    return found
+
+
+@dataclass(frozen=True)
+class _Gear:
+    """A gear at an operating point, and its stage without faults."""
 
     machine: Machine
-    max_hz: float | None
-    tolerance: float
+    operating: int
+    stage: int
+    gear: str
+    mesh: int
     form: str
+    even: PosedStage
+    sound: MeshLines
 
-    def members(
-        self,
-        healthy: Posed,
-        sound: MeshLines,
-        operating: int,
-        gear: str,
-        mesh: int,
-        kind: str,
-        sizes: Sequence[str],
+    def posed(self, kind: str, sizes: Sequence[str]) -> list[PosedStage]:
+        """Pose all sizes of a kind; where they take the same pulse more or less, the largest."""
+        faults = [parse_fault_or_error(_words(kind, self.stage, self.gear, s)) for s in sizes]
+        losses = [own.loss for own in faults if isinstance(own, Fault) and own.is_loss]
+        overlap = self.even.mechanics.stiffness.overlap_ratio
+        alike = kind in UNIFORM_KINDS or (kind == "breakage" and overlap < LEAST_OVERLAP)
+        most = max(losses, default=0.0)
+        if alike and most and len(losses) == len(faults) and self.form != POTENTIAL_ENERGY:
+            whole = self._posed(faults[losses.index(most)])
+            return [whole.scaled(loss / most) for loss in losses]
+        return [self._posed(own) for own in faults]
+
+    def _posed(self, *wrong: Wrong) -> PosedStage:
+        place = self.machine, self.stage, self.operating
+        return posed_stage(*place, wrong, form=self.form, mesh=self.mesh)
+
+    def solved(
+        self, cases: Sequence[tuple[str, str, PosedStage]], max_hz: float | None, tolerance: float
     ) -> list[FamilyMember]:
-        """Solve one kind of fault of one gear at several sizes."""
-        stage = sound.mechanics.stage
-        faults = [parse_fault_or_error(_words(kind, stage, gear, size)) for size in sizes]
-        faulty = [
-            posed_stage(self.machine, stage, operating, [fault], form=self.form, mesh=mesh)
-            for fault in faults
-        ]
-        limit = healthy.limit_hz(self.max_hz)
-        if isinstance(healthy, PosedSet) and not all(isinstance(own, PosedSet) for own in faulty):
-            # what the set cannot be solved with is taken against the same mesh alone
-            healthy = posed_mesh(self.machine, stage, operating, form=self.form, mesh=mesh)
-            sound = periodic_lines(healthy, limit, self.tolerance)
-        found = faulty_lines(healthy, faulty, limit, self.tolerance)
-        return [
-            FamilyMember(
-                kind=kind,
-                stage=stage,
-                gear=gear,
-                size=size,
-                loss=_loss(own, healthy),
-                operating=operating,
-                lines=lines,
-                sound=sound,
-            )
-            for size, own, lines in zip(sizes, faulty, found, strict=True)
-        ]
-
-
-def _loss(faulty: Posed, healthy: Posed) -> float:
-    meshes = zip(faulty.members, healthy.members, strict=True)
-    return max(_mesh_loss(own, even) for (own, _), (even, _) in meshes)
-
-
-def _mesh_loss(faulty: PosedMesh, healthy: PosedMesh) -> float:
-    own, even = faulty.mechanics.stiffness, healthy.mechanics.stiffness
-    takes = bool(own.pulses) or own.healthy_mean_n_per_m != even.healthy_mean_n_per_m
-    # modulated stiffness loses nothing: its mean wanders a little
-    return pair_loss(faulty, healthy) if takes and not own.modulations else 0.0
+        """Solve all that is wrong with the gear."""
+        limit_hz, of_set = self.even.limit_hz(max_hz), self.even.train is not None
+        found: dict[PosedStage, FamilyMember] = {}
+        for alone in (False, True):
+            chosen = [case for case in cases if (of_set and case[2].train is None) == alone]
+            even, sound = self.even, self.sound
+            if alone and chosen:
+                # what the set cannot be solved with is taken against the same mesh alone
+                place = self.machine, self.stage, self.operating
+                even = posed_mesh(*place, form=self.form, mesh=self.mesh)
+                sound = periodic_lines(even, limit_hz, tolerance)
+            lines = faulty_lines(even, [own for _, _, own in chosen], limit_hz, tolerance)
+            for (kind, size, own), solved in zip(chosen, lines, strict=True):
+                found[own] = FamilyMember(
+                    kind=kind,
+                    stage=self.stage,
+                    gear=self.gear,
+                    size=size,
+                    loss=own.loss(even),
+                    operating=self.operating,
+                    lines=solved,
+                    sound=sound,
+                )
+        return [found[own] for _, _, own in cases]
 
 
 def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
@@ -438,26 +436,31 @@ def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
 
 
 def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[int, ...]:
-    if operating is None:
-        operating = range(len(machine.operating))
-    points = (operating,) if isinstance(operating, int) else tuple(operating)
+    every = range(len(machine.operating)) if operating is None else operating
+    points = (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
     for number in points:
         operating_point(machine, number)
-    return tuple(dict.fromkeys(points))
+    return points
 
 
-def _size_texts(kinds: Iterable[str] | None, sizes: Sizes) -> dict[str, tuple[str, ...]]:
+def _size_texts(
+    kinds: Iterable[str] | None, sizes: Iterable[Size] | str | None
+) -> dict[str, tuple[str, ...]]:
     """Return the sizes of each kind, as they are written."""
     kinds = [kinds] if isinstance(kinds, str) else kinds
-    sizes = [sizes] if isinstance(sizes, str) else sizes
     chosen = FAMILY_KINDS if kinds is None else tuple(dict.fromkeys(kinds))
     for kind in chosen:
         check_word("kind ", kind, (*KINDS, *ERROR_KINDS))
-    if sizes is None or isinstance(sizes, Mapping):
-        return _sizes_by_kind(chosen, sizes or {})
-    texts = tuple(dict.fromkeys(map(_text, sizes)))
-    found = {kind: tuple(t for t in texts if _fits(kind, t)) for kind in chosen}
-    found |= {kind: GONE for kind in chosen if kind == "missing"}
+    if sizes is None:
+        return {kind: _default(kind) for kind in chosen}
+    given = [sizes] if isinstance(sizes, str) else sizes
+    texts = [s.strip() if isinstance(s, str) else f"{100 * float(s):.12g}%" for s in given]
+    found = {
+        kind: GONE
+        if kind == "missing"
+        else tuple(t for t in dict.fromkeys(texts) if _fits(kind, t))
+        for kind in chosen
+    }
     for text in texts:
         if not any(text in own for own in found.values()):
             raise ArgumentError(
@@ -470,28 +473,10 @@ def _size_texts(kinds: Iterable[str] | None, sizes: Sizes) -> dict[str, tuple[st
     return {kind: own for kind, own in found.items() if own}
 
 
-def _sizes_by_kind(
-    kinds: Sequence[str], given: Mapping[str, Sequence[Size]]
-) -> dict[str, tuple[str, ...]]:
-    for kind in given:
-        if kind not in kinds:
-            raise ArgumentError(f"sizes: {kind!r} is not among the kinds {', '.join(kinds)}")
-    found = {kind: tuple(map(_text, given.get(kind, _default(kind)))) for kind in kinds}
-    for kind, texts in found.items():
-        for text in texts:
-            parse_fault_or_error(_words(kind, 1, "pinion", text))
-    return found
-
-
 def _default(kind: str) -> tuple[str, ...]:
     if kind == "missing":
         return GONE
     return ERROR_SIZES if kind in ERROR_KINDS else LOSSES
-
-
-def _text(size: Size) -> str:
-    """Write a number as a loss in per cent."""
-    return size.strip() if isinstance(size, str) else f"{100 * float(size):.12g}%"
 
 
 def _fits(kind: str, text: str) -> bool:
@@ -507,25 +492,15 @@ def _fits(kind: str, text: str) -> bool:
 
 def _places(
     machine: Machine, gears: Iterable[tuple[int, str] | str] | None
-) -> Iterator[tuple[int, str]]:
-    """Give stages and gears as asked for; the caller finds those that are not there."""
-    every = [
-        (number, member.name)
-        for number, stage in enumerate(machine.stages, start=1)
-        for pair in mesh_pairs(stage, number, machine.path)
-        for member in pair.members
-    ]
-    for item in every if gears is None else gears:
-        if not isinstance(item, str):
-            yield int(item[0]), item[1]
-        elif ":" not in item:
-            own = [place for place in every if place[1] == item.strip()]
-            if not own:
-                names = ", ".join(dict.fromkeys(gear for _, gear in every))
-                raise ArgumentError(f"gear {item!r} is not in this machine: it has {names}")
-            yield from own
-        else:
-            stage, _, gear = item.partition(":")
-            if not stage.strip().isdecimal():
-                raise ArgumentError(f"gear {item!r}: must be STAGE:GEAR, such as 1:pinion, or GEAR")
-            yield int(stage), gear.strip()
+) -> dict[tuple[int, str], int]:
+    """Return stages and gears as asked for, and in which mesh each is taken."""
+    every = gear_places(machine)
+    names = {f"{stage}:{gear}": (stage, gear) for stage, gear in every}
+    chosen: dict[tuple[int, str], int] = {}
+    for item in names if gears is None else gears:
+        text = item.strip() if isinstance(item, str) else f"{item[0]}:{item[1]}"
+        own = [place for name, place in names.items() if text in (name, place[1])]
+        if not own:
+            check_word("gear ", text, names)
+        chosen |= {place: every[place] for place in own}
+    return chosen

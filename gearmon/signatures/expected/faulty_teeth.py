@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.excitation import FlankError, TurningError
+from gearmon.errors import ArgumentError, check_positive, check_range, check_word
+from gearmon.gears.excitation import FlankError
 from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
@@ -26,109 +26,85 @@ from gearmon.signatures.expected.contact_motion import (
     PeriodicMotion,
     PhaseGrid,
     deviations,
-    lines_per_unit,
 )
-from gearmon.signatures.expected.mesh import Heard, MeshLines, PosedMesh, mesh_with
-from gearmon.signatures.expected.planetary_set import PosedSet, posed_stage
+from gearmon.signatures.expected.mesh import PosedMesh, PosedStage, gear_places, posed_stage
+from gearmon.signatures.expected.mesh_lines import MeshLines, added_up
 
-Posed = PosedMesh | PosedSet
 _Motion = TypeVar("_Motion", PeriodicMotion, Deviations)
 
 #: How often panels are halved at most.
 MOST_HALVINGS = 4
-#: Loss of a tooth at whose contact the answer per unit of loss is taken.
-SMALL_LOSS = 1e-3
+#: Cases, panels and coordinates that are solved at once: some 100 MB.
+MOST_NUMBERS = 2_000_000
+#: Loss of a tooth that stands for the derivative at none: it leaves out as much of it.
+SMALL_LOSS = 1e-6
 
 
-def periodic_lines(posed: Posed, max_hz: float, tolerance: float) -> MeshLines:
+def periodic_lines(posed: PosedStage, max_hz: float, tolerance: float) -> MeshLines:
     """Solve a mesh, or a planetary set, over its whole period: one mesh period where all are alike.
 
     Parameters
     ----------
-    posed : PosedMesh or PosedSet
+    posed : PosedStage
     max_hz : float
         Highest frequency [Hz].
     tolerance : float
         Relative error of the acceleration (an estimate).
     """
-    local = _is_local(posed)
-    found = _refined(
-        contact_grid([posed], max_hz) if local else _turn_grid(posed, max_hz),
-        tolerance,
-        lambda grid: periodic_motion(posed, grid),
-        lambda made: made.unresolved,
-    )
-    period = posed.period
-    heard = posed.heard(found, _count(posed, max_hz, period), period)
-    method, lost = "contact" if local else "whole turn", found.least_force <= 0
-    return _lines(posed, period, heard, method, found.unresolved, lost)
+    grid = contact_grid([posed], max_hz) if posed.is_local else _turn_grid(posed, max_hz)
+    found = _refined(grid, tolerance, lambda own: periodic_motion(posed, own))
+    period, mean = posed.period, found.mean_deflection[:, 0]
+    number, carrier, lines = posed.heard(found, _count(posed, max_hz, period), period)
+    same = {"period": period, "number": number, "carrier": carrier}
+    method = "contact" if posed.is_local else "whole turn"
+    return _each([posed], found, mean, lines, method=method, **same)[0]
 
 
 def faulty_lines(
-    healthy: Posed, faulty: Sequence[Posed], max_hz: float, tolerance: float
+    healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
 ) -> list[MeshLines]:
     """Solve a mesh, or a planetary set, with faults that differ from case to case.
 
     Parameters
     ----------
-    healthy : PosedMesh or PosedSet
-    faulty : sequence of the same
-        With the faults, such as one of growing size.
+    healthy : PosedStage
+        The same where no tooth differs.
+    faulty : sequence of PosedStage
+        With the faults: of all sizes and kinds, on teeth of one gear.
     max_hz : float
         Highest frequency [Hz].
     tolerance : float
         Relative error of what the fault adds (an estimate), or of the whole for turns that are
         solved as a whole.
     """
-    if not all(map(_is_local, faulty)) or all(posed.period == 1 for posed in faulty):
-        return [periodic_lines(posed, max_hz, tolerance) for posed in faulty]
-    period = max(posed.period for posed in faulty)
-    count = _count(healthy, max_hz, period)
-    found = _refined(
-        contact_grid([healthy, *faulty], max_hz),
-        tolerance,
-        lambda grid: contact_changes(healthy, faulty, grid, period),
-        lambda made: max(made.unresolved.max(), made.mesh.unresolved),
-    )
-    heard = healthy.heard(found, count, period)
-    even = healthy.heard(found.mesh, count // period, 1)
-    errors = np.maximum(found.unresolved, found.mesh.unresolved)
-    return [
-        _lines(posed, period, _with(even, heard, turn, period), "contact", error, least <= 0)
-        for turn, (posed, error, least) in enumerate(
-            zip(faulty, errors.tolist(), found.least_force.tolist(), strict=True)
-        )
-    ]
+    teeth = [own for own in faulty if own.is_local and own.period > 1]
+    solved = dict(zip(teeth, _tooth_lines(healthy, teeth, max_hz, tolerance), strict=True))
+    return [solved.get(own) or periodic_lines(own, max_hz, tolerance) for own in faulty]
 
 
-def contact_changes(
-    healthy: Posed, faulty: Sequence[Posed], grid: PhaseGrid, period: int
-) -> Deviations:
-    """Return what faults of teeth change in a turn of P mesh periods, case by case."""
-    where = tuple(sorted({place for posed in faulty for place in _changed(posed, period)})) or (0,)
-    kappa = np.stack([_kappa(posed, grid, where) for posed in faulty])
-    excitation = None
-    if any(posed.excitation is not None for posed in faulty):
-        excitation = np.stack([_moved(posed, grid, where) for posed in faulty])
-    return deviations(periodic_motion(healthy, grid), period, where, kappa, excitation)
+def _tooth_lines(
+    healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
+) -> list[MeshLines]:
+    """Solve cases of which a few mesh periods of a turn differ from the others."""
+    if not faulty:
+        return []
+    grid, half = contact_grid([healthy, *faulty], max_hz), len(faulty) // 2
+    numbers = len(faulty) * len(grid.widths) * (8 + len(healthy.around.force)) ** 2
+    if half and numbers > MOST_NUMBERS:
+        parts = faulty[:half], faulty[half:]
+        return [own for part in parts for own in _tooth_lines(healthy, part, max_hz, tolerance)]
+    found, number, carrier, even, added = _solved(healthy, faulty, grid, max_hz, tolerance)
+    mean = found.mesh.mean_deflection[0, 0] + found.mean_deflection[:, 0]
+    same = {"period": found.states.shape[1], "number": number, "carrier": carrier}
+    return _each(faulty, found, mean, even + added, method="contact", **same)
 
 
-def periodic_motion(posed: Posed, grid: PhaseGrid) -> PeriodicMotion:
-    """Solve a mesh or a set on panels of its whole period."""
-    return PeriodicMotion(
-        grid=grid,
-        around=posed.around,
-        kappa=_kappa(posed, grid, (0,))[0],
-        excitation=None if posed.excitation is None else _moved(posed, grid, (0,))[0],
-    )
-
-
-def contact_grid(cases: Sequence[Posed], max_hz: float) -> PhaseGrid:
+def contact_grid(cases: Sequence[PosedStage], max_hz: float) -> PhaseGrid:
     """Return panels of a mesh period on which all these cases can be solved."""
     corners = [
-        own - lead
+        own - mesh.lead
         for posed in cases
-        for mesh, lead in posed.members
+        for mesh in posed.members
         for _, own in _corners(mesh, mesh.mechanics.stiffness.trains)
     ]
     return PhaseGrid.between(
@@ -136,120 +112,135 @@ def contact_grid(cases: Sequence[Posed], max_hz: float) -> PhaseGrid:
     )
 
 
-def pair_loss(faulty: PosedMesh, healthy: PosedMesh) -> float:
-    """Return the share of the stiffness of a pair, integrated over its contact, that is lost."""
-    own, whole = faulty.mechanics.stiffness, healthy.mechanics.stiffness
-    return float(own.period_mesh * (1 - own.mean_n_per_m / whole.mean_n_per_m))
+def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
+    """Solve a mesh or a set on panels of its whole period."""
+    phase = grid.phase
+    kappa = [own.mechanics.stiffness.at(phase + own.lead) for own in posed.members]
+    return PeriodicMotion(
+        grid=grid,
+        around=posed.around,
+        kappa=posed.scale * np.array(kappa),
+        excitation=_moved(posed, phase) if posed.is_excited else None,
+    )
 
 
-def _refined(
+def _solved(
+    healthy: PosedStage,
+    faulty: Sequence[PosedStage],
     grid: PhaseGrid,
+    max_hz: float,
     tolerance: float,
-    solve: Callable[[PhaseGrid], _Motion],
-    unresolved: Callable[[_Motion], float],
-) -> _Motion:
+) -> tuple[Deviations, IntArray, IntArray, ComplexArray, ComplexArray]:
+    """Return turns, places of their lines, the healthy ones, and what faults add in each turn."""
+    period = max(posed.period for posed in faulty)
+    found = _refined(grid, tolerance, lambda own: _changes(healthy, faulty, own, period))
+    count = _count(healthy, max_hz, period)
+    number, carrier, added = healthy.heard(found, count, period)
+    of_mesh, beside, sound = healthy.heard(found.mesh, count // period, 1)
+    number = np.concatenate([number, of_mesh * period])
+    carrier = np.concatenate([carrier, beside])
+    lines = np.zeros((1 + len(added), len(number)), dtype=np.complex128)
+    lines[1:, : added.shape[1]], lines[0, added.shape[1] :] = added, sound[0]
+    span = 1 + 2 * int(np.abs(carrier).max(initial=0))
+    first, lines = added_up(number * span + carrier, lines)
+    return found, number[first], carrier[first], lines[0], lines[1:]
+
+
+def _changes(
+    healthy: PosedStage, faulty: Sequence[PosedStage], grid: PhaseGrid, period: int
+) -> Deviations:
+    """Return what faults of teeth change in a turn of P mesh periods, case by case."""
+    where = tuple(sorted({place for posed in faulty for place in _changed(posed, period)})) or (0,)
+    phases = np.array(where)[:, None, None] + grid.phase
+    delta = np.zeros((len(faulty), len(where), len(healthy.members), *grid.phase.shape))
+    # sizes of a kind may share a pulse
+    known: dict[tuple[object, ...], FloatArray] = {}
+    for posed, own in zip(faulty, delta, strict=True):
+        for number, mesh in enumerate(posed.members):
+            for train in mesh.mechanics.stiffness.pulses:
+                for term in train.terms:
+                    place = (term.pulse, term.offset, term.face_start, term.face_end)
+                    key = (*place, train.period_mesh, mesh.lead)
+                    if key not in known:
+                        alone = replace(train, terms=(replace(term, weight=healthy.scale),))
+                        known[key] = alone.at(phases + mesh.lead)
+                    own[:, number] += term.weight * known[key]
+    excitation = None
+    if any(posed.is_excited for posed in faulty):
+        excitation = np.zeros(delta.shape)
+        for turn, posed in enumerate(faulty):
+            if posed.is_excited:
+                excitation[turn] = _moved(posed, phases).swapaxes(0, 1)
+    return deviations(periodic_motion(healthy, grid), period, where, delta, excitation)
+
+
+def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Motion]) -> _Motion:
     """Solve on panels that are halved until no more than the tolerance is left unresolved."""
     found = solve(grid)
     for _ in range(MOST_HALVINGS):
-        if unresolved(found) <= tolerance:
+        if found.unresolved.max() <= tolerance:
             break
         grid = grid.halved()
         found = solve(grid)
     return found
 
 
-def _with(even: Heard, added: Heard, turn: int, period: int) -> Heard:
-    """Return what a fault adds in one of the turns together with the even lines."""
-    number = np.concatenate([added.number, even.number * period])
-    carrier = np.concatenate([added.carrier, even.carrier])
-    span = 1 + 2 * int(np.abs(carrier).max(initial=0))
-    _, first, where = np.unique(number * span + carrier, return_index=True, return_inverse=True)
-    lines = np.zeros(len(first), dtype=np.complex128)
-    np.add.at(lines, where, np.concatenate([added.lines[turn], even.lines[0]]))
-    return Heard(number[first], carrier[first], lines[None], even.mean + added.mean[turn])
+def _each(
+    posed: Sequence[PosedStage],
+    found: PeriodicMotion | Deviations,
+    mean_m: FloatArray,
+    lines: ComplexArray,
+    **same: Any,
+) -> list[MeshLines]:
+    """Return the lines of each turn by themselves."""
+    lost = (found.least_force <= 0).tolist()
+    told = zip(posed, lines, found.unresolved.tolist(), lost, mean_m.tolist(), strict=True)
+    names = ("posed", "displacement", "error", "contact_lost", "mean_m")
+    return [MeshLines(**dict(zip(names, own, strict=True)), **same) for own in told]
 
 
-def _lines(
-    posed: Posed, period: int, heard: Heard, method: str, error: float, lost: bool
-) -> MeshLines:
-    return MeshLines(
-        mechanics=posed.mechanics,
-        mesh_order=posed.order,
-        period=period,
-        number=heard.number,
-        carrier=heard.carrier,
-        pass_order=posed.pass_order,
-        displacement=heard.lines[0],
-        marked=posed.marked if period > 1 else {},
-        method=method,
-        error=error,
-        contact_lost=lost,
-        mean_m=float(heard.mean[0]),
-    )
-
-
-def _count(posed: Posed, max_hz: float, period: int) -> int:
+def _count(posed: PosedStage, max_hz: float, period: int) -> int:
     return math.floor(max_hz / posed.mechanics.mesh_frequency_hz * period * (1 + 1e-12))
 
 
-def _kappa(posed: Posed, grid: PhaseGrid, places: Sequence[int]) -> FloatArray:
-    """Return kappa in some mesh periods, shape (places, meshes, panels, points)."""
-    phases = np.asarray(places)[:, None, None] + grid.phase
-    found = [mesh.mechanics.stiffness.at(phases + lead) for mesh, lead in posed.members]
-    return np.asarray(np.stack(found, axis=1) * posed.scale)
+def _moved(posed: PosedStage, phases: FloatArray) -> FloatArray:
+    """Return e [m] of every mesh at some phases, (meshes, *phases.shape)."""
+    found = np.zeros((len(posed.members), *phases.shape))
+    for own, moved in zip(posed.members, found, strict=True):
+        if own.excitation is not None:
+            moved[:] = own.excitation.at(phases + own.lead)
+    return found
 
 
-def _moved(posed: Posed, grid: PhaseGrid, places: Sequence[int]) -> FloatArray:
-    """Return e [m] there, same shape."""
-    phases = np.asarray(places)[:, None, None] + grid.phase
-    found = [
-        np.zeros(phases.shape) if mesh.excitation is None else mesh.excitation.at(phases + lead)
-        for mesh, lead in posed.members
-    ]
-    return np.stack(found, axis=1)
-
-
-def _is_local(posed: Posed) -> bool:
-    return all(mesh.is_local for mesh, _ in posed.members)
-
-
-def _errors(mesh: PosedMesh) -> tuple[TurningError | FlankError, ...]:
-    return () if mesh.excitation is None else mesh.excitation.errors
-
-
-def _changed(posed: Posed, period: int) -> set[int]:
+def _changed(posed: PosedStage, period: int) -> set[int]:
     """Mesh periods of P in which a mesh differs."""
     found: set[int] = set()
-    for mesh, lead in posed.members:
+    for mesh in posed.members:
         stiffness = mesh.mechanics.stiffness
         spans = [
-            (
-                term.offset,
-                term.pulse.length + term.face_end * train.overlap_ratio,
-                train.period_mesh,
-            )
+            (t.offset, t.pulse.length + t.face_end * train.overlap_ratio, train.period_mesh)
             for train in stiffness.pulses
-            for term in train.terms
+            for t in train.terms
         ]
         spans += [
             ((e.tooth or 1) - 1, stiffness.total_contact_ratio, e.period_mesh)
-            for e in _errors(mesh)
+            for e in mesh.errors
             if isinstance(e, FlankError)
         ]
         for start, length, repeats in spans:
-            first = math.floor(start - lead + 1e-9)
-            last = math.ceil(start - lead + length - 1e-9)
+            first = math.floor(start - mesh.lead + 1e-9)
+            last = math.ceil(start - mesh.lead + length - 1e-9)
             for turn in range(0, period, repeats):
                 found.update((turn + i) % period for i in range(first, max(last, first + 1)))
     return found
 
 
-def _cycles(posed: Posed, highest_hz: float) -> float:
+def _cycles(posed: PosedStage, highest_hz: float) -> float:
     """Return the cycles a mesh period that panels are to follow: motion times highest line.
 
     The motion itself is followed with a margin, also where no high line is asked for.
     """
-    natural, trains = posed.highest_natural_hz, posed.members[0][0].mechanics.stiffness.trains
+    natural, trains = posed.highest_natural_hz, posed.members[0].mechanics.stiffness.trains
     terms = [term for train in trains for term in train.terms]
     fastest = max((term.pulse.fastest for term in terms), default=0.0) / (2 * math.pi)
     mesh_hz = posed.mechanics.mesh_frequency_hz
@@ -265,23 +256,23 @@ def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[i
             limits = term.offset + term.pulse.edges
             yield train.period_mesh, np.add.outer(np.unique(faces), limits).ravel()
     overlap = posed.mechanics.stiffness.overlap_ratio
-    for error in _errors(posed):
+    for error in posed.errors:
         if isinstance(error, FlankError):
             limits = (error.tooth or 1) - 1 + error.gap.edges
             yield error.period_mesh, np.add.outer([0.0, overlap], limits).ravel()
 
 
-def _turn_grid(posed: Posed, highest_hz: float) -> PhaseGrid:
+def _turn_grid(posed: PosedStage, highest_hz: float) -> PhaseGrid:
     """Return panels round a turn, with edges at all corners of stiffness and excitation."""
     period, found = posed.period, []
-    for mesh, lead in posed.members:
-        stiffness = mesh.mechanics.stiffness
+    for mesh in posed.members:
+        stiffness, lead = mesh.mechanics.stiffness, mesh.lead
         # the last one moves with all gears
         moving = stiffness.modulations[-1:]
         found += [train.corners(train.offsets, period) - lead for train in moving]
         # damaged teeth lose what they lose where the teeth would be without the errors, and single
         # errors are shared as by these
-        apart = moving and not any(isinstance(error, FlankError) for error in _errors(mesh))
+        apart = moving and not any(isinstance(error, FlankError) for error in mesh.errors)
         still = stiffness.pulses if apart else stiffness.trains
         for repeats, corners in _corners(mesh, still):
             found.append(np.add.outer(np.arange(0, period, repeats), corners).ravel() - lead)
@@ -394,52 +385,39 @@ def loss_response(
     >>> response.teeth, response.acceleration.shape == response.order.shape
     (23, True)
     """
-    if kind not in ("crack", "stiffness", "breakage", "pitting", "spall"):
-        raise ArgumentError(
-            f"kind={kind!r} must be one of: crack, stiffness, breakage, pitting, spall"
-        )
+    check_word("kind=", kind, ("crack", "stiffness", "breakage", "pitting", "spall"))
     machine = load_machine(machine)
-    place = mesh_with(machine, stage, gear)
+    check_range("stage", stage, 1, len(machine.stages))
+    places = {own: mesh for (at, own), mesh in gear_places(machine).items() if at == stage}
+    check_word("gear ", gear, places)
     check_range("loss", loss, 0.0, 0.999)
     text = f"{kind}:{stage}:{gear}:1:{float(loss) or SMALL_LOSS!r}"
     healthy, faulty = (
-        posed_stage(machine, stage, operating, wrong, form=form, mesh=place)
+        posed_stage(machine, stage, operating, wrong, form=form, mesh=places[gear])
         for wrong in ((), (text,))
     )
     highest_hz = healthy.limit_hz(None)
     if max_order is not None:
         check_positive("max_order", max_order)
         highest_hz = max_order * machine.operating[operating].shaft1_hz
-    teeth = faulty.period
-    count = _count(healthy, highest_hz, teeth)
-    if count < 1:
+    if _count(healthy, highest_hz, faulty.period) < 1:
         raise ArgumentError(f"max_order={max_order} lies below the first line: nothing is left")
     grid = contact_grid([healthy, faulty], highest_hz)
-    lost = max(
-        pair_loss(own, even)
-        for (own, _), (even, _) in zip(faulty.members, healthy.members, strict=True)
-    )
-    changes = contact_changes(healthy, [faulty], grid, teeth)
-    if not loss:
-        where = changes.where
-        changes = lines_per_unit(changes.mesh, teeth, where, _kappa(faulty, grid, where))
-    added = healthy.heard(changes, count, teeth)
-    sound = healthy.heard(changes.mesh, count // teeth, 1)
-    still, none = (replace(own, lines=0 * own.lines) for own in (sound, added))
-    table, change = _with(sound, none, 0, teeth), _with(still, added, 0, teeth).lines[0]
-    turns = table.number / teeth + table.carrier * float(healthy.pass_order)
+    _, number, carrier, even, (added,) = _solved(healthy, [faulty], grid, highest_hz, math.inf)
+    turns = number / faulty.period + carrier * float(healthy.pass_order)
     to_acceleration = -((2 * math.pi * turns * healthy.mechanics.mesh_frequency_hz) ** 2)
+    lost = faulty.loss(healthy)
     return LossResponse(
         stage=stage,
         gear=gear,
         kind=kind,
-        teeth=teeth,
+        teeth=faulty.period,
         operating=operating,
         loss=lost if loss else 0.0,
-        number=table.number,
-        carrier=table.carrier,
+        number=number,
+        carrier=carrier,
         order=np.asarray(turns * healthy.order),
         frequency_hz=np.asarray(turns * healthy.mechanics.mesh_frequency_hz),
-        acceleration=to_acceleration * change / lost,
-        mesh_acceleration=to_acceleration * table.lines[0],
+        acceleration=to_acceleration * added / lost,
+        mesh_acceleration=to_acceleration * even,
     )

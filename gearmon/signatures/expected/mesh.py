@@ -1,10 +1,28 @@
-"""One mesh of a machine with what is wrong with it, posed for whoever solves it; and its lines.
+"""Meshes of a machine with what is wrong with them, posed for whoever solves them.
 
-Each mesh is taken by itself, at one operating point. A healthy mesh repeats every mesh period;
-with damaged teeth or errors on one gear it repeats every turn of that gear. Errors and lost profile
-act as displacement excitation e(t) in ``m z'' + c (z - e)' + k(t) (z - e) = F``. Lines are those of
-the motion z along the line of action, before any path to a sensor: without errors the deflection of
-the teeth.
+Each stage is taken at one operating point. A pair is taken by itself: a healthy one repeats every
+mesh period, with damaged teeth or errors on one gear every turn of that gear. Errors and lost
+profile act as displacement excitation e(t) in ``m z'' + c (z - e)' + k(t) (z - e) = F``.
+
+A planetary set vibrates as a part of its machine (`gears.drive_train`): the stiffness of each of
+its meshes varies, each in its phase, those of other stages stay at their means. A damaged tooth of
+the sun or the ring meets every planet in turn; that of a planet, the first one, meets the sun and,
+half a turn of the planet later, the ring.
+
+Of the forces F_p of planet p, in both of its meshes, the share d is heard only as it passes the
+sensor,
+
+    g_p(t) = 1 - d/2 + (d/2) cos(2 pi f_c t + psi_p),
+
+so that every line of the forces has sidebands one turn of the carrier apart: line r of the turn of
+a gear with z teeth is heard at (r/z) f_m + s f_c, s = -1, 0, 1, with w_s sum_p F_rp exp(i s psi_p),
+w_0 = 1 - d/2, w_+-1 = d/4. The N equal planets of an equally spaced healthy set leave the lines
+with k z_r + s divisible by N (McFadden and Smith, Proc. IMechE 199 C1 (1985) 65).
+
+Lines are those of the motion z of a pair along the line of action, before any path to a sensor:
+without errors the deflection of the teeth. Its dynamic force is -m z''. So they follow from the
+force, and those of a set are told alike: as force on the housing over the equivalent mass of the
+sun-planet mesh.
 """
 
 from __future__ import annotations
@@ -13,51 +31,32 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from gearmon.dynamics import HillProblem
-from gearmon.errors import ArgumentError, check_range, nearest_name
-from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
+from gearmon.errors import ArgumentError, check_range
+from gearmon.gears.assembly import drive_train
+from gearmon.gears.drive_train import DriveTrain
+from gearmon.gears.excitation import Excitation, FlankError, TurningError, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
-from gearmon.gears.kinematics import kinematics
+from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.machine import Machine, OperatingPoint
+from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
 
 Wrong = Fault | GearError
 
-#: What the phases and amplitudes of all expected lines mean.
-AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
-
-
-@dataclass(frozen=True, eq=False)
-class Heard:
-    """Lines of several turns.
-
-    Parameters
-    ----------
-    number, carrier : ndarray of int, shape (n,)
-        A line lies at number/P mesh orders and `carrier` turns of the carrier.
-    lines : ndarray of complex, shape (turns, n)
-        As `MeshLines.displacement`.
-    mean : ndarray, shape (turns,)
-        Mean deflection of the mesh, of a set that of the first one [m].
-    """
-
-    number: IntArray
-    carrier: IntArray
-    lines: ComplexArray
-    mean: FloatArray
+#: Share of what planets bring to a line up to which they cancel.
+CANCELLED = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PosedMesh:
-    """One mesh at one operating point, with its faults and errors, ready to be solved.
+    """One mesh at one operating point, with its faults and errors.
 
     Parameters
     ----------
@@ -65,16 +64,21 @@ class PosedMesh:
         With the faults.
     excitation : Excitation or None
         None where nothing moves the flanks.
-    order : float
-        Mesh frequency over that of shaft 1.
+    lead : float
+        Mesh periods by which it is ahead of the first one of its stage.
     warnings : tuple of str
         What was asked for and does not act.
     """
 
     mechanics: StageMechanics
     excitation: Excitation | None
-    order: float
+    lead: float = 0.0
     warnings: tuple[str, ...] = ()
+
+    @property
+    def errors(self) -> tuple[TurningError | FlankError, ...]:
+        """What moves the flanks."""
+        return () if self.excitation is None else self.excitation.errors
 
     @property
     def period(self) -> int:
@@ -87,67 +91,201 @@ class PosedMesh:
         """Gears that differ from tooth to tooth, and their teeth."""
         trains = [t for t in self.mechanics.stiffness.marks if " and " not in t.gear]
         found = {train.gear: train.period_mesh for train in trains}
-        errors = () if self.excitation is None else self.excitation.errors
-        return found | {error.gear: error.teeth for error in errors if error.period_mesh > 1}
+        return found | {error.gear: error.teeth for error in self.errors if error.period_mesh > 1}
 
     @property
     def is_local(self) -> bool:
         """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
-        errors = () if self.excitation is None else self.excitation.errors
         return not self.mechanics.stiffness.modulations and all(
-            isinstance(error, FlankError) or error.period_mesh == 1 for error in errors
+            isinstance(error, FlankError) or error.period_mesh == 1 for error in self.errors
         )
 
     @property
-    def members(self) -> tuple[tuple[PosedMesh, float], ...]:
-        """Its meshes, each with its lead [mesh periods]: itself."""
-        return ((self, 0.0),)
+    def sound(self) -> PosedMesh:
+        """The same mesh with nothing wrong with single teeth."""
+        mechanics = replace(self.mechanics, stiffness=self.mechanics.stiffness.unmarked)
+        return replace(self, mechanics=mechanics, excitation=None)
+
+    def scaled(self, factor: float) -> PosedMesh:
+        """Return the mesh with `factor` times the loss of stiffness of its damaged teeth."""
+        stiffness = self.mechanics.stiffness
+        pulses = [
+            replace(train, terms=tuple(replace(t, weight=factor * t.weight) for t in train.terms))
+            for train in stiffness.pulses
+        ]
+        changed = replace(stiffness, pulses=tuple(pulses))
+        return replace(self, mechanics=replace(self.mechanics, stiffness=changed))
+
+    def loss(self, whole: PosedMesh) -> float:
+        """Return the share of the stiffness of a pair, integrated over its contact, that is lost.
+
+        A stiffness that errors modulate loses nothing: its mean wanders a little.
+        """
+        own, even = self.mechanics.stiffness, whole.mechanics.stiffness
+        if own.modulations:
+            return 0.0
+        return float(own.period_mesh * (1 - own.mean_n_per_m / even.mean_n_per_m))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PosedStage:
+    """A pair, or all meshes of a planetary set, at one operating point, ready to be solved.
+
+    Parameters
+    ----------
+    members : tuple of PosedMesh
+        Of a set the sun-planet meshes, then the planet-ring meshes.
+    mesh : Mesh
+        Its kinematics.
+    train : DriveTrain or None
+        The machine around it; None for a mesh that is taken by itself.
+    angles_rad : ndarray, shape (planets,)
+        psi, where the planets sit.
+    note : str
+        Why it is not taken as a whole.
+    """
+
+    members: tuple[PosedMesh, ...]
+    mesh: Mesh
+    train: DriveTrain | None = None
+    angles_rad: FloatArray
+    note: str = ""
+
+    @property
+    def mechanics(self) -> StageMechanics:
+        """Of its first mesh."""
+        own = self.members[0].mechanics
+        return own if self.train is None else replace(own, assumptions=self.train.notes)
+
+    @property
+    def order(self) -> float:
+        """Mesh frequency over that of shaft 1."""
+        return self.mesh.order
+
+    @property
+    def carrier(self) -> Fraction:
+        """Signed order of a carrier whose planets pass the housing, over that of shaft 1."""
+        return Fraction(0) if self.train is None else self.mesh.carrier
 
     @property
     def pass_order(self) -> Fraction:
-        """Signed order of a carrier over that of the mesh: 0, nothing passes."""
-        return Fraction(0)
+        """The same over the order of the mesh."""
+        return self.carrier / self.mesh.exact
+
+    @property
+    def period(self) -> int:
+        """P, mesh periods after which it repeats."""
+        return math.lcm(*(mesh.period for mesh in self.members))
+
+    @property
+    def marked(self) -> dict[str, int]:
+        """Gears that differ from tooth to tooth, and their teeth."""
+        return {gear: z for mesh in self.members for gear, z in mesh.marked.items()}
+
+    @property
+    def is_excited(self) -> bool:
+        """Whether anything moves the flanks."""
+        return any(mesh.excitation is not None for mesh in self.members)
+
+    @property
+    def is_local(self) -> bool:
+        """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
+        return all(mesh.is_local for mesh in self.members)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is to be said of its teeth, and what was asked for and acts in no mesh."""
+        told = [(*mesh.mechanics.warnings, *mesh.warnings) for mesh in self.members]
+        every = dict.fromkeys(word for own in told for word in own)
+        mild = ("fault ", "error ")
+        kept = (w for w in every if not w.startswith(mild) or all(w in own for own in told))
+        return (*kept, *filter(None, [self.note]))
+
+    @property
+    def sound(self) -> PosedStage:
+        """The same with nothing wrong with single teeth."""
+        return replace(self, members=tuple(mesh.sound for mesh in self.members))
+
+    def scaled(self, factor: float) -> PosedStage:
+        """Return the stage with `factor` times the loss of stiffness of its damaged teeth."""
+        return replace(self, members=tuple(mesh.scaled(factor) for mesh in self.members))
+
+    def loss(self, whole: PosedStage) -> float:
+        """Return the greatest loss of its meshes, see `PosedMesh.loss`."""
+        both = zip(self.members, whole.members, strict=True)
+        return max(own.loss(even) for own, even in both)
 
     @property
     def scale(self) -> float:
-        """T^2/m, what makes kappa of a stiffness."""
+        """What makes kappa of a stiffness: T^2/m, of a set T^2, in modes of unit mass [s2/kg]."""
         own = self.mechanics
-        return 1 / (own.equivalent_mass_kg * own.mesh_frequency_hz**2)
-
-    @property
-    def around(self) -> Surroundings:
-        """What is around the mesh: the mass."""
-        own = self.mechanics
-        damping = own.damping_ns_per_m * self.scale * own.mesh_frequency_hz
-        return Surroundings.of_pair(damping, own.force_n * self.scale)
+        mass = own.equivalent_mass_kg if self.train is None else 1.0
+        return 1 / (mass * own.mesh_frequency_hz**2)
 
     @property
     def highest_natural_hz(self) -> float:
         """Highest natural frequency [Hz]."""
-        return self.mechanics.natural_frequency_hz
+        if self.train is None:
+            return self.mechanics.natural_frequency_hz
+        return math.sqrt(self.train.modes[0][-1]) / (2 * math.pi)
 
-    def heard(self, made: PeriodicMotion | Deviations, highest: int, period: int) -> Heard:
-        """Return the lines 1..highest of a period: those of the motion along the line of action."""
-        del period
-        lines = np.atleast_2d(made.lines(highest))
-        still = np.zeros(highest, dtype=int)
-        return Heard(np.arange(1, highest + 1), still, lines, made.mean_deflection[:, 0])
-
-    @property
-    def sound(self) -> PosedMesh:
-        """The same mesh with nothing wrong."""
-        mechanics = replace(self.mechanics, stiffness=self.mechanics.stiffness.unmarked)
-        return replace(self, mechanics=mechanics, excitation=None)
+    @cached_property
+    def around(self) -> Surroundings:
+        """What is around its meshes: the mass of a pair, or the machine in modes."""
+        own, rate = self.mechanics, self.scale * self.mechanics.mesh_frequency_hz
+        if self.train is None:
+            return Surroundings.of_pair(own.damping_ns_per_m * rate, own.force_n * self.scale)
+        around = self.train.around(self.train.meshes(own.stage))
+        whole = around.damping + (around.vectors.T * around.dampers) @ around.vectors
+        return Surroundings(
+            stiffness=around.stiffness * self.scale,
+            damping=whole * rate,
+            vectors=around.vectors,
+            dampers=around.dampers * rate,
+            force=around.shapes.T @ self.train.load({own.stage: own.force_n}) * self.scale,
+        )
 
     def limit_hz(self, max_hz: float | None) -> float:
         """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
         if max_hz is not None:
             return max_hz
-        own = self.mechanics
+        own = self.members[0].mechanics
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
+    def heard(
+        self, made: PeriodicMotion | Deviations, highest: int, period: int
+    ) -> tuple[IntArray, IntArray, ComplexArray]:
+        """Return the lines 1..highest of a period, of a set with sidebands of the planet pass.
+
+        Returns
+        -------
+        number, carrier : ndarray of int, shape (n,)
+            A line lies at number/P mesh orders and `carrier` turns of the carrier.
+        lines : ndarray of complex, shape (turns, n)
+            As `MeshLines.displacement`.
+        """
+        forces = made.force_lines(highest) / self.scale
+        planets = len(self.angles_rad)
+        shape = len(forces), len(self.members) // planets, planets, highest
+        forces = forces.reshape(shape).sum(axis=1)
+        sides = np.array([-1, 0, 1] if self.carrier else [0])
+        turned = np.exp(1j * np.outer(sides, self.angles_rad))
+        depth = PLANET_PASS_DEPTH if self.carrier else 0.0
+        weights = np.where(sides == 0, 1 - depth / 2, depth / 4)
+        lines = weights[:, None] * np.einsum("sp,tpr->tsr", turned, forces)
+        number = np.arange(1, highest + 1)
+        turn = number / period + sides[:, None] * float(self.pass_order)
+        kept = turn > 0
+        if self.train is not None:
+            brought = np.abs(forces).sum(axis=1).max(axis=0)
+            kept &= np.abs(lines).max(axis=0) > CANCELLED * brought
+        which, line = np.nonzero(kept)
+        own, mass = self.mechanics, self.members[0].mechanics.equivalent_mass_kg
+        angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
+        return number[line], sides[which], np.asarray(lines[:, which, line] / (mass * angular**2))
+
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
-        """Return its equation without excitation, given the harmonics of its stiffness."""
+        """Return the equation of a pair without excitation, by the harmonics of its stiffness."""
         own = self.mechanics
         return HillProblem(
             mass_kg=own.equivalent_mass_kg,
@@ -167,8 +305,8 @@ def posed_mesh(
     *,
     form: str = "parabolic",
     mesh: int = 0,
-) -> PosedMesh:
-    """Pose a mesh with what is wrong with it.
+) -> PosedStage:
+    """Pose a mesh, taken by itself, with what is wrong with it.
 
     Parameters
     ----------
@@ -190,22 +328,110 @@ def posed_mesh(
         fit it.
     """
     check_range("stage", stage, 1, len(machine.stages))
-    point = operating_point(machine, operating)
-    known = [parse_fault_or_error(one) if isinstance(one, str) else one for one in wrong]
-    own = [one for one in known if one.stage == stage]
+    own = _meshed(machine, stage, operating, _parsed(wrong), form, mesh)
+    return PosedStage(members=(own,), mesh=kinematics(machine).mesh(stage), angles_rad=np.zeros(1))
+
+
+def _parsed(wrong: Iterable[Wrong | str]) -> list[Wrong]:
+    return [parse_fault_or_error(one) if isinstance(one, str) else one for one in wrong]
+
+
+def _meshed(
+    machine: Machine, stage: int, operating: int, wrong: list[Wrong], form: str, mesh: int
+) -> PosedMesh:
+    own = [one for one in wrong if one.stage == stage]
     faults = [fault for fault in own if isinstance(fault, Fault)]
     errors = [error for error in own if isinstance(error, GearError)]
+    point = operating_point(machine, operating)
     mechanics = stage_mechanics(
         machine, stage, point, faults=faults, errors=errors, form=form, mesh=mesh
     )
-    excitation: Excitation | None = None
-    warnings: tuple[str, ...] = ()
-    if own:
-        pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[mesh]
-        found = displacement_excitation(pair, mechanics.stiffness, errors, faults)
-        excitation, warnings = found if found.errors else None, found.warnings
-    order = kinematics(machine).mesh(stage).order
-    return PosedMesh(mechanics=mechanics, excitation=excitation, order=order, warnings=warnings)
+    if not own:
+        return PosedMesh(mechanics=mechanics, excitation=None)
+    pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[mesh]
+    found = displacement_excitation(pair, mechanics.stiffness, errors, faults)
+    return PosedMesh(
+        mechanics=mechanics,
+        excitation=found if found.errors else None,
+        warnings=found.warnings,
+    )
+
+
+def posed_set(
+    machine: Machine,
+    stage: int,
+    operating: int = 0,
+    wrong: Iterable[Wrong | str] = (),
+    *,
+    form: str = "parabolic",
+) -> PosedStage:
+    """Pose a planetary set as a part of its machine, with what is wrong with it.
+
+    Parameters
+    ----------
+    machine : Machine
+        With what a baseline and `modes` need.
+    stage, operating, wrong, form
+        As in `posed_mesh`. What concerns one tooth of a planet, or a planet that runs out, concerns
+        the first; wear and profiles concern all of them.
+
+    Raises
+    ------
+    ArgumentError
+        If the stage is not planetary, the machine lacks data, or a fault does not fit it.
+    """
+    check_range("stage", stage, 1, len(machine.stages))
+    own = machine.stages[stage - 1]
+    if not isinstance(own, PlanetaryStage):
+        raise ArgumentError(f"stage={stage} is not planetary: no planets pass the housing")
+    train = drive_train(machine, operating_point(machine, operating), form)
+    before = sum(isinstance(other, PlanetaryStage) for other in machine.stages[: stage - 1])
+    known = _parsed(wrong)
+    shared = [one for one in known if one.gear != "planet" or one.kind in ("wear", "profile")]
+    members = []
+    for side in (0, 1):
+        first = _meshed(machine, stage, operating, known, form, side)
+        other = first
+        if len(shared) < len(known):
+            other = _meshed(machine, stage, operating, shared, form, side)
+        leads = [spring.phase for spring in train.meshes(stage)[side * own.planets :]]
+        members += [replace(other if i else first, lead=leads[i]) for i in range(own.planets)]
+    return PosedStage(
+        members=tuple(members),
+        mesh=kinematics(machine).mesh(stage),
+        train=train,
+        angles_rad=train.planets[before].angles_rad,
+    )
+
+
+def posed_stage(
+    machine: Machine,
+    stage: int,
+    operating: int = 0,
+    wrong: Iterable[Wrong | str] = (),
+    *,
+    form: str = "parabolic",
+    mesh: int = 0,
+) -> PosedStage:
+    """Pose a stage: a pair, or a planetary set as a whole if the machine file says enough.
+
+    Parameters
+    ----------
+    machine, stage, operating, wrong, form, mesh
+        As in `posed_mesh`, which is taken where the set cannot be.
+    """
+    if not isinstance(machine.stages[stage - 1], PlanetaryStage):
+        return posed_mesh(machine, stage, operating, wrong, form=form)
+    faults = tuple(wrong)
+    try:
+        found = posed_set(machine, stage, operating, faults, form=form)
+        if found.is_local:
+            return found
+        why = "an error of a turning gear acts all through the turn"
+    except ArgumentError as error:
+        why = str(error)
+    alone = posed_mesh(machine, stage, operating, faults, form=form, mesh=mesh)
+    return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
 
 
 def mesh_problem(
@@ -253,205 +479,11 @@ def operating_point(machine: Machine, number: int) -> OperatingPoint:
     return machine.operating[number]
 
 
-def mesh_with(machine: Machine, stage: int, gear: str) -> int:
-    """Return in which mesh of its stage a gear is taken: that with the sun, but for the ring.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such stage, or no such gear in it.
-    """
-    check_range("stage", stage, 1, len(machine.stages))
-    pairs = mesh_pairs(machine.stages[stage - 1], stage, machine.path)
-    for number, pair in enumerate(pairs):
-        if gear in (member.name for member in pair.members):
-            return number
-    known = list(dict.fromkeys(m.name for pair in pairs for m in pair.members))
-    near = nearest_name(gear, known)
-    hint = f"; did you mean {near}?" if near else ""
-    raise ArgumentError(f"gear {gear!r} is not in stage {stage}: {', '.join(known)}{hint}")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MeshLines:
-    """Lines of one mesh.
-
-    Parameters
-    ----------
-    mechanics : StageMechanics
-        Of this mesh, with its faults.
-    mesh_order : float
-        Mesh frequency over that of shaft 1.
-    period : int
-        P, the true period [mesh periods]; 1 where all are alike.
-    number : ndarray of int, shape (n,)
-        r: frequencies r/P of the mesh frequency.
-    carrier : ndarray of int, shape (n,)
-        s: turns of the carrier beside them, of sidebands by the planets' pass; else 0.
-    pass_order : Fraction
-        Signed order of the carrier over that of the mesh; 0 where no planets pass.
-    displacement : complex ndarray, shape (n,)
-        z_r [m] of ``z = z_0 + sum (z_r exp(2 pi i r s/P) + conj)`` with s the mesh phase: peak
-        amplitudes are 2 abs(z_r).
-    marked : dict of str to int
-        Gears with damage or errors of their own, and their teeth.
-    method : str
-        How it was solved.
-    error : float
-        Relative error of the acceleration.
-    contact_lost : bool
-        Whether teeth part: the linear model ends there.
-    mean_m : float
-        Mean of z [m].
-    """
-
-    mechanics: StageMechanics
-    mesh_order: float
-    period: int
-    number: IntArray
-    carrier: IntArray
-    pass_order: Fraction = Fraction(0)
-    displacement: ComplexArray
-    marked: dict[str, int]
-    method: str
-    error: float
-    contact_lost: bool
-    mean_m: float
-
-    @property
-    def order(self) -> FloatArray:
-        """Frequencies over that of shaft 1, shape (n,)."""
-        return np.asarray(self._turns * self.mesh_order)
-
-    @property
-    def frequency_hz(self) -> FloatArray:
-        """Frequencies [Hz], shape (n,)."""
-        return np.asarray(self._turns * self.mechanics.mesh_frequency_hz)
-
-    @property
-    def _turns(self) -> FloatArray:
-        """Frequencies over that of the mesh."""
-        return np.asarray(self.number / self.period + self.carrier * float(self.pass_order))
-
-    @property
-    def acceleration(self) -> ComplexArray:
-        """Acceleration lines [m/s2], shape (n,)."""
-        return np.asarray(-((2 * math.pi * self.frequency_hz) ** 2) * self.displacement)
-
-    @property
-    def rms(self) -> float:
-        """Rms of the acceleration of all lines [m/s2]."""
-        return rms(self.acceleration)
-
-    def of_tooth(self, tooth: int = 1) -> MeshLines:
-        """Return the lines for another tooth, in order; those that fall together are added.
-
-        Raises
-        ------
-        ArgumentError
-            If the gear has no such tooth.
-        """
-        check_range("tooth", tooth, 1, self.period)
-        z = self.displacement * np.exp(-2j * np.pi * (tooth - 1) / self.period * self.number)
-        if not self.pass_order:
-            return replace(self, displacement=z)
-        steps, parts = self.pass_order.numerator * self.period, self.pass_order.denominator
-        place = self.number * parts + self.carrier * steps
-        # a mesh line, or one without the carrier, gives its name
-        ranked = np.lexsort((self.carrier != 0, self.number % self.period != 0, place))
-        _, first, where = np.unique(place[ranked], return_index=True, return_inverse=True)
-        total = np.zeros(len(first), dtype=np.complex128)
-        np.add.at(total, where, z[ranked])
-        chosen = ranked[first]
-        return replace(
-            self, number=self.number[chosen], carrier=self.carrier[chosen], displacement=total
-        )
-
-    def columns(self, tooth: int = 1) -> dict[str, npt.NDArray[Any]]:
-        """Return the columns of a `Signature`; where one gear is marked, for another tooth of it.
-
-        Lines are attributed to the nearest mesh harmonic; `sideband_of` is "?" for those that
-        belong to neither gear. Where planets pass there is a column `carrier` more: turns of the
-        carrier beside those of the gear.
-        """
-        own = self.of_tooth(tooth)
-        harmonic = np.ceil(own.number / self.period - 0.5).astype(int)
-        distance = own.number - harmonic * self.period
-        sideband, gear = own._sidebands(distance)
-        carrier = own.carrier.copy()
-        passing = (distance == 0) & (carrier != 0)
-        sideband[passing], carrier[passing], gear[passing] = carrier[passing], 0, "carrier"
-        z, angular = own.displacement, 2 * math.pi * own.frequency_hz
-        found = {
-            "stage": np.full(len(z), self.mechanics.stage),
-            "mesh_harmonic": harmonic,
-            "sideband": sideband,
-            "sideband_of": gear,
-            "order": own.order,
-            "frequency_hz": own.frequency_hz,
-            "displacement_m": 2 * np.abs(z),
-            "velocity_ms": 2 * angular * np.abs(z),
-            "acceleration_ms2": 2 * angular**2 * np.abs(z),
-            "phase_rad": np.angle(z),
-        }
-        return found | ({"carrier": carrier} if self.pass_order else {})
-
-    def _sidebands(self, distance: IntArray) -> tuple[IntArray, npt.NDArray[np.str_]]:
-        """Sideband number and modulating gear of lines by their distance from the mesh harmonic."""
-        number = np.zeros(len(self.number), dtype=int)
-        name = np.full(len(self.number), "?", dtype="U16")
-        for gear, teeth in self.marked.items():
-            step = self.period // teeth
-            own = (self.number % step == 0) & (name == "?")
-            name[own] = gear
-            number[own] = distance[own] // step
-        name[distance == 0] = ""
-        number[distance == 0] = 0
-        return number, name
-
-    def header(self) -> dict[str, Any]:
-        """Return what holds for all of its lines."""
-        own = self.mechanics
-        return {
-            "stage": own.stage,
-            "mesh": own.mesh,
-            "mesh_frequency_hz": own.mesh_frequency_hz,
-            "mean_stiffness_n_per_m": own.stiffness.mean_n_per_m,
-            "stiffness_variation": own.stiffness.variation,
-            "contact_ratio": own.stiffness.contact_ratio,
-            "natural_frequency_hz": own.natural_frequency_hz,
-            "damping_ratio": own.damping_ratio,
-            "force_n": own.force_n,
-            "overlap_ratio": own.stiffness.overlap_ratio,
-            "equivalent_mass_kg": own.equivalent_mass_kg,
-            "damping_ns_per_m": own.damping_ns_per_m,
-            "period_mesh": self.period,
-            "method": self.method,
-            "contact_lost": self.contact_lost,
-            "mean_deflection_m": self.mean_m,
-            "assumptions": list(own.assumptions),
-            "warnings": list(own.warnings),
-        }
-
-
-def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """Return tables one under the other; of a column that one lacks it has zeros."""
-    found = list(tables)
-    names = dict.fromkeys(name for table in found for name in table)
-    return {
-        name: np.concatenate([t.get(name, np.zeros(len(t["stage"]), dtype=int)) for t in found])
-        for name in names
-    }
-
-
-def refuse_no_lines(meshes: Iterable[StageMechanics], max_hz: float | None) -> None:
-    """Say that no line is left below the highest frequency."""
-    lowest = min(mechanics.mesh_frequency_hz for mechanics in meshes)
-    raise ArgumentError(
-        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {lowest:.6g} Hz: no lines"
-    )
-
-
-def rms(lines: ComplexArray | FloatArray) -> float:
-    """Rms of a vibration by its one-sided harmonics, without its mean."""
-    return math.sqrt(2 * float(np.sum(np.abs(lines) ** 2)))
+def gear_places(machine: Machine) -> dict[tuple[int, str], int]:
+    """Return in which mesh of its stage each gear is taken: that with the sun, but for the ring."""
+    found: dict[tuple[int, str], int] = {}
+    for number, stage in enumerate(machine.stages, start=1):
+        for mesh, pair in enumerate(mesh_pairs(stage, number, machine.path)):
+            for member in pair.members:
+                found.setdefault((number, member.name), mesh)
+    return found

@@ -277,13 +277,8 @@ def _teeth(own: Stage, stage: int, gear: str) -> tuple[MeshPair, MeshStiffness, 
     try:
         return pair, mesh_stiffness(pair, number=stage), False
     except GearmonError:
-        told = (
-            "planets",
-            "fixed",
-            "driving",
-            "mesh_stiffness_n_per_m",
-            "ring_mesh_stiffness_n_per_m",
-        )
+        told = {"planets", "fixed", "driving"}
+        told |= {"mesh_stiffness_n_per_m", "ring_mesh_stiffness_n_per_m"}
         given: dict[str, Any] = {
             key.name: _UNIT_STIFFNESS if "stiffness" in key.name else getattr(own, key.name)
             for key in fields(own)
