@@ -38,7 +38,6 @@ import numpy.typing as npt
 from gearmon.dynamics import floquet, period_trace
 from gearmon.dynamics.fourier import (
     Complex,
-    Modulation,
     Real,
     fast_length,
     middle_and_swing,
@@ -64,8 +63,6 @@ class Pattern:
     """
 
     harmonics: Complex
-    #: products by phi made so far, by their sizes
-    products: dict[tuple[int, int, float, bool], Modulation] = field(default_factory=dict)
 
     @cached_property
     def highest(self) -> float:

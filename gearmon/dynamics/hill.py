@@ -333,9 +333,9 @@ class Response(PeriodicVibration):
         Guaranteed bound of the relative L2 error of the acceleration, of the harmonics given here;
         infinite if none could be computed or if there is no steady state.
     method : str
-        "msm", "msm least residual", "harmonic balance" or "sidebands".
+        "msm", "msm least residual", "harmonic balance", "shooting" or "sidebands".
     order : int
-        Number of orders of the expansion used; 0 for harmonic balance.
+        Number of orders of the expansion used; 0 for harmonic balance and shooting.
     stable : bool or None
         Whether free vibrations die out. None only where it could not be settled.
     message : str

@@ -15,7 +15,6 @@ from gearmon.dynamics.fourier import Complex
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.mesh_equations import (
     MOST_ORDERS,
-    SLOWEST,
     Approximation,
     MeshEquations,
     balance,
@@ -24,9 +23,9 @@ from gearmon.dynamics.mesh_equations import (
     plain_sum,
     recombine,
     sharpened,
-    sum_orders,
     widen,
 )
+from gearmon.dynamics.shooting import Shooting, Shot
 from gearmon.dynamics.system import HillSystem, SystemResponse
 from gearmon.errors import ArgumentError, check_range
 
@@ -38,6 +37,7 @@ _HOW = {
     "msm": "plain expansion to order {}",
     "msm least residual": "{} orders recombined by least residual",
     "harmonic balance": "all harmonics solved together",
+    "shooting": "shot round the period",
 }
 _NO_INVERSE = "the inverse operator could not be bounded"
 _TOO_LARGE = "the residual leaves an error as large as the vibration"
@@ -81,9 +81,9 @@ def steady_state(
     tolerance : float
         Relative L2 error of the acceleration to be met, 1e-13 to 1.
     method : str
-        "auto": small problems directly, by harmonic balance; larger ones by the plain sum of the
-        orders of the expansion where that is known to converge fast, else by the orders recombined
-        by least residual, then by harmonic balance if they stall; systems by least residual.
+        "auto": small problems directly, by harmonic balance; larger ones by shooting, and where
+        that misses the tolerance by the orders of the expansion recombined by least residual, then
+        by harmonic balance if they stall; systems by least residual.
         "msm": the plain sum of the orders. "msm least residual" and "harmonic balance": that one.
     order : int, optional
         Number of orders to use, >= 0; by default as many as the tolerance takes. Not for harmonic
@@ -125,6 +125,13 @@ def steady_state(
                 how = "harmonic balance", 0, text + _verdict(bound, tolerance)
                 return _response(problem, displacement, bound, how, stable, pressed)
         equations = equations_of(problem, harmonics)
+        if method == "auto" and order is None:
+            shot = _shot(equations, tolerance)
+            if shot is not None:
+                bound, half = float(shot.relative[0]), shot.lines[:, 0]
+                text = f"{_HOW['shooting']}, harmonics 0 to {len(half) - 1}: "
+                how = "shooting", 0, text + _verdict(bound, tolerance)
+                return _response(problem, _cut(half, harmonics), bound, how, True)
         return _respond(problem, equations, *_solve(equations, tolerance, method, order), tolerance)
     equations = equations_of(problem, harmonics)
     found, way = _solve(equations, tolerance, method, order)
@@ -146,10 +153,6 @@ def _solve(
         improve = lambda x: balance(equations, x.shape[-1] - 1)  # noqa: E731
         return widen(equations, tolerance, improve), method
     free = method == "auto" and order is None
-    if free and equations.gain.stable and equations.convergence < SLOWEST:
-        found = widen(equations, tolerance, lambda x: sum_orders(equations, x, tolerance))
-        if found.bound.relative <= tolerance:
-            return found, "msm"
     found = widen(equations, tolerance, recombined, repeat=order is None)
     if free and _worth_a_matrix(equations, found, tolerance):
         # the core is what a matrix can mend, and a bound of the inverse that is missing or loose
@@ -163,6 +166,20 @@ def _solve(
             if balanced.bound.relative < found.bound.relative:
                 return balanced, "harmonic balance"
     return found, "msm least residual"
+
+
+def _shot(equations: MeshEquations, tolerance: float) -> Shot | None:
+    """Shoot for the motion of a pair, or None where that does not meet the tolerance."""
+    pair, gain = equations.pair, equations.gain.acceleration
+    if not (math.isfinite(gain) and equations.pattern.harmonics.any()):
+        return None
+    highest = first_highest(equations, tolerance)
+    for more in (1.0, 1.5):
+        known = gain[None], equations.pattern, pair.forces, math.ceil(more * highest)
+        shot = Shooting(pair.ratio, pair.zeta, np.ones(1), *known).solve(tolerance, equations.shown)
+        if shot.relative[0] <= tolerance:
+            return shot
+    return None
 
 
 def _check_lines(problem: HillProblem) -> None:
