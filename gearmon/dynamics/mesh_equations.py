@@ -66,21 +66,13 @@ class Bound:
         Guaranteed relative L2 error of the acceleration; may be infinite.
     size : float ndarray
         Rms of the acceleration handed out.
-    core, above, rounding : float ndarray
-        Shares of the bound of the rms error: residual of the core, of all harmonics above it, and
-        rounding.
+    total : float ndarray
+        Bound of the rms error.
     """
 
     relative: Real
     size: Real
-    core: Real
-    above: Real
-    rounding: Real
-
-    @property
-    def total(self) -> Real:
-        """Bound of the rms error."""
-        return self.core + self.above + self.rounding
+    total: Real
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -237,7 +229,7 @@ class MeshEquations:
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = np.where(total < size, total / (size - total), np.inf)
         relative = np.where(total == 0, 0.0, relative)
-        return Bound(relative=relative, size=size, core=inner, above=above, rounding=rounding)
+        return Bound(relative=relative, size=size, total=total)
 
     def _shares(self, residual: Complex, core: int) -> tuple[Real, Real]:
         """Bounds of the error that residuals of the core and above it cause."""

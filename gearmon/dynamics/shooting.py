@@ -92,7 +92,8 @@ class Shooting:
         count = len(pattern.harmonics)
         least = max(2 * (highest + count) + 1, math.ceil(FINENESS * float(ratio.max())))
         self.length = odd_length(least)
-        self.band, self.gain, self.swing = count, gain, scale * pattern.highest
+        self.band, self.gain, self.zeta = count, gain, zeta
+        self.swing = scale * pattern.highest
         x = np.arange(self.length // 2 + 1, dtype=float)[:, None] * (1 / ratio)
         self.squares = x * x
         stiffness = np.empty(x.shape, dtype=complex)
@@ -225,10 +226,13 @@ class Shooting:
         quiet = np.sqrt(self.weights[edge])
         direct += outer * np.maximum(1.16, self.squares[edge] / quiet)
         spread += outer / quiet
-        weights = self.squares[: None if shown is None else shown + 1] ** 2
-        size = _norm(sizes[: len(weights)], weights)
-        depth = 8 + 2 * math.log2(self.length)
-        rounding = UNIT_ROUNDOFF * ((2 + depth * self.swing) * _norm(sizes, 1.0) + 8 * size)
+        whole, depth = _norm(sizes, 1.0), 8 + 2 * math.log2(self.length)
+        size = moved = _norm(sizes, self.squares**2)
+        # of products by phi, and of the forces of spring, mass and damper
+        rounding = (2 + depth * self.swing) * whole + 8 * moved
+        rounding = UNIT_ROUNDOFF * (rounding + 8 * self.zeta * np.sqrt(moved * whole))
+        if shown is not None:
+            size = _norm(sizes[: shown + 1], self.squares[: shown + 1] ** 2)
         error = direct + self.gain * (inner + self.swing * spread + rounding)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(error < size, error / (size - error), np.inf)
