@@ -26,9 +26,9 @@ order zero by default. Transients are in `motion`.
 Mass, damping, mean stiffness and period enter through D_n alone, the size of the variation through
 its power and the force as a factor: other values are substituted in the same orders (`Formula`).
 
-Where a line comes from. Order k of line n is a sum over paths: start at a line s that a force drives, take k steps by
-stiffness harmonics j_1, ..., j_k (negative for the conjugate) with s + j_1 + ... + j_k = n, and
-gain 1/D at every line on the way:
+Where a line comes from. Order k of line n is a sum over paths: start at a line s that a force
+drives, take k steps by stiffness harmonics j_1, ..., j_k (negative for the conjugate) with
+s + j_1 + ... + j_k = n, and gain 1/D at every line on the way:
 
     Z^(k)_n = (-1)^k sum_paths (f_s/k0)/D_s * c_{j1}/D_{s+j1} * c_{j2}/D_{s+j1+j2} ... c_{jk}/D_n
 

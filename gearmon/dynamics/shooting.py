@@ -3,7 +3,8 @@
 Between S equal steps of the period the mean spring answers exactly. With D_n the dynamic stiffness
 and theta = 2 pi n/S, the product T/D_n, T = e^{i theta} - (m+ + m-) + m+ m- e^{-i theta} with
 m+- = e^{h s+-} the multipliers of a step, is smooth: its poles cancel. Replaced by the three terms
-B = b+ e^{i theta} + b + b- e^{-i theta} that agree with it at the mean and at the natural frequency,
+B = b+ e^{i theta} + b + b- e^{-i theta} that agree with it at the mean and at the natural
+frequency,
 
     u = u0 - (1/D) phi u    becomes    (T + B phi) u = T u0,
 
