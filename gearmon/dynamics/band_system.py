@@ -81,8 +81,9 @@ class BandSystem:
         self.unit = force / problem.stiffness_n_per_m
         self.mean = problem.force_n / force if force else 0.0
         self.swing = 2 * self.sum
-        #: max|phi| max 1/|D| over all frequencies
-        self.loop = self.swing * peak(self.zeta)
+        #: max 1/|D| over all frequencies, and times max|phi|
+        self.peak = peak(self.zeta)
+        self.loop = self.swing * self.peak
         self.pressed = False
         #: z without the mean deflection under the mean force, harmonics 0.. in units of `unit`
         self.swinging: Complex = np.zeros(1, dtype=complex)

@@ -5,8 +5,8 @@ sqrt(k_j), the lines obey u_n = u0_n + G(n w) x_n, where u0 answers the forces a
 
     G(n w) = S^T [K_mean - (n w)^2 M + i n w (C + G)]^-1 S,    S = columns sqrt(k_j) v_j.
 
-Of a single pair G is the number 1/D_n, D_n = 1 - (n/R)^2 + 2 i zeta n/R (`PairCompliance`; many
-sets of R and zeta may stand side by side); of a machine a matrix of meshes (`SystemCompliance`).
+Of a single pair G is the number 1/D_n, D_n = 1 - (n/R)^2 + 2 i zeta n/R (`PairCompliance`); of a
+machine a matrix of meshes (`SystemCompliance`).
 Both give the same to `mesh_equations`:
 
 answer(x), motion(x)        G x, and the motion of all coordinates that x makes; both also of the
@@ -54,22 +54,22 @@ MOST_LINES = 20_000
 
 
 class PairCompliance:
-    """One mesh, or many sets side by side.
+    """One mesh.
 
     Parameters
     ----------
-    ratio, zeta : float ndarray, shape (1,) or (B, 1)
+    ratio, zeta : float ndarray, shape (1,)
         R = w0/w and damping ratio.
     forces : complex ndarray, shape (G+1,)
-        (F, f_1..f_G)/k0 [m], of all sets.
+        (F, f_1..f_G)/k0 [m].
     """
 
-    #: roundings of one answer
+    #: shape of what comes before the lines, and roundings of one answer
+    rows: tuple[int, ...] = ()
     depth = 4.0
 
     def __init__(self, ratio: Real, zeta: Real, forces: Complex) -> None:
         self.ratio, self.zeta, self.forces = ratio, zeta, forces
-        self.rows = ratio.shape[:-1]
         #: rms of the forces without their mean
         self.swinging_forces = math.sqrt(2) * float(np.linalg.norm(forces[1:]))
         self._stiffness: Complex = np.zeros(0, dtype=complex)
@@ -105,7 +105,7 @@ class PairCompliance:
         return u, u
 
     def size(self, half: Complex) -> Real:
-        """Rms, shape of the sets."""
+        """Rms."""
         return rms_of_each(half)
 
     def per_line(self, half: Complex) -> Real:
@@ -113,12 +113,12 @@ class PairCompliance:
         return np.abs(half)
 
     def most_from(self, line: int) -> tuple[float, float]:
-        """Largest 1/|D| and (n/R)^2/|D| of all lines from one on; of many, above all resonances."""
-        return largest_responses(float(self.ratio.max()), float(self.zeta.min()), 0.0, line)
+        """Largest 1/|D| and (n/R)^2/|D| of all lines from one on."""
+        return largest_responses(float(self.ratio[0]), float(self.zeta[0]), 0.0, line)
 
     def quiet_above(self, level: float) -> int:
-        """Line above which 1/|D| <= level for certain, in all sets."""
-        return math.ceil(float(self.ratio.max()) * math.sqrt(1 + 1 / level))
+        """Line above which 1/|D| <= level for certain."""
+        return math.ceil(float(self.ratio[0]) * math.sqrt(1 + 1 / level))
 
     def matrices(self, count: int) -> Complex:
         """1/D, shape (count, 1, 1)."""

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gearmon.dynamics.band_system import MOST_LINES, NEAR_ONE, BandSystem, counting, peak
+from gearmon.dynamics.band_system import MOST_LINES, NEAR_ONE, BandSystem, counting
 from gearmon.dynamics.fourier import Complex, supremum, with_zero_mean
 from gearmon.dynamics.hill import HillProblem, largest_responses
 
@@ -185,7 +185,7 @@ def relative_bound(system: BandSystem, inverse: InverseBound, last: int) -> floa
 def cheap(system: BandSystem) -> InverseBound | None:
     """Gains from residual to acceleration, and stability; None if neither rule tells."""
     if system.loop < NEAR_ONE:
-        gain = peak(system.zeta) / (1 - system.loop)
+        gain = system.peak / (1 - system.loop)
         return InverseBound(gain, gain, FARTHEST, True)
     return _by_determinant(system)
 

@@ -38,7 +38,6 @@ import numpy.typing as npt
 from gearmon.dynamics import floquet, period_trace
 from gearmon.dynamics.fourier import (
     Complex,
-    Modulation,
     Real,
     fast_length,
     middle_and_swing,
@@ -64,8 +63,6 @@ class Pattern:
     """
 
     harmonics: Complex
-    #: products by phi made so far, by their sizes
-    products: dict[tuple[int, int, float, bool], Modulation] = field(default_factory=dict)
 
     @cached_property
     def highest(self) -> float:
@@ -181,14 +178,6 @@ def small_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tuple[
     >>> bool(np.isfinite(small_gain(13.6 * one, 0.3 * one, one, Pattern(np.array([0.08])))[0]))
     True
     """
-    loop, response = loop_at_lines(ratio, zeta, scale, pattern)
-    proven = (loop < 1) & (convergence(zeta, scale, pattern) < 1)
-    gain = np.where(proven, response / np.where(proven, 1 - loop, 1.0), np.inf)
-    return gain, response
-
-
-def loop_at_lines(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tuple[Real, Real]:
-    """Return max|phi - b| max 1/|D_n + b| and max (n/R)^2/|D_n + b| over the lines, shape (B,)."""
     middle, swing = (scale * size for size in pattern.middle_and_swing)
     # (1 + b) times the operator of this stiffness and of the R and zeta that go with it
     rest = np.where(middle > -1, 1 + middle, 1.0)
@@ -202,16 +191,11 @@ def loop_at_lines(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tup
             softest = np.maximum(softest, 1 / _stiffness(x, zeta))
             x = side(ratio / np.sqrt(np.where(bend > 0, bend, 1.0))) / ratio
             response = np.maximum(response, np.where(bend > 0, x**2 / _stiffness(x, zeta), 1.0))
-        loop = np.where(swing > 0, swing * softest, 0.0)
-    return np.where(middle > -1, loop, np.inf), response
-
-
-def convergence(zeta: Real, scale: Real, pattern: Pattern) -> Real:
-    """Factor by which every order of the expansion about 1 + b is certainly smaller, shape (B,)."""
-    middle, swing = (scale * size for size in pattern.middle_and_swing)
-    rest = np.maximum(1 + middle, 1e-300)
-    with np.errstate(over="ignore", invalid="ignore"):
-        return np.asarray(np.where(swing > 0, swing * peak(zeta / np.sqrt(rest)) / rest, 0.0))
+        # over the lines, and over all frequencies
+        loop, around = (np.where(swing > 0, swing * most, 0.0) for most in (softest, peak(zeta)))
+    proven = (middle > -1) & (loop < 1) & (around < 1)
+    gain = np.where(proven, response / np.where(proven, 1 - loop, 1.0), np.inf)
+    return gain, response
 
 
 def peak(zeta: Real | float) -> Real:

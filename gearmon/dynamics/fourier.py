@@ -70,31 +70,23 @@ class Modulation:
         Highest harmonic of the factor, and highest harmonic of the product that is wanted.
     sets : int
         How many spectra are multiplied at once: for many a matrix is faster than transforms.
-    middle : float
-        phi - middle is multiplied by.
     """
 
-    def __init__(
-        self, harmonics: Complex, inputs: int, outputs: int, sets: int = 1, middle: float = 0.0
-    ) -> None:
+    def __init__(self, harmonics: Complex, inputs: int, outputs: int, sets: int = 1) -> None:
         # a harmonic above inputs + outputs cannot carry any input to any wanted output
         kept = with_zero_mean(harmonics, inputs + outputs)
         self.outputs = outputs
         self.length = fast_length(inputs + kept.shape[-1] + outputs)
-        self.values = samples(kept, self.length) - middle
+        self.values = samples(kept, self.length)
         self.matrix: Real | None = None
         if sets >= FEWEST_FOR_A_MATRIX and inputs <= LARGEST_MATRIX:
             unit = self(np.eye(2 * inputs + 2).view(complex))
             self.matrix = np.ascontiguousarray(unit).view(float)
-            self._single = self.matrix.astype(np.float32)
 
     def __call__(self, half: Complex) -> Complex:
         """Return harmonics 0..outputs of phi y, shape (..., outputs+1)."""
         if self.matrix is not None:
-            single = half.dtype == np.complex64
-            matrix = self._single if single else self.matrix
-            rows = np.ascontiguousarray(half).view(matrix.dtype) @ matrix
-            return np.asarray(rows.view(half.dtype))
+            return np.asarray((np.ascontiguousarray(half).view(float) @ self.matrix).view(complex))
         y = np.fft.irfft(half, self.length, norm="forward")
         y *= self.values
         product: Complex = np.fft.rfft(y, norm="forward")[..., : self.outputs + 1]

@@ -104,18 +104,18 @@ class HillProblem:
         """Angular frequency w = 2 pi/T [rad/s]."""
         return 2 * math.pi / self.period_s
 
-    @property
+    @cached_property
     def natural_frequency_hz(self) -> float:
         """sqrt(k0/m)/(2 pi) [Hz], undamped and with the mean stiffness."""
         return math.sqrt(self.stiffness_n_per_m) / math.sqrt(self.mass_kg) / (2 * math.pi)
 
-    @property
+    @cached_property
     def damping_ratio(self) -> float:
         """Damping ratio zeta = c/(2 sqrt(k0 m)) [1]."""
         root = math.sqrt(self.stiffness_n_per_m) * math.sqrt(self.mass_kg)
         return self.damping_ns_per_m / (2 * root)
 
-    @property
+    @cached_property
     def frequency_ratio(self) -> float:
         """R = w0/w [1]: the harmonic that lies on the natural frequency."""
         return self.natural_frequency_hz * self.period_s
@@ -333,9 +333,9 @@ class Response(PeriodicVibration):
         Guaranteed bound of the relative L2 error of the acceleration, of the harmonics given here;
         infinite if none could be computed or if there is no steady state.
     method : str
-        "msm", "msm least residual", "harmonic balance" or "sidebands".
+        "msm", "msm least residual", "harmonic balance", "shooting" or "sidebands".
     order : int
-        Number of orders of the expansion used; 0 for harmonic balance.
+        Number of orders of the expansion used; 0 for harmonic balance and shooting.
     stable : bool or None
         Whether free vibrations die out. None only where it could not be settled.
     message : str

@@ -5,11 +5,11 @@ x = -phi u of the mesh forces and the deflections u = u0 + G x of the meshes are
 
     (1 + phi G) x = -phi u0,                                     lines 0..N of every mesh,
 
-a number a line for a single pair, and one more axis in front for many sets of it.
+a number a line for a single pair.
 
 Orders. Multiple scales gives x^(1) = -phi u0, x^(k+1) = -phi G x^(k); they are summed as they come,
 or taken as a basis and recombined so that the residual is least (`LeastResidual`), or all lines are
-solved together. `sum_orders` expands about another constant stiffness.
+solved together.
 
 Bound. An approximation x of lines 0..N leaves the residual r_0..r_{N+J} of the full equation, all
 of it known. Above a core of lines 0..n', beyond which |G| is far below 1/max|phi|, it is answered
@@ -41,9 +41,9 @@ from functools import cached_property
 import numpy as np
 
 from gearmon.dynamics.compliance import PairCompliance, SystemCompliance, inverse_norm
-from gearmon.dynamics.error_bound import Gain, Pattern, best_gain, convergence
+from gearmon.dynamics.error_bound import Gain, Pattern, best_gain
 from gearmon.dynamics.floquet import SETTLED, system_multipliers
-from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real, rms_of_each
+from gearmon.dynamics.fourier import Complex, Modulation, Real
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.system import HillSystem
 
@@ -54,11 +54,6 @@ BYTES_FOR_BASIS = 400e6
 STALLED = 0.95
 #: Sizes below are not divided by.
 SMALLEST = 1e-200
-#: Factor an order up to which the plain sum is worth it, and share of the tolerance it may leave.
-SLOWEST, AIM = 0.7, 0.3
-MOST_SUMMED = 120
-#: What sums of many sets in single precision leave of a residual, with room for their rounding.
-SINGLE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,21 +66,13 @@ class Bound:
         Guaranteed relative L2 error of the acceleration; may be infinite.
     size : float ndarray
         Rms of the acceleration handed out.
-    core, above, rounding : float ndarray
-        Shares of the bound of the rms error: residual of the core, of all harmonics above it, and
-        rounding.
+    total : float ndarray
+        Bound of the rms error.
     """
 
     relative: Real
     size: Real
-    core: Real
-    above: Real
-    rounding: Real
-
-    @property
-    def total(self) -> Real:
-        """Bound of the rms error."""
-        return self.core + self.above + self.rounding
+    total: Real
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +107,7 @@ class Approximation:
 
 
 class MeshEquations:
-    """Residuals and error bounds of approximations to one problem, or to many at once.
+    """Residuals and error bounds of approximations to one problem.
 
     Parameters
     ----------
@@ -129,10 +116,6 @@ class MeshEquations:
         phi, of every mesh a row.
     shown : int, optional
         Harmonics 0..shown are handed out, others dropped; default all.
-    scale : float ndarray, shape (B, 1), optional
-        Factor of phi of many sets.
-    gain : Gain, optional
-        Of the inverse operators, if it is known.
     """
 
     def __init__(
@@ -140,18 +123,12 @@ class MeshEquations:
         compliance: PairCompliance | SystemCompliance,
         pattern: Pattern,
         shown: int | None = None,
-        scale: Real | None = None,
-        gain: Gain | None = None,
     ) -> None:
         self.compliance, self.pattern, self.shown = compliance, pattern, shown
-        self.many, self.sets = scale is not None, 1 if scale is None else len(scale)
-        self.scale: Real = np.ones(1) if scale is None else scale
-        if gain is not None:
-            self.gain = gain
 
     @property
-    def pairs(self) -> PairCompliance:
-        """The compliance of a pair, or of many sets."""
+    def pair(self) -> PairCompliance:
+        """The compliance of a pair."""
         assert isinstance(self.compliance, PairCompliance)
         return self.compliance
 
@@ -180,32 +157,20 @@ class MeshEquations:
         return system_multipliers(self.compliance, self.pattern.harmonics)
 
     @cached_property
-    def swing(self) -> Real:
+    def swing(self) -> float:
         """Bound of max|phi|."""
-        return np.asarray(self.scale[..., 0] * self.pattern.highest)
-
-    @cached_property
-    def convergence(self) -> float:
-        """Factor an order of the expansion about the middle of the stiffness of a pair."""
-        c = self.compliance
-        if isinstance(c, SystemCompliance):
-            return math.inf
-        return float(convergence(c.zeta, np.ones(1), self.pattern)[0])
-
-    def product(self, inputs: int, outputs: int, middle: float = 0.0) -> Modulation:
-        """Multiplication by phi/scale - middle; kept for all sets that share phi."""
-        key = inputs, outputs, middle, self.sets >= FEWEST_FOR_A_MATRIX
-        if key not in self.pattern.products:
-            c = self.pattern.harmonics
-            self.pattern.products[key] = Modulation(c, inputs, outputs, self.sets, middle)
-        return self.pattern.products[key]
+        return self.pattern.highest
 
     def modulate(self, half: Complex, outputs: int) -> Complex:
         """Harmonics 0..outputs of phi times a function."""
-        product = self.product(half.shape[-1] - 1, outputs)(half)
-        if self.many:
-            product *= self.scale
-        return product
+        key = half.shape[-1] - 1, outputs
+        if key not in self._products:
+            self._products[key] = Modulation(self.pattern.harmonics, *key)
+        return self._products[key](half)
+
+    @cached_property
+    def _products(self) -> dict[tuple[int, int], Modulation]:
+        return {}
 
     def zeros(self, highest: int) -> Complex:
         """X = 0 of lines 0..highest."""
@@ -214,7 +179,7 @@ class MeshEquations:
     @cached_property
     def core(self) -> int:
         """Harmonic above which |G| max|phi| <= 1/10 and |G| <= 1/10: each order gains a digit."""
-        return self.compliance.quiet_above(0.1 / max(1.0, float(self.swing.max())))
+        return self.compliance.quiet_above(0.1 / max(1.0, self.swing))
 
     def residual(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, ...]:
         """Deflections, motion and residual of x, shape (..., N+1); `answered` is G x if known."""
@@ -225,7 +190,7 @@ class MeshEquations:
         u[..., 0] = 0
         highest = x.shape[-1] - 1 + c.shape[-1]
         left = self.modulate(u, highest) if u.any() else self.zeros(highest)
-        left[..., 1 : c.shape[-1] + 1] += mean * self.scale * c
+        left[..., 1 : c.shape[-1] + 1] += mean * c
         u[..., :1] = mean
         left[..., : x.shape[-1]] += x
         return u, motion, np.negative(left, out=left)
@@ -238,12 +203,11 @@ class MeshEquations:
         u[..., :1] = 0
         swinging = self.compliance.size(u)
         u[..., :1] = mean
-        # rounding of x, of the forces and of a product, by transforms or by a matrix
-        length = 4 * x.shape[-1] + 2 * c.shape[-1]
-        depth = self.compliance.depth + (math.log2(length) if not self.many else length)
+        # rounding of x, of the forces and of a product by transforms
+        depth = self.compliance.depth + math.log2(4 * x.shape[-1] + 2 * c.shape[-1])
         rounding = self.compliance.size(x) + self.compliance.swinging_forces
         rounding = rounding + depth * self.swing * swinging
-        static: Complex = np.asarray(mean * self.scale * self.pattern.size, dtype=complex)
+        static: Complex = np.asarray(mean * self.pattern.size, dtype=complex)
         rounding = rounding + self.compliance.size(static)
         bound = self._bound(motion, residual, UNIT_ROUNDOFF * rounding)
         return Approximation(
@@ -258,15 +222,14 @@ class MeshEquations:
 
     def _bound(self, motion: Complex, residual: Complex, rounding: Real) -> Bound:
         highest = int(motion.shape[-1]) - 1
-        # of many sets the short bound, about all lines solved for, costs half the time
-        core = min(self.core, highest) if not self.many else highest
+        core = min(self.core, highest)
         inner, above = self._shares(residual, core)
         rounding, size = _times(self.gain.acceleration, rounding), self.size(motion)
         total = inner + above + rounding
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = np.where(total < size, total / (size - total), np.inf)
         relative = np.where(total == 0, 0.0, relative)
-        return Bound(relative=relative, size=size, core=inner, above=above, rounding=rounding)
+        return Bound(relative=relative, size=size, total=total)
 
     def _shares(self, residual: Complex, core: int) -> tuple[Real, Real]:
         """Bounds of the error that residuals of the core and above it cause."""
@@ -277,7 +240,7 @@ class MeshEquations:
         inner = _times(gain, compliance.size(residual[..., : core + 1]))
         spread = self.swing * compliance.size(extra)
         coupled = _times(gain, spread)
-        if self.many or (coupled <= 0.1 * (inner + direct)).all():
+        if coupled <= 0.1 * (inner + direct):
             return inner, direct + coupled
         # what the lines above do to the core is computed, and only their second answer is bounded
         back = self.modulate(extra, core)
@@ -306,7 +269,7 @@ def equations_of(problem: HillProblem | HillSystem, shown: int | None = None) ->
 
 
 class LeastResidual:
-    """Grow a basis of orders for (1 + K) x = right side, and recombine them; many sets at once.
+    """Grow a basis of orders for (1 + K) x = right side, and recombine them.
 
     The images of the directions are kept orthonormal (generalised conjugate residuals, GMRES in
     exact arithmetic).
@@ -316,39 +279,36 @@ class LeastResidual:
     coupling : callable
         Half spectra x -> K x, real-linear, same shape.
     right_side : complex ndarray, shape (..., N+1)
-        Half spectrum, or one of every mesh or set; not zero.
+        Half spectrum, or one of every mesh; not zero.
     most : int
         Largest number of orders.
-    sets : int
-        Sets that stand on the first axis, each with a combination of its own.
     """
 
     def __init__(
-        self, coupling: Callable[[Complex], Complex], right_side: Complex, most: int, sets: int = 1
+        self, coupling: Callable[[Complex], Complex], right_side: Complex, most: int
     ) -> None:
-        self.coupling, self.shape, self.sets = coupling, right_side.shape, sets
+        self.coupling, self.shape = coupling, right_side.shape
         # scaled so that the dot product of real views is the mean product over the period
         self.weights = np.full(right_side.shape[-1], math.sqrt(2.0))
         self.weights[0] = 1.0
         self.rest = self._flat(right_side)
-        size = self.rest.shape[1]
-        self.most = max(1, min(most, size - 1, int(BYTES_FOR_BASIS / (16 * sets * size))))
-        #: orthonormal images (1 + K) p, and the directions p, shape (sets, orders, size)
-        self.images = np.empty((sets, min(self.most, 15), size))
+        size = len(self.rest)
+        self.most = max(1, min(most, size - 1, int(BYTES_FOR_BASIS / (16 * size))))
+        #: orthonormal images (1 + K) p, and the directions p, shape (orders, size)
+        self.images = np.empty((min(self.most, 15), size))
         self.directions = np.empty_like(self.images)
         self.sum = np.zeros_like(self.rest)
         self.orders = 0
-        #: rms of each set, shape (sets,)
-        self.residual = _lengths(self.rest)
+        self.residual = _length(self.rest)
         self._least = UNIT_ROUNDOFF * self.residual
-        self._stalled = np.zeros(sets, dtype=bool)
+        self._stalled = False
 
-    def extend(self, target: Real | float) -> bool:
-        """Add orders until the rms residuals are <= `target`; True if it was reached."""
-        while (self.residual > np.maximum(target, self._least)).any():
+    def extend(self, target: float) -> bool:
+        """Add orders until the rms residual is <= `target`; True if it was reached."""
+        while self.residual > max(target, self._least):
             if self.orders >= self.most or not self._add():
                 break
-        return bool((self.residual <= target).all())
+        return self.residual <= target
 
     def solution(self) -> Complex:
         """Least-residual x."""
@@ -356,54 +316,48 @@ class LeastResidual:
 
     def _flat(self, half: Complex) -> Real:
         scaled: Complex = np.ascontiguousarray(self.weights * half)
-        return scaled.view(float).reshape(self.sets, -1)
+        return scaled.view(float).ravel()
 
-    def _half(self, rows: Real) -> Complex:
-        return np.asarray(rows.view(complex).reshape(self.shape) / self.weights)
+    def _half(self, row: Real) -> Complex:
+        return np.asarray(row.view(complex).reshape(self.shape) / self.weights)
 
     def _add(self) -> bool:
         """One more order; False when the space is exhausted."""
         n = self.orders
-        last = self.images[:, n - 1]
-        direction = np.where(self._stalled[:, None], last, self.rest) if n else self.rest.copy()
+        direction = (self.images[n - 1] if self._stalled else self.rest).copy()
         image = direction + self._flat(self.coupling(self._half(direction)))
-        whole = _lengths(image)
+        whole = _length(image)
         length = self._orthogonalise(image, direction)
-        if (length < 0.5 * whole).any():
+        if length < 0.5 * whole:
             # where much cancelled, a second pass keeps the basis orthogonal to rounding
             length = self._orthogonalise(image, direction)
-        usable = length > np.maximum(1e-14 * whole, SMALLEST)
-        if not usable.any():
+        if length <= max(1e-14 * whole, SMALLEST):
             return False
-        # a set whose space is exhausted has nothing to add
-        scale = np.where(usable, 1 / np.where(usable, length, 1.0), 0.0)[:, None]
-        image, direction = image * scale, direction * scale
-        if n == self.images.shape[1]:
-            more = min(self.most, 2 * n) - n
-            empty = np.empty((self.sets, more, image.shape[1]))
-            self.images = np.concatenate([self.images, empty], axis=1)
-            self.directions = np.concatenate([self.directions, empty], axis=1)
-        self.images[:, n], self.directions[:, n] = image, direction
+        image, direction = image / length, direction / length
+        if n == len(self.images):
+            empty = np.empty((min(self.most, 2 * n) - n, len(image)))
+            self.images = np.concatenate([self.images, empty])
+            self.directions = np.concatenate([self.directions, empty])
+        self.images[n], self.directions[n] = image, direction
         self.orders = n + 1
-        share = np.vecdot(image, self.rest)[:, None]
+        share = image @ self.rest
         self.sum += share * direction
         self.rest -= share * image
-        before, self.residual = self.residual, _lengths(self.rest)
-        self._stalled = (self.residual > STALLED * before) & usable
+        before, self.residual = self.residual, _length(self.rest)
+        self._stalled = self.residual > STALLED * before
         return True
 
-    def _orthogonalise(self, image: Real, direction: Real) -> Real:
-        """Take the known images out of one, and its direction along; lengths that are left."""
-        known = self.images[:, : self.orders]
-        shares = known @ image[:, :, None]
-        back = shares.transpose(0, 2, 1)
-        image -= (back @ known)[:, 0]
-        direction -= (back @ self.directions[:, : self.orders])[:, 0]
-        return _lengths(image)
+    def _orthogonalise(self, image: Real, direction: Real) -> float:
+        """Take the known images out of one, and its direction along; length that is left."""
+        known = self.images[: self.orders]
+        shares = known @ image
+        image -= shares @ known
+        direction -= shares @ self.directions[: self.orders]
+        return _length(image)
 
 
-def _lengths(rows: Real) -> Real:
-    return np.asarray(np.sqrt(np.vecdot(rows, rows)))
+def _length(row: Real) -> float:
+    return float(np.linalg.norm(row))
 
 
 def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int) -> Approximation:
@@ -426,9 +380,7 @@ def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int)
     and one is taken before.
     """
     known = equations.judge(x)
-    core, count = known.highest, x.shape[-1]
-    if not equations.many:
-        core = min(equations.core, core)
+    core, count = min(equations.core, known.highest), x.shape[-1]
     if most < 1:
         return known
     orders = 0
@@ -444,7 +396,7 @@ def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int)
     def coupling(swing: Complex) -> Complex:
         return equations.modulate(equations.compliance.answer(swing), core)
 
-    space = LeastResidual(coupling, right_side, most - orders, equations.sets)
+    space = LeastResidual(coupling, right_side, most - orders)
     space.extend(_target(equations, known, right_side, tolerance))
     x = known.swing.copy()
     x[..., : core + 1] += space.solution()
@@ -453,14 +405,13 @@ def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int)
 
 def _target(
     equations: MeshEquations, known: Approximation, right_side: Complex, tolerance: float
-) -> Real:
-    """Rms residuals of the core that leave 0.4 of the tolerance."""
+) -> float:
+    """Rms residual of the core that leaves 0.4 of the tolerance."""
     gain, size = equations.gain.acceleration, equations.compliance.size(right_side)
     motion = known.motion.copy()
     motion[..., : right_side.shape[-1]] += equations.compliance.motion(right_side)
     swing = np.maximum(known.bound.size, equations.size(motion))
-    known_gain = np.where(np.isinf(gain), 1.0, gain)
-    return np.where(np.isinf(gain), 1e-3 * size, 0.4 * swing / known_gain) * tolerance
+    return float(1e-3 * size if np.isinf(gain) else 0.4 * swing / gain) * tolerance
 
 
 def plain_sum(
@@ -489,56 +440,6 @@ def plain_sum(
     return equations.judge(total, used)
 
 
-def sum_orders(equations: MeshEquations, x: Complex, tolerance: float) -> Approximation:
-    """Improve x of a pair, or of many sets, by orders about the middle of its stiffness.
-
-    The expansion about a constant stiffness 1 + b midway between the extremes of 1 + phi,
-
-        (D_n + b) Z^(k+1)_n = -[(phi - b) Z^(k)]_n,
-
-    converges for certain where max|phi - b| max 1/|D + b| < 1, by at least that factor an order;
-    for a stiffness that drops at one tooth of many the extremes are well apart from the mean. An
-    order costs one product and nothing is stored: the cheapest there is for the thousands of
-    harmonics of a shaft turn. What the partial sum leaves, -(phi - b) Z^(k), is the force of the
-    next order: it is known before it is summed.
-
-    Parameters
-    ----------
-    equations : MeshEquations
-        Of a pair, with `convergence` below `SLOWEST`.
-    x, tolerance
-        As in `recombine`.
-    """
-    compliance, scale = equations.pairs, equations.scale
-    highest, middle = x.shape[-1] - 1, equations.pattern.middle_and_swing[0]
-    stiffness = compliance.stiffness(highest)
-    product, inverse = equations.product(highest, highest, middle), 1 / (stiffness + middle * scale)
-    total, least = compliance.answer(x), np.array(0.0)
-    answer = (-scale * inverse).astype(np.complex64 if equations.many else complex)
-    gain, size, orders = equations.gain.acceleration, np.array(math.inf), 0
-    left = aim = np.array(math.inf)
-    while orders < MOST_SUMMED and not (orders and (left <= aim).all()):
-        force = equations.residual(stiffness * total, total)[2][..., : highest + 1]
-        if equations.many:
-            least = SINGLE * gain * rms_of_each(force)
-        step = (force * inverse).astype(answer.dtype)
-        added = np.zeros_like(step)
-        while orders < MOST_SUMMED:
-            added += step
-            orders += 1
-            step = product(step)
-            left = gain * scale[..., 0] * rms_of_each(step)
-            if (left <= np.maximum(least, 2 * AIM * tolerance * size)).all():
-                # the size hardly changes after the first orders: it is taken again only to decide
-                size = equations.size(compliance.state(x, total + added)[1])
-                aim = AIM * tolerance * size
-                if (left <= np.maximum(least, aim)).all():
-                    break
-            step *= answer
-        total += added
-    return equations.judge(stiffness * total, orders, total)
-
-
 def balance(equations: MeshEquations, highest: int) -> Approximation:
     """Harmonics 0..highest together, refined once so that only rounding is left.
 
@@ -561,7 +462,7 @@ def first_highest(equations: MeshEquations, tolerance: float) -> int:
     a line is reached only by jumps of about the mean bandwidth of phi, each of which costs
     max|phi| |G|.
     """
-    compliance, shown, swing = equations.compliance, equations.shown, float(equations.swing.max())
+    compliance, shown, swing = equations.compliance, equations.shown, equations.swing
     sizes = np.atleast_2d(np.abs(equations.pattern.harmonics)).sum(axis=0)
     given = max(2, len(compliance.forces) - 1, shown or 1)
     if not (swing and sizes.any()):
@@ -585,9 +486,8 @@ def first_highest(equations: MeshEquations, tolerance: float) -> int:
         top += jump
         gained = max(SMALLEST, min(0.8, swing * compliance.most_from(top)[0]))
         share *= gained
-    # no more of the last jump than it takes; of many sets a multiple, so that few products are kept
-    top -= int(jump * math.log(3e-3 * tolerance / share) / -math.log(gained))
-    return top + -top % 3 if equations.many else top
+    # no more of the last jump than it takes
+    return top - int(jump * math.log(3e-3 * tolerance / share) / -math.log(gained))
 
 
 def widen(
@@ -596,7 +496,6 @@ def widen(
     improve: Callable[[Complex], Approximation],
     repeat: bool = True,
     counts_add: bool = True,
-    spare: float = 1.0,
 ) -> Approximation:
     """Improve and add harmonics in turn, until the tolerance is met or neither helps.
 
@@ -608,13 +507,11 @@ def widen(
         x, zeros to begin with -> a better approximation.
     repeat, counts_add : bool
         Whether to try more than once, and whether orders of all rounds count.
-    spare : float
-        Share of the tolerance that the first number of harmonics is guessed for.
     """
-    found = improve(equations.zeros(first_highest(equations, spare * tolerance)))
+    found = improve(equations.zeros(first_highest(equations, tolerance)))
     orders = found.orders
     for _ in range(MOST_ROUNDS if repeat else 0):
-        if (found.bound.relative <= tolerance).all():
+        if found.bound.relative <= tolerance:
             break
         highest = _larger(equations, found, tolerance)
         padding = equations.zeros(highest - found.highest - 1)
@@ -622,7 +519,7 @@ def widen(
         orders = better.orders + counts_add * orders
         old, found = found, replace(better, orders=orders)
         left, before = (equations.compliance.size(one.residual) for one in (found, old))
-        if highest == old.highest and (left > 0.5 * before).all():
+        if highest == old.highest and left > 0.5 * before:
             break
     return found
 
@@ -633,11 +530,10 @@ def _larger(equations: MeshEquations, found: Approximation, tolerance: float) ->
     left, first = found.residual, found.highest + 1
     weights = compliance.weights(left.shape[-1] - 1) * (equations.shown is None)
     worth = weights * compliance.per_line(compliance.motion(left, first))
-    if (gain < math.inf).all():
+    if gain < math.inf:
         answer = compliance.answer(left, first)
-        worth = worth + (gain * equations.swing)[..., None] * compliance.per_line(answer)
-    # of many sets the one that asks for most
-    worth = np.atleast_2d(worth / (tolerance * found.bound.size)[..., None]).max(axis=0)
+        worth = worth + gain * equations.swing * compliance.per_line(answer)
+    worth = worth / (tolerance * found.bound.size)
     beyond = np.sqrt(2 * np.cumsum((worth**2)[::-1]))[::-1]
     if beyond[0] <= 0.4:
         return found.highest

@@ -10,12 +10,10 @@ import numpy as np
 
 from gearmon.dynamics import direct, floquet
 from gearmon.dynamics.band_system import counting
-from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.fourier import Complex
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.mesh_equations import (
     MOST_ORDERS,
-    SLOWEST,
     Approximation,
     MeshEquations,
     balance,
@@ -24,13 +22,14 @@ from gearmon.dynamics.mesh_equations import (
     plain_sum,
     recombine,
     sharpened,
-    sum_orders,
     widen,
 )
+from gearmon.dynamics.shooting import Shooting, Shot
 from gearmon.dynamics.system import HillSystem, SystemResponse
 from gearmon.errors import ArgumentError, check_range
 
 Method = Literal["auto", "msm", "msm least residual", "harmonic balance"]
+METHODS = get_args(Method)
 
 UNDAMPED = "undamped: free vibrations never die out, so no steady state is reached"
 #: What to say of each method, its orders to be filled in, and why there is no bound.
@@ -38,9 +37,12 @@ _HOW = {
     "msm": "plain expansion to order {}",
     "msm least residual": "{} orders recombined by least residual",
     "harmonic balance": "all harmonics solved together",
+    "shooting": "shot round the period",
 }
 _NO_INVERSE = "the inverse operator could not be bounded"
 _TOO_LARGE = "the residual leaves an error as large as the vibration"
+#: Lines up to which a matrix is inverted for a bound where no other tells.
+MOST_OF_A_MATRIX = 1000
 #: w0/w up to which the harmonics are solved for.
 MOST_RATIO = 1e6
 
@@ -81,9 +83,8 @@ def steady_state(
     tolerance : float
         Relative L2 error of the acceleration to be met, 1e-13 to 1.
     method : str
-        "auto": small problems directly, by harmonic balance; larger ones by the plain sum of the
-        orders of the expansion where that is known to converge fast, else by the orders recombined
-        by least residual, then by harmonic balance if they stall; systems by least residual.
+        "auto": small problems directly, by harmonic balance; larger ones by shooting; systems, and
+        what is left, by the orders of the expansion recombined by least residual.
         "msm": the plain sum of the orders. "msm least residual" and "harmonic balance": that one.
     order : int, optional
         Number of orders to use, >= 0; by default as many as the tolerance takes. Not for harmonic
@@ -125,6 +126,13 @@ def steady_state(
                 how = "harmonic balance", 0, text + _verdict(bound, tolerance)
                 return _response(problem, displacement, bound, how, stable, pressed)
         equations = equations_of(problem, harmonics)
+        if method == "auto" and order is None:
+            shot = _shot(equations, tolerance)
+            if shot is not None:
+                bound, half = float(shot.relative[0]), shot.lines[:, 0]
+                text = f"{_HOW['shooting']}, harmonics 0 to {len(half) - 1}: "
+                how = "shooting", 0, text + _verdict(bound, tolerance)
+                return _response(problem, _cut(half, harmonics), bound, how, True)
         return _respond(problem, equations, *_solve(equations, tolerance, method, order), tolerance)
     equations = equations_of(problem, harmonics)
     found, way = _solve(equations, tolerance, method, order)
@@ -145,24 +153,25 @@ def _solve(
     if method == "harmonic balance":
         improve = lambda x: balance(equations, x.shape[-1] - 1)  # noqa: E731
         return widen(equations, tolerance, improve), method
-    free = method == "auto" and order is None
-    if free and equations.gain.stable and equations.convergence < SLOWEST:
-        found = widen(equations, tolerance, lambda x: sum_orders(equations, x, tolerance))
-        if found.bound.relative <= tolerance:
-            return found, "msm"
-    found = widen(equations, tolerance, recombined, repeat=order is None)
-    if free and _worth_a_matrix(equations, found, tolerance):
-        # the core is what a matrix can mend, and a bound of the inverse that is missing or loose
-        own = equations.gain
-        sharper = np.minimum(own.acceleration, equations.gain_by_inverse)
-        if sharper < 0.9 * own.acceleration:
-            equations.gain = replace(own, acceleration=sharper)
-            found = widen(equations, tolerance, recombined)
-        if found.bound.relative > tolerance:
-            balanced = balance(equations, found.highest)
-            if balanced.bound.relative < found.bound.relative:
-                return balanced, "harmonic balance"
-    return found, "msm least residual"
+    return widen(equations, tolerance, recombined, repeat=order is None), "msm least residual"
+
+
+def _shot(equations: MeshEquations, tolerance: float) -> Shot | None:
+    """Shoot for the motion of a pair, or None where that does not meet the tolerance."""
+    pair, highest = equations.pair, first_highest(equations, tolerance)
+    if not (equations.gain.stable and equations.pattern.harmonics.any()):
+        return None
+    for more, by_inverse in ((1.0, False), (1.5, False), (1.5, True)):
+        if by_inverse and highest > MOST_OF_A_MATRIX:
+            break
+        gain = equations.gain_by_inverse if by_inverse else equations.gain.acceleration
+        if not math.isfinite(gain):
+            continue
+        known = gain[None], equations.pattern, pair.forces, math.ceil(more * highest)
+        shot = Shooting(pair.ratio, pair.zeta, np.ones(1), *known).solve(tolerance, equations.shown)
+        if shot.relative[0] <= tolerance:
+            return shot
+    return None
 
 
 def _check_lines(problem: HillProblem) -> None:
@@ -177,8 +186,8 @@ def _check_lines(problem: HillProblem) -> None:
 
 def _check(tolerance: float, method: str, order: int | None, harmonics: int | None) -> None:
     check_range("tolerance", tolerance, 1e-13, 1.0)
-    if method not in get_args(Method):
-        raise ArgumentError(f"method={method!r} must be one of: {', '.join(get_args(Method))}")
+    if method not in METHODS:
+        raise ArgumentError(f"method={method!r} must be one of: {', '.join(METHODS)}")
     if order is not None:
         check_range("order", order, 0, 10_000)
         if method == "harmonic balance":
@@ -202,14 +211,6 @@ def _plain(equations: MeshEquations, tolerance: float, order: int | None) -> App
         highest = max(least, min(reached, first_highest(equations, 1e-13)))
         found = plain_sum(equations, highest, tolerance, order)
     return found if found.bound.relative <= tolerance else sharpened(equations, found)
-
-
-def _worth_a_matrix(equations: MeshEquations, found: Approximation, tolerance: float) -> bool:
-    if found.bound.relative <= tolerance or not equations.gain.stable:
-        return False
-    known = equations.gain.acceleration < math.inf
-    small = isinstance(equations.compliance, PairCompliance) and found.highest <= 1000
-    return small and not (known and found.bound.above > found.bound.core + found.bound.rounding)
 
 
 def _response(
@@ -281,7 +282,7 @@ def _respond(
     if math.isfinite(bound):
         text += f": {_verdict(bound, tolerance)}"
     else:
-        unknown = math.isinf(found.bound.core)
+        unknown = math.isinf(equations.gain.acceleration)
         text += f": no error bound could be given ({_NO_INVERSE if unknown else _TOO_LARGE})"
     shown, how = _cut(found.motion, equations.shown), (method, found.orders, text)
     return _response(problem, shown, bound, how, bool(equations.gain.stable))

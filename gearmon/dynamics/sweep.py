@@ -3,10 +3,9 @@
 Sets that share a pattern of stiffness differ in D and in a factor of phi only. For every set
 
 1. the gain of the inverse operator is bounded, which settles stability (`error_bound`);
-2. sets whose orders surely converge fast are summed together, the others recombined together by
-   least residual, all by the code of one problem (`mesh_equations`);
-3. what still misses the tolerance goes through `steady_state` by itself, and so do sets whose
-   pattern of stiffness few others share.
+2. all are shot for together, a few hundred at a time (`shooting`);
+3. what misses the tolerance goes through `steady_state` by itself, and so do sets whose pattern of
+   stiffness few others share.
 """
 
 from __future__ import annotations
@@ -18,32 +17,22 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics.compliance import PairCompliance
-from gearmon.dynamics.error_bound import Gain, Pattern, best_gain, loop_at_lines
+from gearmon.dynamics.error_bound import Pattern, best_gain
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import LARGEST, MOST_SWING, HillProblem, Response, broadcast_values
-from gearmon.dynamics.mesh_equations import (
-    MOST_ORDERS,
-    SMALLEST,
-    Approximation,
-    MeshEquations,
-    recombine,
-    sum_orders,
-    widen,
-)
+from gearmon.dynamics.mesh_equations import MeshEquations, first_highest
+from gearmon.dynamics.shooting import Shooting
 from gearmon.dynamics.steady_state import MOST_RATIO, UNDAMPED, growing_by, steady_state
 from gearmon.errors import ArgumentError, check_range
 from gearmon.result import Result
 
 #: Fewer sets of one pattern are solved faster by themselves.
 FEWEST_TOGETHER = 16
-#: Sets whose arrays stay in the cache, and w0/w up to which they are solved together.
-MOST_TOGETHER, MOST_RATIO_TOGETHER = 160, 100.0
-#: Factor an order up to which orders are summed as they come.
-SLOWEST_TOGETHER = 0.8
-#: Shares of the tolerance that harmonics are guessed for: that of the first sets, which those
-#: before correct for the next, and the least, since rounding asks for no more harmonics.
-FIRST_SPARE, LEAST_SPARE = 1e-3, 1e-8
-MSM, RECOMBINED, ONE_BY_ONE, REFUSED = "msm", "msm least residual", "one by one", "refused"
+#: Samples x sets whose arrays stay in the cache, and factor of the lines for sets that miss.
+VALUES_TOGETHER, MORE_LINES = 26_000, 1.5
+SHOT, ONE_BY_ONE, REFUSED = "shooting", "one by one", "refused"
+#: Force of all sets: a unit of static deflection.
+UNIT = np.ones(1, dtype=complex)
 INDICES = npt.NDArray[np.int_]
 
 
@@ -66,8 +55,7 @@ class Sweep(Result):
     stable : bool ndarray, shape (...)
         Whether free vibrations die out for certain.
     method : str ndarray, shape (...)
-        "msm": orders as they come. "msm least residual": recombined. "one by one":
-        `steady_state`. "refused".
+        "shooting": together. "one by one": `steady_state`. "refused".
     reason : object ndarray of str, shape (...)
         Empty where the tolerance is met, else one line that says why it is not.
     """
@@ -284,55 +272,41 @@ class _Work:
             growth = float(gain.growth[i])
             grown = growing_by(math.exp(min(growth, 700.0)))
             self.reason[at[i]] = UNDAMPED if math.isinf(growth) else grown
-        known = np.flatnonzero(gain.stable & np.isfinite(gain.acceleration))
-        if not len(known):
-            return at[gain.stable]
-        ratio, zeta = self.ratio[at[known]], self.zeta[at[known]]
-        loop = loop_at_lines(ratio, zeta, scale[known], pattern)[0]
-        fast = loop < SLOWEST_TOGETHER
-        spare = FIRST_SPARE
-        for repeat in (False, True):
-            for method, chosen in ((MSM, fast), (RECOMBINED, ~fast)):
-                left = np.flatnonzero(chosen & ~(self.bound[at[known]] <= self.tolerance))
-                # sets of like w0/w take like harmonics, those of like convergence like orders
-                alike = np.argsort(np.argsort(ratio[left])) // (4 * MOST_TOGETHER)
-                left = left[np.lexsort((loop[left], alike))]
-                for first in range(0, len(left), MOST_TOGETHER):
-                    part = known[left[first : first + MOST_TOGETHER]]
-                    equations = self._equations(pattern, at, part, gain)
-                    spare = self._expand(equations, at[part], method, repeat, spare)
+        # what does not vibrate has no relative error
+        sure = gain.stable & np.isfinite(gain.acceleration) & (scale > 0)
+        left = np.flatnonzero(sure) if len(pattern.harmonics) else np.zeros(0, dtype=int)
+        for more in (1.0, MORE_LINES):
+            if len(left):
+                self._shoot_all(pattern, at[left], gain.acceleration[left], more)
+            left = left[~(self.bound[at[left]] <= self.tolerance)]
         return at[gain.stable & ~(self.bound[at] <= self.tolerance)]
 
-    def _equations(self, pattern: Pattern, at: INDICES, part: INDICES, gain: Gain) -> MeshEquations:
-        """Put sets side by side, each under a unit of static deflection."""
-        ratio, zeta, scale = (
-            x[at[part], None] for x in (self.ratio, self.zeta, self.values["scale"])
-        )
-        own = Gain(acceleration=gain.acceleration[part], stable=gain.stable[part])
-        pairs = PairCompliance(ratio, zeta, np.ones(1, dtype=complex))
-        return MeshEquations(pairs, pattern, self.shown, scale, own)
+    def _shoot_all(self, pattern: Pattern, sets: INDICES, gain: Real, more: float) -> None:
+        """Solve sets in blocks whose arrays stay in the cache, with `more` lines than needed."""
+        order = np.argsort(self.ratio[sets])
+        sets, gain = sets[order], gain[order]
+        ratio, zeta, scale = (x[sets] for x in (self.ratio, self.zeta, self.values["scale"]))
+        # the lines that matter grow in proportion to w0/w
+        ends, hardest = ratio[[0, -1], None], Pattern(scale.max() * pattern.harmonics)
+        pairs = (PairCompliance(end, zeta.min(keepdims=True), UNIT) for end in ends)
+        needed = [
+            more * first_highest(MeshEquations(pair, hardest, self.shown), self.tolerance)
+            for pair in pairs
+        ]
+        highest = np.interp(ratio, ends[:, 0], needed)
 
-    def _expand(
-        self, equations: MeshEquations, sets: INDICES, method: str, repeat: bool, spare: float
-    ) -> float:
-        """Solve sets together and keep what is good; the share to spare for the next ones."""
-
-        def improve(x: Complex) -> Approximation:
-            if method == MSM:
-                return sum_orders(equations, x, self.tolerance)
-            return recombine(equations, x, self.tolerance, MOST_ORDERS)
-
-        if equations.pairs.ratio.max() > MOST_RATIO_TOGETHER:
-            return spare
-        found = widen(equations, self.tolerance, improve, repeat, spare=spare)
-        good = found.bound.relative <= self.tolerance
-        half = found.motion[good]
-        self._parts.append((sets[good], half if self.shown is None else half[:, : self.shown + 1]))
-        self.bound[sets[good]], self.method[sets[good]] = found.bound.relative[good], method
-        # almost all sets should spare a good part of the tolerance for lines above the highest
-        above = found.bound.above / np.maximum(found.bound.size, SMALLEST)
-        spare *= 0.3 * self.tolerance / max(SMALLEST, float(np.quantile(above, 0.98)))
-        return min(1.0, max(LEAST_SPARE, spare))
+        first = 0
+        while first < len(sets):
+            count = int(VALUES_TOGETHER / (2 * highest[first] + 2 * len(pattern.harmonics)))
+            part = slice(first, first + max(FEWEST_TOGETHER, count))
+            known = gain[part], pattern, UNIT, math.ceil(highest[part][-1])
+            shooting = Shooting(ratio[part], zeta[part], scale[part], *known)
+            lines, bound = shooting.solve(self.tolerance, self.shown)
+            good, own = bound <= self.tolerance, sets[part]
+            last = None if self.shown is None else self.shown + 1
+            self._parts.append((own[good], lines[:last].T[good]))
+            self.bound[own[good]], self.method[own[good]] = bound[good], SHOT
+            first = part.stop
 
     def _alone(self, i: int, harmonics: Complex) -> None:
         """One set by `steady_state`."""
