@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import (
-    MOST_SAMPLE,
     Content,
     DataColumn,
-    Extremes,
+    Defect,
     find_column,
     find_defect,
-    missing_values,
-    survey,
 )
 from gearmon.signals.reading.source import Floats, shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
@@ -49,34 +46,6 @@ class SensorLike(Protocol):
     @property
     def kind(self) -> str:
         """What it is: vibration, tacho, torque, speed or other."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Interpreted:
-    """Channels of a recording.
-
-    Parameters
-    ----------
-    samples : ndarray of float64, shape (channels, n)
-        The numbers in the units of `columns`.
-    columns : tuple of DataColumn
-        What the channels are.
-    rate_hz : float > 0
-        Sampling rate.
-    notes : tuple of str
-        What was assumed or left out.
-    finite : bool
-        Whether all samples are known to be finite, also after they were multiplied.
-    tacho_told : bool
-        Whether the user said which column is the tacho.
-    """
-
-    samples: Floats
-    columns: tuple[DataColumn, ...]
-    rate_hz: float
-    notes: tuple[str, ...]
-    finite: bool
-    tacho_told: bool
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,9 +94,9 @@ class _Spoken:
         return any(columns[index].kind == "tacho" for index in self.all)
 
 
-@np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused by their sizes
-def interpret(content: Content, wanted: Wanted) -> Interpreted:
-    """Return the channels of a recording; the values of its content are used up.
+@np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused as a recording
+def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
+    """Return what makes a `Recording` of what stands in a file; its values are used up.
 
     Parameters
     ----------
@@ -135,6 +104,11 @@ def interpret(content: Content, wanted: Wanted) -> Interpreted:
         What stands in the file.
     wanted : Wanted
         What the user says.
+
+    Returns
+    -------
+    dict
+        The arguments of `Recording`.
 
     Raises
     ------
@@ -147,25 +121,31 @@ def interpret(content: Content, wanted: Wanted) -> Interpreted:
     time = next((column for column in columns if column.kind == "time"), None)
     hint = "; ".join(remarks)
     rate_hz, rate_note = sampling_rate(content, time, wanted.sampling_rate_hz, hint)
-    kept, left_out, largest = _usable(content, columns, spoken)
-    samples = _taken(content.values, kept)
-    parted = [_unit_and_scale(columns[index], spoken.sensors.get(index)) for index in kept]
-    for row, (_, scale) in enumerate(parted):
-        if scale != 1.0:
-            samples[row] *= scale
+    kept, left_out = _usable(content, columns, spoken)
     others = [columns[index] for index in kept if columns[index].kind != "vibration"]
     listed = ", ".join(f"{column.label} ({column.kind})" for column in others)
     aside = f"not taken as vibration: {listed}" if others else ""
     notes = [*content.notes, *remarks, rate_note, *absent, aside, *left_out]
-    sizes = [size * scale for size, (_, scale) in zip(largest, parted, strict=True)]
-    return Interpreted(
-        samples=samples,
-        columns=tuple(column for column, _ in parted),
-        rate_hz=rate_hz,
-        notes=tuple(_one_line(note) for note in notes if note),
-        finite=all(size < MOST_SAMPLE for size in sizes),
-        tacho_told=spoken.tells_tacho(columns),
-    )
+    samples, units, as_read = _taken(content.values, kept), [], True
+    for row, index in enumerate(kept):
+        unit, scale = _unit_and_scale(columns[index], spoken.sensors.get(index))
+        units.append(unit)
+        if scale != 1.0:
+            samples[row] *= scale
+            as_read = False
+    return {
+        "samples": samples,
+        "sampling_rate_hz": rate_hz,
+        "channel_names": tuple(columns[index].name for index in kept),
+        "channel_kinds": tuple(columns[index].kind for index in kept),
+        "units": tuple(units),
+        "columns": tuple(columns[index].number for index in kept),
+        "origin": content.path,
+        "notes": tuple(_one_line(note) for note in notes if note),
+        "speed_rpm": content.speed_rpm,
+        "tacho_told": spoken.tells_tacho(columns),
+        "known_finite": as_read,
+    }
 
 
 def _one_line(note: str) -> str:
@@ -261,9 +241,9 @@ def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
 
 def _usable(
     content: Content, columns: Sequence[DataColumn], wanted: _Spoken
-) -> tuple[list[int], list[str], list[float]]:
-    """Return the columns to keep, notes on those left out, and the sizes of those kept."""
-    kept, notes, bad, largest = [], [], [], []
+) -> tuple[list[int], list[str]]:
+    """Return the columns to keep, and notes on those left out."""
+    kept, notes, bad = [], [], []
     aside = () if wanted.channels is None else ("vibration", "other")
     looked_at = [
         index
@@ -272,18 +252,17 @@ def _usable(
         and (column.kind not in aside or index in (wanted.channels or ()))
     ]
     rows = [content.values[index] for index in looked_at]
-    surveys = side_by_side(survey, rows, content.values.size)
-    for index, found in zip(looked_at, surveys, strict=True):
-        fatal, note = _judged(content, index, columns[index], wanted, found)
+    defects = side_by_side(find_defect, rows, content.values.size)
+    for index, defect in zip(looked_at, defects, strict=True):
+        fatal, note = _judged(content, index, columns[index], wanted, defect)
         if fatal:
             bad.append(note)
         else:
             kept.append(index)
-            largest.append(max(abs(found.low), abs(found.high)))
         if note:
             notes.append(f"{note}: left out" if fatal else note)
     if any(columns[index].kind == "vibration" for index in kept):
-        return kept, notes, largest
+        return kept, notes
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
         raise RecordingError(
@@ -295,31 +274,23 @@ def _usable(
 
 
 def _judged(
-    content: Content, index: int, column: DataColumn, wanted: _Spoken, found: Extremes
+    content: Content, index: int, column: DataColumn, wanted: _Spoken, defect: Defect | None
 ) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
-    values = content.values[index]
-    count, first = missing_values(values, found)
-    if count:
-        share = f"{count} of {len(values)} rows ({100 * count / len(values):.2g} %)"
-        text = f"lacks a usable number in {share}"
-        if count == len(values):
-            text = f"has no numbers at all in {count} rows"
-        why = "more than any sensor gives" if np.isfinite(values[first]) else "no number"
-        if wanted.asks_for(index) or (column.kind == "vibration" and count < len(values)):
+    vibrates, asked = column.kind == "vibration", wanted.asks_for(index)
+    if defect is None or not (vibrates or defect.missing):
+        return False, ""
+    if defect.missing:
+        if asked or (vibrates and not defect.fatal):
             raise RecordingError(
-                f"{content.path}, {content.place(first)}, {column.label}: "
-                f"{content.shown(first, index)} is {why}; the column {text}; {_REMEDY_ALONE}"
+                f"{content.path}, {content.place(defect.row)}, {column.label}: "
+                f"{content.shown(defect.row, index)} is {defect.missing}; the column "
+                f"{defect.text}; {_REMEDY_ALONE}"
             )
-        return True, f"{column.label} {text}"
-    if column.kind != "vibration" or len(values) < 2:
-        return False, ""
-    defect = find_defect(values, found)
-    if defect is None:
-        return False, ""
+        return True, f"{column.label} {defect.text}"
     place = "" if defect.row < 0 else f"{content.place(defect.row)}, "
     note = f"{place}{column.label} {defect.text}"
-    if defect.fatal and wanted.asks_for(index):
+    if defect.fatal and asked:
         raise RecordingError(f"{content.path}, {note}; check the sensor, or record again")
     return defect.fatal, note
 
@@ -334,8 +305,8 @@ def _taken(values: Floats, kept: Sequence[int]) -> Floats:
     return np.ascontiguousarray(samples) if samples.nbytes <= _SMALL_BYTES else samples
 
 
-def _unit_and_scale(column: DataColumn, sensor: SensorLike | None) -> tuple[DataColumn, float]:
-    """Return the channel in its physical unit, and what its numbers must be multiplied by."""
+def _unit_and_scale(column: DataColumn, sensor: SensorLike | None) -> tuple[str | None, float]:
+    """Return the physical unit of a channel, and what its numbers must be multiplied by."""
     factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
     scale = (factor or 1.0) / (1.0 if sensor is None else sensor.sensitivity)
-    return (column if factor is None else replace(column, unit=ACCELERATION_UNIT)), scale
+    return (column.unit if factor is None else ACCELERATION_UNIT), scale

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Content, DataColumn, missing_values
+from gearmon.signals.reading.columns import Content, DataColumn, missing_rows
 from gearmon.signals.reading.source import Floats
 from gearmon.units import time_factor
 
@@ -266,11 +266,12 @@ def _from_stamps(
     where = f"{content.path}, {column.label}"
     index = [own.number for own in content.columns].index(column.number)
     stamps = content.values[index]
-    count, first = missing_values(stamps)
-    if count:
+    missing = missing_rows(stamps)
+    if len(missing):
+        what = "lines" if content.is_text else "samples"
         raise RecordingError(
-            f"{content.path}, {content.place(first)}, {column.label}: the time is missing (in "
-            f"{count} of {len(stamps)} {'lines' if content.is_text else 'samples'}); {_REMEDY}"
+            f"{content.path}, {content.place(int(missing[0]))}, {column.label}: the time is "
+            f"missing (in {len(missing)} of {len(stamps)} {what}); {_REMEDY}"
         )
     if len(stamps) < 2:
         raise RecordingError(f"{where}: a single sample is no recording; it tells no sampling rate")

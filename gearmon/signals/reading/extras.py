@@ -20,14 +20,8 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.formats.arrays import (
-    Array,
-    Holding,
-    as_array,
-    hold,
-    outlived,
-    stated_rate,
-)
+from gearmon.signals.reading.arrays import Array, Holding, as_array, hold, stated_rate
+from gearmon.signals.reading.plain import outlived
 from gearmon.signals.reading.source import Floats
 
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")

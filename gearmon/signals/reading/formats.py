@@ -7,18 +7,17 @@ A loader returns a `Holding`: arrays that may be signals, read in blocks, and th
 from __future__ import annotations
 
 import importlib
+import os
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
 from gearmon.errors import RecordingError
+from gearmon.signals.reading.arrays import Holding, choose, reading
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Content
-from gearmon.signals.reading.formats.arrays import Holding, choose, reading
 from gearmon.signals.reading.source import Progress, Room, Source
-
-__all__ = ["Format", "identify", "read_arrays"]
 
 _UNPACK = "unpack it first"
 
@@ -190,10 +189,11 @@ def _held(source: Source, found: Format) -> Holding:
             "or export it as CSV"
         ) from None
     module, _, name = found.loader.partition(".")
-    loaded = importlib.import_module(f"{__name__}.{module}")
+    loaded = importlib.import_module(f"gearmon.signals.reading.{module}")
     load = cast(Callable[[str], Holding], getattr(loaded, name))
-    with reading(source.path, found.what):
-        return replace(load(source.path), path=source.path, what=found.what)
+    path = source.path
+    with reading(path, found.what):
+        return replace(load(path), path=path, what=found.what, size=os.path.getsize(path))
 
 
 def _named(head: bytes) -> Format | None:
