@@ -15,20 +15,17 @@ import numpy.typing as npt
 from gearmon.errors import ArgumentError, RecordingError, check_range
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import (
-    DataColumn,
-    Progress,
-    SensorLike,
     Wanted,
-    all_finite,
-    choose,
-    find_column,
-    hold_memory,
     identify,
     interpret,
     open_source,
     read_arrays,
     read_table,
 )
+from gearmon.signals.reading.arrays import choose, hold_memory
+from gearmon.signals.reading.channels import SensorLike
+from gearmon.signals.reading.columns import DataColumn, all_finite, find_column
+from gearmon.signals.reading.source import Progress
 from gearmon.units import KNOWN_UNITS, is_unit
 
 #: Vibration is sampled no slower and no faster [Hz].

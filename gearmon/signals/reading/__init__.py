@@ -15,35 +15,19 @@ files, arrays and frames: `formats`. Then for all: `columns` (names, units, kind
 `timebase` (the sampling rate) and `channels` (which columns are the recording).
 """
 
-from gearmon.signals.reading.arrays import choose, hold_memory
-from gearmon.signals.reading.channels import SensorLike, Wanted, interpret
-from gearmon.signals.reading.columns import (
-    Content,
-    DataColumn,
-    all_finite,
-    describe_columns,
-    find_column,
-    find_defect,
-)
+from gearmon.signals.reading.channels import Wanted, interpret
+from gearmon.signals.reading.columns import describe_columns, find_defect
 from gearmon.signals.reading.formats import identify, read_arrays
-from gearmon.signals.reading.source import Progress, Source, open_source
+from gearmon.signals.reading.source import Source, open_source
 from gearmon.signals.reading.text import read_table
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing
 
 __all__ = [
-    "Content",
-    "DataColumn",
-    "Progress",
-    "SensorLike",
     "Source",
     "Wanted",
-    "all_finite",
-    "choose",
     "counts_evenly",
     "describe_columns",
-    "find_column",
     "find_defect",
-    "hold_memory",
     "identify",
     "interpret",
     "open_source",

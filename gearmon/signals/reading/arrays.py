@@ -6,15 +6,14 @@ Taken are the arrays that the user names, or the only ones that can be the recor
 from __future__ import annotations
 
 import math
-import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, GearmonError, RecordingError
+from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import (
@@ -127,8 +126,6 @@ class Holding:
         What the reader has to tell the user.
     left_out : tuple of str
         What else stands in the file, for messages.
-    close : callable
-        Closes the file.
     path, what : str
         The file and its kind, for messages.
     size : int
@@ -140,7 +137,6 @@ class Holding:
     facts: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-    close: Callable[[], object] = field(default=lambda: None)
     path: str = ""
     what: str = ""
     size: int = 1 << 62
@@ -159,34 +155,6 @@ class Holding:
         """Return the number of the column that is meant by a name or number."""
         columns = [column for array in self.arrays for column in array.columns]
         return columns[find_column(self.path, key, columns)].number
-
-
-@contextmanager
-def reading(path: str, what: str) -> Iterator[None]:
-    """Turn whatever a library raises about a damaged file into one line.
-
-    Raises
-    ------
-    RecordingError
-        If anything is raised inside.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
-            yield
-    except GearmonError:
-        raise
-    except MemoryError:
-        raise RecordingError(
-            f"{path}: {what} whose content does not fit into memory; cut it into parts"
-        ) from None
-    # what a library raises about a damaged file is anything but documented
-    except Exception as error:
-        first = next(iter(str(error).splitlines()), "") or type(error).__name__
-        raise RecordingError(
-            f"{path}: looks like {what} and cannot be read as such ({shortened(first)}); is it "
-            "damaged? Copy it again"
-        ) from None
 
 
 def as_array(
@@ -458,8 +426,7 @@ def _filled(
         end = row + len(array.names)
         for start in range(0, total, _BLOCK):
             stop = min(total, start + _BLOCK)
-            with reading(holding.path, holding.what):
-                part = array.read(start, stop)
+            part = array.read(start, stop)
             if part.shape[1] != stop - start:
                 raise RecordingError(
                     f"{holding.path}: is cut off: fewer samples than it announces; copy it again"

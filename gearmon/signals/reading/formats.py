@@ -1,7 +1,7 @@
 """Kinds of files: told by their first bytes, never by their names; one table of all.
 
-A loader returns a `Holding`: arrays that may be signals, read in blocks, and the facts beside them.
-`arrays.choose` picks the arrays that are the recording.
+A loader gives a `Holding` while its file is open: arrays that may be signals, read in blocks, and
+the facts beside them. `arrays.choose` picks the arrays that are the recording.
 """
 
 from __future__ import annotations
@@ -9,15 +9,18 @@ from __future__ import annotations
 import importlib
 import os
 import re
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
-from typing import cast
 
-from gearmon.errors import RecordingError
-from gearmon.signals.reading.arrays import Holding, choose, reading
+from gearmon.errors import GearmonError, RecordingError
+from gearmon.signals.reading.arrays import Holding, choose
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Content
-from gearmon.signals.reading.source import Progress, Room, Source
+from gearmon.signals.reading.source import Progress, Room, Source, shortened
+
+Loader = Callable[[str], AbstractContextManager[Holding]]
 
 _UNPACK = "unpack it first"
 
@@ -161,14 +164,6 @@ def read_arrays(
         If that kind is not read or its library is not installed, the file is packed, comes through
         a pipe, or is damaged, or holds no recording.
     """
-    held = _held(source, found)
-    try:
-        return choose(held, wanted, progress, room)
-    finally:
-        held.close()
-
-
-def _held(source: Source, found: Format) -> Holding:
     if not found.loader:
         raise RecordingError(
             f"{source.path}: looks like {found.what}, which is not read here; {found.remedy} "
@@ -189,11 +184,33 @@ def _held(source: Source, found: Format) -> Holding:
             "or export it as CSV"
         ) from None
     module, _, name = found.loader.partition(".")
-    loaded = importlib.import_module(f"gearmon.signals.reading.{module}")
-    load = cast(Callable[[str], Holding], getattr(loaded, name))
-    path = source.path
-    with reading(path, found.what):
-        return replace(load(path), path=path, what=found.what, size=os.path.getsize(path))
+    load: Loader = getattr(importlib.import_module(f"gearmon.signals.reading.{module}"), name)
+    size = os.path.getsize(source.path)
+    with _reading(source.path, found.what), load(source.path) as loaded:
+        holding = replace(loaded, path=source.path, what=found.what, size=size)
+        return choose(holding, wanted, progress, room)
+
+
+@contextmanager
+def _reading(path: str, what: str) -> Iterator[None]:
+    """Turn whatever a library raises about a damaged file into one line."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
+            yield
+    except GearmonError:
+        raise
+    except MemoryError:
+        raise RecordingError(
+            f"{path}: {what} whose content does not fit into memory; cut it into parts"
+        ) from None
+    # what a library raises about a damaged file is anything but documented
+    except Exception as error:
+        first = next(iter(str(error).splitlines()), "") or type(error).__name__
+        raise RecordingError(
+            f"{path}: looks like {what} and cannot be read as such ({shortened(first)}); is it "
+            "damaged? Copy it again"
+        ) from None
 
 
 def _named(head: bytes) -> Format | None:

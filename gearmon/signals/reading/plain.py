@@ -23,7 +23,8 @@ import resource
 import struct
 import warnings
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -78,8 +79,9 @@ def outlived(task: Callable[[], object]) -> bool:
     return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
 
 
-def read_wav(path: str) -> Holding:
-    """Return what a WAV file holds: one array, its sampling rate, no unit.
+@contextmanager
+def read_wav(path: str) -> Iterator[Holding]:
+    """Give what a WAV file holds: one array, its sampling rate, no unit.
 
     Raises
     ------
@@ -111,7 +113,7 @@ def read_wav(path: str) -> Holding:
         return values
 
     how = "float" if tag == _FLOATS else "integer, full scale is taken as 1"
-    return Holding(
+    yield Holding(
         arrays=(Array(name="", names=("",) * channels, count=len(frames), read=read),),
         together=True,
         # some writers leave one of the two out
@@ -153,8 +155,9 @@ def _wav_chunks(path: str, raw: Any) -> dict[bytes, Any]:
     return chunks
 
 
-def read_mat(path: str) -> Holding:
-    """Return what a MATLAB file holds: its arrays and single numbers, those of structs by a dot.
+@contextmanager
+def read_mat(path: str) -> Iterator[Holding]:
+    """Give what a MATLAB file holds: its arrays and single numbers, those of structs by a dot.
 
     Raises
     ------
@@ -178,7 +181,7 @@ def read_mat(path: str) -> Holding:
             items[name] = np.asarray(own)
         else:
             others.append(f"{name} (no array of real numbers)")
-    return hold(path, items, tuple(others))
+    yield hold(path, items, tuple(others))
 
 
 def _unpacked_mat(content: bytes) -> bytes:
@@ -205,8 +208,9 @@ def _unpacked_mat(content: bytes) -> bytes:
     return b"".join(parts)
 
 
-def read_npy(path: str) -> Holding:
-    """Return what an npy file holds: one array, or one channel for each field of its records.
+@contextmanager
+def read_npy(path: str) -> Iterator[Holding]:
+    """Give what an npy file holds: one array, or one channel for each field of its records.
 
     Raises
     ------
@@ -223,7 +227,7 @@ def read_npy(path: str) -> Holding:
         arrays = (as_array("", stored),)
     found = tuple(array for array in arrays if array is not None)
     described = f"numbers of type {stored.dtype} and shape {stored.shape}"
-    return Holding(arrays=found, together=True, left_out=(described,))
+    yield Holding(arrays=found, together=True, left_out=(described,))
 
 
 def _record_fields(stored: Any) -> tuple[Array, ...]:
@@ -239,8 +243,9 @@ def _record_fields(stored: Any) -> tuple[Array, ...]:
     return (Array(name="", names=tuple(names), count=stored.shape[0], read=read),)
 
 
-def read_npz(path: str) -> Holding:
-    """Return what an npz file holds: its arrays and single numbers by name.
+@contextmanager
+def read_npz(path: str) -> Iterator[Holding]:
+    """Give what an npz file holds: its arrays and single numbers by name.
 
     Raises
     ------
@@ -252,7 +257,7 @@ def read_npz(path: str) -> Holding:
             raise _DamagedError("it unpacks to more than any")
         items = {name: archive[name] for name in archive.files if _is_plain(archive, name)}
         others = tuple(name for name in archive.files if name not in items)
-    return hold(path, items, others)
+    yield hold(path, items, others)
 
 
 def _is_plain(archive: Any, name: str) -> bool:
