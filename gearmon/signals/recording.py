@@ -160,11 +160,19 @@ class Recording(Result):
             If there is no such channel, or several have the name.
         """
         keys = [channels] if isinstance(channels, str | int) else list(channels)
-        known = [
-            DataColumn(number=number, name=name)
-            for number, name in zip(self.columns, self.channel_names, strict=True)
-        ]
-        return self.part([find_column(self.origin, key, known) for key in keys])
+        return self.part([self.row_of(key) for key in keys])
+
+    def row_of(self, channel: str | int) -> int:
+        """Return the row of a channel, by its name or column number as in `select`.
+
+        Raises
+        ------
+        RecordingError
+            As `select`.
+        """
+        named = zip(self.columns, self.channel_names, strict=True)
+        known = [DataColumn(number=number, name=name) for number, name in named]
+        return find_column(self.origin, channel, known)
 
     def vibration(self) -> Recording:
         """Return the recording with its vibration channels only.
