@@ -27,9 +27,9 @@ from gearmon.signals.reading.source import Floats, Progress, Room, shortened
 
 Read = Callable[[int, int], Floats]
 
+# Names in plain letters, without "hz" behind them.
 _RATE_NAMES = frozenset(
-    {"fs", "fshz", "samplingrate", "samplingratehz", "samplerate", "sampleratehz"}
-    | {"samplingfrequency", "samplingfrequencyhz", "samplefrequency", "samplefrequencyhz"}
+    {"fs", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency"}
     | {"samplingfreq", "samplefreq", "abtastrate", "abtastfrequenz"}
 )
 # Names that mean it nearly always, and between which numbers they are believed: a shaft of 30,000
@@ -315,7 +315,7 @@ def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
 
 def _plain(name: str) -> str:
     last = name.replace("/", ".").rpartition(".")[2].lower()
-    return "".join(character for character in last if character.isalnum())
+    return "".join(character for character in last if character.isalnum()).removesuffix("hz")
 
 
 def choose(

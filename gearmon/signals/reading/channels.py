@@ -73,27 +73,6 @@ class Wanted:
     unit: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Spoken:
-    """Which columns the user spoke of (indices)."""
-
-    channels: frozenset[int] | None
-    tacho: int | None
-    sensors: dict[int, SensorLike]
-
-    @property
-    def all(self) -> frozenset[int]:
-        tacho = frozenset(() if self.tacho is None else (self.tacho,))
-        return (self.channels or frozenset()) | tacho | frozenset(self.sensors)
-
-    def asks_for(self, index: int) -> bool:
-        return index == self.tacho or index in (self.channels or ())
-
-    def tells_tacho(self, columns: Sequence[DataColumn]) -> bool:
-        """Whether the user said which column is the tacho."""
-        return any(columns[index].kind == "tacho" for index in self.all)
-
-
 @np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused as a recording
 def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
     """Return what makes a `Recording` of what stands in a file; its values are used up.
@@ -115,20 +94,20 @@ def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
     RecordingError
         If the channels cannot be used.
     """
-    spoken, absent = _spoken(content, wanted)
-    columns, remarks = _confirmed(content, _told(content, spoken), spoken)
-    columns = [_with_unit(content.path, column, wanted.unit) for column in columns]
+    told, absent = _told(content, wanted)
+    confirmed, remarks = _confirmed(content, told)
+    columns = [_with_unit(content.path, column, wanted.unit) for column in confirmed]
     time = next((column for column in columns if column.kind == "time"), None)
     hint = "; ".join(remarks)
     rate_hz, rate_note = sampling_rate(content, time, wanted.sampling_rate_hz, hint)
-    kept, left_out = _usable(content, columns, spoken)
+    kept, left_out = _usable(content, columns, named_only=bool(wanted.channels))
     others = [columns[index] for index in kept if columns[index].kind != "vibration"]
     listed = ", ".join(f"{column.label} ({column.kind})" for column in others)
     aside = f"not taken as vibration: {listed}" if others else ""
     notes = [*content.notes, *remarks, rate_note, *absent, aside, *left_out]
     samples, units, as_read = _taken(content.values, kept), [], True
     for row, index in enumerate(kept):
-        unit, scale = _unit_and_scale(columns[index], spoken.sensors.get(index))
+        unit, scale = _unit_and_scale(columns[index])
         units.append(unit)
         if scale != 1.0:
             samples[row] *= scale
@@ -143,7 +122,7 @@ def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
         "origin": content.path,
         "notes": tuple(_one_line(note) for note in notes if note),
         "speed_rpm": content.speed_rpm,
-        "tacho_told": spoken.tells_tacho(columns),
+        "tacho_told": _tells_tacho(columns),
         "known_finite": as_read,
     }
 
@@ -153,56 +132,56 @@ def _one_line(note: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
-def _spoken(content: Content, wanted: Wanted) -> tuple[_Spoken, list[str]]:
-    """Return the columns that the user spoke of, and notes on sensors that are not in the file."""
+def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
+    """Let what the user says go before what the file says; note sensors that are not in it."""
     index = partial(find_column, content.path, columns=content.columns)
-    told: dict[int, SensorLike] = {}
-    absent = []
+    columns, absent = list(content.columns), []
+
+    def say(place: int, **what: Any) -> None:
+        columns[place] = replace(columns[place], **what)
+
+    if content.stamp is not None:
+        say(content.stamp, kind="time")
     for sensor in wanted.sensors:
         try:
-            told[index(sensor.column)] = sensor
+            place = index(sensor.column)
         except RecordingError:
             absent.append(f"column '{sensor.column}' of the machine file is not in the recording")
-    channels = frozenset(index(key) for key in wanted.channels) or None
-    tacho = None if wanted.tacho is None else index(wanted.tacho)
-    return _Spoken(channels=channels, tacho=tacho, sensors=told), absent
-
-
-def _told(content: Content, wanted: _Spoken) -> list[DataColumn]:
-    """Let what the user says go before what the file says."""
-    told = list(content.columns)
-    if content.stamp is not None:
-        told[content.stamp] = replace(told[content.stamp], kind="time")
-    for index, sensor in wanted.sensors.items():
+            continue
         if sensor.unit and not is_unit(sensor.unit):
             raise RecordingError(
                 f"{content.path}: the [[sensor]] of column '{sensor.column}' is said to be in "
                 f"'{shortened(sensor.unit)}', which is no known unit; give {KNOWN_UNITS}, or "
                 "leave it out"
             )
-        recorded = told[index].unit if sensor.sensitivity == 1.0 else None
-        told[index] = replace(told[index], kind=sensor.kind, unit=sensor.unit or recorded)
-    for index in wanted.channels or ():
-        told[index] = replace(told[index], kind="vibration")
+        unit = sensor.unit or (columns[place].unit if sensor.sensitivity == 1.0 else None)
+        say(place, kind=sensor.kind, unit=unit, sensitivity=sensor.sensitivity, told="sensor")
+    for key in wanted.channels:
+        say(index(key), kind="vibration", told="named")
     if wanted.tacho is not None:
-        told[wanted.tacho] = replace(told[wanted.tacho], kind="tacho")
-    if wanted.tells_tacho(told):
+        say(index(wanted.tacho), kind="tacho", told="named")
+    if _tells_tacho(columns):
         # what the user calls a tacho goes before what is named like one
-        for index, column in enumerate(told):
-            if column.kind == "tacho" and index not in wanted.all:
-                told[index] = replace(column, kind="other")
-    return told
+        for place, column in enumerate(columns):
+            if column.kind == "tacho" and not column.told:
+                say(place, kind="other")
+    return columns, absent
+
+
+def _tells_tacho(columns: Sequence[DataColumn]) -> bool:
+    """Tell whether the user said which column is the tacho."""
+    return any(column.told and column.kind == "tacho" for column in columns)
 
 
 def _confirmed(
-    content: Content, columns: Sequence[DataColumn], wanted: _Spoken
+    content: Content, columns: Sequence[DataColumn]
 ) -> tuple[list[DataColumn], list[str]]:
     """Check by the numbers what names only suggest: counters, and a first column that is time."""
     confirmed, remarks = list(columns), []
     timed = any(column.kind == "time" for column in columns)
     for index, column in enumerate(columns):
         values = content.values[index]
-        if index in wanted.all:
+        if column.told:
             continue
         if column.kind == "index" and not rises_evenly(values):
             # named like a counter, and does not count
@@ -240,21 +219,20 @@ def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
 
 
 def _usable(
-    content: Content, columns: Sequence[DataColumn], wanted: _Spoken
+    content: Content, columns: Sequence[DataColumn], *, named_only: bool
 ) -> tuple[list[int], list[str]]:
     """Return the columns to keep, and notes on those left out."""
     kept, notes, bad = [], [], []
-    aside = () if wanted.channels is None else ("vibration", "other")
+    aside = ("time", "index", "vibration", "other") if named_only else ("time", "index")
     looked_at = [
         index
         for index, column in enumerate(columns)
-        if column.kind not in ("time", "index")
-        and (column.kind not in aside or index in (wanted.channels or ()))
+        if column.kind not in aside or (column.kind == "vibration" and column.told == "named")
     ]
     rows = [content.values[index] for index in looked_at]
     defects = side_by_side(find_defect, rows, content.values.size)
     for index, defect in zip(looked_at, defects, strict=True):
-        fatal, note = _judged(content, index, columns[index], wanted, defect)
+        fatal, note = _judged(content, index, columns[index], defect)
         if fatal:
             bad.append(note)
         else:
@@ -274,10 +252,10 @@ def _usable(
 
 
 def _judged(
-    content: Content, index: int, column: DataColumn, wanted: _Spoken, defect: Defect | None
+    content: Content, index: int, column: DataColumn, defect: Defect | None
 ) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
-    vibrates, asked = column.kind == "vibration", wanted.asks_for(index)
+    vibrates, asked = column.kind == "vibration", column.told == "named"
     if defect is None or not (vibrates or defect.missing):
         return False, ""
     if defect.missing:
@@ -305,8 +283,8 @@ def _taken(values: Floats, kept: Sequence[int]) -> Floats:
     return np.ascontiguousarray(samples) if samples.nbytes <= _SMALL_BYTES else samples
 
 
-def _unit_and_scale(column: DataColumn, sensor: SensorLike | None) -> tuple[str | None, float]:
+def _unit_and_scale(column: DataColumn) -> tuple[str | None, float]:
     """Return the physical unit of a channel, and what its numbers must be multiplied by."""
     factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
-    scale = (factor or 1.0) / (1.0 if sensor is None else sensor.sensitivity)
-    return (column.unit if factor is None else ACCELERATION_UNIT), scale
+    unit = column.unit if factor is None else ACCELERATION_UNIT
+    return unit, (factor or 1.0) / column.sensitivity

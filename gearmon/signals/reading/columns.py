@@ -68,6 +68,10 @@ class DataColumn:
         Its unit as it stands in the file.
     kind : str
         "vibration", "tacho", "torque", "speed", "other", "time" or "index".
+    sensitivity : float
+        Recorded number per unit.
+    told : str
+        How the user spoke of it: as a "sensor" of the machine, "named" as a channel, or "".
     """
 
     number: int
@@ -75,6 +79,8 @@ class DataColumn:
     cell: str = ""
     unit: str | None = None
     kind: str = "vibration"
+    sensitivity: float = 1.0
+    told: str = ""
 
     @property
     def label(self) -> str:

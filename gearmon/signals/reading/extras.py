@@ -21,7 +21,7 @@ import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.arrays import Array, Holding, as_array, hold, stated_rate
-from gearmon.signals.reading.plain import outlived
+from gearmon.signals.reading.formats import outlived
 from gearmon.signals.reading.source import Floats
 
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
@@ -192,7 +192,7 @@ def _parquet_columns(file: Any) -> Holding:
     schema, rows = file.schema_arrow, file.metadata.num_rows
     kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
     dropped = [field for field in schema if field not in kept]
-    whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0)))
+    whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0).to_pandas()))
 
     def column(field: Any) -> Array:
         def read(start: int, stop: int) -> Floats:
@@ -220,16 +220,9 @@ def _is_numeric(pyarrow: Any, kind: Any) -> bool:
 
 def _floats(column: Any) -> Floats:
     """Return a column as numbers; time stamps in seconds from the first one on."""
-    import pyarrow
-    import pyarrow.compute
-
-    if pyarrow.types.is_timestamp(column.type):
-        # seconds since 1970 as floats would lose the microseconds
-        steps = pyarrow.compute.subtract(column, column[0]).cast(pyarrow.duration("ns"))
-        return np.asarray(steps.cast(pyarrow.int64()).to_numpy(), dtype=np.float64) * 1e-9
-    if pyarrow.types.is_decimal(column.type):
-        column = column.cast(pyarrow.float64())
-    return np.asarray(column.to_numpy(), dtype=np.float64)
+    if column.dtype.kind == "M":  # seconds since 1970 as floats would lose the microseconds
+        column = (column - column.iloc[0]) / np.timedelta64(1, "s")
+    return np.asarray(column.to_numpy(np.float64, na_value=np.nan))
 
 
 @contextmanager

@@ -317,6 +317,7 @@ class TestMatlab:
                 "sampling rate 48828 Hz taken from bearing.sr, not bearing.rate = 25",
             ),
             ({"Head_1": {"SampFreq": 25_600.0}}, 25_600.0, "taken from Head_1.SampFreq"),
+            ({"Head": {"a": {"samp_freq_Hz": 2e4}}}, 2e4, "taken from Head.a.samp_freq_Hz"),
             ({"Fs": 25.6, "sampleRateHz": 25_600.0}, 25_600.0, "sampleRateHz, not Fs = 25.6"),
         ],
     )
