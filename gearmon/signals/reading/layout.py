@@ -43,6 +43,8 @@ _MARKERS = frozenset(
 _RATE = re.compile(
     r"sampl|abtast|\bfs\b|\brate\b|frequen|interval|\bdt\b|delta_?[tx]|schrittweite", re.IGNORECASE
 )
+# Between names as in "Time (s)  a1 (g)", and as in "Time (s) a1 (g)".
+_GAPS = re.compile(r"\s{2,}|\t"), re.compile(r"\s+(?![\[(])")
 # Quotes from the beginning of a field to their end, over a few lines at the most; and what takes
 # the place of their line breaks, which no line holds.
 _PARTED = re.compile(r'(?m)(?:^|(?<=[,;\s]))"[^"\n]*(?:\n[^"\n]*){0,15}"')
@@ -149,12 +151,12 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
     RecordingError
         If the beginning can be read in two ways, or its first rows are damaged.
     """
-    sample = _sample(lines, _SAMPLE)
-    dialect = _most_likely(sample)
-    if dialect is None:  # a text below the rows?
-        sample = _sample(lines, len(lines))
+    for count in (_SAMPLE, len(lines)):  # is there a text below the rows?
+        sample = _sample(lines, count)
         dialect = _most_likely(sample)
-    if dialect is None:
+        if dialect is not None:
+            break
+    else:
         return None
     if dialect.columns > _MOST_COLUMNS:
         raise RecordingError(
@@ -403,15 +405,13 @@ def _cells(text: str, dialect: Dialect) -> list[str] | None:
     if columns == 1:
         cells = list(without_empty_end(dialect.split(text)))
         return cells if len(cells) == 1 else split_fields(text, "")
-    for trial in dict.fromkeys((dialect.separator, "\t", ";", ",")):
-        cells = split_fields(text, trial)
+    marks = dict.fromkeys((dialect.separator, "\t", ";", ","))
+    trials = [split_fields(text, mark) for mark in marks]
+    trials += [[cell.strip('"') for cell in gap.split(text.strip())] for gap in _GAPS]
+    for cells in trials:
         named = len(without_empty_end(cells)) - (cells[-1:] in (["Comment"], ["comment"]))
         if named <= columns <= len(cells):
             return cells[:columns]
-    for gap in (r"\s{2,}|\t", r"\s+(?![\[(])"):  # "Time (s)  a1 (g)", "Time (s) a1 (g)"
-        cells = re.split(gap, text.strip())
-        if len(cells) == columns:
-            return [cell.strip('"') for cell in cells]
     return None
 
 

@@ -446,16 +446,14 @@ def _why_no_table(lines: Sequence[str]) -> str:
     number, text = filled[-1]
     # a column of text, if the last lines are rows of numbers but for it?
     for separator in ("\t", ";", ","):
-        rows = [split_fields(line, separator) for _, line in filled[-20:]]
+        rows = [split_fields(line, separator) for _, line in filled[-3:]]
         told = [is_number(field, ".") or is_number(field, ",") for field in rows[-1]]
-        if not any(told) or len(rows) < 3 or len({len(row) for row in rows[-3:]}) > 1:
-            continue
-        for index, field in enumerate(rows[-1], 1):
-            if field and not told[index - 1]:
-                return (
-                    f"line {number}, column {index}: '{shortened(field)}' is not a number, as in "
-                    "the lines above; take that column out"
-                )
+        words = [k for k, field in enumerate(rows[-1]) if field and not told[k]]
+        if any(told) and words and len(rows) == 3 and len({len(row) for row in rows}) == 1:
+            return (
+                f"line {number}, column {words[0] + 1}: '{shortened(rows[-1][words[0]])}' is not a "
+                "number, as in the lines above; take that column out"
+            )
     what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
     return (
         f"{what} in its {counted(len(lines), 'line')} (line {number} reads "
