@@ -84,6 +84,8 @@ class Recording(Result):
     >>> recording = gearmon.read_recording(new)
     >>> recording.vibration().channel_names, recording.select("a2").channel_names
     (('a1', 'a2'), ('a2',))
+    >>> recording.row_of("a2"), recording.row_of(recording.columns[2])
+    (1, 2)
     >>> recording.part([2]).channel_kinds, len(recording.frame_rows()) == recording.samples.shape[1]
     (('tacho',), True)
     """

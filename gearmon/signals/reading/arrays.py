@@ -224,10 +224,12 @@ def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Ho
     RecordingError
         If the only array has two axes of the same length.
     """
-    arrays, facts, others = [], {}, list(left_out)
-    shapes = []
+    arrays, facts, others, shapes = [], {}, list(left_out), []
     for name, data in items.items():
-        if data.dtype.kind in "fiu" and all(size == 1 for size in data.shape):
+        if data.dtype.kind not in "fiub":
+            others.append(name)
+            continue
+        if data.dtype.kind != "b" and all(size == 1 for size in data.shape):
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
             continue
         shapes.append(data.shape)

@@ -394,17 +394,14 @@ def read_mat(path: str) -> Iterator[Holding]:
     if not outlived(load):
         raise RecordingError(f"{path}: a MATLAB file so damaged that reading it crashes")
     items: dict[str, Any] = {}
-    others: list[str] = []
     left = [(name, own) for name, own in load().items() if not name.startswith("__")]
     while left:
         name, own = left.pop(0)
         if isinstance(own, dict):
             left = [(f"{name}.{key}", value) for key, value in own.items()] + left
-        elif np.asarray(own).dtype.kind in "fiub":
-            items[name] = np.asarray(own)
         else:
-            others.append(f"{name} (no array of real numbers)")
-    yield hold(path, items, tuple(others))
+            items[name] = np.asarray(own)
+    yield hold(path, items)
 
 
 def _unpacked_mat(content: bytes) -> bytes:
@@ -443,27 +440,24 @@ def read_npy(path: str) -> Iterator[Holding]:
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.offset + stored.nbytes != os.path.getsize(path):
         raise _DamagedError("bytes behind its numbers")
-    if stored.dtype.names:
-        arrays: tuple[Array | None, ...] = _record_fields(stored)
-    else:
-        check_not_square(path, stored.shape)
-        arrays = (as_array("", stored),)
-    found = tuple(array for array in arrays if array is not None)
+    check_not_square(path, stored.shape)
+    array = _records(stored) if stored.dtype.names else as_array("", stored)
+    found = () if array is None else (array,)
     described = f"numbers of type {stored.dtype} and shape {stored.shape}"
     yield Holding(arrays=found, together=True, left_out=(described,))
 
 
-def _record_fields(stored: Any) -> tuple[Array, ...]:
+def _records(stored: Any) -> Array | None:
     """Return the fields of records as channels of one array, as they lie side by side."""
-    names = [name for name in stored.dtype.names or () if stored.dtype[name].kind in "fiu"]
+    names = [name for name in stored.dtype.names if stored.dtype[name].kind in "fiu"]
     if not names or len(stored.shape) != 1 or any(stored.dtype[name].shape for name in names):
-        return ()
+        return None
 
     def read(start: int, stop: int) -> Floats:
         records = stored[start:stop]
         return np.stack([records[name].astype(np.float64) for name in names])
 
-    return (Array(name="", names=tuple(names), count=stored.shape[0], read=read),)
+    return Array(name="", names=tuple(names), count=stored.shape[0], read=read)
 
 
 @contextmanager
@@ -478,13 +472,11 @@ def read_npz(path: str) -> Iterator[Holding]:
     with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
         if archive_swells(archive):
             raise _DamagedError("it unpacks to more than any")
-        items = {name: archive[name] for name in archive.files if _is_plain(archive, name)}
-        others = tuple(name for name in archive.files if name not in items)
-    yield hold(path, items, others)
-
-
-def _is_plain(archive: Any, name: str) -> bool:
-    try:
-        return bool(archive[name].dtype.kind in "fiub")
-    except ValueError:  # an array of Python objects
-        return False
+        items: dict[str, Any] = {}
+        others: list[str] = []
+        for name in archive.files:
+            try:
+                items[name] = archive[name]
+            except ValueError:  # an array of Python objects
+                others.append(name)
+    yield hold(path, items, tuple(others))
