@@ -363,7 +363,7 @@ def rows_of(path: Path) -> np.ndarray | None:
     rows = table.values.copy()  # what is found to be in g is turned into m/s2 in its place
     with suppress(RecordingError):
         rate = 1000.0 if path.stat().st_size % 2 else None
-        assert len(interpret(table, Wanted(sampling_rate_hz=rate)).samples)
+        assert len(interpret(table, Wanted(sampling_rate_hz=rate))["samples"])
     return rows
 
 

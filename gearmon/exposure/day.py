@@ -42,7 +42,6 @@ from gearmon.exposure.measures import (
     Limits,
     vibration_exposure,
 )
-from gearmon.exposure.weighting import FloatArray
 from gearmon.machine import FieldError
 from gearmon.machine.fields import Checked, Choice, Several, Text, check_fields, held, within
 from gearmon.machine.reading import (
@@ -53,6 +52,7 @@ from gearmon.machine.reading import (
     refuse_unknown_keys,
 )
 from gearmon.result import Result
+from gearmon.signals.array_types import FloatArray
 
 #: Relative standard error of an instrument: all of the tolerance of ISO 8041-1, table 2, for its
 #: indication at the reference frequency.
@@ -348,20 +348,18 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
         )
     if any(np.isnan(own.error).any() for own in grown):
         warnings.append("a recording is too short to see its scatter: intervals leave it out")
-    hours = np.array([job.hours for job in plan.jobs])
-    ends = np.concatenate([[0.0], np.cumsum(hours)])
+    ends, hours = grown[0].grown()[0], grown[0].hours
     # closer behind the start of a job: a dose of nothing begins steeply
-    steps = np.linspace(0, 1, _POINTS_A_JOB) ** 3
-    at = (ends[:-1, None] + np.multiply.outer(hours, steps)).ravel()
+    at = (ends[:-1, None] + np.multiply.outer(hours, np.linspace(0, 1, _POINTS_A_JOB) ** 3)).ravel()
     return DayExposure(
         plan=plan.path or "plan",
         position=plan.position,
         hours=float(hours.sum()),
-        jobs=tuple(_jobs(plan, felt, grown[0].mean)),
+        jobs=tuple(_jobs(plan, felt, grown[0])),
         doses=tuple(_dose(plan, own) for own in grown),
         warnings=tuple(dict.fromkeys(warnings)),
         course_h=tuple(at.tolist()),
-        course={own.measure: tuple(own.dose_at(at, ends).tolist()) for own in grown},
+        course={own.measure: tuple(own.dose_at(at).tolist()) for own in grown},
     )
 
 
@@ -383,11 +381,9 @@ class _Growth:
     stretches; NaN where that is not known.
     """
 
-    measure: str
-    unit: str
-    power: int
-    span_h: float  # over which a dose is a mean; that of VDV is a sum over seconds
+    power: int  # 2: A(8), 4: VDV
     axis: str
+    hours: FloatArray
     mean: FloatArray
     error: FloatArray
 
@@ -397,37 +393,46 @@ class _Growth:
         for job in felt:
             own = np.array([[_power(e, axis, power) for axis in e.axes] for e in job])
             scatter = [a.square_scatter if power == 2 else a.fourth_scatter for a in job[0].axes]
-            single = own[0] * np.array([math.nan if s is None else s for s in scatter])
+            single = own[0] * np.array(scatter, dtype=np.float64)  # None becomes NaN
             many = own.std(axis=0, ddof=1) / math.sqrt(len(job)) if len(job) > 1 else single
             means.append(own.mean(axis=0))
             errors.append(many)
-        mean, error, hours = np.array(means), np.array(errors), [job.hours for job in plan.jobs]
+        mean, error, hours = (
+            np.array(means),
+            np.array(errors),
+            np.array([j.hours for j in plan.jobs]),
+        )
         worst, axis = slice(None), "vector sum"
         if plan.position != "hand":
             most = int(np.argmax(hours @ mean))
             worst, axis = slice(most, most + 1), felt[0][0].axes[most].axis
-        measure, unit, span = ("A(8)", "m/s2", 8.0) if power == 2 else ("VDV", "m/s^1.75", 1 / 3600)
-        return cls(
-            measure=measure,
-            unit=unit,
-            power=power,
-            span_h=span,
-            axis=axis,
-            mean=mean[:, worst].sum(axis=1),
-            error=np.sqrt((error[:, worst] ** 2).sum(axis=1)),
-        )
+        error = np.sqrt((error[:, worst] ** 2).sum(axis=1))
+        mean = mean[:, worst].sum(axis=1)
+        return cls(power=power, axis=axis, hours=hours, mean=mean, error=error)
 
-    def dose_at(self, hour: ArrayLike, ends: FloatArray) -> FloatArray:
-        """Return the dose after hours of work, given when jobs begin and end."""
-        done = np.concatenate([[0.0], np.cumsum(self.mean * np.diff(ends))])
-        return np.asarray(
-            (np.interp(np.asarray(hour, dtype=np.float64), ends, done) / self.span_h)
-            ** (1 / self.power)
-        )
+    @property
+    def measure(self) -> str:
+        return "A(8)" if self.power == 2 else "VDV"
 
-    def reached_h(self, dose: float | None, ends: FloatArray) -> float | None:
+    @property
+    def span_h(self) -> float:
+        """Over which a dose is a mean; that of VDV is a sum over seconds."""
+        return 8.0 if self.power == 2 else 1 / 3600
+
+    def grown(self) -> tuple[FloatArray, FloatArray]:
+        """Return when jobs begin and end [h], and what has been taken up until then."""
+        zero = np.zeros(1)
+        ends = np.concatenate([zero, np.cumsum(self.hours)])
+        return ends, np.concatenate([zero, np.cumsum(self.mean * self.hours)])
+
+    def dose_at(self, hour: ArrayLike) -> FloatArray:
+        """Return the dose after hours of work."""
+        done = np.interp(np.asarray(hour, dtype=np.float64), *self.grown())
+        return np.asarray((done / self.span_h) ** (1 / self.power))
+
+    def reached_h(self, dose: float | None) -> float | None:
         """Return the hours of work after which a dose is reached; None if it is not."""
-        done = np.concatenate([[0.0], np.cumsum(self.mean * np.diff(ends))])
+        ends, done = self.grown()
         needed = math.inf if dose is None else dose**self.power * self.span_h
         return None if needed > done[-1] else float(np.interp([needed], done, ends)[0])
 
@@ -439,12 +444,11 @@ def _power(exposure: Exposure, axis: AxisExposure, power: int) -> float:
 
 
 def _jobs(
-    plan: DayPlan, felt: Sequence[Sequence[Exposure]], mean: FloatArray
+    plan: DayPlan, felt: Sequence[Sequence[Exposure]], grown: _Growth
 ) -> Iterator[JobExposure]:
-    limits = plan.limits
+    limits, total = plan.limits, float(grown.mean @ grown.hours) or 1.0
     assert limits is not None
-    total = float(mean @ [job.hours for job in plan.jobs]) or 1.0
-    for job, own, square in zip(plan.jobs, felt, mean.tolist(), strict=True):
+    for job, own, square in zip(plan.jobs, felt, grown.mean.tolist(), strict=True):
         yield JobExposure(
             name=job.name,
             recordings=len(own),
@@ -459,28 +463,24 @@ def _jobs(
 
 def _dose(plan: DayPlan, grown: _Growth) -> Dose:
     """Sum up, with the errors of what was recorded and of the hours, and compare with limits."""
-    hours = np.array([job.hours for job in plan.jobs])
-    late = np.array([job.hours_error for job in plan.jobs])
-    ends, total = np.concatenate([[0.0], np.cumsum(hours)]), float(grown.mean @ hours)
-    errors = np.concatenate([np.nan_to_num(grown.error) * hours, grown.mean * late])
+    late, total = np.array([job.hours_error for job in plan.jobs]), float(grown.mean @ grown.hours)
+    errors = np.concatenate([np.nan_to_num(grown.error) * grown.hours, grown.mean * late])
     own = float(np.linalg.norm(errors)) / total / grown.power if total else 0.0
-    value, relative = (
-        float(grown.dose_at(ends[-1], ends)),
-        COVERAGE * math.hypot(own, plan.instrument),
-    )
-    name = "ms2" if grown.power == 2 else "vdv"
+    value = float(grown.dose_at(grown.hours.sum()))
+    relative = COVERAGE * math.hypot(own, plan.instrument)
+    name, unit = ("ms2", "m/s2") if grown.power == 2 else ("vdv", "m/s^1.75")
     values = {of: getattr(plan.limits, f"{of}_{name}") for of in ("action", "limit")}
     low, high = value * max(0.0, 1 - relative), value * (1 + relative)
     return Dose(
         measure=grown.measure,
-        unit=grown.unit,
+        unit=unit,
         value=value,
         low=low,
         high=high,
         axis=grown.axis,
         **values,
         verdict=_verdict(low, high, values),
-        reached_h={of: grown.reached_h(wanted, ends) for of, wanted in values.items()},
+        reached_h={of: grown.reached_h(wanted) for of, wanted in values.items()},
     )
 
 

@@ -10,7 +10,7 @@ is straight on logarithmic scales, beyond them constant; all that is no mesh lin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -18,10 +18,11 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_type
 from gearmon.exposure.measures import Exposure, vibration_exposure
-from gearmon.exposure.weighting import WEIGHTINGS, FloatArray
+from gearmon.exposure.weighting import WEIGHTINGS
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
+from gearmon.signals.array_types import BoolArray, FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders import order_lines
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
@@ -203,7 +204,7 @@ class _Heard:
     exposure: Exposure
     shaft1_hz: float
     names: tuple[str, ...]
-    frequency_hz: FloatArray
+    order: FloatArray
     square: FloatArray
     above_noise: FloatArray
     felt: FloatArray
@@ -225,11 +226,24 @@ class _Heard:
             exposure=exposure,
             shaft1_hz=shaft1_hz,
             names=tuple(named[order] for order in orders),
-            frequency_hz=orders * shaft1_hz,
+            order=orders,
             square=power / 2,
             above_noise=power / found.noise,
             felt=np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes]),
         )
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        return self.order * self.shaft1_hz
+
+    @property
+    def on_mesh(self) -> BoolArray:
+        return np.array([name.startswith("mesh") for name in self.names])
+
+    @property
+    def weighted(self) -> FloatArray:
+        """Mean squares as they are felt."""
+        return self.square * self.weight(self.frequency_hz)
 
     def weight(self, frequency_hz: FloatArray) -> FloatArray:
         """Return k^2 |W|^2 of every axis, shape (axes, lines)."""
@@ -239,10 +253,10 @@ class _Heard:
 
     def shares(self) -> tuple[LineShare, ...]:
         """Return the weighted lines of each shaft and mesh."""
-        square, found = self.square * self.weight(self.frequency_hz), []
+        found = []
         for name in dict.fromkeys(self.names):
             own = [number for number, of in enumerate(self.names) if of == name]
-            total = square[:, own].sum(axis=1)
+            total = self.weighted[:, own].sum(axis=1)
             found.append(
                 LineShare(
                     name=name,
@@ -292,9 +306,7 @@ def _points(
     if path is None:
         told = "no mesh line stands clear on all axes: what damage and other speeds do is not told"
         return (), (told,)
-    on_mesh = [name.startswith("mesh") for name in heard.names]
-    weighted = heard.square * heard.weight(heard.frequency_hz)
-    rest = np.maximum(heard.felt - weighted[:, on_mesh].sum(axis=1), 0.0)
+    rest = np.maximum(heard.felt - heard.weighted[:, heard.on_mesh].sum(axis=1), 0.0)
     points = []
     for number, signature in zip(numbers, healthy, strict=True):
         gears, point = _through(path, heard, signature), machine.operating[number]
@@ -310,7 +322,7 @@ def _points(
                 damaged_ms2=None if damaged is None else _value(exposure, rest + damaged),
             )
         )
-    low, high = path["frequency_hz"][[0, -1]]
+    low, high = path[0][[0, -1]]
     note = f"the path is known from {low:.4g} to {high:.4g} Hz, and taken as constant beyond"
     return tuple(sorted(points, key=lambda own: own.value_ms2)), (note,)
 
@@ -320,28 +332,22 @@ def _value(exposure: Exposure, squares: FloatArray) -> float:
     return math.sqrt(squares.sum() if exposure.position == "hand" else squares.max())
 
 
-def _path(heard: _Heard, healthy: Signature) -> Mapping[str, FloatArray] | None:
-    """Return the gain from mesh to every axis where all of them hear a mesh harmonic."""
-    ratio = healthy["frequency_hz"] / heard.frequency_hz[:, None]
-    scale = np.median(healthy["frequency_hz"] / healthy["order"]) / heard.shaft1_hz
-    on_mesh = np.array([name.startswith("mesh") for name in heard.names])
-    clear = on_mesh & (heard.above_noise > 1).all(axis=0)
+def _path(heard: _Heard, healthy: Signature) -> tuple[FloatArray, FloatArray] | None:
+    """Return frequencies and gains from mesh to every axis where all axes hear a mesh harmonic."""
     frequency, gain = [], []
-    for line in np.flatnonzero(clear):
-        near = np.abs(ratio[line] / scale - 1) < 1e-9
+    for line in np.flatnonzero(heard.on_mesh & (heard.above_noise > 1).all(axis=0)):
+        near = np.abs(healthy["order"] / heard.order[line] - 1) < 1e-9
         expected = float(np.square(healthy["acceleration_ms2"][near]).sum()) / 2
         if expected > 0:
             frequency.append(heard.frequency_hz[line])
             gain.append(heard.square[:, line] / expected)
-    if not gain:
-        return None
-    return {"frequency_hz": np.array(frequency), "gain": np.array(gain).T}
+    return (np.array(frequency), np.array(gain).T) if gain else None
 
 
-def _through(path: Mapping[str, FloatArray], heard: _Heard, lines: Signature) -> FloatArray:
+def _through(path: tuple[FloatArray, FloatArray], heard: _Heard, lines: Signature) -> FloatArray:
     """Return the weighted mean square that expected lines make at every axis."""
-    frequency = lines["frequency_hz"]
-    logarithm, known = np.log(frequency), np.log(path["frequency_hz"])
-    gain = np.array([np.exp(np.interp(logarithm, known, np.log(own))) for own in path["gain"]])
+    frequency, (known, gains) = lines["frequency_hz"], path
+    logarithm, known = np.log(frequency), np.log(known)
+    gain = np.array([np.exp(np.interp(logarithm, known, np.log(own))) for own in gains])
     square = np.square(lines["acceleration_ms2"]) / 2
     return np.asarray((gain * heard.weight(frequency) * square).sum(axis=1))

@@ -23,10 +23,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_type, check_word
-from gearmon.exposure.weighting import HALF_BAND, WEIGHTINGS, FloatArray, Weighting
+from gearmon.exposure.weighting import HALF_BAND, WEIGHTINGS, Weighting
 from gearmon.machine import FieldError, Sensor
 from gearmon.machine.fields import check_fields, within
 from gearmon.result import Result
+from gearmon.signals.array_types import FloatArray
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
@@ -355,9 +356,7 @@ def _axes_told(axes: Mapping[str, str | int] | None, position: str) -> dict[str,
 def _rows(found: Recording, told: Mapping[str, str | int], position: str) -> dict[str, int]:
     """Return the row of each axis in the samples."""
     if told:
-        places = {key: row for row, key in enumerate(found.channel_names)}
-        places |= {key: row for row, key in enumerate(found.columns)}  # type: ignore[misc]
-        return {axis: places[told[axis]] for axis in POSITIONS[position] if axis in told}  # type: ignore[index]
+        return {axis: found.row_of(told[axis]) for axis in POSITIONS[position] if axis in told}
     named: dict[str, list[int]] = {}
     for row, name in enumerate(found.channel_names):
         match = re.fullmatch(r"(?:.*[\W_])?(?:a|acc)?([xyz])", name.lower())

@@ -19,13 +19,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.result import Result
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gearmon.signals.array_types import ComplexArray, FloatArray
 
 #: Half a third-octave band upwards.
 HALF_BAND = 10**0.05
@@ -55,8 +53,6 @@ class Weighting(Result):
         f3, f4 [Hz] and Q4, f3 infinite where there is no zero; empty without a transition.
     step : tuple of float
         f5 [Hz], Q5, f6 [Hz] and Q6; empty without a step.
-    tolerances_hz : tuple of float
-        The four frequencies between which the tolerances of ISO 8041-1 hold [Hz].
     """
 
     name: str
@@ -64,7 +60,12 @@ class Weighting(Result):
     limits_hz: tuple[float, float]
     transition: tuple[float, ...] = ()
     step: tuple[float, ...] = ()
-    tolerances_hz: tuple[float, float, float, float] = (10**-0.6, 10**-0.2, 10**1.8, 10**2.2)
+
+    @property
+    def tolerances_hz(self) -> tuple[float, float, float, float]:
+        """Frequencies between which the tolerances hold: one and three third octaves off [Hz]."""
+        low, high = (round(10 * math.log10(edge)) / 10 for edge in self.band_hz)
+        return 10 ** (low - 0.3), 10 ** (low + 0.1), 10 ** (high - 0.1), 10 ** (high + 0.3)
 
     @property
     def least_rate_hz(self) -> float:
@@ -142,7 +143,7 @@ class Weighting(Result):
         if self.transition:
             zero, pole, q4 = self.transition
             w3, w4 = 2 * math.pi * zero, 2 * math.pi * pole
-            found += [([1.0] if math.isinf(w3) else [1 / w3, 1.0], [1 / w4**2, 1 / (q4 * w4), 1.0])]
+            found += [([1 / w3, 1.0], [1 / w4**2, 1 / (q4 * w4), 1.0])]  # 1 / inf: no zero
         if self.step:
             f5, q5, f6, q6 = self.step
             w5, w6, gain = 2 * math.pi * f5, 2 * math.pi * f6, (f5 / f6) ** 2
@@ -159,7 +160,9 @@ def _sections(weighting: Weighting, rate: float) -> FloatArray:
     polynomials = weighting._polynomials()
     zeros = np.exp(np.concatenate([np.roots(b) for b, _ in polynomials]) / rate)
     poles = np.exp(np.concatenate([np.roots(a) for _, a in polynomials]) / rate)
-    frequency = _fitted_frequencies(weighting, rate)
+    low = min(weighting.limits_hz[0] / 4, 0.01 * rate)
+    scales = np.geomspace(low, 0.5 * rate, _POINTS), np.linspace(low, 0.5 * rate, _POINTS)
+    frequency = np.unique(scales)
     turn = np.exp(-2j * np.pi * frequency / rate)
     matched = np.prod(1 - np.multiply.outer(turn, zeros), axis=1)
     left = weighting.response(frequency) * np.prod(1 - np.multiply.outer(turn, poles), axis=1)
@@ -175,51 +178,20 @@ def _sections(weighting: Weighting, rate: float) -> FloatArray:
     return np.asarray(zpk2sos(np.concatenate([zeros, np.roots(taps)]), poles, taps[0]))
 
 
-def _fitted_frequencies(weighting: Weighting, rate: float) -> FloatArray:
-    low = min(weighting.limits_hz[0] / 4, 0.01 * rate)
-    scales = np.geomspace(low, 0.5 * rate, _POINTS), np.linspace(low, 0.5 * rate, _POINTS)
-    return np.unique(np.concatenate(scales))
-
-
-_BODY, _BODY_LIMITS = (0.5, 80.0), (0.4, 100.0)
+_BODY = (0.5, 80.0), (0.4, 100.0)
 _M, _H = 1 / (0.028 * 2 * math.pi), 100 / (2 * math.pi)
-#: All weightings by their names.
+#: All weightings by their names: nominal range, band limits, transition, step.
 WEIGHTINGS = {
-    own.name: own
-    for own in (
-        Weighting(
-            name="Wk",
-            band_hz=_BODY,
-            limits_hz=_BODY_LIMITS,
-            transition=(12.5, 12.5, 0.63),
-            step=(2.37, 0.91, 3.35, 0.91),
-        ),
-        Weighting(name="Wd", band_hz=_BODY, limits_hz=_BODY_LIMITS, transition=(2.0, 2.0, 0.63)),
-        Weighting(name="Wc", band_hz=_BODY, limits_hz=_BODY_LIMITS, transition=(8.0, 8.0, 0.63)),
-        Weighting(name="We", band_hz=_BODY, limits_hz=_BODY_LIMITS, transition=(1.0, 1.0, 0.63)),
-        Weighting(name="Wj", band_hz=_BODY, limits_hz=_BODY_LIMITS, step=(3.75, 0.91, 5.32, 0.91)),
-        Weighting(
-            name="Wm",
-            band_hz=(1.0, 80.0),
-            limits_hz=(10**-0.1, 100.0),
-            transition=(_M, _M, 0.5),
-            tolerances_hz=(10**-0.3, 10**0.1, 10**1.8, 10**2.2),
-        ),
-        Weighting(
-            name="Wh",
-            band_hz=(8.0, 1000.0),
-            limits_hz=(10**0.8, 10**3.1),
-            transition=(_H, _H, 0.64),
-            tolerances_hz=(10**0.6, 10.0, 10**2.9, 10**3.3),
-        ),
-        Weighting(
-            name="Wf",
-            band_hz=(0.1, 0.5),
-            limits_hz=(0.08, 0.63),
-            transition=(math.inf, 0.25, 0.86),
-            step=(0.0625, 0.80, 0.10, 0.80),
-            tolerances_hz=(10**-1.3, 10**-0.9, 10**-0.4, 1.0),
-        ),
+    name: Weighting(name=name, band_hz=band, limits_hz=limits, transition=transition, step=step)
+    for name, (band, limits), transition, step in (
+        ("Wk", _BODY, (12.5, 12.5, 0.63), (2.37, 0.91, 3.35, 0.91)),
+        ("Wd", _BODY, (2.0, 2.0, 0.63), ()),
+        ("Wc", _BODY, (8.0, 8.0, 0.63), ()),
+        ("We", _BODY, (1.0, 1.0, 0.63), ()),
+        ("Wj", _BODY, (), (3.75, 0.91, 5.32, 0.91)),
+        ("Wm", ((1.0, 80.0), (10**-0.1, 100.0)), (_M, _M, 0.5), ()),
+        ("Wh", ((8.0, 1000.0), (10**0.8, 10**3.1)), (_H, _H, 0.64), ()),
+        ("Wf", ((0.1, 0.5), (0.08, 0.63)), (math.inf, 0.25, 0.86), (0.0625, 0.80, 0.10, 0.80)),
     )
 }
 

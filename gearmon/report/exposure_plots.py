@@ -12,10 +12,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from gearmon.exposure.day import DayExposure, Dose
 from gearmon.exposure.gearbox import GearShare
 from gearmon.exposure.measures import Exposure
-from gearmon.exposure.weighting import FloatArray
 from gearmon.report import plots
 from gearmon.report.curves import extremes
 from gearmon.report.wording import shortened
+from gearmon.signals.array_types import FloatArray
 
 # Narrow, so that letters can still be read where a page shows it 400 pixels wide [inch].
 _WIDTH_IN = 6.0

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from gearmon.errors import RecordingError
-from gearmon.signals.array_types import BoolArray, FloatArray
+from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording
 
@@ -114,7 +114,7 @@ def inspected(recording: Recording) -> Recording:
         return recording
     rate, count = recording.sampling_rate_hz, recording.samples.shape[1]
     kept, notes, bridges, gaps = [], [], [], []
-    why, where = "", f"{recording.origin}: " if recording.origin else ""
+    why = ""
     for row, name in enumerate(recording.channel_names):
         if recording.channel_kinds[row] != "vibration":
             kept.append(row)
@@ -135,7 +135,8 @@ def inspected(recording: Recording) -> Recording:
         notes += [f"{_several(told)}: {_TOLD[0]}"] if told else []
     if why and not any(recording.channel_kinds[row] == "vibration" for row in kept):
         raise RecordingError(
-            f"{where}{why}, and no channel is sound; check cable and sensor, and record again"
+            f"{_where(recording)}{why}, and no channel is sound; check cable and sensor, and "
+            "record again"
         )
     samples = recording.samples
     if bridges or gaps:
@@ -195,10 +196,9 @@ def sound_part(recording: Recording, least: float = _LEAST_LEFT) -> Recording:
     start, stop = sound_piece(recording)
     rate, duration_s = recording.sampling_rate_hz, recording.duration_s
     if (stop - start) / rate < least * duration_s:
-        where = f"{recording.origin}: " if recording.origin else ""
         told = "; ".join(note for note in recording.notes if note.endswith(_TOLD))
         raise RecordingError(
-            f"{where}{told}; the longest sound piece is {(stop - start) / rate:.3g} of "
+            f"{_where(recording)}{told}; the longest sound piece is {(stop - start) / rate:.3g} of "
             f"{duration_s:.3g} s; check cables, and record again"
         )
     told = f"only {start / rate:.4g} to {stop / rate:.4g} s are looked at"
@@ -209,6 +209,10 @@ def sound_part(recording: Recording, least: float = _LEAST_LEFT) -> Recording:
         notes=(*recording.notes, told),
         known_finite=True,
     )
+
+
+def _where(recording: Recording) -> str:
+    return f"{recording.origin}: " if recording.origin else ""
 
 
 def _bridge(values: FloatArray, bad: BadStretch) -> None:
@@ -234,10 +238,10 @@ def _clipped(values: FloatArray) -> BadStretch | None:
     if defect is None or not defect.fatal or defect.row < 0:
         return None  # a channel of one value or two is silent, or no vibration at all
     # a tone of whole samples a period has its extremes as often, but never twice in a row
-    extremes, at_it = (values.min(), values.max()), 0
-    for start in range(0, len(values), _CHUNK):
-        part = values[start : start + _CHUNK]
-        at_it += sum(int(np.sum((part[1:] == e) & (part[:-1] == e))) for e in extremes)
+    at_it = sum(
+        np.count_nonzero((values[1:] == extreme) & (values[:-1] == extreme))
+        for extreme in (values.min(), values.max())
+    )
     if at_it < _CLIPPED_SHARE * len(values):
         return None
     return BadStretch(start=0, stop=len(values), what=defect.text)
@@ -245,23 +249,15 @@ def _clipped(values: FloatArray) -> BadStretch | None:
 
 def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
     """Find runs of equal samples that are far longer than rounding makes them."""
-    runs: list[tuple[int, int]] = []
-    lengths = np.zeros(_LONGEST_RUN + 1, dtype=np.int64)
-    for start in range(0, len(values), _CHUNK):
-        part = values[start : start + _CHUNK]
-        edges = np.flatnonzero(np.concatenate([[True], part[1:] != part[:-1], [True]]))
-        length = np.diff(edges)
-        lengths += np.bincount(np.minimum(length, _LONGEST_RUN), minlength=_LONGEST_RUN + 1)
-        for number in np.flatnonzero(length > _RUN_TIMES):
-            begin, end = start + int(edges[number]), start + int(edges[number + 1])
-            if runs and runs[-1][1] == begin and values[begin] == values[begin - 1]:
-                begin = runs.pop()[0]  # a run across two chunks
-            runs.append((begin, end))
-    usual = int(np.searchsorted(np.cumsum(lengths), _RUN_SHARE * lengths.sum()))
-    extremes = (values.min(), values.max()) if runs else ()
-    for begin, end in runs:
+    runs = _runs(values[1:] == values[:-1])
+    runs[:, 1] += 1
+    length = runs[:, 1] - runs[:, 0]
+    counts = np.bincount(np.minimum(length, _LONGEST_RUN), minlength=2)
+    counts[1] = len(values) - length.sum()
+    usual = int(np.searchsorted(np.cumsum(counts), _RUN_SHARE * counts.sum()))
+    for begin, end in runs[length > _RUN_TIMES * usual].tolist():
         # what stands at an extreme is clipped, which is judged as such
-        if end - begin > _RUN_TIMES * usual and values[begin] not in extremes:
+        if values.min() < values[begin] < values.max():
             what = f"stands still at {values[begin]:.4g} ({end - begin} equal samples)"
             yield BadStretch(start=begin, stop=end, what=what)
 
@@ -275,14 +271,9 @@ def _spikes(values: FloatArray) -> Iterator[BadStretch]:
     if not np.median(np.abs(some - middle)):
         return
     high = _far_above(values, middle)
-    groups: list[list[int]] = []
-    for place in high:
-        if groups and place - groups[-1][-1] <= _SPIKE_SAMPLES:
-            groups[-1].append(place)
-        else:
-            groups.append([place])
-    stretches = [(group[0], group[-1] + 1) for group in groups]
-    if not stretches or any(stop - start > _SPIKE_SAMPLES for start, stop in stretches):
+    edges = np.flatnonzero(np.diff(high) > _SPIKE_SAMPLES) + 1
+    stretches = [(int(own[0]), int(own[-1]) + 1) for own in np.split(high, edges)]
+    if any(stop - start > _SPIKE_SAMPLES for start, stop in stretches):
         return
     rest = _largest_outside(values, middle, stretches)
     for start, stop in stretches:
@@ -294,7 +285,7 @@ def _spikes(values: FloatArray) -> Iterator[BadStretch]:
             yield BadStretch(start=start, stop=stop, what=what, bridged=True)
 
 
-def _far_above(values: FloatArray, middle: float) -> list[int]:
+def _far_above(values: FloatArray, middle: float) -> IntArray:
     """Places of the samples above the widest gap in size among the largest ones."""
     most = min(_MOST_SPIKES * _SPIKE_SAMPLES + 1, len(values))
     place, size = np.zeros(0, dtype=np.intp), np.zeros(0)
@@ -304,7 +295,7 @@ def _far_above(values: FloatArray, middle: float) -> list[int]:
         place, size = np.append(place, start + largest), np.append(size, part[largest])
     order = np.argsort(-size, kind="stable")[:most]
     size = np.maximum(size[order], np.finfo(float).tiny)
-    return sorted(place[order][: 1 + int(np.argmax(size[:-1] / size[1:]))].tolist())
+    return np.sort(place[order][: 1 + int(np.argmax(size[:-1] / size[1:]))])
 
 
 def _largest_outside(
@@ -368,7 +359,7 @@ def _offset_steps(middle: FloatArray, spread: FloatArray) -> list[tuple[int, int
     """First frame and end of where the middle steps by more than the samples spread."""
     at_once = _at_once(middle)
     least = max(float(np.median(spread)), _STEP_TIMES * _scatter(at_once))
-    return [(start + 2, stop + 4) for start, stop in _runs(np.abs(at_once) > least)]
+    return [(start + 2, stop + 4) for start, stop in _runs(np.abs(at_once) > least).tolist()]
 
 
 def _finest_step(values: FloatArray) -> float:
@@ -409,15 +400,12 @@ def _dropouts(level: FloatArray, sound: BoolArray) -> list[tuple[int, int]]:
     """First and last frames of stretches that are silent, if hardly any frame lies between."""
     below = level - np.median(level[sound])
     silent = (below < -_SILENT_DB) & sound
-    runs = [(start, stop - 1) for start, stop in _runs(silent)]
+    runs = [(start, stop - 1) for start, stop in _runs(silent).tolist()]
     # levels that come and go with the work have all values between
     between = int(((below < -0.5 * _SILENT_DB) & ~silent & sound).sum())
     return runs if between <= 2 * len(runs) else []
 
 
-def _runs(held: BoolArray) -> list[list[int]]:
-    """Begin and end of each stretch in which something holds."""
-    found: list[list[int]] = (
-        np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2).tolist()
-    )
-    return found
+def _runs(held: BoolArray) -> IntArray:
+    """Begin and end of each stretch in which something holds, shape (stretches, 2)."""
+    return np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)

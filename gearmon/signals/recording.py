@@ -15,20 +15,17 @@ import numpy.typing as npt
 from gearmon.errors import ArgumentError, RecordingError, check_range
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import (
-    Content,
-    DataColumn,
-    Progress,
-    SensorLike,
     Wanted,
-    content_of,
-    find_column,
     identify,
     interpret,
     open_source,
     read_arrays,
     read_table,
-    survey,
 )
+from gearmon.signals.reading.arrays import choose, hold_memory
+from gearmon.signals.reading.channels import SensorLike
+from gearmon.signals.reading.columns import DataColumn, all_finite, find_column
+from gearmon.signals.reading.source import Progress
 from gearmon.units import KNOWN_UNITS, is_unit
 
 #: Vibration is sampled no slower and no faster [Hz].
@@ -87,6 +84,8 @@ class Recording(Result):
     >>> recording = gearmon.read_recording(new)
     >>> recording.vibration().channel_names, recording.select("a2").channel_names
     (('a1', 'a2'), ('a2',))
+    >>> recording.row_of("a2"), recording.row_of(recording.columns[2])
+    (1, 2)
     >>> recording.part([2]).channel_kinds, len(recording.frame_rows()) == recording.samples.shape[1]
     (('tacho',), True)
     """
@@ -116,7 +115,7 @@ class Recording(Result):
                 f"{where}{samples.shape[1]} sample(s) per channel; at least 2 are needed"
             )
         for name, channel in zip(self.channel_names, samples, strict=True):
-            if not (known_finite or survey(channel).finite):
+            if not (known_finite or all_finite(channel)):
                 raise RecordingError(
                     f"{where}channel '{name}' has values that are no finite numbers, or above 1e30"
                 )
@@ -163,11 +162,19 @@ class Recording(Result):
             If there is no such channel, or several have the name.
         """
         keys = [channels] if isinstance(channels, str | int) else list(channels)
-        known = [
-            DataColumn(number=number, name=name)
-            for number, name in zip(self.columns, self.channel_names, strict=True)
-        ]
-        return self.part([find_column(self.origin, key, known) for key in keys])
+        return self.part([self.row_of(key) for key in keys])
+
+    def row_of(self, channel: str | int) -> int:
+        """Return the row of a channel, by its name or column number as in `select`.
+
+        Raises
+        ------
+        RecordingError
+            As `select`.
+        """
+        named = zip(self.columns, self.channel_names, strict=True)
+        known = [DataColumn(number=number, name=name) for number, name in named]
+        return find_column(self.origin, channel, known)
 
     def vibration(self) -> Recording:
         """Return the recording with its vibration channels only.
@@ -287,7 +294,7 @@ def read_recording(
         return _recording_of(source, wanted)
     if not isinstance(source, str | Path):
         try:
-            return _recorded(content_of(source, sampling_rate_hz), wanted)
+            return Recording(**interpret(*choose(hold_memory(source, sampling_rate_hz), wanted)))
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
             raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
@@ -295,8 +302,8 @@ def read_recording(
     file = open_source(source)
     found = identify(file)
     if found.is_text:
-        return _recorded(read_table(file, progress, room), wanted)
-    return _recorded(*read_arrays(file, found, wanted, progress, room))
+        return Recording(**interpret(read_table(file, progress, room), wanted))
+    return Recording(**interpret(*read_arrays(file, found, wanted, progress, room)))
 
 
 def read_recordings(
@@ -394,20 +401,3 @@ def _room_on_disk(shape: tuple[int, int]) -> Samples:
 
     with TemporaryFile() as file:
         return np.memmap(file, np.float64, "w+", shape=shape).view(np.ndarray)
-
-
-def _recorded(content: Content, wanted: Wanted) -> Recording:
-    found = interpret(content, wanted)
-    return Recording(
-        samples=found.samples,
-        sampling_rate_hz=found.rate_hz,
-        channel_names=tuple(column.name for column in found.columns),
-        channel_kinds=tuple(column.kind for column in found.columns),
-        units=tuple(column.unit for column in found.columns),
-        columns=tuple(column.number for column in found.columns),
-        origin=content.path,
-        notes=found.notes,
-        speed_rpm=content.speed_rpm,
-        tacho_told=found.tacho_told,
-        known_finite=found.finite,
-    )

@@ -6,7 +6,7 @@
 >>> source = open_source("recording.csv")                           # doctest: +SKIP
 >>> identify(source).is_text                                        # doctest: +SKIP
 True
->>> interpret(read_table(source), Wanted()).columns[0].unit   # doctest: +SKIP
+>>> interpret(read_table(source), Wanted())["units"][0]   # doctest: +SKIP
 'm/s2'
 
 Text: `source` (bytes to whole lines, and what a number is), `layout` (separator, decimal character,
@@ -15,32 +15,18 @@ files, arrays and frames: `formats`. Then for all: `columns` (names, units, kind
 `timebase` (the sampling rate) and `channels` (which columns are the recording).
 """
 
-from gearmon.signals.reading.channels import SensorLike, Wanted, interpret
-from gearmon.signals.reading.columns import (
-    Content,
-    DataColumn,
-    describe_columns,
-    find_column,
-    find_defect,
-    survey,
-)
+from gearmon.signals.reading.channels import Wanted, interpret
+from gearmon.signals.reading.columns import describe_columns, find_defect
 from gearmon.signals.reading.formats import identify, read_arrays
-from gearmon.signals.reading.formats.arrays import content_of
-from gearmon.signals.reading.source import Progress, Source, open_source
+from gearmon.signals.reading.source import Source, open_source
 from gearmon.signals.reading.text import read_table
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing
 
 __all__ = [
-    "Content",
-    "DataColumn",
-    "Progress",
-    "SensorLike",
     "Source",
     "Wanted",
-    "content_of",
     "counts_evenly",
     "describe_columns",
-    "find_column",
     "find_defect",
     "identify",
     "interpret",
@@ -49,5 +35,4 @@ __all__ = [
     "read_table",
     "rises_evenly",
     "spacing",
-    "survey",
 ]

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import (
-    MOST_SAMPLE,
     Content,
     DataColumn,
-    Extremes,
+    Defect,
     find_column,
     find_defect,
-    missing_values,
-    survey,
 )
 from gearmon.signals.reading.source import Floats, shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
@@ -52,34 +49,6 @@ class SensorLike(Protocol):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Interpreted:
-    """Channels of a recording.
-
-    Parameters
-    ----------
-    samples : ndarray of float64, shape (channels, n)
-        The numbers in the units of `columns`.
-    columns : tuple of DataColumn
-        What the channels are.
-    rate_hz : float > 0
-        Sampling rate.
-    notes : tuple of str
-        What was assumed or left out.
-    finite : bool
-        Whether all samples are known to be finite, also after they were multiplied.
-    tacho_told : bool
-        Whether the user said which column is the tacho.
-    """
-
-    samples: Floats
-    columns: tuple[DataColumn, ...]
-    rate_hz: float
-    notes: tuple[str, ...]
-    finite: bool
-    tacho_told: bool
-
-
-@dataclass(frozen=True, kw_only=True)
 class Wanted:
     """What the user says about a recording.
 
@@ -104,30 +73,9 @@ class Wanted:
     unit: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Spoken:
-    """Which columns the user spoke of (indices)."""
-
-    channels: frozenset[int] | None
-    tacho: int | None
-    sensors: dict[int, SensorLike]
-
-    @property
-    def all(self) -> frozenset[int]:
-        tacho = frozenset(() if self.tacho is None else (self.tacho,))
-        return (self.channels or frozenset()) | tacho | frozenset(self.sensors)
-
-    def asks_for(self, index: int) -> bool:
-        return index == self.tacho or index in (self.channels or ())
-
-    def tells_tacho(self, columns: Sequence[DataColumn]) -> bool:
-        """Whether the user said which column is the tacho."""
-        return any(columns[index].kind == "tacho" for index in self.all)
-
-
-@np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused by their sizes
-def interpret(content: Content, wanted: Wanted) -> Interpreted:
-    """Return the channels of a recording; the values of its content are used up.
+@np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused as a recording
+def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
+    """Return what makes a `Recording` of what stands in a file; its values are used up.
 
     Parameters
     ----------
@@ -136,36 +84,47 @@ def interpret(content: Content, wanted: Wanted) -> Interpreted:
     wanted : Wanted
         What the user says.
 
+    Returns
+    -------
+    dict
+        The arguments of `Recording`.
+
     Raises
     ------
     RecordingError
         If the channels cannot be used.
     """
-    spoken, absent = _spoken(content, wanted)
-    columns, remarks = _confirmed(content, _told(content, spoken), spoken)
-    columns = [_with_unit(content.path, column, wanted.unit) for column in columns]
+    told, absent = _told(content, wanted)
+    confirmed, remarks = _confirmed(content, told)
+    columns = [_with_unit(content.path, column, wanted.unit) for column in confirmed]
     time = next((column for column in columns if column.kind == "time"), None)
     hint = "; ".join(remarks)
     rate_hz, rate_note = sampling_rate(content, time, wanted.sampling_rate_hz, hint)
-    kept, left_out, largest = _usable(content, columns, spoken)
-    samples = _taken(content.values, kept)
-    parted = [_unit_and_scale(columns[index], spoken.sensors.get(index)) for index in kept]
-    for row, (_, scale) in enumerate(parted):
-        if scale != 1.0:
-            samples[row] *= scale
+    kept, left_out = _usable(content, columns, named_only=bool(wanted.channels))
     others = [columns[index] for index in kept if columns[index].kind != "vibration"]
     listed = ", ".join(f"{column.label} ({column.kind})" for column in others)
     aside = f"not taken as vibration: {listed}" if others else ""
     notes = [*content.notes, *remarks, rate_note, *absent, aside, *left_out]
-    sizes = [size * scale for size, (_, scale) in zip(largest, parted, strict=True)]
-    return Interpreted(
-        samples=samples,
-        columns=tuple(column for column, _ in parted),
-        rate_hz=rate_hz,
-        notes=tuple(_one_line(note) for note in notes if note),
-        finite=all(size < MOST_SAMPLE for size in sizes),
-        tacho_told=spoken.tells_tacho(columns),
-    )
+    samples, units, as_read = _taken(content.values, kept), [], True
+    for row, index in enumerate(kept):
+        unit, scale = _unit_and_scale(columns[index])
+        units.append(unit)
+        if scale != 1.0:
+            samples[row] *= scale
+            as_read = False
+    return {
+        "samples": samples,
+        "sampling_rate_hz": rate_hz,
+        "channel_names": tuple(columns[index].name for index in kept),
+        "channel_kinds": tuple(columns[index].kind for index in kept),
+        "units": tuple(units),
+        "columns": tuple(columns[index].number for index in kept),
+        "origin": content.path,
+        "notes": tuple(_one_line(note) for note in notes if note),
+        "speed_rpm": content.speed_rpm,
+        "tacho_told": _tells_tacho(columns),
+        "known_finite": as_read,
+    }
 
 
 def _one_line(note: str) -> str:
@@ -173,56 +132,56 @@ def _one_line(note: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
-def _spoken(content: Content, wanted: Wanted) -> tuple[_Spoken, list[str]]:
-    """Return the columns that the user spoke of, and notes on sensors that are not in the file."""
+def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
+    """Let what the user says go before what the file says; note sensors that are not in it."""
     index = partial(find_column, content.path, columns=content.columns)
-    told: dict[int, SensorLike] = {}
-    absent = []
+    columns, absent = list(content.columns), []
+
+    def say(place: int, **what: Any) -> None:
+        columns[place] = replace(columns[place], **what)
+
+    if content.stamp is not None:
+        say(content.stamp, kind="time")
     for sensor in wanted.sensors:
         try:
-            told[index(sensor.column)] = sensor
+            place = index(sensor.column)
         except RecordingError:
             absent.append(f"column '{sensor.column}' of the machine file is not in the recording")
-    channels = frozenset(index(key) for key in wanted.channels) or None
-    tacho = None if wanted.tacho is None else index(wanted.tacho)
-    return _Spoken(channels=channels, tacho=tacho, sensors=told), absent
-
-
-def _told(content: Content, wanted: _Spoken) -> list[DataColumn]:
-    """Let what the user says go before what the file says."""
-    told = list(content.columns)
-    if content.stamp is not None:
-        told[content.stamp] = replace(told[content.stamp], kind="time")
-    for index, sensor in wanted.sensors.items():
+            continue
         if sensor.unit and not is_unit(sensor.unit):
             raise RecordingError(
                 f"{content.path}: the [[sensor]] of column '{sensor.column}' is said to be in "
                 f"'{shortened(sensor.unit)}', which is no known unit; give {KNOWN_UNITS}, or "
                 "leave it out"
             )
-        recorded = told[index].unit if sensor.sensitivity == 1.0 else None
-        told[index] = replace(told[index], kind=sensor.kind, unit=sensor.unit or recorded)
-    for index in wanted.channels or ():
-        told[index] = replace(told[index], kind="vibration")
+        unit = sensor.unit or (columns[place].unit if sensor.sensitivity == 1.0 else None)
+        say(place, kind=sensor.kind, unit=unit, sensitivity=sensor.sensitivity, told="sensor")
+    for key in wanted.channels:
+        say(index(key), kind="vibration", told="named")
     if wanted.tacho is not None:
-        told[wanted.tacho] = replace(told[wanted.tacho], kind="tacho")
-    if wanted.tells_tacho(told):
+        say(index(wanted.tacho), kind="tacho", told="named")
+    if _tells_tacho(columns):
         # what the user calls a tacho goes before what is named like one
-        for index, column in enumerate(told):
-            if column.kind == "tacho" and index not in wanted.all:
-                told[index] = replace(column, kind="other")
-    return told
+        for place, column in enumerate(columns):
+            if column.kind == "tacho" and not column.told:
+                say(place, kind="other")
+    return columns, absent
+
+
+def _tells_tacho(columns: Sequence[DataColumn]) -> bool:
+    """Tell whether the user said which column is the tacho."""
+    return any(column.told and column.kind == "tacho" for column in columns)
 
 
 def _confirmed(
-    content: Content, columns: Sequence[DataColumn], wanted: _Spoken
+    content: Content, columns: Sequence[DataColumn]
 ) -> tuple[list[DataColumn], list[str]]:
     """Check by the numbers what names only suggest: counters, and a first column that is time."""
     confirmed, remarks = list(columns), []
     timed = any(column.kind == "time" for column in columns)
     for index, column in enumerate(columns):
         values = content.values[index]
-        if index in wanted.all:
+        if column.told:
             continue
         if column.kind == "index" and not rises_evenly(values):
             # named like a counter, and does not count
@@ -260,30 +219,28 @@ def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
 
 
 def _usable(
-    content: Content, columns: Sequence[DataColumn], wanted: _Spoken
-) -> tuple[list[int], list[str], list[float]]:
-    """Return the columns to keep, notes on those left out, and the sizes of those kept."""
-    kept, notes, bad, largest = [], [], [], []
-    aside = () if wanted.channels is None else ("vibration", "other")
+    content: Content, columns: Sequence[DataColumn], *, named_only: bool
+) -> tuple[list[int], list[str]]:
+    """Return the columns to keep, and notes on those left out."""
+    kept, notes, bad = [], [], []
+    aside = ("time", "index", "vibration", "other") if named_only else ("time", "index")
     looked_at = [
         index
         for index, column in enumerate(columns)
-        if column.kind not in ("time", "index")
-        and (column.kind not in aside or index in (wanted.channels or ()))
+        if column.kind not in aside or (column.kind == "vibration" and column.told == "named")
     ]
     rows = [content.values[index] for index in looked_at]
-    surveys = side_by_side(survey, rows, content.values.size)
-    for index, found in zip(looked_at, surveys, strict=True):
-        fatal, note = _judged(content, index, columns[index], wanted, found)
+    defects = side_by_side(find_defect, rows, content.values.size)
+    for index, defect in zip(looked_at, defects, strict=True):
+        fatal, note = _judged(content, index, columns[index], defect)
         if fatal:
             bad.append(note)
         else:
             kept.append(index)
-            largest.append(max(abs(found.low), abs(found.high)))
         if note:
             notes.append(f"{note}: left out" if fatal else note)
     if any(columns[index].kind == "vibration" for index in kept):
-        return kept, notes, largest
+        return kept, notes
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
         raise RecordingError(
@@ -295,31 +252,23 @@ def _usable(
 
 
 def _judged(
-    content: Content, index: int, column: DataColumn, wanted: _Spoken, found: Extremes
+    content: Content, index: int, column: DataColumn, defect: Defect | None
 ) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
-    values = content.values[index]
-    count, first = missing_values(values, found)
-    if count:
-        share = f"{count} of {len(values)} rows ({100 * count / len(values):.2g} %)"
-        text = f"lacks a usable number in {share}"
-        if count == len(values):
-            text = f"has no numbers at all in {count} rows"
-        why = "more than any sensor gives" if np.isfinite(values[first]) else "no number"
-        if wanted.asks_for(index) or (column.kind == "vibration" and count < len(values)):
+    vibrates, asked = column.kind == "vibration", column.told == "named"
+    if defect is None or not (vibrates or defect.missing):
+        return False, ""
+    if defect.missing:
+        if asked or (vibrates and not defect.fatal):
             raise RecordingError(
-                f"{content.path}, {content.place(first)}, {column.label}: "
-                f"{content.shown(first, index)} is {why}; the column {text}; {_REMEDY_ALONE}"
+                f"{content.path}, {content.place(defect.row)}, {column.label}: "
+                f"{content.shown(defect.row, index)} is {defect.missing}; the column "
+                f"{defect.text}; {_REMEDY_ALONE}"
             )
-        return True, f"{column.label} {text}"
-    if column.kind != "vibration" or len(values) < 2:
-        return False, ""
-    defect = find_defect(values, found)
-    if defect is None:
-        return False, ""
+        return True, f"{column.label} {defect.text}"
     place = "" if defect.row < 0 else f"{content.place(defect.row)}, "
     note = f"{place}{column.label} {defect.text}"
-    if defect.fatal and wanted.asks_for(index):
+    if defect.fatal and asked:
         raise RecordingError(f"{content.path}, {note}; check the sensor, or record again")
     return defect.fatal, note
 
@@ -334,8 +283,8 @@ def _taken(values: Floats, kept: Sequence[int]) -> Floats:
     return np.ascontiguousarray(samples) if samples.nbytes <= _SMALL_BYTES else samples
 
 
-def _unit_and_scale(column: DataColumn, sensor: SensorLike | None) -> tuple[DataColumn, float]:
-    """Return the channel in its physical unit, and what its numbers must be multiplied by."""
+def _unit_and_scale(column: DataColumn) -> tuple[str | None, float]:
+    """Return the physical unit of a channel, and what its numbers must be multiplied by."""
     factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
-    scale = (factor or 1.0) / (1.0 if sensor is None else sensor.sensitivity)
-    return (column if factor is None else replace(column, unit=ACCELERATION_UNIT)), scale
+    unit = column.unit if factor is None else ACCELERATION_UNIT
+    return unit, (factor or 1.0) / column.sensitivity

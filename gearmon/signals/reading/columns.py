@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from gearmon.errors import RecordingError, nearest_name
+from gearmon.signals.array_types import IntArray
 from gearmon.signals.reading.source import Floats, Room, shortened
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
@@ -67,6 +68,10 @@ class DataColumn:
         Its unit as it stands in the file.
     kind : str
         "vibration", "tacho", "torque", "speed", "other", "time" or "index".
+    sensitivity : float
+        Recorded number per unit.
+    told : str
+        How the user spoke of it: as a "sensor" of the machine, "named" as a channel, or "".
     """
 
     number: int
@@ -74,6 +79,8 @@ class DataColumn:
     cell: str = ""
     unit: str | None = None
     kind: str = "vibration"
+    sensitivity: float = 1.0
+    told: str = ""
 
     @property
     def label(self) -> str:
@@ -137,7 +144,9 @@ def reserved(path: str, room: Room, shape: tuple[int, int]) -> Floats:
         ) from None
 
 
-def describe_columns(cells: Sequence[str], units: Sequence[str] = ()) -> tuple[DataColumn, ...]:
+def describe_columns(
+    cells: Sequence[str], units: Sequence[str] = (), *, first: int = 1, unnamed: str = "column"
+) -> tuple[DataColumn, ...]:
     """Return the columns of a table, as far as their heads tell.
 
     Parameters
@@ -146,17 +155,21 @@ def describe_columns(cells: Sequence[str], units: Sequence[str] = ()) -> tuple[D
         The head of each column; "" where there is none.
     units : sequence of str
         What stands in a row of units below them, if there is one.
+    first : int
+        Number of the first of them.
+    unnamed : str
+        What those without a name are called, with their number.
     """
     parted = [_name_and_unit(cell) for cell in cells]
     if not units:
         parted = _without_doubtful_units(parted, cells)
     columns, below_them = [], units or ("",) * len(cells)
-    for number, (cell, below) in enumerate(zip(cells, below_them, strict=True), 1):
-        name, unit = parted[number - 1]
+    rows = zip(cells, below_them, parted, strict=True)
+    for number, (cell, below, (name, unit)) in enumerate(rows, first):
         text = below.strip().strip("[]()<> ")
         own = unit or (text if text not in ("", "-", "--", "1") else None)
         kind = _kind_of(name, own, named=cell != "")
-        shown = name or f"column {number}"
+        shown = name or f"{unnamed} {number}"
         columns.append(DataColumn(number=number, name=shown, cell=cell, unit=own, kind=kind))
     return tuple(columns)
 
@@ -270,79 +283,35 @@ class Defect:
         Index of the first sample concerned; -1 if it is all of them.
     fatal : bool
         Whether the channel is useless.
+    missing : str
+        What the first value is that is no sample; "" if all are.
     """
 
     text: str
     row: int
     fatal: bool = True
+    missing: str = ""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Extremes:
-    """What one pass over a channel tells.
-
-    Parameters
-    ----------
-    finite : bool
-        Whether all samples are finite; if not, the rest means nothing.
-    low, high : float
-        Extremes.
-    at_low, at_high : int
-        Samples that equal them.
-    """
-
-    finite: bool
-    low: float = 0.0
-    high: float = 0.0
-    at_low: int = 0
-    at_high: int = 0
+def all_finite(values: Floats) -> bool:
+    """Tell whether all values are numbers that a sensor can give."""
+    return not len(values) or bool(values.min() > -MOST_SAMPLE and values.max() < MOST_SAMPLE)
 
 
-def survey(values: Floats) -> Extremes:
-    """Return the extremes of a channel and how often they occur.
-
-    Parameters
-    ----------
-    values : ndarray of float64, shape (n,)
-    """
-    if not len(values):
-        return Extremes(finite=True, low=np.inf, high=-np.inf)
-    low, high = float(values.min()), float(values.max())
-    if not (low > -MOST_SAMPLE and high < MOST_SAMPLE):  # also if they are no numbers
-        return Extremes(finite=False)
-    return Extremes(
-        finite=True,
-        low=low,
-        high=high,
-        at_low=int(np.count_nonzero(values == low)),
-        at_high=int(np.count_nonzero(values == high)),
-    )
+def missing_rows(values: Floats) -> IntArray:
+    """Return the indices of values that are no numbers a sensor can give."""
+    if all_finite(values):
+        return np.zeros(0, dtype=np.int64)
+    return np.flatnonzero(~(np.abs(values) < MOST_SAMPLE))
 
 
-def missing_values(values: Floats, found: Extremes | None = None) -> tuple[int, int]:
-    """Return how many values cannot be samples, and the index of the first of them (-1: none).
-
-    Parameters
-    ----------
-    values : ndarray of float64, shape (n,)
-    found : Extremes, optional
-        What is known of them.
-    """
-    if (found or survey(values)).finite:
-        return 0, -1
-    bad = np.flatnonzero(~(np.abs(values) < MOST_SAMPLE))
-    return len(bad), int(bad[0])
-
-
-def find_defect(values: Floats, found: Extremes | None = None) -> Defect | None:
+def find_defect(values: Floats) -> Defect | None:
     """Return why a channel cannot be vibration, or None.
 
     Parameters
     ----------
     values : ndarray of float64, shape (n,)
-        Finite samples of one channel.
-    found : Extremes, optional
-        What is known of them.
+        Samples of one channel.
 
     Notes
     -----
@@ -352,24 +321,43 @@ def find_defect(values: Floats, found: Extremes | None = None) -> Defect | None:
     most 1 + sqrt(2) times as many samples as the next, that of rounded noise fewer. It is fatal
     from one sample in a thousand on.
     """
-    found = found or survey(values)
-    low, high, at_low, at_high = found.low, found.high, found.at_low, found.at_high
-    if low == high:
-        return Defect(text=f"is constant ({low:g} in all {len(values)} samples)", row=-1)
-    if len(values) < _FEWEST_SAMPLES:
+    count = len(values)
+    if count < 2 and all_finite(values):
         return None
-    if at_low + at_high == len(values):
+    low, high = float(values.min()), float(values.max())
+    if not (low > -MOST_SAMPLE and high < MOST_SAMPLE):  # also if they are no numbers
+        return _missing(values)
+    if low == high:
+        return Defect(text=f"is constant ({low:g} in all {count} samples)", row=-1)
+    if count < _FEWEST_SAMPLES:
+        return None
+    at = {extreme: int(np.count_nonzero(values == extreme)) for extreme in (high, low)}
+    if sum(at.values()) == count:
         text = f"has only two values, {low:g} and {high:g}: is it a tacho or a switch?"
         return Defect(text=text, row=-1)
-    for count, extreme in ((at_high, high), (at_low, low)):
-        if count < _FEWEST_SAMPLES:
+    for extreme, own in at.items():
+        if own < _FEWEST_SAMPLES:
             continue
         first = int(np.argmax(values == extreme))
         if _is_piled_up(values[first:], high - low):
-            share = count / len(values)
-            text = f"is clipped: {count} samples ({100 * share:.2g} %) are exactly {extreme:g}"
+            share = own / count
+            text = f"is clipped: {own} samples ({100 * share:.2g} %) are exactly {extreme:g}"
             return Defect(text=text, row=first, fatal=share >= _HARMLESS_SHARE)
     return None
+
+
+def _missing(values: Floats) -> Defect:
+    bad = missing_rows(values)
+    share = f"{len(bad)} of {len(values)} rows ({100 * len(bad) / len(values):.2g} %)"
+    everywhere = len(bad) == len(values)
+    return Defect(
+        text=f"has no numbers at all in {len(bad)} rows"
+        if everywhere
+        else f"lacks a usable number in {share}",
+        row=int(bad[0]),
+        fatal=everywhere,
+        missing="more than any sensor gives" if np.isfinite(values[bad[0]]) else "no number",
+    )
 
 
 def _is_piled_up(values: Floats, range_: float) -> bool:

@@ -43,9 +43,13 @@ _MARKERS = frozenset(
 _RATE = re.compile(
     r"sampl|abtast|\bfs\b|\brate\b|frequen|interval|\bdt\b|delta_?[tx]|schrittweite", re.IGNORECASE
 )
-# A quote that opens a field and is not closed in its line, and over how many lines it may reach.
-_OPEN_QUOTE = re.compile(r'(?:^|[,;\s])"[^"]*$')
-_MOST_PARTS = 16
+# Between names as in "Time (s)  a1 (g)", and as in "Time (s) a1 (g)".
+_GAPS = re.compile(r"\s{2,}|\t"), re.compile(r"\s+(?![\[(])")
+# Quotes from the beginning of a field to their end, over a few lines at the most; and what takes
+# the place of their line breaks, which no line holds.
+_PARTED = re.compile(r'(?m)(?:^|(?<=[,;\s]))"[^"\n]*(?:\n[^"\n]*){0,15}"')
+_JOINT = "\r"
+_FEWEST_BELOW = 5  # rows of decimals that tell names 0, 1, 2 ... from one more row
 
 Line = tuple[int, str]
 
@@ -147,12 +151,12 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
     RecordingError
         If the beginning can be read in two ways, or its first rows are damaged.
     """
-    sample = _sample(lines, _SAMPLE)
-    dialect = _most_likely(sample)
-    if dialect is None:  # a text below the rows?
-        sample = _sample(lines, len(lines))
+    for count in (_SAMPLE, len(lines)):  # is there a text below the rows?
+        sample = _sample(lines, count)
         dialect = _most_likely(sample)
-    if dialect is None:
+        if dialect is not None:
+            break
+    else:
         return None
     if dialect.columns > _MOST_COLUMNS:
         raise RecordingError(
@@ -161,17 +165,7 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
         )
     first, above = _first_row(path, lines, dialect)
     joined = _joined_lines(above)
-    begun, physical = {number for number, _ in joined}, set(above)
-    whole = [own for own in joined if own not in physical]
-    for number, text in [*whole, *(own for own in above if own[0] not in begun)]:
-        # a row that was joined, or one whose quote is not closed and that closes one above it
-        bare = text.replace('"', "")
-        behind = number not in begun and _mostly_numbers(bare, dialect)
-        if behind or any(dialect.row(own) for own in (text, f'{text}"', bare)):
-            raise RecordingError(
-                f"{path}, line {number}: a line break within quotes parts this row of numbers, or "
-                "a quote in it or above it is not closed; take it out"
-            )
+    _check_no_parted_row(path, {*above} ^ {*joined}, {number for number, _ in joined}, dialect)
     dialect = _clear_decimals(path, dialect, sample, joined)
     dialect = _widened(dialect, sample, joined)
     layout = Layout(dialect=dialect, first_line=first, rate_hint=_rate_hint(joined))
@@ -286,43 +280,32 @@ def _clear_decimals(
         return dialect
     lines = [line for line in sample if dialect.row(line) is not None]
     rows = [split_fields(line, ",")[:2] for line in lines]
-    plain = all(
-        first.lstrip("+-").isdigit() and _DECIMALS.fullmatch(second) for first, second in rows
+    firsts, seconds = zip(*rows, strict=True)
+    plain = all(own.lstrip("+-").isdigit() for own in firsts) and all(
+        _DECIMALS.fullmatch(own) for own in seconds
     )
     if not plain or any(mark in line.strip() for line in lines for mark in ' "'):
         return dialect
-    verdict = _header_verdict(above[-1][1]) if above else None
-    if verdict is None and not all(second.isdigit() for _, second in rows):
-        return dialect  # 1e-5 stands by itself more often than 0,1e-5 does
-    if verdict is None:
-        verdict = _digit_verdict(rows)
-    if verdict is None:
-        raise RecordingError(
-            f"{path}: its lines, such as '{shortened(','.join(rows[0]))}', may be one column with "
-            "decimal commas or two columns of whole numbers; add a first line that names the "
-            "column(s)"
-        )
-    if verdict == 2:
+    named = _columns_named(above[-1][1]) if above else 0
+    whole = all(own.isdigit() for own in seconds)  # 1e-5 stands by itself more often than 0,1e-5
+    # whole numbers are not written -0 or 05, and of 50 decimals some would begin with 0
+    one = {"-0", "+0"} & {*firsts} or any(own[0] == "0" and own != "0" for own in seconds)
+    if named == 1 or (not named and whole and one):
+        return replace(dialect, separator="", decimal=",", columns=1, trailing=False)
+    if named == 2 or not whole or (len(rows) >= 50 and max(map(len, seconds)) >= 2):
         return dialect
-    return replace(dialect, separator="", decimal=",", columns=1, trailing=False)
+    raise RecordingError(
+        f"{path}: its lines, such as '{shortened(','.join(rows[0]))}', may be one column with "
+        "decimal commas or two columns of whole numbers; add a first line that names the column(s)"
+    )
 
 
-def _header_verdict(text: str) -> int | None:
-    """Return the number of columns that the last line of text names, if it names any."""
+def _columns_named(text: str) -> int:
+    """Return whether the last line of text names one column or two; 0 if that cannot be told."""
     names = without_empty_end(split_fields(text, ","))
-    if _is_metadata(text) or _is_marker(text) or len(names) not in (1, 2):
-        return None
-    return None if len(names) == 1 and _ONE_NAME.fullmatch(names[0]) is None else len(names)
-
-
-def _digit_verdict(rows: Sequence[Sequence[str]]) -> int | None:
-    """Return 1 column or 2, from how the digits behave; None if they may be either."""
-    if any(first in ("-0", "+0") or (second[0] == "0" and second != "0") for first, second in rows):
-        return 1  # whole numbers are not written -0 or 05
-    seconds = {second for _, second in rows}
-    if len(rows) >= 50 and max(map(len, seconds)) >= 2:
-        return 2  # of so many decimals some would begin with 0
-    return None
+    if _is_metadata(text) or _is_marker(text) or len(names) > 2:
+        return 0
+    return 0 if len(names) == 1 and _ONE_NAME.fullmatch(names[0]) is None else len(names)
 
 
 def _with_counted_names(layout: Layout, lines: Sequence[str]) -> Layout:
@@ -330,16 +313,16 @@ def _with_counted_names(layout: Layout, lines: Sequence[str]) -> Layout:
     dialect = layout.dialect
     if layout.names or dialect.columns < 3:
         return layout
-    numbered = [
+    numbered = (
         (number, row)
-        for number, line in enumerate(lines, 1)
-        if number >= layout.first_line and (row := dialect.row(line)) is not None
-    ]
-    (_, names), later = numbered[0], numbered[1 : _SAMPLE + 1]
-    start = names[0]
-    if start not in ("0", "1") or names != [str(int(start) + k) for k in range(dialect.columns)]:
+        for number, line in enumerate(lines[layout.first_line - 1 :], layout.first_line)
+        if (row := dialect.row(line)) is not None
+    )
+    (_, names), *later = islice(numbered, _SAMPLE + 1)
+    counted_up = [[str(start + k) for k in range(dialect.columns)] for start in (0, 1)]
+    if names not in counted_up or len(later) < _FEWEST_BELOW:
         return layout
-    if len(later) < 5 or any(field.isdigit() for _, row in later for field in row):
+    if any(field.isdigit() for _, row in later for field in row):
         return layout
     return replace(layout, first_line=later[0][0], names=names)
 
@@ -366,7 +349,16 @@ def _with_names(path: str, layout: Layout, above: Sequence[Line]) -> Layout:
         return layout
     number, text = lines[-1]
     cells = _cells(text, dialect)
-    _check_no_odd_line(path, lines[-1], dialect)
+    upper = _cells(lines[-2][1], dialect) if len(lines) > 1 else None
+    if upper is not None and dialect.numbers(upper):
+        upper = None
+    if cells and are_units(cells) and (upper is not None or cells[0].startswith(("[", "("))):
+        return replace(layout, names=upper or (), units=cells)
+    damage = _damage(lines, dialect)
+    if damage:
+        raise RecordingError(
+            f"{path}, line {number}{damage}; if this line is no sample, put # before it"
+        )
     if cells is None:
         named = without_empty_end(dialect.split(text))
         remark = (
@@ -375,13 +367,7 @@ def _with_names(path: str, layout: Layout, above: Sequence[Line]) -> Layout:
         )
         told = len(named) >= 2 and not _is_metadata(text)
         return replace(layout, remark=remark) if told else layout
-    upper = _cells(lines[-2][1], dialect) if len(lines) > 1 else None
-    if upper is not None and dialect.numbers(upper):
-        upper = None
-    if are_units(cells) and (upper is not None or cells[0].startswith(("[", "("))):
-        return replace(layout, names=upper or (), units=cells)
     if dialect.numbers(cells) and not _are_numbered(cells):
-        _check_no_damaged_row(path, lines, cells, dialect)
         return layout
     if dialect.columns == 1 and (_is_metadata(text) or len(text) > LONGEST_QUOTE):
         return layout
@@ -396,25 +382,15 @@ def _joined_lines(lines: Sequence[Line]) -> list[Line]:
     >>> _joined_lines([(1, '"a1'), (2, '[g]","a2'), (3, '[g]"'), (4, "5")])
     [(1, '"a1 [g]","a2 [g]"'), (4, '5')]
     """
+    if not lines:
+        return []
+    text = "\n".join(text for _, text in lines)
+    text = _PARTED.sub(lambda quoted: quoted[0].replace("\n", _JOINT), text)
     joined, place = [], 0
-    while place < len(lines):
-        number, text = lines[place]
-        end = place + _parts(lines[place : place + _MOST_PARTS])
-        joined.append((number, " ".join([text, *(part for _, part in lines[place + 1 : end])])))
-        place = end
+    for own in text.split("\n"):
+        joined.append((lines[place][0], own.replace(_JOINT, " ")))
+        place += 1 + own.count(_JOINT)
     return joined
-
-
-def _parts(lines: Sequence[Line]) -> int:
-    """Return of how many lines the first one is a part: 1 if no quote is left open in it."""
-    quotes = 0
-    for count, (_, text) in enumerate(lines, 1):
-        quotes += text.count('"')
-        if quotes % 2 == 0:
-            return count
-        if count == 1 and not _OPEN_QUOTE.search(text):
-            return 1
-    return 1
 
 
 def _is_marker(text: str) -> bool:
@@ -429,15 +405,13 @@ def _cells(text: str, dialect: Dialect) -> list[str] | None:
     if columns == 1:
         cells = list(without_empty_end(dialect.split(text)))
         return cells if len(cells) == 1 else split_fields(text, "")
-    for trial in dict.fromkeys((dialect.separator, "\t", ";", ",")):
-        cells = split_fields(text, trial)
+    marks = dict.fromkeys((dialect.separator, "\t", ";", ","))
+    trials = [split_fields(text, mark) for mark in marks]
+    trials += [[cell.strip('"') for cell in gap.split(text.strip())] for gap in _GAPS]
+    for cells in trials:
         named = len(without_empty_end(cells)) - (cells[-1:] in (["Comment"], ["comment"]))
         if named <= columns <= len(cells):
             return cells[:columns]
-    for gap in (r"\s{2,}|\t", r"\s+(?![\[(])"):  # "Time (s)  a1 (g)", "Time (s) a1 (g)"
-        cells = re.split(gap, text.strip())
-        if len(cells) == columns:
-            return [cell.strip('"') for cell in cells]
     return None
 
 
@@ -450,42 +424,26 @@ def _are_numbered(cells: Sequence[str]) -> bool:
     return start < 2 and [int(cell) for cell in numbers] == list(range(start, start + len(numbers)))
 
 
-def _check_no_damaged_row(
-    path: str, lines: Sequence[Line], cells: Sequence[str], dialect: Dialect
-) -> None:
-    """Raise if the last line, which has some numbers, is a row with a damaged field."""
-    number, text = lines[-1]
-    if len(cells) < 2 or len(dialect.split(text)) < len(cells):
-        return
+def _damage(lines: Sequence[Line], dialect: Dialect) -> str:
+    """Say why the last line of text is no text but a damaged row; "" if it is text."""
+    fields, columns = dialect.split(lines[-1][1]), dialect.columns
+    if not dialect.covers(fields):
+        odd = is_number(fields[0], dialect.decimal) and 2 * dialect.numbers(fields) > len(fields)
+        return (
+            f": {len(fields)} fields, not all of them numbers, where the rows below have {columns}"
+            if odd
+            else ""
+        )
+    cells = fields[:columns]
+    if columns == 1 or not dialect.numbers(cells) or _are_numbered(cells):
+        return ""
     begins_as_row = cells[0][:1] in _BEGINS or is_missing(cells[0])
     if not begins_as_row and not _stands_below_names(lines, cells, dialect):
-        return
+        return ""
     for index, cell in enumerate(cells, 1):
         if not is_number(cell, dialect.decimal) and not is_missing(cell):
-            raise RecordingError(
-                f"{path}, line {number}, column {index}: '{shortened(cell)}' is not a number; "
-                "if this line is no sample, put # before it"
-            )
-
-
-def _check_no_odd_line(path: str, line: Line, dialect: Dialect) -> None:
-    """Raise if the line has another number of fields than the rows, but most are numbers."""
-    fields = dialect.split(line[1])
-    if dialect.covers(fields):
-        return
-    if is_number(fields[0], dialect.decimal) and 2 * dialect.numbers(fields) > len(fields):
-        raise RecordingError(
-            f"{path}, line {line[0]}: {len(fields)} fields, not all of them numbers, where the "
-            f"rows below have {dialect.columns}; if this line is no sample, put # before it"
-        )
-
-
-def _mostly_numbers(text: str, dialect: Dialect) -> bool:
-    """Tell a row, however damaged, from names and units such as ``1] Ch``."""
-    fields = without_empty_end(dialect.split(text))
-    begun = sum(own[:1] in _BEGINS and any(map(str.isdigit, own)) for own in fields if own)
-    counted = _are_numbered(fields) or not dialect.numbers(fields)
-    return begun >= 2 and 2 * begun > len(fields) and not counted
+            return f", column {index}: '{shortened(cell)}' is not a number"
+    return ""
 
 
 def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Dialect) -> bool:
@@ -496,6 +454,27 @@ def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Di
         return False
     # where blanks separate, the words of two sentences may be as many as the columns
     return dialect.separator != " " or any(character.isdigit() for character in cells[0])
+
+
+def _check_no_parted_row(path: str, lines: set[Line], begun: set[int], dialect: Dialect) -> None:
+    """Raise if a line that was joined with others, or a part of one, is a row, however damaged."""
+    for number, text in sorted(lines):
+        bare = text.replace('"', "")
+        # a row whose quote is not closed may close one above it
+        row = any(dialect.row(own) for own in (text, f'{text}"', bare))
+        if row or (number not in begun and _mostly_numbers(bare, dialect)):
+            raise RecordingError(
+                f"{path}, line {number}: a line break within quotes parts this row of numbers, or "
+                "a quote in it or above it is not closed; take it out"
+            )
+
+
+def _mostly_numbers(text: str, dialect: Dialect) -> bool:
+    """Tell a row, however damaged, from names and units such as ``1] Ch``."""
+    fields = without_empty_end(dialect.split(text))
+    begun = sum(own[:1] in _BEGINS and any(map(str.isdigit, own)) for own in fields if own)
+    counted = _are_numbered(fields) or not dialect.numbers(fields)
+    return begun >= 2 and 2 * begun > len(fields) and not counted
 
 
 def _is_metadata(text: str) -> bool:

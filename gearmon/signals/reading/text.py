@@ -9,10 +9,12 @@ where. Rows with dates are read line by line as well.
 
 from __future__ import annotations
 
+import codecs
 import io
 import re
 from collections import deque
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from itertools import islice
 from typing import Literal
@@ -42,7 +44,6 @@ from gearmon.signals.reading.source import (
 )
 from gearmon.signals.threads import cores
 
-_BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
 # pandas 3.1 misses the nearest float in one of seven numbers of 17 digits with " +" before them.
 _BLANK_AND_PLUS = re.compile(rb"[ \t\v\f]\+")
@@ -93,9 +94,9 @@ def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
     array([[ 1.5,  2. ],
            [-3. , 40. ]])
     """
-    bare = None if _is_doubtful(text, dialect) else _bare(text, dialect)
-    if bare is None:
+    if _is_doubtful(text, dialect):
         return None
+    bare = _bare(text, dialect)
     if not bare:
         return np.empty((0, dialect.columns))
     values = _parsed(bare, dialect, gaps=False)
@@ -116,37 +117,38 @@ def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
     """Tell whether there are dates, remarks, or bytes that the parser passes over."""
     if dialect.stamp is not None or any(mark in text for mark in (b"#", b"%", b"\0")):
         return True
-    if text.startswith(_BYTE_ORDER_MARK):
+    separator = dialect.separator.encode()
+    # perhaps a row of empty fields only
+    if dialect.trailing and (text.startswith(separator) or b"\n" + separator in text):
         return True
-    if b'"' in text and _BLANK_AND_PLUS.search(text):
+    if text.startswith(codecs.BOM_UTF8):
         return True
+    if b'"' not in text:
+        return False
     # a quote with characters on either side: pandas joins "1"2 to one number
-    edges = {" ": rb"\n \t", "": rb"\n"}.get(dialect.separator)
-    edges = edges or rb"\n" + re.escape(dialect.separator.encode())
-    return b'"' in text and re.search(rb'[^%b]"[^%b]' % (edges, edges), text) is not None
+    edges = rb"\n \t" if separator == b" " else rb"\n" + re.escape(separator)
+    inside = re.search(rb'[^%b]"[^%b]' % (edges, edges), text)
+    return inside is not None or _BLANK_AND_PLUS.search(text) is not None
 
 
-def _bare(text: bytes, dialect: Dialect) -> bytes | None:
+def _bare(text: bytes, dialect: Dialect) -> bytes:
     """Return the text as pandas reads it well.
 
     That is without blank lines, separators at line ends, exponents with a d, and blanks before a
     plus.
     """
+    separator = dialect.separator.encode()
     if b"d" in text or b"D" in text:
         text = text.translate(_FORTRAN_EXPONENTS)
-    if dialect.separator != " " and _BLANK_AND_PLUS.search(text):
-        separator = re.escape(dialect.separator.encode() or b"\n")
-        blanks = rb"[ \v\f]+" if dialect.separator == "\t" else rb"[ \t\v\f]+"
-        text = re.sub(rb"(?m)(^|%b)%b(?=\+)" % (separator, blanks), rb"\1", text)
+    if separator != b" " and _BLANK_AND_PLUS.search(text):
+        blanks = rb"[ \v\f]+" if separator == b"\t" else rb"[ \t\v\f]+"
+        begins = re.escape(separator or b"\n")
+        text = re.sub(rb"(?m)(^|%b)%b(?=\+)" % (begins, blanks), rb"\1", text)
     # in a single column a blank line may stand for a missing number
     if dialect.columns > 1 and (b"\n\n" in text or text.startswith(b"\n")):
         text = _BLANK_LINES.sub(b"\n", text).lstrip(b"\n")
-    if dialect.trailing:
-        separator = dialect.separator.encode()
-        if text.startswith(separator) or b"\n" + separator in text:
-            return None  # perhaps a row of empty fields only
-        while separator + b"\n" in text:
-            text = text.replace(separator + b"\n", b"\n")
+    while dialect.trailing and separator + b"\n" in text:
+        text = text.replace(separator + b"\n", b"\n")
     return text
 
 
@@ -278,11 +280,10 @@ def _check_end(path: str, before: bytes, block: Block, dialect: Dialect) -> None
     if len(before) == _CUT_CHECK_BYTES:
         before = before.partition(b"\n")[2]
     lines = decoded(before + block.text).split("\n")[:-1]
-    last = dialect.split(lines[-1])
-    if is_comment(lines[-1]) or not any(last):
+    if not _is_row(lines[-1], dialect):
         return
     above = [dialect.split(line) for line in lines[-_MOST_ROWS - 1 : -1] if _is_row(line, dialect)]
-    reason = _cut(last, above, dialect)
+    reason = _cut(dialect.split(lines[-1]), above, dialect)
     if reason:
         number = block.first_line + block.text.count(b"\n") - 1
         raise RecordingError(
@@ -297,31 +298,27 @@ def _is_row(line: str, dialect: Dialect) -> bool:
 
 
 def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) -> str:
-    if not all(is_number(field, dialect.decimal) for field in last[: dialect.columns - 1]):
+    """Say what shows that the last row is cut off; "" if nothing does."""
+    place, point = dialect.columns - 1, dialect.decimal
+    if not all(is_number(field, point) for field in last[:place]):
         return ""
-    if len(last) < dialect.columns:
+    if len(last) <= place:
         return f"{counted(len(last), 'field')} of {dialect.columns}"
     if dialect.trailing and len(last) == dialect.columns and above:
         return "no separator at its end, as the lines above have"
-    field = last[dialect.columns - 1]
-    fits = dialect.fits(last)
-    if fits and (_CUT_NUMBER.fullmatch(field) or _is_shorter(field, above, dialect)):
-        return f"'{shortened(field)}'"
-    return ""
 
-
-def _is_shorter(field: str, above: Sequence[Sequence[str]], dialect: Dialect) -> bool:
-    """Tell whether the field has fewer characters after the point than all above alike have."""
-
-    def ending(own: str) -> str:
-        _, point, decimals = own.partition(dialect.decimal)
+    def ending(field: str) -> str:
+        _, point, decimals = field.partition(dialect.decimal)
         return re.sub("[0-9]", "0", point + decimals)
 
-    endings = {ending(row[dialect.columns - 1]) for row in above if dialect.fits(row)}
-    if field.endswith(dialect.decimal):
-        return bool(above) and dialect.decimal not in endings
-    enough = len(endings) == 1 and len(above) >= _ENOUGH_ROWS
-    return enough and len(ending(field)) < len(endings.pop())
+    field = last[place]
+    usual = {ending(row[place]) for row in above if dialect.fits(row)}
+    # fewer digits behind the point than all others have
+    shorter = bool(above) and field.endswith(point) and point not in usual
+    if len(usual) == 1 and len(above) >= _ENOUGH_ROWS:
+        shorter = shorter or len(ending(field)) < len(min(usual))
+    cut = dialect.fits(last) and (_CUT_NUMBER.fullmatch(field) or shorter)
+    return f"'{shortened(field)}'" if cut else ""
 
 
 def read_table(source: Source, progress: Progress | None = None, room: Room = np.empty) -> Content:
@@ -388,37 +385,27 @@ def _line_of(source: Source, layout: Layout, row: int) -> tuple[int, list[str]]:
 
 
 def _parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
-    """Yield the blocks with their rows, in order; the plain ones are parsed ahead by threads."""
+    """Yield the blocks with their rows, in order; large files are parsed ahead by threads."""
     labels = [column.label for column in layout.columns]
-    before, empty_line = b"", 0
-    for block, rows in _parsed_ahead(source, layout):
-        if not block.closed:
-            _check_end(source.path, before, block, layout.dialect)
-        if rows is None or (empty_line and len(rows)):
-            rows, empty_line = read_rows(source.path, block, layout.dialect, labels, empty_line)
-        before = (before + block.text)[-_CUT_CHECK_BYTES:]
-        yield block, rows
-
-
-def _parsed_ahead(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats | None]]:
-    """Yield the blocks with their rows as far as they are plain, some read ahead by threads."""
     blocks, dialect = _blocks_from(source, layout.first_line), layout.dialect
-    threads = min(cores(), _MOST_THREADS)
-    if threads == 1 or source.size_hint() < _THREADED_BYTES:
-        yield from ((block, parse_rows(block.text, dialect)) for block in blocks)
-        return
-    from concurrent.futures import ThreadPoolExecutor  # small files do without
-
+    threads = min(cores(), _MOST_THREADS) if source.size_hint() >= _THREADED_BYTES else 1
     # The C library keeps freed memory up to the largest piece it ever gave back, instead of handing
     # every array of every block to the system and asking for it again.
     np.empty(_KEPT_BYTES, np.uint8)
+    before, empty_line = b"", 0
     with ThreadPoolExecutor(threads) as pool:
         submitted = ((block, pool.submit(parse_rows, block.text, dialect)) for block in blocks)
         waiting = deque(islice(submitted, threads))
         while waiting:
             block, future = waiting.popleft()
             waiting.extend(islice(submitted, 1))
-            yield block, future.result()
+            rows = future.result()
+            if not block.closed:
+                _check_end(source.path, before, block, dialect)
+            if rows is None or (empty_line and len(rows)):
+                rows, empty_line = read_rows(source.path, block, dialect, labels, empty_line)
+            before = (before + block.text)[-_CUT_CHECK_BYTES:]
+            yield block, rows
 
 
 def _blocks_from(source: Source, line: int) -> Iterator[Block]:
@@ -459,16 +446,14 @@ def _why_no_table(lines: Sequence[str]) -> str:
     number, text = filled[-1]
     # a column of text, if the last lines are rows of numbers but for it?
     for separator in ("\t", ";", ","):
-        rows = [split_fields(line, separator) for _, line in filled[-20:]]
+        rows = [split_fields(line, separator) for _, line in filled[-3:]]
         told = [is_number(field, ".") or is_number(field, ",") for field in rows[-1]]
-        if not any(told) or len(rows) < 3 or len({len(row) for row in rows[-3:]}) > 1:
-            continue
-        for index, field in enumerate(rows[-1], 1):
-            if field and not told[index - 1]:
-                return (
-                    f"line {number}, column {index}: '{shortened(field)}' is not a number, as in "
-                    "the lines above; take that column out"
-                )
+        words = [k for k, field in enumerate(rows[-1]) if field and not told[k]]
+        if any(told) and words and len(rows) == 3 and len({len(row) for row in rows}) == 1:
+            return (
+                f"line {number}, column {words[0] + 1}: '{shortened(rows[-1][words[0]])}' is not a "
+                "number, as in the lines above; take that column out"
+            )
     what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
     return (
         f"{what} in its {counted(len(lines), 'line')} (line {number} reads "

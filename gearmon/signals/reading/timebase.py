@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Content, DataColumn, missing_values
+from gearmon.signals.reading.columns import Content, DataColumn, missing_rows
 from gearmon.signals.reading.source import Floats
 from gearmon.units import time_factor
 
@@ -234,25 +234,21 @@ def sampling_rate(
         each other by more than 0.1 %, or the time column is irregular.
     """
     stated = content.rate_hz
-    if stated is not None:
-        if given_hz is not None and abs(stated / given_hz - 1.0) > _AGREEMENT:
-            raise RecordingError(
-                f"{content.path}: the file says {stated:.7g} Hz, but {given_hz:.7g} Hz was given; "
-                "leave --sampling-rate out, or correct it"
-            )
-        if column is not None:
-            _from_stamps(content, column, stated, "the file says {:.7g} Hz as well")
-        # some formats round the rate; the user may know it better
-        return stated if given_hz is None else given_hz, ""
-    if column is not None:
+    if stated and given_hz and abs(stated / given_hz - 1.0) > _AGREEMENT:
+        raise RecordingError(
+            f"{content.path}: the file says {stated:.7g} Hz, but {given_hz:.7g} Hz was given; "
+            "leave --sampling-rate out, or correct it"
+        )
+    if column is not None and stated is None:
         return _from_stamps(content, column, given_hz, "{:.7g} Hz was given")
-    if given_hz is not None:
-        return given_hz, ""
-    what = (
-        "no time column, so the sampling rate is unknown"
-        if content.is_text
-        else ("does not say its sampling rate")
-    )
+    if column is not None:
+        _from_stamps(content, column, stated, "the file says {:.7g} Hz as well")
+    # some formats round the rate; the user may know it better
+    rate_hz = stated if given_hz is None else given_hz
+    if rate_hz is not None:
+        return rate_hz, ""
+    unknown = "no time column, so the sampling rate is unknown"
+    what = unknown if content.is_text else "does not say its sampling rate"
     told = hint or content.rate_hint
     raise RecordingError(
         f"{content.path}: {what}; give --sampling-rate HZ{f' ({told})' if told else ''}"
@@ -266,11 +262,12 @@ def _from_stamps(
     where = f"{content.path}, {column.label}"
     index = [own.number for own in content.columns].index(column.number)
     stamps = content.values[index]
-    count, first = missing_values(stamps)
-    if count:
+    missing = missing_rows(stamps)
+    if len(missing):
+        what = "lines" if content.is_text else "samples"
         raise RecordingError(
-            f"{content.path}, {content.place(first)}, {column.label}: the time is missing (in "
-            f"{count} of {len(stamps)} {'lines' if content.is_text else 'samples'}); {_REMEDY}"
+            f"{content.path}, {content.place(int(missing[0]))}, {column.label}: the time is "
+            f"missing (in {len(missing)} of {len(stamps)} {what}); {_REMEDY}"
         )
     if len(stamps) < 2:
         raise RecordingError(f"{where}: a single sample is no recording; it tells no sampling rate")

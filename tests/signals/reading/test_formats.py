@@ -317,6 +317,7 @@ class TestMatlab:
                 "sampling rate 48828 Hz taken from bearing.sr, not bearing.rate = 25",
             ),
             ({"Head_1": {"SampFreq": 25_600.0}}, 25_600.0, "taken from Head_1.SampFreq"),
+            ({"Head": {"a": {"samp_freq_Hz": 2e4}}}, 2e4, "taken from Head.a.samp_freq_Hz"),
             ({"Fs": 25.6, "sampleRateHz": 25_600.0}, 25_600.0, "sampleRateHz, not Fs = 25.6"),
         ],
     )
@@ -334,10 +335,10 @@ class TestMatlab:
             ({"sr": 25.0}, "sr = 25 may be it"),
             ({"sr": np.nan, "rate": 25_600.0}, "rate = 25600 may be it"),
             ({"f": 30.0, "rate": 25_600.0}, "rate = 25600 may be it"),
-            ({"sr": 48_828.0, "SampFreq": 25_600.0}, "sr = 48828 may be it"),
+            ({"sr": 48_828.0, "SampFreq": 25_600.0}, "sr = 48828, SampFreq = 25600 may be it"),
         ],
     )
-    def test_else_the_likeliest_number_is_named(self, tmp_path, facts, hint):
+    def test_else_the_likeliest_numbers_are_named(self, tmp_path, facts, hint):
         path = tmp_path / "a.mat"
         scipy.io.savemat(path, {"acc": X[0], **facts})
         assert hint in refused(path)

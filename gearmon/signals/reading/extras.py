@@ -10,24 +10,18 @@ import os
 import re
 import struct
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.formats.arrays import (
-    Array,
-    Holding,
-    as_array,
-    hold,
-    outlived,
-    stated_rate,
-)
+from gearmon.signals.reading.arrays import Array, Holding, as_array, hold, stated_rate
+from gearmon.signals.reading.formats import outlived
 from gearmon.signals.reading.source import Floats
 
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
@@ -74,17 +68,9 @@ def _numbers(metadata: Mapping[Any, Any] | None, prefix: str = "") -> dict[str, 
     return found
 
 
-def _kept_open(file: Any, holding: Callable[[Any], Holding]) -> Holding:
-    """Return what an opened file holds; it stays open unless it is damaged."""
-    try:
-        return holding(file)
-    except BaseException:
-        file.close()
-        raise
-
-
-def read_hdf5(path: str) -> Holding:
-    """Return what an HDF5 file holds: all its arrays and single numbers, by their paths.
+@contextmanager
+def read_hdf5(path: str) -> Iterator[Holding]:
+    """Give what an HDF5 file holds: all its arrays and single numbers, by their paths.
 
     Attributes of an array tell its unit (`units`) and its sampling rate (`fs`, `sampling_rate`
     ...); attributes of the file and of groups count as single numbers.
@@ -108,7 +94,8 @@ def read_hdf5(path: str) -> Holding:
         raise RecordingError(
             f"{path}: an HDF5 or MATLAB 7.3 file so damaged that reading it crashes; copy it again"
         )
-    return _kept_open(h5py.File(path, "r"), partial(_hdf5_arrays, path))
+    with h5py.File(path, "r") as file:
+        yield _hdf5_arrays(path, file)
 
 
 def _hdf5_arrays(path: str, file: Any) -> Holding:
@@ -127,7 +114,7 @@ def _hdf5_arrays(path: str, file: Any) -> Holding:
                 items[name] = item
     held = hold(path, items, tuple(others))
     arrays = tuple(_described(array, items[array.name].attrs) for array in held.arrays)
-    return replace(held, arrays=arrays, facts=facts | dict(held.facts), close=file.close)
+    return replace(held, arrays=arrays, facts=facts | dict(held.facts))
 
 
 def _described(array: Array, attributes: Any) -> Array:
@@ -161,8 +148,9 @@ def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
     return usual
 
 
-def read_parquet(path: str) -> Holding:
-    """Return what a Parquet table holds: its columns of numbers and times.
+@contextmanager
+def read_parquet(path: str) -> Iterator[Holding]:
+    """Give what a Parquet table holds: its columns of numbers and times.
 
     The metadata of a column may tell its unit (`unit`), that of the table the sampling rate (`fs`,
     `sampling_rate` ...).
@@ -174,8 +162,9 @@ def read_parquet(path: str) -> Holding:
     """
     from pyarrow import parquet
 
-    file = parquet.ParquetFile(path, page_checksum_verification=True)
-    return _kept_open(file, lambda file: _parquet_columns(path, file))
+    with parquet.ParquetFile(path, page_checksum_verification=True) as file:
+        _check_pages(path, file.metadata)
+        yield _parquet_columns(file)
 
 
 def _check_pages(path: str, told: Any) -> None:
@@ -197,14 +186,13 @@ def _check_pages(path: str, told: Any) -> None:
         )
 
 
-def _parquet_columns(path: str, file: Any) -> Holding:
+def _parquet_columns(file: Any) -> Holding:
     import pyarrow
 
-    _check_pages(path, file.metadata)
     schema, rows = file.schema_arrow, file.metadata.num_rows
     kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
     dropped = [field for field in schema if field not in kept]
-    whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0)))
+    whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0).to_pandas()))
 
     def column(field: Any) -> Array:
         def read(start: int, stop: int) -> Floats:
@@ -221,7 +209,6 @@ def _parquet_columns(path: str, file: Any) -> Holding:
         facts=_numbers(schema.metadata),
         left_out=tuple(f"{field.name} ({field.type})" for field in dropped),
         notes=tuple(f"column '{field.name}' holds no numbers: left out" for field in dropped),
-        close=file.close,
     )
 
 
@@ -233,20 +220,14 @@ def _is_numeric(pyarrow: Any, kind: Any) -> bool:
 
 def _floats(column: Any) -> Floats:
     """Return a column as numbers; time stamps in seconds from the first one on."""
-    import pyarrow
-    import pyarrow.compute
-
-    if pyarrow.types.is_timestamp(column.type):
-        # seconds since 1970 as floats would lose the microseconds
-        steps = pyarrow.compute.subtract(column, column[0]).cast(pyarrow.duration("ns"))
-        return np.asarray(steps.cast(pyarrow.int64()).to_numpy(), dtype=np.float64) * 1e-9
-    if pyarrow.types.is_decimal(column.type):
-        column = column.cast(pyarrow.float64())
-    return np.asarray(column.to_numpy(), dtype=np.float64)
+    if column.dtype.kind == "M":  # seconds since 1970 as floats would lose the microseconds
+        column = (column - column.iloc[0]) / np.timedelta64(1, "s")
+    return np.asarray(column.to_numpy(np.float64, na_value=np.nan))
 
 
-def read_tdms(path: str) -> Holding:
-    """Return what a TDMS file holds: its channels, with unit and sampling rate where stated.
+@contextmanager
+def read_tdms(path: str) -> Iterator[Holding]:
+    """Give what a TDMS file holds: its channels, with unit and sampling rate where stated.
 
     Raises
     ------
@@ -255,20 +236,18 @@ def read_tdms(path: str) -> Holding:
     """
     import nptdms
 
-    def channels(stream: Any) -> Holding:
-        with _quiet():
-            file = nptdms.TdmsFile.open(stream)
-            found = _tdms_channels(path, file, stream.close)
-        told = [own for group in file.groups() for own in group.channels() if len(own)]
+    stored = _bytes_of_segments(path)
+    # opened here, as the library leaves a damaged file open
+    with open(path, "rb") as stream, _quiet():
+        file = nptdms.TdmsFile.open(stream)
+        channels = [channel for group in file.groups() for channel in group.channels()]
+        found = _tdms_channels(path, file, channels)
+        told = [own for own in channels if len(own)]
         sizes = [own.data_type.size and own.data_type.size * len(own) for own in told]
         # of text, and of what a driver packs, the size is not known
         if None not in sizes and sum(sizes) != stored:
             raise ValueError(f"its channels take {sum(sizes)} bytes, and it holds {stored}")
-        return found
-
-    stored = _bytes_of_segments(path)
-    # opened here, as the library leaves a damaged file open
-    return _kept_open(open(path, "rb"), channels)
+        yield found
 
 
 def _bytes_of_segments(path: str) -> int:
@@ -298,14 +277,13 @@ def _quiet() -> Iterator[None]:
         log_manager.set_level(before)
 
 
-def _tdms_channels(path: str, file: Any, close: Callable[[], object]) -> Holding:
+def _tdms_channels(path: str, file: Any, channels: list[Any]) -> Holding:
     status = file.file_status
     if status.incomplete_final_segment or status.channel_statuses:
         raise RecordingError(
             f"{path}: is cut off: its last part is incomplete (was the recorder switched off while "
             "it wrote?); copy it again, or open and save it in its own program"
         )
-    channels = [channel for group in file.groups() for channel in group.channels()]
     often = Counter(channel.name for channel in channels)
     arrays, others = [], []
     for channel in channels:
@@ -325,14 +303,12 @@ def _tdms_channels(path: str, file: Any, close: Callable[[], object]) -> Holding
         facts=facts,
         left_out=tuple(others),
         notes=tuple(f"channel '{name}' holds no numbers: left out" for name in others),
-        close=close,
     )
 
 
 def _tdms_array(name: str, channel: Any) -> Array:
     def read(start: int, stop: int) -> Floats:
-        with _quiet():
-            part = channel.read_data(offset=start, length=stop - start)
+        part = channel.read_data(offset=start, length=stop - start)
         return np.asarray(part, dtype=np.float64).reshape(1, -1)
 
     told = _numbers(channel.properties)
@@ -353,8 +329,9 @@ def _tdms_array(name: str, channel: Any) -> Array:
     )
 
 
-def read_universal(path: str) -> Holding:
-    """Return what a universal file holds: its functions of time, with unit and spacing.
+@contextmanager
+def read_universal(path: str) -> Iterator[Holding]:
+    """Give what a universal file holds: its functions of time, with unit and spacing.
 
     One that was cut off exactly between two data sets holds fewer channels: nothing in it says how
     many there were. A reference that was learned from more of them says which are missing.
@@ -389,7 +366,7 @@ def read_universal(path: str) -> Holding:
             arrays.extend(_functions(path, number, one, taken))
         else:
             others.append(f"a function of type {one.get('func_type')}")
-    return Holding(arrays=tuple(arrays), together=True, left_out=tuple(others))
+    yield Holding(arrays=tuple(arrays), together=True, left_out=tuple(others))
 
 
 def _is_signal(one: dict[str, Any]) -> bool:
@@ -436,8 +413,9 @@ def _place(number: int, one: dict[str, Any], taken: set[str]) -> str:
     return name
 
 
-def read_flac(path: str) -> Holding:
-    """Return what a FLAC file holds: one array, its sampling rate, no unit.
+@contextmanager
+def read_flac(path: str) -> Iterator[Holding]:
+    """Give what a FLAC file holds: one array, its sampling rate, no unit.
 
     Raises
     ------
@@ -446,26 +424,25 @@ def read_flac(path: str) -> Holding:
     """
     import soundfile
 
-    file = soundfile.SoundFile(path)
-    if not 0 < file.frames < _ENDLESS:
-        file.close()
-        raise RecordingError(f"{path}: a FLAC file that does not tell its length; pack it anew")
+    with soundfile.SoundFile(path) as file:
+        if not 0 < file.frames < _ENDLESS:
+            raise RecordingError(f"{path}: a FLAC file that does not tell its length; pack it anew")
 
-    def read(start: int, stop: int) -> Floats:
-        if file.tell() != start:
-            file.seek(start)
-        part = file.read(stop - start, dtype="float64", always_2d=True)
-        return np.asarray(part, dtype=np.float64).T
+        def read(start: int, stop: int) -> Floats:
+            if file.tell() != start:
+                file.seek(start)
+            part = file.read(stop - start, dtype="float64", always_2d=True)
+            return np.asarray(part, dtype=np.float64).T
 
-    array = Array(
-        name="",
-        names=("",) * file.channels,
-        count=int(file.frames),
-        read=read,
-        rate_hz=float(file.samplerate),
-    )
-    note = (
-        f"{file.subtype.replace('PCM_', '')}-bit integer, full scale is taken as 1; a FLAC file "
-        "tells no unit: state unit and sensitivity in a [[sensor]] of the machine file"
-    )
-    return Holding(arrays=(array,), together=True, notes=(note,), close=file.close)
+        array = Array(
+            name="",
+            names=("",) * file.channels,
+            count=int(file.frames),
+            read=read,
+            rate_hz=float(file.samplerate),
+        )
+        note = (
+            f"{file.subtype.replace('PCM_', '')}-bit integer, full scale is taken as 1; a FLAC "
+            "file tells no unit: state unit and sensitivity in a [[sensor]] of the machine file"
+        )
+        yield Holding(arrays=(array,), together=True, notes=(note,))

@@ -5,19 +5,15 @@ Taken are the arrays that the user names, or the only ones that can be the recor
 
 from __future__ import annotations
 
-import faulthandler
 import math
-import os
-import resource
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, GearmonError, RecordingError
+from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import (
@@ -31,9 +27,9 @@ from gearmon.signals.reading.source import Floats, Progress, Room, shortened
 
 Read = Callable[[int, int], Floats]
 
+# Names in plain letters, without "hz" behind them.
 _RATE_NAMES = frozenset(
-    {"fs", "fshz", "samplingrate", "samplingratehz", "samplerate", "sampleratehz"}
-    | {"samplingfrequency", "samplingfrequencyhz", "samplefrequency", "samplefrequencyhz"}
+    {"fs", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency"}
     | {"samplingfreq", "samplefreq", "abtastrate", "abtastfrequenz"}
 )
 # Names that mean it nearly always, and between which numbers they are believed: a shaft of 30,000
@@ -43,7 +39,6 @@ _LIKELY_NAMES = frozenset({"sr", "sampfreq", "samprate"})
 _PLAUSIBLE_HZ = (500.0, 1e8)
 # What may be the rate or the interval, and may be something else, such as the rate of a shaft.
 _HINT_NAMES = frozenset({"rate", "dt", "ts", "deltat", "timestep", "sampletime", "f"})
-_MOST_TRIAL_S = 10  # of processor time, to look through a file that may crash its library
 _MOST_AXES = 2
 _FEWEST_SAMPLES = 2
 _BLOCK = 1 << 18
@@ -77,6 +72,8 @@ class Array:
         The sampling rate, if the file states one for this array.
     start_s : float or None
         When the first sample was taken, if the file tells.
+    columns : tuple of DataColumn
+        Its channels, once those of all arrays are numbered.
     """
 
     name: str
@@ -86,6 +83,31 @@ class Array:
     units: tuple[str | None, ...] = ()
     rate_hz: float | None = None
     start_s: float | None = None
+    columns: tuple[DataColumn, ...] = ()
+
+    def __str__(self) -> str:
+        """How messages list it: name, columns, samples."""
+        first, last = self.columns[0].number, self.columns[-1].number
+        place = f"{first}; " if first == last else f"{first} to {last}; {len(self.columns)} x "
+        return f"{shortened(self.name) or 'the array'} ({place}{self.count} samples)"
+
+    def has(self, kind: str) -> bool:
+        """Tell whether a channel is of that kind, by its name or unit."""
+        return any(column.kind == kind for column in self.columns)
+
+    def differs(self, other: Array) -> str:
+        """Say why both are not channels of one recording; "" if they may be."""
+        rate = self.rate_hz
+        if other.count != self.count:
+            return "are not equally long"
+        if rate is None or other.rate_hz is None:
+            return "" if rate == other.rate_hz else "have different sampling rates"
+        if abs(rate - other.rate_hz) > _SAME_RATE * rate:
+            return "have different sampling rates"
+        if self.start_s is None or other.start_s is None:
+            return ""
+        late = abs(self.start_s - other.start_s) * rate >= _HALF_SAMPLE
+        return "do not start at the same time" if late else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,10 +126,10 @@ class Holding:
         What the reader has to tell the user.
     left_out : tuple of str
         What else stands in the file, for messages.
-    close : callable
-        Closes the file.
     path, what : str
         The file and its kind, for messages.
+    size : int
+        Bytes of the file.
     """
 
     arrays: tuple[Array, ...]
@@ -115,58 +137,24 @@ class Holding:
     facts: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
-    close: Callable[[], object] = field(default=lambda: None)
     path: str = ""
     what: str = ""
+    size: int = 1 << 62
 
+    def numbered(self) -> Holding:
+        """Return it with the columns of its arrays described, and numbered through all of them."""
+        arrays, number = [], 1
+        for array in self.arrays:
+            cells = [unit or "" for unit in array.units] if any(array.units) else ()
+            columns = describe_columns(array.names, cells, first=number, unnamed="channel")
+            arrays.append(replace(array, columns=columns))
+            number += len(columns)
+        return replace(self, arrays=tuple(arrays))
 
-@contextmanager
-def reading(path: str, what: str) -> Iterator[None]:
-    """Turn whatever a library raises about a damaged file into one line.
-
-    Raises
-    ------
-    RecordingError
-        If anything is raised inside.
-    """
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
-            yield
-    except GearmonError:
-        raise
-    except MemoryError:
-        raise RecordingError(
-            f"{path}: {what} whose content does not fit into memory; cut it into parts"
-        ) from None
-    # what a library raises about a damaged file is anything but documented
-    except Exception as error:
-        first = next(iter(str(error).splitlines()), "") or type(error).__name__
-        raise RecordingError(
-            f"{path}: looks like {what} and cannot be read as such ({shortened(first)}); is it "
-            "damaged? Copy it again"
-        ) from None
-
-
-def outlived(task: Callable[[], object]) -> bool:
-    """Tell whether a process of its own outlives a task; what it raises does not matter.
-
-    Of 1,000 damaged files three crash the library of HDF5, and gearmon with all that was still to
-    be analysed.
-    """
-    with warnings.catch_warnings():
-        # threads that draw a progress bar hold nothing that is needed here
-        warnings.simplefilter("ignore", DeprecationWarning)
-        pid = os.fork()
-    if not pid:
-        try:
-            faulthandler.disable()
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            resource.setrlimit(resource.RLIMIT_CPU, (_MOST_TRIAL_S, _MOST_TRIAL_S))
-            task()
-        finally:
-            os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+    def number_of(self, key: str | int) -> int:
+        """Return the number of the column that is meant by a name or number."""
+        columns = [column for array in self.arrays for column in array.columns]
+        return columns[find_column(self.path, key, columns)].number
 
 
 def as_array(
@@ -191,11 +179,6 @@ def as_array(
     -------
     Array or None
         None if it can be no signal: no real numbers, one number only, other shapes.
-
-    Raises
-    ------
-    RecordingError
-        If both axes are equally long.
     """
     long_axes = [axis for axis, size in enumerate(data.shape) if size != 1]
     if data.dtype.kind not in "fiub" or not long_axes or len(long_axes) > _MOST_AXES:
@@ -241,21 +224,23 @@ def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Ho
     RecordingError
         If the only array has two axes of the same length.
     """
-    arrays, facts, others = [], {}, list(left_out)
+    arrays, facts, others, shapes = [], {}, list(left_out), []
     for name, data in items.items():
-        if data.dtype.kind in "fiu" and all(size == 1 for size in data.shape):
+        if data.dtype.kind not in "fiub":
+            others.append(name)
+            continue
+        if data.dtype.kind != "b" and all(size == 1 for size in data.shape):
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
             continue
+        shapes.append(data.shape)
         array = as_array(name, data)
         if array is None:
             others.append(f"{name} of shape {data.shape} and type {data.dtype}")
         else:
             arrays.append(array)
-    if not arrays and len(items) - len(facts) == 1:
-        shape = next(data.shape for name, data in items.items() if name not in facts)
-        check_not_square(path, shape)
-    left = tuple(others)
-    return Holding(arrays=tuple(arrays), facts=facts, left_out=left)
+    if not arrays and len(shapes) == 1:
+        check_not_square(path, shapes[0])
+    return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
 
 
 def check_not_square(path: str, shape: tuple[int, ...]) -> None:
@@ -280,33 +265,35 @@ def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
     (12000.0, '')
     >>> stated_rate({"sr": 97656.0})
     (97656.0, 'sampling rate 97656 Hz taken from sr')
-    >>> stated_rate({"rate": 97656.0})
-    (None, 'rate = 97656 may be it')
+    >>> stated_rate({"sr": 48828.0, "SampFreq": 97656.0})
+    (None, 'sr = 48828, SampFreq = 97656 may be it')
     """
 
     def told(names: frozenset[str]) -> dict[str, float]:
         return {shortened(name): own for name, own in facts.items() if _plain(name) in names}
 
-    low, high = _PLAUSIBLE_HZ
     sure, likely, hints = told(_RATE_NAMES), told(_LIKELY_NAMES), told(_HINT_NAMES)
     if len(set(sure.values())) == 1 and 0 < min(sure.values()) < math.inf:
         return next(iter(sure.values())), ""
-    believed = {name: own for name, own in (sure | likely).items() if low <= own <= high}
+    believed = _plausible(sure | likely)
     if len(set(believed.values())) == 1:
         name, rate = next(iter(believed.items()))
-        others = _shown(sure | likely | hints, without=believed)
+        others = _shown({k: own for k, own in (sure | likely | hints).items() if k not in believed})
         remark = f"sampling rate {rate:g} Hz taken from {name}"
         return rate, f"{remark}, not {others}" if others else remark
     if sure:
         return None, f"in the file: {_shown(sure)}"
-    # of what may be the rate a plausible number first
-    doubtful = sorted((likely | hints).items(), key=lambda own: not low <= own[1] <= high)
-    return None, f"{_shown(dict(doubtful[:1]))} may be it" if doubtful else ""
+    doubtful = likely | hints
+    return None, f"{_shown(_plausible(doubtful) or doubtful)} may be it" if doubtful else ""
 
 
-def _shown(facts: Mapping[str, float], without: Iterable[str] = ()) -> str:
-    kept = {name: value for name, value in facts.items() if name not in without}
-    return ", ".join(f"{name} = {value:g}" for name, value in kept.items())
+def _plausible(rates: Mapping[str, float]) -> dict[str, float]:
+    low, high = _PLAUSIBLE_HZ
+    return {name: own for name, own in rates.items() if low <= own <= high}
+
+
+def _shown(facts: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {value:g}" for name, value in facts.items())
 
 
 def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
@@ -317,41 +304,24 @@ def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
     >>> _stated_speed({"X097RPM": 1796.0})
     (1796.0, 'X097RPM')
     """
-    named = [
-        (name, value)
+    named = {
+        name: value
         for name, value in facts.items()
-        if _plain(name).endswith("rpm") and math.isfinite(value) and value > 0
-    ]
-    if len({value for _, value in named}) != 1:
+        if _plain(name).endswith("rpm") and 0 < value < math.inf
+    }
+    if len(set(named.values())) != 1:
         return None, ""
-    return named[0][1], named[0][0]
+    name, speed = next(iter(named.items()))
+    return speed, name
 
 
 def _plain(name: str) -> str:
     last = name.replace("/", ".").rpartition(".")[2].lower()
-    return "".join(character for character in last if character.isalnum())
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Candidate:
-    array: Array
-    columns: tuple[DataColumn, ...]
-
-    @property
-    def kinds(self) -> frozenset[str]:
-        return frozenset(column.kind for column in self.columns)
-
-    @property
-    def shown(self) -> str:
-        numbers = [column.number for column in self.columns]
-        place = f"{numbers[0]}" if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]}"
-        name = shortened(self.array.name) or "the array"
-        channels = "" if len(numbers) == 1 else f"{len(numbers)} x "
-        return f"{name} ({place}; {channels}{self.array.count} samples)"
+    return "".join(character for character in last if character.isalnum()).removesuffix("hz")
 
 
 def choose(
-    holding: Holding, wanted: Wanted, progress: Progress | None, room: Room
+    holding: Holding, wanted: Wanted, progress: Progress | None = None, room: Room = np.empty
 ) -> tuple[Content, Wanted]:
     """Return the columns that make up the recording, and what the user says about these.
 
@@ -366,7 +336,7 @@ def choose(
         What the file holds.
     wanted : Wanted
         What the user says.
-    progress : callable or None
+    progress : callable, optional
         Called with the share of the samples that has been read.
     room : callable
         Gives an array of a shape.
@@ -376,79 +346,54 @@ def choose(
     RecordingError
         If there is no signal, several may be meant, or those named do not fit together.
     """
-    candidates = _candidates(holding)
-    if not candidates:
+    if not holding.arrays:
         others = ", ".join(map(shortened, holding.left_out[:_LISTED]))
         raise RecordingError(
             f"{holding.path}: {holding.what} without a signal in it"
             f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed"
         )
-    wanted = _expanded(holding, candidates, wanted)
-    named = _named(holding, candidates, wanted)
-    chosen = named or _only(holding, candidates)
-    _check_alike(holding, chosen)
-    companions = [
-        one for one in candidates if one not in chosen and _accompanies(one, chosen[0], holding)
-    ]
-    taken = [one for one in candidates if one in chosen or one in companions]
-    values = _filled(holding, [one.array for one in taken], progress, room)
-    return _content(holding, taken, values, others=len(candidates) > len(taken)), wanted
+    holding = holding.numbered()
+    wanted = _by_numbers(holding, wanted)
+    chosen = _named(holding, wanted) or _only(holding)
+    first = chosen[0]
+    for other in chosen[1:]:
+        what = first.differs(other)
+        if what:
+            raise RecordingError(
+                f"{holding.path}: '{shortened(first.name)}' and '{shortened(other.name)}' {what}; "
+                f"name with --channel what belongs together: {_listed(chosen)}"
+            )
+    taken = [own for own in holding.arrays if own in chosen or _accompanies(own, first, holding)]
+    return _content(holding, taken, _filled(holding, taken, progress, room)), wanted
 
 
-def _candidates(holding: Holding) -> list[_Candidate]:
-    found, number = [], 1
-    for array in holding.arrays:
-        cells = [unit or "" for unit in array.units] if any(array.units) else ()
-        described = describe_columns(array.names, cells)
-        columns = tuple(
-            replace(own, number=k, name=own.name if own.cell else f"channel {k}")
-            for k, own in enumerate(described, number)
-        )
-        found.append(_Candidate(array=array, columns=columns))
-        number += len(columns)
-    return found
-
-
-def _expanded(holding: Holding, candidates: Sequence[_Candidate], wanted: Wanted) -> Wanted:
+def _by_numbers(holding: Holding, wanted: Wanted) -> Wanted:
     """Put column numbers in the place of names, and all columns of an array for its name."""
     keys: list[str | int] = []
     for key in wanted.channels:
-        whole = [one for one in candidates if one.array.name == key]
-        if len(whole) == 1:
-            keys.extend(column.number for column in whole[0].columns)
-        else:
-            keys.append(_number(holding, candidates, key))
-    tacho = None if wanted.tacho is None else _number(holding, candidates, wanted.tacho)
+        whole = [one for one in holding.arrays if one.name == key]
+        alone = len(whole) == 1
+        keys += [own.number for own in whole[0].columns] if alone else [holding.number_of(key)]
+    tacho = None if wanted.tacho is None else holding.number_of(wanted.tacho)
     return replace(wanted, channels=tuple(keys), tacho=tacho)
 
 
-def _number(holding: Holding, candidates: Sequence[_Candidate], key: str | int) -> int:
-    columns = [column for one in candidates for column in one.columns]
-    return columns[find_column(holding.path, key, columns)].number
-
-
-def _named(holding: Holding, candidates: Sequence[_Candidate], wanted: Wanted) -> list[_Candidate]:
+def _named(holding: Holding, wanted: Wanted) -> list[Array]:
     """Return the arrays that hold what the user named; the tacho alone names no vibration."""
-    numbers = {key for key in wanted.channels if isinstance(key, int)}
+    numbers = set(wanted.channels)
     if not numbers:
         for sensor in wanted.sensors:
-            try:
-                numbers.add(_number(holding, candidates, sensor.column))
-            except RecordingError:
-                continue  # a sensor of the machine need not be in every recording
-    if not numbers:
-        return []
-    if isinstance(wanted.tacho, int):
+            with suppress(RecordingError):  # a sensor of the machine need not be in every recording
+                numbers.add(holding.number_of(sensor.column))
+    if numbers and wanted.tacho is not None:
         numbers.add(wanted.tacho)
-    return [one for one in candidates if numbers & {column.number for column in one.columns}]
+    return [one for one in holding.arrays if numbers & {column.number for column in one.columns}]
 
 
-def _only(holding: Holding, candidates: Sequence[_Candidate]) -> list[_Candidate]:
+def _only(holding: Holding) -> Sequence[Array]:
     """Return the arrays that may be vibration if there is no choice among them."""
-    possible = [one for one in candidates if "vibration" in one.kinds] or list(candidates)
-    if len(possible) == 1:
-        return possible
-    if not holding.together:
+    possible = [one for one in holding.arrays if one.has("vibration")] or holding.arrays
+    if len(possible) > 1 and not holding.together:
         raise RecordingError(
             f"{holding.path}: holds {len(possible)} arrays that may be the recording; name one "
             f"with --channel: {_listed(possible)}"
@@ -456,47 +401,15 @@ def _only(holding: Holding, candidates: Sequence[_Candidate]) -> list[_Candidate
     return possible
 
 
-def _check_alike(holding: Holding, chosen: Sequence[_Candidate]) -> None:
-    first = chosen[0].array
-    for one in chosen[1:]:
-        other = one.array
-        if other.count != first.count:
-            what = "are not equally long"
-        elif not _same_rate(first, other):
-            what = "have different sampling rates"
-        elif not _same_start(first, other):
-            what = "do not start at the same time"
-        else:
-            continue
-        raise RecordingError(
-            f"{holding.path}: '{shortened(first.name)}' and '{shortened(other.name)}' {what}; name "
-            f"with --channel what belongs together: {_listed(chosen)}"
-        )
-
-
-def _same_rate(first: Array, other: Array) -> bool:
-    if first.rate_hz is None or other.rate_hz is None:
-        return first.rate_hz == other.rate_hz
-    return abs(first.rate_hz - other.rate_hz) <= _SAME_RATE * first.rate_hz
-
-
-def _same_start(first: Array, other: Array) -> bool:
-    if first.start_s is None or other.start_s is None or first.rate_hz is None:
-        return True
-    return abs(first.start_s - other.start_s) * first.rate_hz < _HALF_SAMPLE
-
-
-def _accompanies(one: _Candidate, chosen: _Candidate, holding: Holding) -> bool:
+def _accompanies(one: Array, chosen: Array, holding: Holding) -> bool:
     """Tell whether an array goes with the chosen one: by its name no vibration, and as long."""
-    if "vibration" in one.kinds or "index" in one.kinds or one.array.count != chosen.array.count:
+    if one.has("vibration") or one.has("index") or one.count != chosen.count:
         return False
-    alike = _same_rate(chosen.array, one.array) and _same_start(chosen.array, one.array)
-    return alike or not holding.together
+    return not holding.together or not chosen.differs(one)
 
 
-def _listed(candidates: Iterable[_Candidate]) -> str:
-    shown = [one.shown for one in candidates]
-    return ", ".join(shown[:_LISTED]) + (", ..." if len(shown) > _LISTED else "")
+def _listed(arrays: Sequence[Array]) -> str:
+    return ", ".join(map(str, arrays[:_LISTED])) + (", ..." if len(arrays) > _LISTED else "")
 
 
 def _filled(
@@ -504,19 +417,18 @@ def _filled(
 ) -> Floats:
     """Read arrays of one length into one, block by block."""
     rows, total = sum(len(array.names) for array in arrays), arrays[0].count
-    size = os.path.getsize(holding.path)
-    if 8 * total * rows > most_unpacked(size):
+    if 8 * total * rows > most_unpacked(holding.size):
         raise RecordingError(
-            f"{holding.path}: announces {total} samples of {rows} channels in {size / 1e6:.2g} MB, "
-            "as no recording does; is it damaged, or are its samples in another file?"
+            f"{holding.path}: announces {total} samples of {rows} channels in "
+            f"{holding.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its samples "
+            "in another file?"
         )
     values, row = reserved(holding.path, room, (rows, total)), 0
     for array in arrays:
         end = row + len(array.names)
         for start in range(0, total, _BLOCK):
             stop = min(total, start + _BLOCK)
-            with reading(holding.path, holding.what):
-                part = array.read(start, stop)
+            part = array.read(start, stop)
             if part.shape[1] != stop - start:
                 raise RecordingError(
                     f"{holding.path}: is cut off: fewer samples than it announces; copy it again"
@@ -528,20 +440,16 @@ def _filled(
     return values
 
 
-def _content(
-    holding: Holding, taken: Sequence[_Candidate], values: Floats, *, others: bool
-) -> Content:
+def _content(holding: Holding, taken: Sequence[Array], values: Floats) -> Content:
     rate, remark = stated_rate(holding.facts)
-    own = next((one.array.rate_hz for one in taken if one.array.rate_hz is not None), None)
+    own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
     speed, name = _stated_speed(holding.facts)
-    notes = (
-        [*holding.notes, remark]
-        if remark and rate is not None and own is None
-        else list(holding.notes)
-    )
+    notes = list(holding.notes)
+    if remark and rate is not None and own is None:
+        notes.append(remark)
     if speed is not None:
         notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
-    if others and not holding.together:
+    if len(taken) < len(holding.arrays) and not holding.together:
         notes.append(f"taken from the file: {_listed(taken)}")
     return Content(
         path=holding.path,
@@ -554,8 +462,8 @@ def _content(
     )
 
 
-def content_of(data: Any, rate_hz: float | None) -> Content:
-    """Return what stands in an array or a frame, as if it had been read from a file.
+def hold_memory(data: Any, rate_hz: float | None) -> Holding:
+    """Return an array or a frame as if it stood in a file.
 
     Parameters
     ----------
@@ -564,12 +472,7 @@ def content_of(data: Any, rate_hz: float | None) -> Content:
         anything of pandas, whose columns may be named with their units, as "a1 [m/s2]", and whose
         index, of moments, durations or numbers, is the time.
     rate_hz : float > 0 or None
-        Sampling rate of an array.
-
-    Returns
-    -------
-    Content
-        With copies of the numbers.
+        Its sampling rate, where somebody told it.
 
     Raises
     ------
@@ -584,44 +487,35 @@ def content_of(data: Any, rate_hz: float | None) -> Content:
         return _of_frame(data, rate_hz)
     if not hasattr(data, "__array__"):
         raise ArgumentError(f"recording: {type(data).__name__} is no recording; {_ACCEPTED}")
-    return _of_array(np.asarray(data), rate_hz)
-
-
-def _of_array(data: Any, rate_hz: float | None) -> Content:
-    found = as_array("", data)
+    values = np.asarray(data)
+    found = as_array("", values, rate_hz=rate_hz)
     if found is None:
         raise ArgumentError(
-            f"recording: an array of shape {data.shape} and type {data.dtype} is none; "
+            f"recording: an array of shape {values.shape} and type {values.dtype} is none; "
             f"{_ACCEPTED}, with more samples than channels"
         )
     if rate_hz is None:
         raise ArgumentError(
-            f"recording: the sampling rate of an array of shape {data.shape} cannot be known; give "
-            "sampling_rate_hz="
+            f"recording: the sampling rate of an array of shape {values.shape} cannot be known; "
+            "give sampling_rate_hz="
         )
-    numbers = range(1, len(found.names) + 1)
-    return Content(
-        path="array",
-        values=np.array(found.read(0, found.count)),
-        columns=tuple(DataColumn(number=number, name=f"channel {number}") for number in numbers),
-        rate_hz=rate_hz,
-    )
+    return Holding(arrays=(found,), path="array", what="an array")
 
 
-def _of_frame(frame: Any, rate_hz: float | None) -> Content:
+def _of_frame(frame: Any, rate_hz: float | None) -> Holding:
     """Take the columns of numbers, and the index as one more where it may be the time."""
     kinds = [getattr(dtype, "kind", "O") for dtype in frame.dtypes]
     taken = [number for number, kind in enumerate(kinds) if kind in "fiub"]
-    if not taken or len(frame) < 2:
+    if not taken or len(frame) < _FEWEST_SAMPLES:
         raise RecordingError(
             f"DataFrame of shape {frame.shape}: holds no recording; columns of numbers are channels"
         )
     names = [str(frame.columns[number]) for number in taken]
     rows = [frame.iloc[:, number].to_numpy(np.float64, na_value=np.nan) for number in taken]
+    timed = any(column.kind == "time" for column in describe_columns(names))
     name, stamps = _time_of(frame.index)
-    columns = describe_columns((*names, name))
-    timed = any(column.kind == "time" for column in columns[:-1])
     if stamps is not None and not timed:
+        names.append(name)
         rows.append(stamps)
     elif rate_hz is None and not timed:
         raise ArgumentError(
@@ -629,12 +523,14 @@ def _of_frame(frame: Any, rate_hz: float | None) -> Content:
             "sampling_rate_hz=, or the time as index"
         )
     left_out = [str(name) for name, kind in zip(frame.columns, kinds, strict=True) if kind == "O"]
-    return Content(
-        path="DataFrame",
-        values=np.array(rows),
-        columns=columns[: len(rows)],
-        notes=(f"no numbers, left out: {', '.join(left_out)}",) if left_out else (),
+    array = Array(
+        name="",
+        names=tuple(names),
+        count=len(frame),
+        read=lambda start, stop: np.array([row[start:stop] for row in rows]),
     )
+    notes = (f"no numbers, left out: {', '.join(left_out)}",) if left_out else ()
+    return Holding(arrays=(array,), path="DataFrame", what="a frame", notes=notes)
 
 
 def _time_of(index: Any) -> tuple[str, Floats | None]:
