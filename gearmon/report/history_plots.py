@@ -44,8 +44,8 @@ def history_figure(
     """
     losses = bool(found.teeth) or known_loss is not None
     heights = [2.3, 1.15] if losses else [1.8]
-    top = 0.74 if found.shown else 0.45 if losses else 0.35
-    figure, axes = plots.new_figure(heights, top_in=top, bottom_in=0.45, sharex=True)
+    room = 1.2 if found.shown else 0.9 if losses else 0.8
+    figure, axes = plots.stack(heights, room_in=room, sharex=True)
     if losses:
         _losses(found, axes[0])
     if known_loss is not None:
@@ -219,7 +219,7 @@ def day_figure(day: pd.DataFrame, limit_db: float) -> plots.Picture:
     limit_db : float
         A limit on the levels [dB].
     """
-    figure, axes = plots.new_figure([0.8, 0.8, 1.2, 1.2], top_in=0.4, sharex=True)
+    figure, axes = plots.stack([0.8, 0.8, 1.2, 1.2], room_in=0.8, sharex=True)
     load, speed, level, score = axes
     load.plot(day.index, 100 * day["load"], color=plots.BLACK, marker="o", markersize=2.5)
     load.set_ylabel("Load\n(% of nominal)")
