@@ -384,7 +384,7 @@ def harvest(arguments: argparse.Namespace) -> int:
     """Run `gearmon harvest`."""
     from gearmon.harvesting.placement import survey_expected, survey_measured
     from gearmon.harvesting.request import built_in, load_harvester
-    from gearmon.report.harvest_text import harvest_lines
+    from gearmon.report.survey_text import harvest_lines
 
     machine = machine_of(arguments.machine)
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()

@@ -55,7 +55,7 @@ def init(arguments: argparse.Namespace) -> int:
     from gearmon.files import write_atomically
     from gearmon.gears.kinematics import kinematics
     from gearmon.machine import load_machine
-    from gearmon.report.page import template
+    from gearmon.report.wording import template
 
     if not arguments.output:
         raise ArgumentError("init: -o MACHINE is missing; name the machine file to write")

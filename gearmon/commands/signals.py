@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from gearmon.signatures.measured.indicators import IndicatorTable
 if TYPE_CHECKING:
     from gearmon.machine import Machine
-    from gearmon.report.exposure_text import Told
+    from gearmon.report.survey_text import Told
 
 # Columns of the table on a screen; the files hold the others too.
 _SHOWN = ("channel", "stage", "gear", "indicator", "value", "unit", "input")
@@ -269,7 +269,7 @@ def exposure(arguments: argparse.Namespace) -> int:
         told.append(day)
     result: dict[str, Any] = {"recordings": entries, "day": day.to_dict() if day else None}
     if arguments.report and told:
-        from gearmon.report.exposure_text import write_exposure_report
+        from gearmon.report.survey_text import write_exposure_report
 
         result["report"] = str(write_exposure_report(told, arguments.report))
     finish(
@@ -334,7 +334,7 @@ def _axes(text: str | None) -> dict[str, str | int] | None:
 
 
 def _exposure_lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:
-    from gearmon.report.exposure_text import exposure_lines
+    from gearmon.report.survey_text import exposure_lines
 
     lines = [line for own in told for line in (*exposure_lines(own), "")]
     lines += [f"{e['recording']}: not weighed" for e in result["recordings"] if "error" in e]

@@ -35,7 +35,7 @@ from gearmon.fleet.rank import compare
 from gearmon.fleet.run import at_hand, equipment
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
-from gearmon.report.page import as_data, chart_script, report_style, shipped, template
+from gearmon.report.wording import as_data, chart_script, report_style, shipped, template
 from gearmon.report.text import WORST_FIRST
 from gearmon.report.wording import loss_text, printable
 

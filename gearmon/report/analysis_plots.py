@@ -177,17 +177,11 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     name = "" if profile.tooth is None else f"tooth {(round(place) - 1) % teeth + 1}: "
     left = place > 0.6 * teeth
     state = "flagged" if flagged else "highest, not flagged"
-    ax.annotate(
-        f"{name}{ratio:.1f} × elsewhere ({state})",
-        # above the bars beside it, which may be higher
-        xy=(number[peak], top),
-        xytext=(-6 if left else 6, 2),
-        textcoords="offset points",
-        ha="right" if left else "left",
-        va="bottom",
-        fontsize=7,
-        fontweight="bold" if flagged else "normal",
-    )
+    how: dict[str, Any] = {"xytext": (-6 if left else 6, 2), "textcoords": "offset points"}
+    how |= {"ha": "right" if left else "left", "va": "bottom", "fontsize": 7}
+    how |= {"fontweight": "bold" if flagged else "normal"}
+    # above the bars beside it, which may be higher
+    ax.annotate(f"{name}{ratio:.1f} × elsewhere ({state})", (number[peak], top), **how)
     ax.set_ylim(0, 1.25 * max(top, 1.6))
     plots.light_grid(ax)
     ax.set_ylabel("Energy by tooth\n(elsewhere 1)", fontsize=7)
@@ -265,13 +259,8 @@ def speed_figure(analysis: Analysis) -> plots.Picture:
         time_s, speed_hz = track.time_s, np.repeat(speed_hz, 2)
     figure, (ax,) = plots.stack([1.4])
     nominal, mean = speed.nominal_hz, speed.estimated_hz
-    ax.axhline(
-        nominal,
-        color=plots.GREY,
-        linewidth=0.9,
-        linestyle=plots.DASHED,
-        label=f"nominal {nominal:.5g} Hz",
-    )
+    dashed: dict[str, Any] = {"color": plots.GREY, "linewidth": 0.9, "linestyle": plots.DASHED}
+    ax.axhline(nominal, label=f"nominal {nominal:.5g} Hz", **dashed)
     ax.axhline(mean, color=plots.BLACK, linewidth=0.7, label=f"mean {mean:.6g} Hz")
     if np.isfinite(speed.uncertainty_hz):
         low, high = mean - speed.uncertainty_hz, mean + speed.uncertainty_hz

@@ -266,7 +266,7 @@ def family_figure(family: FaultFamily, operating: int | None = None) -> plots.Pi
     beyond = "teeth part: beyond the linear model"
     how = {"label": beyond, "markerfacecolor": "none"}
     plots.plot_marks(axes.flat[0], [np.nan], [np.nan], "o", 9, plots.GREY, **how)
-    plots.legend(figure, axes.flat, 6, "lower center")
+    plots.legend(figure, figure.axes, 6, "lower center")
     point = family.machine.operating[number]
     name = f", {point.name}" if point.name else ""
     figure.suptitle(

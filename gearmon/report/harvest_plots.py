@@ -12,7 +12,7 @@ from gearmon.harvesting.placement import Placed, Survey
 from gearmon.harvesting.tuning import power_against_tuning
 from gearmon.harvesting.vibration import Vibration, operating_lines
 from gearmon.report import plots
-from gearmon.report.harvest_text import spoken_time
+from gearmon.report.survey_text import spoken_time
 from gearmon.report.wording import shortened
 
 _MICRO = 1e6

@@ -30,8 +30,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from gearmon.files import replacing, write_atomically
-from gearmon.report.page import VERDICT_STYLE, template
-from gearmon.report.wording import power_of_ten
+from gearmon.report.wording import VERDICT_STYLE, power_of_ten, template
 
 _Floats = Sequence[float] | NDArray[np.float64]
 
@@ -231,15 +230,8 @@ def legend(
 ) -> None:
     """Put one legend outside all axes."""
     named = named_handles(axes)
-    figure.legend(
-        list(named.values()),
-        list(named),
-        loc=f"outside {where}",
-        ncols=columns,
-        frameon=False,
-        columnspacing=1.4,
-        handletextpad=0.5,
-    )
+    how: dict[str, Any] = {"loc": f"outside {where}", "ncols": columns, "frameon": False}
+    figure.legend([*named.values()], [*named], columnspacing=1.4, handletextpad=0.5, **how)
 
 
 def above(ax: Axes, x: float, text: str, up: float = 3, **how: Any) -> None:

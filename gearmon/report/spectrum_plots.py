@@ -8,8 +8,8 @@ from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
 from matplotlib.markers import TICKUP
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullLocator
@@ -463,33 +463,23 @@ def _kurtogram_figure(found: RecordingSpectrum) -> plots.Picture:
     return figure
 
 
-def _plot_kurtogram(own: Kurtogram, ax: Axes) -> AxesImage:
+def _plot_kurtogram(own: Kurtogram, ax: Axes) -> QuadMesh:
     """Draw a row a bandwidth, the most impulsive band framed."""
-    columns = min(int(np.lcm.reduce(own.bands)), 3 * max(own.bands))
-    centres = (np.arange(columns) + 0.5) / columns
-    grid = np.array(
-        [
-            level[np.minimum((centres * bands).astype(int), bands - 1)]
-            for bands, level in zip(own.bands, own.kurtosis, strict=True)
-        ]
-    )
-    rows = len(own.bands)
-    image = ax.imshow(
-        grid,
-        aspect="auto",
-        origin="upper",
-        extent=(0.0, own.rate / 2, rows, 0.0),
-        cmap="viridis",
-        vmin=min(0.0, float(np.percentile(grid, 5))),
-        vmax=max(float(grid.max()), 1e-3),
-        interpolation="nearest",
-    )
+    values, nyquist = np.concatenate(own.kurtosis), own.rate / 2
+    # the quietest bands set the lowest colour, but for a few
+    ends = {"vmin": min(0.0, float(np.percentile(values, 5))), "vmax": max(values.max(), 1e-3)}
+    for row, (bands, level) in enumerate(zip(own.bands, own.kurtosis, strict=True)):
+        edges = np.linspace(0.0, nyquist, bands + 1)
+        image = ax.pcolormesh(edges, [row, row + 1], level[None], cmap="viridis", **ends)
+    ax.invert_yaxis()
     low, high, _ = own.best
     row = int(np.argmax([float(level.max()) for level in own.kurtosis]))
     frame = Rectangle(
         (low, row), high - low, 1, fill=False, edgecolor=plots.VERMILLION, linewidth=1.4
     )
     ax.add_patch(frame).set_clip_on(False)
-    widths = [own.rate / 2 / bands for bands in own.bands[::2]]
-    ax.set_yticks(np.arange(rows)[::2] + 0.5, [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths])
+    widths = [nyquist / bands for bands in own.bands[::2]]
+    ax.set_yticks(
+        np.arange(len(own.bands))[::2] + 0.5, [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths]
+    )
     return image
