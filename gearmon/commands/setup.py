@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import OF_MACHINE, SAMPLING_RATE, argument, command
 from gearmon.commands.inputs import machine_of
-from gearmon.commands.output import DONE, finish, finish_with, show
+from gearmon.commands.output import DONE, finish, show
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 from gearmon.units import is_unit
@@ -165,7 +165,7 @@ def check(arguments: argparse.Namespace) -> int:
 
     machine = machine_of(arguments.machine)
     found = check_reference(read_reference(arguments.reference), machine)
-    return finish_with(arguments, found, lambda: _check_lines(found))
+    return finish(arguments, found, lambda: _check_lines(found))
 
 
 def _check_lines(found: ReferenceCheck) -> list[str]:
