@@ -35,9 +35,17 @@ from gearmon.fleet.rank import compare
 from gearmon.fleet.run import at_hand, equipment
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
-from gearmon.report.wording import as_data, chart_script, report_style, shipped, template
 from gearmon.report.text import WORST_FIRST
-from gearmon.report.wording import loss_text, printable
+from gearmon.report.wording import (
+    as_data,
+    chart_script,
+    loss_text,
+    printable,
+    report_style,
+    rows_as_csv,
+    shipped,
+    template,
+)
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -80,7 +88,6 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
     from starlette.middleware import Middleware
     from starlette.middleware.base import BaseHTTPMiddleware
     from starlette.middleware.trustedhost import TrustedHostMiddleware
-    from starlette.responses import PlainTextResponse
     from starlette.routing import Route
 
     with writing(fleet):
@@ -96,7 +103,7 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
         return answer
 
     def told(_: Request, error: Exception) -> Response:
-        return PlainTextResponse(f"{printable(str(error))}\n", 404)
+        return _answer(f"{printable(str(error))}\n", "plain", 404)
 
     pages: dict[str, Any] = {
         "/": site.overview,
@@ -120,11 +127,11 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
 
 def _refused(request: Request, token: str) -> Response | None:
     """Refuse those who do not know the token, and forms that another site has sent."""
-    from starlette.responses import PlainTextResponse, RedirectResponse
+    from starlette.responses import RedirectResponse
 
     origin = request.headers.get("origin")
     if request.method == "POST" and origin != str(request.base_url).rstrip("/"):
-        return PlainTextResponse("this form is not of this page\n", 403)
+        return _answer("this form is not of this page\n", "plain", 403)
     if not token:
         return None
     given = request.query_params.get("token", "")
@@ -135,7 +142,16 @@ def _refused(request: Request, token: str) -> Response | None:
     known = request.cookies.get(_COOKIE, "")
     if hmac.compare_digest(known.encode(), token.encode()):
         return None
-    return PlainTextResponse("add ?token=... to the address, as gearmon fleet serve says\n", 403)
+    return _answer("add ?token=... to the address, as gearmon fleet serve says\n", "plain", 403)
+
+
+def _answer(
+    content: str | bytes, kind: str, status: int = 200, headers: dict[str, str] | None = None
+) -> Response:
+    from starlette.responses import Response
+
+    media_type = kind if "/" in kind else f"text/{kind}"
+    return Response(content, status, headers=headers, media_type=media_type)
 
 
 class _Site:
@@ -147,9 +163,7 @@ class _Site:
         self.template = template("fleet.html", "gearmon.fleet", **known)
 
     def _page(self, kind: str, **content: Any) -> Response:
-        from starlette.responses import HTMLResponse
-
-        answer = HTMLResponse(self.template.render(kind=kind, fleet=self.fleet, **content))
+        answer = _answer(self.template.render(kind=kind, fleet=self.fleet, **content), "html")
         if content.get("charts"):
             answer.headers["Content-Security-Policy"] = f"{_POLICY}; script-src 'self'"
         return answer
@@ -199,15 +213,11 @@ class _Site:
         )
 
     def picture(self, request: Request) -> Response:
-        from starlette.responses import Response
-
         machine = self._named(request)
         found = _trends(self.fleet, machine, len(self._ledger(machine.name)))
-        return Response(_drawn(found), media_type="image/png")
+        return _answer(_drawn(found), "image/png")
 
     def recording(self, request: Request) -> Response:
-        from starlette.responses import HTMLResponse
-
         number = request.query_params.get("id", "")
         rows = self._ledger(None, int(number) if number.isdecimal() else 0)
         machine = self.fleet.machine(rows[0]["machine"]) if rows else None
@@ -219,40 +229,29 @@ class _Site:
         text = _report(self.fleet, machine, there, rows[0]["hash"])
         # the policy of the report stands in its head: its own script, and nothing else
         policy = {"Content-Security-Policy": "frame-ancestors 'none'"}
-        return HTMLResponse(text, headers=policy)
+        return _answer(text, "html", headers=policy)
 
     def table(self, request: Request) -> Response:
-        from starlette.responses import Response
-
-        from gearmon.report.wording import rows_as_csv
-
         if "machine" in request.query_params:
-            rows = [self._tabled(row) for row in self._ledger(self._named(request).name)]
-            names = dict.fromkeys(name for row in rows for name in row)
-            text = rows_as_csv([{name: row.get(name) for name in names} for row in rows])
+            told = self._ledger(self._named(request).name)
+            kept = ("path", "class", "time_s", "state", "why", "verdict", "score", "findings")
+            indicators = dict.fromkeys(name for row in told for name in row["indicators"])
+            more = [{name: row["indicators"].get(name) for name in indicators} for row in told]
         else:
+            told = [*map(_row, self._heard())]
             kept = ("machine", "verdict", "since", "heard", "finding", "loss", "margin", "alarm")
-            text = rows_as_csv(
-                [{name: row[name] for name in kept} for row in map(_row, self._heard())]
-            )
+            more = [{} for _ in told]
+        rows = [
+            {name: row[name] for name in kept} | own for row, own in zip(told, more, strict=True)
+        ]
         headers = {"Content-Disposition": 'attachment; filename="fleet.csv"'}
-        return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
-
-    @staticmethod
-    def _tabled(row: dict[str, Any]) -> dict[str, Any]:
-        kept = ("path", "class", "time_s", "state", "why", "verdict", "score", "findings")
-        return {name: row[name] for name in kept} | dict(row["indicators"])
+        return _answer(rows_as_csv(rows), "csv", headers=headers)
 
     def style(self, _: Request) -> Response:
-        from starlette.responses import Response
-
-        text = "\n".join([report_style(), shipped("fleet.css", "gearmon.fleet")])
-        return Response(text, media_type="text/css")
+        return _answer("\n".join([report_style(), shipped("fleet.css", "gearmon.fleet")]), "css")
 
     def script(self, _: Request) -> Response:
-        from starlette.responses import Response
-
-        return Response(chart_script(), media_type="text/javascript")
+        return _answer(chart_script(), "javascript")
 
     def acknowledge(self, request: Request) -> Response:
         from starlette.responses import RedirectResponse
