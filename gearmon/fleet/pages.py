@@ -33,19 +33,10 @@ from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.fleet.rank import compare
 from gearmon.fleet.run import at_hand, equipment
+from gearmon.report import wording
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
 from gearmon.report.text import WORST_FIRST
-from gearmon.report.wording import (
-    as_data,
-    chart_script,
-    loss_text,
-    printable,
-    report_style,
-    rows_as_csv,
-    shipped,
-    template,
-)
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -103,7 +94,7 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
         return answer
 
     def told(_: Request, error: Exception) -> Response:
-        return _answer(f"{printable(str(error))}\n", "plain", 404)
+        return _answer(f"{wording.printable(str(error))}\n", "plain", 404)
 
     pages: dict[str, Any] = {
         "/": site.overview,
@@ -160,7 +151,7 @@ class _Site:
     def __init__(self, fleet: Fleet) -> None:
         known: dict[str, Any] = {"query": lambda **parts: urlencode(parts), "moment": moment_text}
         self.fleet = fleet
-        self.template = template("fleet.html", "gearmon.fleet", **known)
+        self.template = wording.template("fleet.html", "gearmon.fleet", **known)
 
     def _page(self, kind: str, **content: Any) -> Response:
         answer = _answer(self.template.render(kind=kind, fleet=self.fleet, **content), "html")
@@ -204,7 +195,7 @@ class _Site:
             row=next(_row(own) for own in self._heard() if own.machine == machine),
             # the recordings themselves stand in a table of their own, with links
             lines=_without_table(found),
-            charts=as_data(charts) if charts else "",
+            charts=wording.as_data(charts) if charts else "",
             points=_operating_points(rows),
             beside=_beside(self.fleet, machine, len(rows)),
             rows=shown,
@@ -245,13 +236,16 @@ class _Site:
             {name: row[name] for name in kept} | own for row, own in zip(told, more, strict=True)
         ]
         headers = {"Content-Disposition": 'attachment; filename="fleet.csv"'}
-        return _answer(rows_as_csv(rows), "csv", headers=headers)
+        return _answer(wording.rows_as_csv(rows), "csv", headers=headers)
 
     def style(self, _: Request) -> Response:
-        return _answer("\n".join([report_style(), shipped("fleet.css", "gearmon.fleet")]), "css")
+        return _answer(
+            "\n".join([wording.report_style(), wording.shipped("fleet.css", "gearmon.fleet")]),
+            "css",
+        )
 
     def script(self, _: Request) -> Response:
-        return _answer(chart_script(), "javascript")
+        return _answer(wording.chart_script(), "javascript")
 
     def acknowledge(self, request: Request) -> Response:
         from starlette.responses import RedirectResponse
@@ -315,12 +309,14 @@ def _row(heard: _Heard) -> dict[str, Any]:
         return row | dict.fromkeys(words, "") | {"score": 0.0, "scores": []}
     loss, low, high = (latest[name] for name in ("loss", "loss_low", "loss_high"))
     left = None if loss is None or machine.limit is None else machine.limit - loss
-    margin = "" if left is None else loss_text(left, machine.limit - high, machine.limit - low)
+    margin = (
+        "" if left is None else wording.loss_text(left, machine.limit - high, machine.limit - low)
+    )
     return row | {
         "since": moment_text(latest["since_s"]),
         "heard": moment_text(latest["time_s"]),
         "finding": "; ".join(latest["findings"][:1]),
-        "loss": loss_text(loss, low, high),
+        "loss": wording.loss_text(loss, low, high),
         "margin": margin,
         "score": latest["score"],
         "scores": latest["scores"],
