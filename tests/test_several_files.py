@@ -24,14 +24,18 @@ def named(path, ending):
 def test_results_come_in_the_order_of_the_paths(monkeypatch, threads):
     monkeypatch.setenv(THREADS, threads)
     paths = [f"{number}.csv" for number in range(9)]
-    assert list(each_of(partial(named, ending="!"), paths)) == [p + "!" for p in paths]
+    found = each_of(paths, None, partial(named, ending="!"), side_by_side=True)
+    assert found == [p + "!" for p in paths]
 
 
 @pytest.mark.parametrize("threads", ["1", "2"])
-def test_an_error_of_a_task_is_its_own(monkeypatch, threads):
+def test_an_error_of_a_task_is_reported_in_its_place(monkeypatch, capsys, threads):
     monkeypatch.setenv(THREADS, threads)
-    with pytest.raises(GearmonError, match=r"bad\.csv: bad"):
-        list(each_of(partial(named, ending=""), ["1", "2", "bad.csv", "3", "4"]))
+    paths = ["1", "2", "bad.csv", "3", "4"]
+    found = each_of(paths, None, partial(named, ending=""), side_by_side=True)
+    told = {"recording": "bad.csv", "error": "bad.csv: bad"}
+    assert found == ["1", "2", told, "3", "4"]
+    assert capsys.readouterr().err == "gearmon: bad.csv: bad\n"
 
 
 def test_cores_are_those_that_are_told(monkeypatch):
@@ -56,7 +60,7 @@ def test_a_number_of_cores_that_is_none_is_refused(monkeypatch, capsys, wrong):
 def test_a_process_that_dies_is_told_in_one_line(monkeypatch):
     monkeypatch.setenv(THREADS, "2")
     with pytest.raises(GearmonError, match="a process was killed"):
-        list(each_of(die, ["1", "2", "3", "4"]))
+        each_of(["1", "2", "3", "4"], None, die, side_by_side=True)
 
 
 def die(path):  # noqa: ARG001

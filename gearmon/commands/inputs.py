@@ -12,10 +12,11 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.output import complain, complain_of
+from gearmon.commands.output import complain
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import check_output, protecting
 from gearmon.signals.threads import THREADS, cores
@@ -24,8 +25,6 @@ from gearmon.terminal import Progress, followed
 if TYPE_CHECKING:
     from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
-
-Found = TypeVar("Found")
 
 # A process takes as long to start as one file of ten seconds takes to analyse.
 _FILES_A_PROCESS = 2
@@ -170,38 +169,66 @@ def channel_of(text: str) -> str | int:
 
 
 def each_of(
-    task: Callable[[str], Found], paths: Sequence[str], progress: Progress | None = None
-) -> Iterator[Found]:
-    """Do a task for each path, on all cores where there are paths enough; results in their order.
+    paths: Sequence[str],
+    progress: Progress | None,
+    work: Callable[[str], Any],
+    *,
+    side_by_side: bool = False,
+) -> list[Any]:
+    """Work on recordings; a bad one is reported in its place, the others go on.
 
     Parameters
     ----------
-    task : callable
-        Takes a path; it and its results go from process to process.
     paths : sequence of str
-    progress : callable, optional
+    progress : callable or None
         Called with the share done.
+    work : callable
+        Takes a path. Side by side, it and its results go from process to process.
+    side_by_side : bool
+        Whether on all cores, where there are paths enough.
 
-    Yields
-    ------
-    object
-        What the task returned.
+    Returns
+    -------
+    list
+        What `work` returned, or of a bad one "recording" and "error".
 
     Raises
     ------
     GearmonError
         If a process was killed, by lack of memory most likely.
     """
-    workers = min(cores(), len(paths) // _FILES_A_PROCESS)
+    task, results, bad = partial(_tried, work), [], 0
+    workers = min(cores(), len(paths) // _FILES_A_PROCESS) if side_by_side else 1
+    with _mapped(workers) as mapped:
+        for found in followed(mapped(task, paths), len(paths), progress):
+            results.append(found)
+            if isinstance(found, dict) and "error" in found:
+                bad += 1
+                complain(found["error"])
+    if bad > 2:
+        complain(f"{bad} of {len(paths)} recordings could not be used; the lines above say why")
+    return results
+
+
+def _tried(work: Callable[[str], Any], path: str) -> Any:
+    try:
+        return work(path)
+    except GearmonError as error:
+        return {"recording": path, "error": str(error)}
+
+
+@contextmanager
+def _mapped(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
+    """Give what maps a function over paths, on so many cores; results in their order."""
     if workers < 2:
-        yield from followed(map(task, paths), len(paths), progress)
+        yield map
         return
     from concurrent.futures import ProcessPoolExecutor  # a single file does without
     from concurrent.futures.process import BrokenProcessPool
 
     pool = ProcessPoolExecutor(workers, initializer=_alone_on_a_core)
     try:
-        yield from followed(pool.map(task, paths), len(paths), progress)
+        yield pool.map
     except BrokenProcessPool as error:
         raise GearmonError(
             "a process was killed, by lack of memory most likely; give fewer files at a time, or "
@@ -216,27 +243,6 @@ def _alone_on_a_core() -> None:
     os.environ[THREADS] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-def in_turn(
-    paths: Sequence[str], progress: Progress | None, work: Callable[[str], dict[str, Any]]
-) -> list[dict[str, Any]]:
-    """Work on recordings one by one; a bad one is reported in its place, the others go on.
-
-    Returns
-    -------
-    list of dict
-        What `work` returned, or of a bad one "recording" and "error".
-    """
-    results = []
-    for path in followed(paths, len(paths), progress):
-        try:
-            results.append(work(path))
-        except GearmonError as error:
-            complain(str(error))
-            results.append({"recording": path, "error": str(error)})
-    complain_of(results)
-    return results
 
 
 def loss_of(text: str | None, option: str) -> float | None:

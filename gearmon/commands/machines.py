@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Mapping
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import MACHINE, SAMPLING_RATE, TACHO, argument, command, fault
 from gearmon.commands.inputs import machine_of, recording_of
-from gearmon.commands.output import DONE, finish, finish_with, show
+from gearmon.commands.output import DONE, finish, show
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import table_lines
-from gearmon.terminal import Progress, followed
+from gearmon.terminal import followed
 
 if TYPE_CHECKING:
-    from gearmon.dynamics import HillProblem
     from gearmon.signatures.expected.modes import Modes
     from gearmon.signatures.signature import Signature
 
@@ -73,7 +70,7 @@ def lines(arguments: argparse.Namespace) -> int:
     from gearmon.report.text import line_table_text
 
     table = line_table(machine_of(arguments.machine))
-    return finish_with(arguments, table, lambda: [line_table_text(table)])
+    return finish(arguments, table, lambda: [line_table_text(table)])
 
 
 @command(
@@ -91,25 +88,18 @@ def lines(arguments: argparse.Namespace) -> int:
 )
 def stiffness(arguments: argparse.Namespace) -> int:
     """Run `gearmon stiffness`."""
-    if arguments.form == "all":
-        return _run_forms(arguments)
-    from gearmon.gears.stiffness_report import stiffness_report
+    from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
+    if arguments.form == "all":
+        if faults:
+            raise ArgumentError(
+                "--form all: compares healthy meshes; leave out --fault, or name a form"
+            )
+        forms = compare_forms(machine, stage=arguments.stage or 1)
+        return finish(arguments, forms, lambda: table_lines(forms.line_rows()))
     report = stiffness_report(machine, faults, form=arguments.form, stage=arguments.stage)
-    return finish_with(arguments, report, lambda: _stiffness_lines(report.rows()))
-
-
-def _run_forms(arguments: argparse.Namespace) -> int:
-    """Run `gearmon stiffness --form all`: the forms of a healthy mesh and their spectra."""
-    from gearmon.gears.stiffness_report import compare_forms
-
-    if arguments.fault:
-        raise ArgumentError(
-            "--form all: compares healthy meshes; leave out --fault, or name a form"
-        )
-    forms = compare_forms(machine_of(arguments.machine), stage=arguments.stage or 1)
-    return finish_with(arguments, forms, lambda: table_lines(forms.line_rows()))
+    return finish(arguments, report, lambda: _stiffness_lines(report.rows()))
 
 
 def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
@@ -255,22 +245,18 @@ def stability(arguments: argparse.Namespace) -> int:
             }
         )
     result: dict[str, Any] = {"machine": machine.name, "rows": rows}
-    charts = partial(_stability_charts, problems, arguments.progress)
+
+    def charts() -> dict[str, Any]:
+        from gearmon.dynamics.stability_map import stability_map_of
+        from gearmon.report.expected_plots import stability_figure
+
+        drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
+        return {
+            f"-stage{stage}": stability_figure(stability_map_of(problem, points=CHART_POINTS))
+            for stage, problem in followed(drawn.items(), len(drawn), arguments.progress)
+        }
+
     return finish(arguments, result, lambda: table_lines(rows), lambda: rows, charts)
-
-
-def _stability_charts(
-    problems: Mapping[int, HillProblem], progress: Progress | None
-) -> Mapping[str, Any]:
-    from gearmon.dynamics.stability_map import stability_map_of
-    from gearmon.report.expected_plots import stability_figure
-
-    drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
-    figures: dict[str, Any] = {}
-    for stage, problem in followed(drawn.items(), len(drawn), progress):
-        chart = stability_map_of(problem, points=CHART_POINTS)
-        figures[f"-stage{stage}"] = stability_figure(chart)
-    return figures
 
 
 @command(
@@ -384,12 +370,12 @@ def harvest(arguments: argparse.Namespace) -> int:
     """Run `gearmon harvest`."""
     from gearmon.harvesting.placement import survey_expected, survey_measured
     from gearmon.harvesting.request import built_in, load_harvester
-    from gearmon.report.harvest_text import harvest_lines
+    from gearmon.report.survey_text import harvest_lines
 
     machine = machine_of(arguments.machine)
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
+    _refuse_mixed(arguments)
     if arguments.recording:
-        _refuse_with_recordings(arguments)
         survey = survey_measured(
             machine,
             harvester,
@@ -402,7 +388,6 @@ def harvest(arguments: argparse.Namespace) -> int:
             progress=arguments.progress,
         )
     else:
-        _refuse_without_recordings(arguments)
         assumed = {name: getattr(arguments, name) for name in ASSUMED}
         survey = survey_expected(
             machine,
@@ -412,27 +397,25 @@ def harvest(arguments: argparse.Namespace) -> int:
             **{name: value for name, value in assumed.items() if value is not None},
             count=arguments.count,
         )
-
-    return finish_with(
-        arguments, survey, lambda: harvest_lines(survey, published=arguments.published)
-    )
+    return finish(arguments, survey, lambda: harvest_lines(survey, published=arguments.published))
 
 
-def _refuse_with_recordings(arguments: argparse.Namespace) -> None:
+def _refuse_mixed(arguments: argparse.Namespace) -> None:
+    """Refuse options of expected lines beside recordings, and of recordings without any."""
+    if not arguments.recording:
+        for name in ("share", "share_error", "degraded", "channel", "sampling_rate"):
+            if getattr(arguments, name):
+                option = name.replace("_", "-")
+                told = "only beside recordings; name them after the machine"
+                raise ArgumentError(f"--{option}: {told}")
+        return
     if arguments.fault:
         raise ArgumentError(
             "--fault: only for expected lines; give --degraded RECORDING beside recordings"
         )
     for name in ASSUMED:
         if getattr(arguments, name) is not None:
-            option = name.replace("_s", "").replace("_", "-")
+            option = name.removesuffix("_s").replace("_", "-")
             raise ArgumentError(f"--{option}: only for expected lines; recordings hold their own")
     if arguments.share_error is not None and not arguments.share:
         raise ArgumentError("--share-error: only beside --share")
-
-
-def _refuse_without_recordings(arguments: argparse.Namespace) -> None:
-    for name in ("share", "share_error", "degraded", "channel", "sampling_rate"):
-        if getattr(arguments, name):
-            option = name.replace("_", "-")
-            raise ArgumentError(f"--{option}: only beside recordings; name them after the machine")

@@ -24,22 +24,21 @@ Rows = Callable[[], list[dict[str, Any]]]
 DONE, FLAGGED, BAD_INPUT, UNJUDGED, OWN_FAULT, STOPPED = 0, 1, 2, 3, 70, 130
 
 
-def judged(verdicts: Iterable[str], *, flagged: bool, bad: bool) -> int:
+def judged(entries: Sequence[Mapping[str, Any]], *, flagged: bool) -> int:
     """Return the exit code of recordings that were judged.
 
     Parameters
     ----------
-    verdicts : iterable of str
+    entries : sequence of mapping
+        With a "verdict", or an "error" of a recording that could not be used.
     flagged : bool
         Whether anything was flagged.
-    bad : bool
-        Whether a recording could not be used.
     """
-    if bad:
+    if any("error" in entry for entry in entries):
         return BAD_INPUT
     if flagged:
         return FLAGGED
-    open_ = any(verdict in ("cannot tell", "no mesh found") for verdict in verdicts)
+    open_ = any(entry["verdict"] in ("cannot tell", "no mesh found") for entry in entries)
     return UNJUDGED if open_ else DONE
 
 
@@ -49,13 +48,6 @@ def complain(message: str) -> None:
     line = "".join(c if c.isprintable() or "\ud800" <= c <= "\udfff" else " " for c in message)
     with suppress(OSError):
         print(f"{line_cleared()}gearmon: {line}", file=sys.stderr)
-
-
-def complain_of(results: Sequence[Mapping[str, Any]]) -> None:
-    """Say of several recordings that some could not be used, after the lines of each."""
-    bad = sum("error" in entry for entry in results)
-    if bad > 2:
-        complain(f"{bad} of {len(results)} recordings could not be used; the lines above say why")
 
 
 def show(
@@ -102,7 +94,7 @@ def _no_more(error: OSError) -> None:
 
 def finish(
     arguments: argparse.Namespace,
-    result: dict[str, Any],
+    found: Result | dict[str, Any],
     lines: Callable[[], list[str]],
     rows: Rows | Mapping[str, Rows] | None = None,
     figures: Callable[[], Mapping[str, Any]] | None = None,
@@ -114,8 +106,9 @@ def finish(
     Parameters
     ----------
     arguments : Namespace
-    result : dict
-        For JSON; gets "tables" and "pictures" with the names of what is written.
+    found : Result or dict
+        For JSON; gets "tables" and "pictures" with the names of what is written. A result knows its
+        rows and pictures.
     lines : callable
         What the terminal shows.
     rows : callable, or mapping of str to callable, optional
@@ -125,11 +118,23 @@ def finish(
     rows_in_json : bool
         Whether a JSON file holds the rows beside the result; one of a further table holds but rows.
     """
+    if isinstance(found, dict):
+        result = found
+    else:
+        result, rows = found.to_dict(), rows or found.frame_rows
+        figures = found.figures if found.picture else None
     if arguments.output:
         target = Path(arguments.output)
         if rows is not None:
-            tables = rows if isinstance(rows, Mapping) else {"": rows}
-            result["tables"] = _tables_written(target, result, tables, rows_in_json)
+            tables, written = rows if isinstance(rows, Mapping) else {"": rows}, []
+            # the name of a picture is that of no table
+            for added, own in tables.items() if target.suffix.lower() != ".png" else ():
+                path = str(target.with_name(f"{target.stem}{added}{target.suffix}"))
+                listed = own()
+                more = {"rows": listed} if added or rows_in_json else {}
+                write_table(path, ({} if added else result) | more, listed)
+                written.append(path)
+            result["tables"] = written
         if figures is not None:
             from gearmon.report.plots import save_all
 
@@ -138,32 +143,6 @@ def finish(
     files = [path for key in ("tables", "pictures") for path in result.get(key, ())]
     show(arguments, result, lambda: [*lines(), *(f"wrote {path}" for path in files)])
     return DONE
-
-
-def _tables_written(
-    target: Path, result: dict[str, Any], tables: Mapping[str, Rows], rows_in_json: bool
-) -> list[str]:
-    """Write tables beside each other, unless the name is that of a picture; return their names."""
-    written = []
-    for added, rows in tables.items() if target.suffix.lower() != ".png" else ():
-        path, listed = target.with_name(f"{target.stem}{added}{target.suffix}"), rows()
-        whole = {} if added else result
-        more = {"rows": listed} if added or rows_in_json else {}
-        write_table(str(path), whole | more, listed)
-        written.append(str(path))
-    return written
-
-
-def finish_with(
-    arguments: argparse.Namespace,
-    found: Result,
-    lines: Callable[[], list[str]],
-    *,
-    rows_in_json: bool = False,
-) -> int:
-    """Do the same with a result that knows its rows and pictures."""
-    figures, rows = found.figures if found.picture else None, found.frame_rows
-    return finish(arguments, found.to_dict(), lines, rows, figures, rows_in_json=rows_in_json)
 
 
 def write_table(path: str, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:

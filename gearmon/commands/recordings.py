@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import REFERENCE, argument, command, recordings
-from gearmon.commands.inputs import each_of, in_turn, loss_of, machine_of, recording_of
-from gearmon.commands.output import DONE, complain, complain_of, finish, judged, show, write_table
-from gearmon.errors import ArgumentError, GearmonError, check_range
+from gearmon.commands.inputs import each_of, loss_of, machine_of, recording_of
+from gearmon.commands.output import DONE, finish, judged, show, write_table
+from gearmon.errors import ArgumentError, check_range
 from gearmon.report.wording import gear_text, percent, printable
 from gearmon.terminal import followed, part_of
 
@@ -98,42 +98,30 @@ def analyse(arguments: argparse.Namespace) -> int:
     reference = reference_of(arguments, machine)
     past = history_trends(read_history(arguments.past, machine.name)) if arguments.past else None
     # reports take longer than analyses
-    done = 0.3 if arguments.report else 1.0
-    reported = part_of(arguments.progress, done, 1.0 - done)
-    analysed = part_of(arguments.progress, 0.0, done)
+    share = 0.3 if arguments.report else 1.0
+    reported = part_of(arguments.progress, share, 1.0 - share)
+    analysed = part_of(arguments.progress, 0.0, share)
     # what goes to other processes
     kept_here = {"progress": None, "recording": (), "run": None}
     alone = argparse.Namespace(**vars(arguments) | kept_here)
     known: dict[str, Any] = {"machine": machine, "reference": reference}
     task = partial(_analysed, arguments=alone, must_notice=must_notice, **known)
-    results: list[dict[str, Any]] = []
-    kept: list[tuple[Analysis, Recording | None]] = []
-    for entry, found in each_of(task, arguments.recording, analysed):
-        if "error" in entry:
-            complain(entry["error"])
-        results.append(entry)
-        kept += [found] if found is not None else []
-    complain_of(results)
+    done = each_of(arguments.recording, analysed, task, side_by_side=True)
+    results = [own if isinstance(own, dict) else own[0] for own in done]
+    good = [own for own in done if not isinstance(own, dict)]
+    analyses, recordings = [own[1] for own in good], [own[2] for own in good]
     result: dict[str, Any] = {"recordings": results}
-    if arguments.report and kept:
+    if arguments.report and good:
         from gearmon.report.html import Failure, write_report
 
-        analyses, recordings = [a for a, _ in kept], [r for _, r in kept]
         bad = [entry for entry in results if "error" in entry]
         failures = [Failure(recording=e["recording"], message=e["error"]) for e in bad]
-        written = analyses, recordings, reference, machine, arguments.report
-        more: dict[str, Any] = {"failures": failures, "history": past}
-        files = write_report(*written, **more, progress=reported)
+        more: dict[str, Any] = {"failures": failures, "history": past, "progress": reported}
+        files = write_report(analyses, recordings, reference, machine, arguments.report, **more)
         result["report"] = [str(file) for file in files]
     # a list of no rows: there is no table but the JSON
-    finish(arguments, result, lambda: _analysis_lines(result, [a for a, _ in kept], past), list)
-    return _exit_code(results, flagged=any(entry.get("flags") for entry in results))
-
-
-def _exit_code(results: list[dict[str, Any]], *, flagged: bool) -> int:
-    """Exit code of entries with a verdict, or an error, each."""
-    verdicts = [entry["verdict"] for entry in results if "verdict" in entry]
-    return judged(verdicts, flagged=flagged, bad=any("error" in entry for entry in results))
+    finish(arguments, result, lambda: _analysis_lines(result, analyses, past), list)
+    return judged(results, flagged=any(entry.get("flags") for entry in results))
 
 
 def _analysed(
@@ -142,22 +130,15 @@ def _analysed(
     machine: Machine,
     reference: Reference | None,
     must_notice: float | None,
-) -> tuple[dict[str, Any], tuple[Analysis, Recording | None] | None]:
-    """Analyse one recording; a bad one is reported in its place.
-
-    With the answer come the analysis, where it is to be worded, and the samples of a report.
-    """
+) -> tuple[dict[str, Any], Analysis | None, Recording | None]:
+    """Analyse one recording; with the answer, what is worded of it and what a report draws."""
     from gearmon.diagnosis.analysis import analyse
 
-    try:
-        recording = recording_of(path, arguments, machine)
-        options: dict[str, Any] = {} if must_notice is None else {"must_notice": must_notice}
-        analysis = analyse(recording, machine, reference, **options)
-    except GearmonError as error:
-        return {"recording": path, "error": str(error)}, None
-    if arguments.json and not arguments.report:
-        return analysis.to_dict(), None
-    return analysis.to_dict(), (analysis, recording if arguments.report else None)
+    recording = recording_of(path, arguments, machine)
+    options: dict[str, Any] = {} if must_notice is None else {"must_notice": must_notice}
+    analysis = analyse(recording, machine, reference, **options)
+    worded = analysis if arguments.report or not arguments.json else None
+    return analysis.to_dict(), worded, recording if arguments.report else None
 
 
 def _analysis_lines(
@@ -232,14 +213,14 @@ def kinds(arguments: argparse.Namespace) -> int:
             "kind": None if judgement is None else judgement.to_dict(),
         }
 
-    results = in_turn(arguments.recording, None if trained else arguments.progress, kind_of)
+    results = each_of(arguments.recording, None if trained else arguments.progress, kind_of)
     result = {
         "machine": machine.name,
         "classifier": {"file": arguments.trained, "trained_now": trained},
         "recordings": results,
     }
     finish(arguments, result, lambda: _kind_lines(result), list)
-    return _exit_code(results, flagged=any(entry.get("flagged") for entry in results))
+    return judged(results, flagged=any(entry.get("flagged") for entry in results))
 
 
 def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindClassifier, bool]:
@@ -363,7 +344,8 @@ def history(arguments: argparse.Namespace) -> int:
     if arguments.output:
         result["files"] = _history_written(arguments.output, found, result)
     show(arguments, result, lambda: _history_lines(found, result))
-    return judged((entry.verdict for entry in entries), flagged=found.raised, bad=bool(errors))
+    told = [*errors, *({"verdict": entry.verdict} for entry in entries)]
+    return judged(told, flagged=found.raised)
 
 
 def _refuse_known(arguments: argparse.Namespace, machine: Machine, times: list[datetime]) -> None:
@@ -401,7 +383,7 @@ def _history_entries(
         entries.append(entry_of(analysis, moment, source))
         return {}
 
-    done = in_turn(arguments.recording, arguments.progress, entry)
+    done = each_of(arguments.recording, arguments.progress, entry)
     return entries, [bad for bad in done if bad]
 
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import OF_MACHINE, SAMPLING_RATE, argument, command
 from gearmon.commands.inputs import machine_of
-from gearmon.commands.output import DONE, finish, finish_with, show
+from gearmon.commands.output import DONE, finish, show
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 from gearmon.units import is_unit
@@ -55,7 +55,7 @@ def init(arguments: argparse.Namespace) -> int:
     from gearmon.files import write_atomically
     from gearmon.gears.kinematics import kinematics
     from gearmon.machine import load_machine
-    from gearmon.report.page import template
+    from gearmon.report.wording import template
 
     if not arguments.output:
         raise ArgumentError("init: -o MACHINE is missing; name the machine file to write")
@@ -165,7 +165,7 @@ def check(arguments: argparse.Namespace) -> int:
 
     machine = machine_of(arguments.machine)
     found = check_reference(read_reference(arguments.reference), machine)
-    return finish_with(arguments, found, lambda: _check_lines(found))
+    return finish(arguments, found, lambda: _check_lines(found))
 
 
 def _check_lines(found: ReferenceCheck) -> list[str]:

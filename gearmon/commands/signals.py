@@ -9,16 +9,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon.commands.command import SAMPLING_RATE, TACHO, argument, command, fault, recordings
-from gearmon.commands.inputs import channel_of, in_turn, machine_of, recording_of
-from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, Rows, finish, finish_with
+from gearmon.commands.inputs import channel_of, each_of, machine_of, recording_of
+from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, Rows, finish
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 
 if TYPE_CHECKING:
-    from gearmon.signatures.measured.indicators import IndicatorTable
-if TYPE_CHECKING:
     from gearmon.machine import Machine
-    from gearmon.report.exposure_text import Told
+    from gearmon.report.survey_text import Told
+    from gearmon.signatures.measured.indicators import IndicatorTable
 
 # Columns of the table on a screen; the files hold the others too.
 _SHOWN = ("channel", "stage", "gear", "indicator", "value", "unit", "input")
@@ -60,7 +59,7 @@ def indicators(arguments: argparse.Namespace) -> int:
         tables.append(indicator_table(recording, machine, before, arguments.baseline))
         return tables[-1].to_dict()
 
-    entries = in_turn(arguments.recording, arguments.progress, table_of)
+    entries = each_of(arguments.recording, arguments.progress, table_of)
     history = tables[-1].history if tables else history
     result: dict[str, Any] = {"recordings": entries}
     if arguments.history and history is not None:
@@ -136,7 +135,7 @@ def spectrum(arguments: argparse.Namespace) -> int:
     )
     title = f"{found.recording}: {found.value_name}, highest peaks"
     lines = partial(_peak_lines, title, found.to_dict())
-    return finish_with(arguments, found, lines, rows_in_json=True)
+    return finish(arguments, found, lines, rows_in_json=True)
 
 
 @command(
@@ -262,14 +261,14 @@ def exposure(arguments: argparse.Namespace) -> int:
         more = {"seat_factor": extra.get(names[0]), "gearbox": extra.get(names[1])}
         return found[0].to_dict() | more
 
-    entries = in_turn(arguments.recording, arguments.progress, weighed)
+    entries = each_of(arguments.recording, arguments.progress, weighed)
     day = None
     if arguments.day:
         day = exposure_day(arguments.day, _axes(arguments.axes), **_reading(arguments, machine))
         told.append(day)
     result: dict[str, Any] = {"recordings": entries, "day": day.to_dict() if day else None}
     if arguments.report and told:
-        from gearmon.report.exposure_text import write_exposure_report
+        from gearmon.report.survey_text import write_exposure_report
 
         result["report"] = str(write_exposure_report(told, arguments.report))
     finish(
@@ -334,7 +333,7 @@ def _axes(text: str | None) -> dict[str, str | int] | None:
 
 
 def _exposure_lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:
-    from gearmon.report.exposure_text import exposure_lines
+    from gearmon.report.survey_text import exposure_lines
 
     lines = [line for own in told for line in (*exposure_lines(own), "")]
     lines += [f"{e['recording']}: not weighed" for e in result["recordings"] if "error" in e]

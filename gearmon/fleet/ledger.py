@@ -106,7 +106,7 @@ def keep(fleet: Fleet, outcome: Outcome) -> str:
             except ArgumentError as error:
                 why = str(error)
         state = "being written" if outcome.growing else "failed" if why else "done"
-        _insert(store, outcome.job, state, why, outcome)
+        _insert(store, outcome, state, why)
     return why or state
 
 
@@ -121,7 +121,8 @@ def _add(store: Connection, entry: Entry) -> None:
     summarise(store, [entry.machine])
 
 
-def _insert(store: Connection, job: Job, state: str, why: str, outcome: Outcome | None) -> None:
+def _insert(store: Connection, outcome: Outcome, state: str, why: str = "") -> None:
+    job = outcome.job
     row = {
         "path": job.path,
         "machine": job.machine.name,
@@ -129,11 +130,11 @@ def _insert(store: Connection, job: Job, state: str, why: str, outcome: Outcome 
         "time_s": job.time_s,
         "size": job.size,
         "changed": job.changed,
-        "hash": outcome.hash if outcome else "",
+        "hash": outcome.hash,
         "state": state,
         "why": why,
         "version": __version__,
-        "indicators": json.dumps(outcome.indicators if outcome else {}),
+        "indicators": json.dumps(outcome.indicators),
     }
     store.execute("DELETE FROM ledger WHERE path = ?", (as_text(job.path),))  # its number ends
     put(store, "ledger", row)
@@ -143,7 +144,7 @@ def keep_growing(fleet: Fleet, jobs: Iterable[Job]) -> None:
     """Write down which recordings are still being written."""
     with writing(fleet) as store:
         for job in jobs:
-            _insert(store, job, "being written", "", None)
+            _insert(store, Outcome(job=job), "being written")
 
 
 def counts(fleet: Fleet) -> dict[str, int]:

@@ -33,11 +33,10 @@ from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.fleet.rank import compare
 from gearmon.fleet.run import at_hand, equipment
+from gearmon.report import wording
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
-from gearmon.report.page import as_data, chart_script, report_style, shipped, template
 from gearmon.report.text import WORST_FIRST
-from gearmon.report.wording import loss_text, printable
 
 if TYPE_CHECKING:
     from starlette.applications import Starlette
@@ -80,7 +79,6 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
     from starlette.middleware import Middleware
     from starlette.middleware.base import BaseHTTPMiddleware
     from starlette.middleware.trustedhost import TrustedHostMiddleware
-    from starlette.responses import PlainTextResponse
     from starlette.routing import Route
 
     with writing(fleet):
@@ -96,7 +94,7 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
         return answer
 
     def told(_: Request, error: Exception) -> Response:
-        return PlainTextResponse(f"{printable(str(error))}\n", 404)
+        return _answer(f"{wording.printable(str(error))}\n", "plain", 404)
 
     pages: dict[str, Any] = {
         "/": site.overview,
@@ -120,11 +118,11 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
 
 def _refused(request: Request, token: str) -> Response | None:
     """Refuse those who do not know the token, and forms that another site has sent."""
-    from starlette.responses import PlainTextResponse, RedirectResponse
+    from starlette.responses import RedirectResponse
 
     origin = request.headers.get("origin")
     if request.method == "POST" and origin != str(request.base_url).rstrip("/"):
-        return PlainTextResponse("this form is not of this page\n", 403)
+        return _answer("this form is not of this page\n", "plain", 403)
     if not token:
         return None
     given = request.query_params.get("token", "")
@@ -135,7 +133,16 @@ def _refused(request: Request, token: str) -> Response | None:
     known = request.cookies.get(_COOKIE, "")
     if hmac.compare_digest(known.encode(), token.encode()):
         return None
-    return PlainTextResponse("add ?token=... to the address, as gearmon fleet serve says\n", 403)
+    return _answer("add ?token=... to the address, as gearmon fleet serve says\n", "plain", 403)
+
+
+def _answer(
+    content: str | bytes, kind: str, status: int = 200, headers: dict[str, str] | None = None
+) -> Response:
+    from starlette.responses import Response
+
+    media_type = kind if "/" in kind else f"text/{kind}"
+    return Response(content, status, headers=headers, media_type=media_type)
 
 
 class _Site:
@@ -144,12 +151,10 @@ class _Site:
     def __init__(self, fleet: Fleet) -> None:
         known: dict[str, Any] = {"query": lambda **parts: urlencode(parts), "moment": moment_text}
         self.fleet = fleet
-        self.template = template("fleet.html", "gearmon.fleet", **known)
+        self.template = wording.template("fleet.html", "gearmon.fleet", **known)
 
     def _page(self, kind: str, **content: Any) -> Response:
-        from starlette.responses import HTMLResponse
-
-        answer = HTMLResponse(self.template.render(kind=kind, fleet=self.fleet, **content))
+        answer = _answer(self.template.render(kind=kind, fleet=self.fleet, **content), "html")
         if content.get("charts"):
             answer.headers["Content-Security-Policy"] = f"{_POLICY}; script-src 'self'"
         return answer
@@ -190,7 +195,7 @@ class _Site:
             row=next(_row(own) for own in self._heard() if own.machine == machine),
             # the recordings themselves stand in a table of their own, with links
             lines=_without_table(found),
-            charts=as_data(charts) if charts else "",
+            charts=wording.as_data(charts) if charts else "",
             points=_operating_points(rows),
             beside=_beside(self.fleet, machine, len(rows)),
             rows=shown,
@@ -199,15 +204,11 @@ class _Site:
         )
 
     def picture(self, request: Request) -> Response:
-        from starlette.responses import Response
-
         machine = self._named(request)
         found = _trends(self.fleet, machine, len(self._ledger(machine.name)))
-        return Response(_drawn(found), media_type="image/png")
+        return _answer(_drawn(found), "image/png")
 
     def recording(self, request: Request) -> Response:
-        from starlette.responses import HTMLResponse
-
         number = request.query_params.get("id", "")
         rows = self._ledger(None, int(number) if number.isdecimal() else 0)
         machine = self.fleet.machine(rows[0]["machine"]) if rows else None
@@ -219,40 +220,32 @@ class _Site:
         text = _report(self.fleet, machine, there, rows[0]["hash"])
         # the policy of the report stands in its head: its own script, and nothing else
         policy = {"Content-Security-Policy": "frame-ancestors 'none'"}
-        return HTMLResponse(text, headers=policy)
+        return _answer(text, "html", headers=policy)
 
     def table(self, request: Request) -> Response:
-        from starlette.responses import Response
-
-        from gearmon.report.wording import rows_as_csv
-
         if "machine" in request.query_params:
-            rows = [self._tabled(row) for row in self._ledger(self._named(request).name)]
-            names = dict.fromkeys(name for row in rows for name in row)
-            text = rows_as_csv([{name: row.get(name) for name in names} for row in rows])
+            told = self._ledger(self._named(request).name)
+            kept = ("path", "class", "time_s", "state", "why", "verdict", "score", "findings")
+            indicators = dict.fromkeys(name for row in told for name in row["indicators"])
+            more = [{name: row["indicators"].get(name) for name in indicators} for row in told]
         else:
+            told = [*map(_row, self._heard())]
             kept = ("machine", "verdict", "since", "heard", "finding", "loss", "margin", "alarm")
-            text = rows_as_csv(
-                [{name: row[name] for name in kept} for row in map(_row, self._heard())]
-            )
+            more = [{} for _ in told]
+        rows = [
+            {name: row[name] for name in kept} | own for row, own in zip(told, more, strict=True)
+        ]
         headers = {"Content-Disposition": 'attachment; filename="fleet.csv"'}
-        return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
-
-    @staticmethod
-    def _tabled(row: dict[str, Any]) -> dict[str, Any]:
-        kept = ("path", "class", "time_s", "state", "why", "verdict", "score", "findings")
-        return {name: row[name] for name in kept} | dict(row["indicators"])
+        return _answer(wording.rows_as_csv(rows), "csv", headers=headers)
 
     def style(self, _: Request) -> Response:
-        from starlette.responses import Response
-
-        text = "\n".join([report_style(), shipped("fleet.css", "gearmon.fleet")])
-        return Response(text, media_type="text/css")
+        return _answer(
+            "\n".join([wording.report_style(), wording.shipped("fleet.css", "gearmon.fleet")]),
+            "css",
+        )
 
     def script(self, _: Request) -> Response:
-        from starlette.responses import Response
-
-        return Response(chart_script(), media_type="text/javascript")
+        return _answer(wording.chart_script(), "javascript")
 
     def acknowledge(self, request: Request) -> Response:
         from starlette.responses import RedirectResponse
@@ -316,12 +309,14 @@ def _row(heard: _Heard) -> dict[str, Any]:
         return row | dict.fromkeys(words, "") | {"score": 0.0, "scores": []}
     loss, low, high = (latest[name] for name in ("loss", "loss_low", "loss_high"))
     left = None if loss is None or machine.limit is None else machine.limit - loss
-    margin = "" if left is None else loss_text(left, machine.limit - high, machine.limit - low)
+    margin = (
+        "" if left is None else wording.loss_text(left, machine.limit - high, machine.limit - low)
+    )
     return row | {
         "since": moment_text(latest["since_s"]),
         "heard": moment_text(latest["time_s"]),
         "finding": "; ".join(latest["findings"][:1]),
-        "loss": loss_text(loss, low, high),
+        "loss": wording.loss_text(loss, low, high),
         "margin": margin,
         "score": latest["score"],
         "scores": latest["scores"],

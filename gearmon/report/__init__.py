@@ -58,11 +58,10 @@ _OFFERED = {
     "text": ("analysis_text", "line_table_text", "reference_text"),
     "wording": ("rows_as_csv", "table_lines"),
     "history_text": ("history_lines",),
-    "harvest_text": ("harvest_lines",),
+    "survey_text": ("exposure_lines", "harvest_lines", "write_exposure_report"),
     "plots": ("Picture", "save", "save_all"),
     "analysis_plots": ("analysis_figures",),
     "history_plots": ("history_figure",),
-    "exposure_text": ("exposure_lines", "write_exposure_report"),
     "expected_plots": ("stability_figure",),
 }
 __all__ = sorted(name for names in _OFFERED.values() for name in names)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from itertools import groupby
+from itertools import product
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -15,7 +16,7 @@ from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.results import Analysis, ToothProfile
+from gearmon.diagnosis.results import Analysis, Change, ToothProfile
 from gearmon.report import plots
 from gearmon.report.curves import extremes, turn_waveform
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
@@ -120,7 +121,7 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
     profile = profile_of(analysis, wheel.stage, wheel.gear)
     flagged = flagged_place(analysis, wheel.stage, wheel.gear)
     heights = [0.56 if len(channels) > 2 else 0.8] * len(channels)
-    figure, axes = plots.new_figure([*heights, *([0.85] if profile else [])], sharex=True)
+    figure, axes = plots.stack([*heights, *([0.85] if profile else [])], sharex=True)
     number = tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
     order = np.argsort(number, kind="stable")
     for channel, ax in zip(channels, axes, strict=False):
@@ -176,17 +177,11 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     name = "" if profile.tooth is None else f"tooth {(round(place) - 1) % teeth + 1}: "
     left = place > 0.6 * teeth
     state = "flagged" if flagged else "highest, not flagged"
-    ax.annotate(
-        f"{name}{ratio:.1f} × elsewhere ({state})",
-        # above the bars beside it, which may be higher
-        xy=(number[peak], top),
-        xytext=(-6 if left else 6, 2),
-        textcoords="offset points",
-        ha="right" if left else "left",
-        va="bottom",
-        fontsize=7,
-        fontweight="bold" if flagged else "normal",
-    )
+    how: dict[str, Any] = {"xytext": (-6 if left else 6, 2), "textcoords": "offset points"}
+    how |= {"ha": "right" if left else "left", "va": "bottom", "fontsize": 7}
+    how |= {"fontweight": "bold" if flagged else "normal"}
+    # above the bars beside it, which may be higher
+    ax.annotate(f"{name}{ratio:.1f} × elsewhere ({state})", (number[peak], top), **how)
     ax.set_ylim(0, 1.25 * max(top, 1.6))
     plots.light_grid(ax)
     ax.set_ylabel("Energy by tooth\n(elsewhere 1)", fontsize=7)
@@ -262,15 +257,10 @@ def speed_figure(analysis: Analysis) -> plots.Picture:
     time_s, speed_hz = extremes(0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz)
     if len(time_s) == 1:
         time_s, speed_hz = track.time_s, np.repeat(speed_hz, 2)
-    figure, (ax,) = plots.new_figure([1.4], right_in=0.65)
+    figure, (ax,) = plots.stack([1.4])
     nominal, mean = speed.nominal_hz, speed.estimated_hz
-    ax.axhline(
-        nominal,
-        color=plots.GREY,
-        linewidth=0.9,
-        linestyle=plots.DASHED,
-        label=f"nominal {nominal:.5g} Hz",
-    )
+    dashed: dict[str, Any] = {"color": plots.GREY, "linewidth": 0.9, "linestyle": plots.DASHED}
+    ax.axhline(nominal, label=f"nominal {nominal:.5g} Hz", **dashed)
     ax.axhline(mean, color=plots.BLACK, linewidth=0.7, label=f"mean {mean:.6g} Hz")
     if np.isfinite(speed.uncertainty_hz):
         low, high = mean - speed.uncertainty_hz, mean + speed.uncertainty_hz
@@ -296,18 +286,18 @@ FamilyGroup = tuple[int, str, list[Family]]
 
 def family_groups(families: Sequence[Family]) -> list[FamilyGroup]:
     """Return the families by stage, kind and what repeats, as rows of a picture."""
-
-    def rank(own: Family) -> tuple[int, int, float, str]:
-        return own.stage, _KINDS.index(own.kind), -own.spacing, own.gear
-
-    ordered = sorted(families, key=lambda own: (*rank(own), own.harmonic))
-    groups = [list(own) for _, own in groupby(ordered, key=rank)]
+    groups: dict[tuple[Any, ...], list[Family]] = {}
+    for own in sorted(
+        families, key=lambda own: (own.stage, _KINDS.index(own.kind), -own.spacing, own.harmonic)
+    ):
+        groups.setdefault((own.stage, own.kind, -own.spacing, own.gear), []).append(own)
     result: list[FamilyGroup] = []
-    for stage, of_stage in groupby(groups, key=lambda own: own[0].stage):
-        own = list(of_stage)
+    for stage in dict.fromkeys(one[0].stage for one in groups.values()):
+        of_stage = [one for one in groups.values() if one[0].stage == stage]
         # two spacings of one gear in one stage are told apart by their order
-        names = told_apart([_label(one[0]) for one in own], [one[0].spacing for one in own])
-        result += [(stage, name, one) for name, one in zip(names, own, strict=True)]
+        spacings = [one[0].spacing for one in of_stage]
+        names = told_apart([_label(one[0]) for one in of_stage], spacings)
+        result += [(stage, name, one) for name, one in zip(names, of_stage, strict=True)]
     return result
 
 
@@ -335,18 +325,12 @@ def changes_figure(analysis: Analysis) -> plots.Picture:
     groups = family_groups(analysis.signature.plan.families)
     stages = sorted({change.stage for change in analysis.changes})
     own = [[group for group in groups if group[0] == stage] for stage in stages]
-    figure, axes = plots.new_figure(
-        [0.24 * len(rows) for rows in own],
-        left_in=1.25,
-        right_in=0.75,
-        gap_in=0.62,
-        many_colours=True,
-    )
+    heights = [0.62 + 0.24 * len(rows) for rows in own]
+    figure, axes = plots.stack(heights, room_in=0.1, many_colours=True)
     for stage, rows, ax in zip(stages, own, axes, strict=True):
         image = _plot_changes(analysis, rows, limit, ax)
         ax.set_xlabel(f"Harmonic of mesh {stage}")
-    scale = figure.add_axes((1 - 0.65 / plots.PAGE_WIDTH_IN, 0.25, 0.11 / plots.PAGE_WIDTH_IN, 0.5))
-    figure.colorbar(image, cax=scale, extend="both").set_label("Change (dB)")
+    figure.colorbar(image, ax=axes, extend="both", shrink=0.7, pad=0.02, label="Change (dB)")
     strongest = max(analysis.changes, key=lambda change: abs(change.standardised))
     return figure.told("changes", beyond=BEYOND, strongest=strongest)
 
@@ -357,8 +341,18 @@ def _plot_changes(
     """Draw the changes of one stage as coloured cells, with numbers where they fit."""
     channels = analysis.signature.channel_names
     harmonics = sorted({family.harmonic for _, _, own in rows for family in own})
-    table, beyond = _change_table(analysis, rows, harmonics)
-    columns = table.shape[1]
+    columns = len(channels) * len(harmonics)
+    numbered = 0.8 / columns > _NARROWEST_NUMBERED
+    changes = {(change.family, change.channel): change for change in analysis.changes}
+    table = np.full((len(rows), columns), np.nan)
+    for row, (_, _, families) in enumerate(rows):
+        for family, (block, channel) in product(families, enumerate(channels)):
+            change = changes.get((family.name, channel))
+            if change is not None:
+                column = block * len(harmonics) + harmonics.index(family.harmonic)
+                table[row, column] = change.change_db
+                dark = abs(change.change_db / limit_db) > 0.62
+                _write_change(ax, column, row, change, "white" if dark else plots.BLACK, numbered)
     image = ax.imshow(
         np.ma.masked_invalid(table),
         cmap=matplotlib.colormaps["RdBu_r"].with_extremes(bad="#f1f1f1"),
@@ -367,13 +361,6 @@ def _plot_changes(
         aspect="auto",
         interpolation="nearest",
     )
-    numbered = 0.8 / columns > _NARROWEST_NUMBERED
-    for row, column in np.argwhere(np.isfinite(table)):
-        value = float(table[row, column])
-        number = "0" if abs(value) < 0.5 else f"{value:+.0f}".replace("-", "−")
-        colour = "white" if abs(value / limit_db) > 0.62 else plots.BLACK
-        place = (int(row), int(column))
-        _cell(ax, place, number if numbered else "", colour, bool(beyond[row, column]))
     for edge in range(1, len(channels)):
         ax.axvline(edge * len(harmonics) - 0.5, color="white", linewidth=3)
     ax.set_yticks(range(len(rows)), [label for _, label, _ in rows])
@@ -381,49 +368,27 @@ def _plot_changes(
     ticks = [c for c in range(columns) if c % len(harmonics) % every == 0]
     ax.set_xticks(ticks, [str(harmonics[c % len(harmonics)]) for c in ticks], fontsize=6)
     ax.tick_params(length=0, pad=2)
-    for spine in ax.spines.values():
-        spine.set_visible(False)
+    ax.spines[:].set_visible(False)
     for block, channel in enumerate(channels):
         middle = (block + 0.5) * len(harmonics) - 0.5
         plots.above(ax, middle, shortened(channel), fontweight="bold", fontsize=7.5)
     return image
 
 
-def _change_table(
-    analysis: Analysis, rows: Sequence[FamilyGroup], harmonics: Sequence[int]
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return changes and whether they stand out: rows of groups, a block of columns a channel."""
-    channels = analysis.signature.channel_names
-    place = {
-        family.name: (row, harmonics.index(family.harmonic))
-        for row, (_, _, own) in enumerate(rows)
-        for family in own
-    }
-    shape = (len(rows), len(channels) * len(harmonics))
-    table, beyond = np.full(shape, np.nan), np.zeros(shape, dtype=bool)
-    for change in analysis.changes:
-        if change.family in place and change.channel in channels:
-            row, column = place[change.family]
-            column += channels.index(change.channel) * len(harmonics)
-            table[row, column] = change.change_db
-            beyond[row, column] = is_beyond(change)
-    return table, beyond
-
-
-def _cell(ax: Axes, place: tuple[int, int], number: str, colour: str, beyond: bool) -> None:
-    row, column = place
-    if number:
-        weight = "bold" if beyond else "normal"
-        ax.text(
-            column, row, number, ha="center", va="center", fontsize=6, color=colour, weight=weight
-        )
+def _write_change(
+    ax: Axes, column: int, row: int, change: Change, colour: str, numbered: bool
+) -> None:
+    """Write a change into its cell, where there is room, and frame what is beyond chance."""
+    beyond, decibels = is_beyond(change), change.change_db
+    if numbered:
+        number = "0" if abs(decibels) < 0.5 else f"{decibels:+.0f}".replace("-", "−")
+        how: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6, "color": colour}
+        ax.text(column, row, number, weight="bold" if beyond else "normal", **how)
     elif beyond:
         ax.plot(column, row, marker="o", markersize=1.8, color=colour)
     if beyond:
-        corner = (column - 0.44, row - 0.44)
-        ax.add_patch(
-            Rectangle(corner, 0.88, 0.88, fill=False, edgecolor=plots.BLACK, linewidth=0.9)
-        )
+        how = {"fill": False, "edgecolor": plots.BLACK, "linewidth": 0.9}
+        ax.add_patch(Rectangle((column - 0.44, row - 0.44), 0.88, 0.88, **how))
 
 
 @plots.style()
@@ -436,9 +401,7 @@ def kind_figure(changes: Mapping[str, pd.DataFrame]) -> plots.Picture:
         By the title of the panel: changes [dB], a row a recording, a column a feature; the same
         features and recordings in all.
     """
-    figure, axes = plots.new_figure(
-        [1.0] * len(changes), top_in=0.45, bottom_in=0.45, gap_in=0.32, left_in=0.6
-    )
+    figure, axes = plots.stack([1.2] * len(changes), room_in=0.5)
     low = min(0.0, *(float(frame.to_numpy().min()) for frame in changes.values()))
     high = max(float(frame.to_numpy().max()) for frame in changes.values())
     for (title, frame), ax in zip(changes.items(), axes, strict=True):
@@ -453,6 +416,6 @@ def kind_figure(changes: Mapping[str, pd.DataFrame]) -> plots.Picture:
         ax.set_xticks(place, frame.columns if ax is axes[-1] else [""] * len(place))
         ax.set_ylim(1.08 * low - 0.5, 1.08 * high + 0.5)
         plots.light_grid(ax)
-    plots.left_label(figure, axes, "Change, or height above the median (dB)")
+    figure.supylabel("Change, or height above\nthe median (dB)", fontsize=7.5)
     plots.legend(figure, axes[:1], columns=6)
     return figure

@@ -6,7 +6,6 @@ each chart. The same is drawn as pictures for paper and for readers without scri
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -31,7 +30,7 @@ from gearmon.report.curves import (
 from gearmon.report.history_text import told_teeth
 from gearmon.report.plots import SERIES
 from gearmon.report.text import far_from_nominal
-from gearmon.report.wording import gear_text, printable, shaft_text, unit_text
+from gearmon.report.wording import base64_text, gear_text, printable, shaft_text, unit_text
 from gearmon.signals.orders import READ_UP_TO
 from gearmon.signals.orders.spectra import order_map
 from gearmon.signals.recording import Recording
@@ -107,7 +106,7 @@ def recording_charts(
 
 def _numbers(values: ArrayLike) -> str:
     """Return numbers in the four bytes that a script reads fastest, as text."""
-    return base64.b64encode(np.asarray(values, dtype="<f4").tobytes()).decode("ascii")
+    return base64_text(np.asarray(values, dtype="<f4").tobytes())
 
 
 def _curve(values: FloatArray, layer: str, channel: int | None, **more: Any) -> dict[str, Any]:
@@ -117,9 +116,8 @@ def _curve(values: FloatArray, layer: str, channel: int | None, **more: Any) -> 
 def _wave(values: FloatArray, layer: str, channel: int, **more: Any) -> dict[str, Any]:
     """Give a waveform in steps of its height over 32767, which no screen shows."""
     top = max(float(np.abs(values).max()), 1e-300)
-    steps = np.rint(32_767 * values / top).astype("<i2").tobytes()
-    text = base64.b64encode(steps).decode("ascii")
-    return {"layer": layer, "channel": channel, "top": top, "values": text, **more}
+    steps = base64_text(np.rint(32_767 * values / top).astype("<i2").tobytes())
+    return {"layer": layer, "channel": channel, "top": top, "values": steps, **more}
 
 
 def _held(place: FloatArray, values: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:
@@ -187,10 +185,7 @@ def _speed_search(analysis: Analysis, recording: Recording, machine: Machine) ->
 
 def _in_orders(analysis: Analysis, recording: Recording, points: int) -> Iterator[dict[str, Any]]:
     """Give the order spectrum, where a wandering speed smears no line, and the order map."""
-    vibration, track = (
-        vibration_of(analysis, recording),
-        track_of(analysis, recording),
-    )
+    vibration, track = vibration_of(analysis, recording), track_of(analysis, recording)
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     speed_hz, fastest_hz = analysis.signature.speed.estimated_hz, float(track.speed_hz.max())
     top = min(READ_UP_TO * rate / fastest_hz, last_harmonic_hz(analysis.signature) / speed_hz)
@@ -226,9 +221,8 @@ def _shades(amplitude: FloatArray) -> dict[str, Any]:
     """Return a map as bytes, 255 at its highest value and 0 some decades below."""
     top = max(float(amplitude.max()), 1e-300)
     level = 1.0 + np.log10(np.maximum(amplitude / top, 1e-9)) / _MAP_DECADES
-    shades = np.rint(255 * np.clip(level, 0.0, 1.0)).astype(np.uint8)
-    text = base64.b64encode(shades.tobytes()).decode("ascii")
-    return {"top": top, "decades": _MAP_DECADES, "shades": text}
+    shades = base64_text(np.rint(255 * np.clip(level, 0.0, 1.0)).astype(np.uint8).tobytes())
+    return {"top": top, "decades": _MAP_DECADES, "shades": shades}
 
 
 def _turn(
@@ -303,13 +297,12 @@ def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
     index = [line for line, _ in chosen]
     orders = plan.orders[index]
     low, high = _healthy_range(orders, analysis, reference)
-    centres = {
-        own.stage: own.frequency_hz / signature.speed.estimated_hz for own in signature.meshes
-    }
-    numbers = [
-        _number(plan.orders[line], families[number], centres[families[number].stage])
-        for line, number in chosen
-    ]
+    mesh_hz = {own.stage: own.frequency_hz for own in signature.meshes}
+    numbers = []  # how many spacings of its family each line is off the mesh harmonic
+    for line, number in chosen:
+        own = families[number]
+        off = plan.orders[line] - own.harmonic * mesh_hz[own.stage] / signature.speed.estimated_hz
+        numbers.append(round(off / own.spacing) if own.spacing else 0)
     size = np.abs(signature.lines.mean[:, index])
     amplitudes = {"measured": size, "low": low, "high": high}
     return {
@@ -335,13 +328,6 @@ def _places(analysis: Analysis) -> dict[str, Any]:
         "low": [],
         "high": [],
     }
-
-
-def _number(order: float, family: Family, mesh_order: float) -> int:
-    """Return how many spacings of its family a line is off the mesh harmonic."""
-    if not family.spacing:
-        return 0
-    return round((order - family.harmonic * mesh_order) / family.spacing)
 
 
 def _family(family: Family, analysis: Analysis) -> dict[str, Any]:
@@ -379,16 +365,17 @@ def _healthy_range(
     names = analysis.signature.channel_names
     low = np.full((len(names), len(orders)), np.nan)
     high, place = low.copy(), {round(own, 6): at for at, own in enumerate(orders.tolist())}
-    for profile in reference.profiles if reference is not None else ():
-        for wheel in profile.wheels:
-            own = np.round(wheel.number * wheel.order, 6).tolist()
-            known = [(k, place[order]) for k, order in enumerate(own) if order in place]
-            taken, at = ([pair[side] for pair in known] for side in (0, 1))
-            for row, name in enumerate(names):
-                if reference is not None and name in reference.channel_names:
-                    size = np.abs(wheel.amplitude[reference.channel_names.index(name), taken])
-                    low[row, at] = np.fmin(low[row, at], size)
-                    high[row, at] = np.fmax(high[row, at], size)
+    if reference is None:
+        return low, high
+    known = reference.channel_names
+    for wheel in (wheel for profile in reference.profiles for wheel in profile.wheels):
+        at = np.array([place.get(own, -1) for own in np.round(wheel.number * wheel.order, 6)])
+        taken, at = np.flatnonzero(at >= 0), at[at >= 0]
+        for row, name in enumerate(names):
+            if name in known:
+                size = np.abs(wheel.amplitude[known.index(name), taken])
+                low[row, at] = np.fmin(low[row, at], size)
+                high[row, at] = np.fmax(high[row, at], size)
     return low, high
 
 

@@ -59,7 +59,7 @@ def signature_figure(signature: Signature) -> plots.Picture:
     stages = np.unique(signature["stage"][signature["acceleration_ms2"] > 0]).tolist()
     if not stages:
         raise ArgumentError(f"{signature.machine or 'machine'}: no line above 0 to draw")
-    figure, axes = plots.new_figure([1.9] * len(stages), top_in=0.62, bottom_in=0.45, gap_in=0.62)
+    figure, axes = plots.stack([2.3] * len(stages), room_in=0.8)
     level, hertz, beside = (
         signature[name] for name in ("acceleration_ms2", "frequency_hz", "sideband_of")
     )
@@ -133,10 +133,7 @@ def stability_figure(stability: StabilityMap) -> plots.Picture:
         }
         plots.plot_marks(ax, *stability.mark, "*", 13, "white", **above)
     ax.set_title(f"damping ratio {stability.chart.damping_ratio:.3g}", fontsize=10)
-    handles = plots.named_handles([ax])
-    # below the axes, where it hides nothing
-    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.13), "ncols": 5}
-    ax.legend(list(handles.values()), list(handles), fontsize=8, frameon=False, **place)
+    plots.legend(figure, [ax], 5, "lower center")
     return figure
 
 
@@ -233,9 +230,7 @@ def campbell_figure(found: Modes) -> plots.Picture:
     ax.set_ylabel("frequency in Hz")
     told = "filled: driven by the mesh, larger where it holds more of the strain energy"
     ax.set_title(f"{found.machine}: natural frequencies and mesh harmonics\n{told}", fontsize=9)
-    handles = plots.named_handles([ax])
-    place: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1), "ncols": 5}
-    ax.legend(list(handles.values()), list(handles), fontsize=8, frameon=False, **place)
+    plots.legend(figure, [ax], 5, "lower center")
     return figure
 
 
@@ -268,13 +263,10 @@ def family_figure(family: FaultFamily, operating: int | None = None) -> plots.Pi
         ax.set_visible(False)
     for ax in axes[:, 0]:
         ax.set_ylabel("dB re healthy mesh lines")
-    named = plots.named_handles(list(axes.flat[: len(kinds)]))
-    named["teeth part: beyond the linear model"] = axes.flat[0].plot(
-        [], [], "o", markersize=9, markerfacecolor="none", markeredgecolor=plots.GREY
-    )[0]
-    figure.legend(
-        list(named.values()), list(named), loc="outside lower center", ncols=min(6, len(named))
-    )
+    beyond = "teeth part: beyond the linear model"
+    how = {"label": beyond, "markerfacecolor": "none"}
+    plots.plot_marks(axes.flat[0], [np.nan], [np.nan], "o", 9, plots.GREY, **how)
+    plots.legend(figure, figure.axes, 6, "lower center")
     point = family.machine.operating[number]
     name = f", {point.name}" if point.name else ""
     figure.suptitle(

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from gearmon.exposure.day import DayExposure, Dose
 from gearmon.exposure.gearbox import GearShare
@@ -49,9 +48,7 @@ def exposure_figure(exposure: Exposure) -> plots.Picture:
         bands.plot(exposure.band_hz, recorded, linewidth=1, color=colour, linestyle=plots.DASHED)
         course.plot(*extremes(seconds, exposure.running_ms2[number]), color=colour, linewidth=0.9)
     bands.set(xscale="log", yscale="log", ylim=(top * 10**-_DECADES, top * 2))
-    bands.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    bands.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    bands.xaxis.set_minor_formatter(NullFormatter())
+    plots.plain_frequencies(bands)
     bands.set(xlabel="third octave in Hz", ylabel="rms in m/s²")
     bands.set_title("dashed: recorded, solid: felt", loc="left", fontsize=10)
     bands.legend(fontsize=9, frameon=False, loc="lower left")

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter
 
 from gearmon.harvesting.placement import Placed, Survey
 from gearmon.harvesting.tuning import power_against_tuning
 from gearmon.harvesting.vibration import Vibration, operating_lines
 from gearmon.report import plots
-from gearmon.report.harvest_text import spoken_time
+from gearmon.report.survey_text import spoken_time
+from gearmon.report.wording import shortened
 
 _MICRO = 1e6
 _SIZE_IN = (8.0, 4.6)
@@ -71,7 +72,7 @@ def response_figure(survey: Survey) -> plots.Picture:
         ax.set(xscale="log", yscale="log", xlim=(frequency[0], frequency[-1]), ylabel=label)
         ax.set_ylim(bottom=max(values.min() / 2, values.max() * 1e-6))
         ax.grid(alpha=0.25)
-        _plain_frequencies(ax)
+        plots.plain_frequencies(ax)
     for ax in grid[-1]:
         ax.set_xlabel("frequency in Hz")
     best = survey.tuned.harvester
@@ -91,25 +92,28 @@ def energy_figure(survey: Survey) -> plots.Picture:
     ----------
     survey : Survey
     """
-    figure = plots.sheet(*_SIZE_IN)
-    ax = figure.add_subplot()
     best = survey.best
+    figure, ax = _sheet(
+        f"{_short(best.position.name)}: energy of the lines and what is tuned to them",
+        xlabel="frequency in Hz",
+        ylabel="energy of a line in J/kg, (2πfA)²/2",
+    )
+    low, high = _span(best)
+    top = 0.0
     for number, point in enumerate(best.position.healthy):
         label = f"{_short(point.vibration.name)} ({100 * point.share:.0f} % of the time)"
         _draw_energy(ax, point.vibration, plots.series_colour(number), label)
-    low, high = _span(best)
-    inside = [_between(point.vibration, low, high) for point in best.position.healthy]
-    top = max(inside)
+        hertz = point.vibration.frequency_hz
+        shown = point.vibration.energy_j_per_kg[(hertz >= low) & (hertz <= high)]
+        top = max(top, float(shown.max(initial=0.0)))
     ax.set(xscale="log", yscale="log", xlim=(low, high), ylim=(top * 1e-6, top * 30))
-    _plain_frequencies(ax)
-    ax.set(xlabel="frequency in Hz", ylabel="energy of a line in J/kg, (2πfA)²/2")
-    beside = ax.twinx()
+    plots.plain_frequencies(ax)
     grid = np.geomspace(low, high, 4000)
-    gain = survey.tuned.harvester.gains(grid).power_w
-    beside.plot(grid, gain * _MICRO, color=plots.BLACK, linewidth=1.0, linestyle="--")
-    beside.set(yscale="log", ylim=(gain.max() * _MICRO * 1e-6, gain.max() * _MICRO * 30))
+    gain = survey.tuned.harvester.gains(grid).power_w * _MICRO
+    beside = ax.twinx()
+    beside.plot(grid, gain, color=plots.BLACK, linewidth=1.0, linestyle="--")
+    beside.set(yscale="log", ylim=(gain.max() * 1e-6, gain.max() * 30))
     beside.set_ylabel("harvester: µW per (m/s²)² (dashed)")
-    ax.set_title(f"{_short(best.position.name)}: energy of the lines and what is tuned to them")
     ax.legend(fontsize=9, loc="upper left")
     return figure
 
@@ -122,8 +126,11 @@ def tuning_figure(survey: Survey) -> plots.Picture:
     ----------
     survey : Survey
     """
-    figure = plots.sheet(*_SIZE_IN)
-    ax = figure.add_subplot()
+    figure, ax = _sheet(
+        "Power against tuning, load as chosen at the best",
+        xlabel="natural frequency the harvester is tuned to, in Hz",
+        ylabel="mean power over the duty cycle in µW",
+    )
     for number, place in enumerate(survey.placed[:3]):
         if place.tuned is None:
             continue
@@ -141,23 +148,15 @@ def tuning_figure(survey: Survey) -> plots.Picture:
     ax.set(xscale="log", yscale="log")
     bottom, top = ax.get_ylim()
     ax.set_ylim(max(bottom, top * 1e-7), top * 8)
-    ax.set_xlabel("natural frequency the harvester is tuned to, in Hz")
-    ax.set_ylabel("mean power over the duty cycle in µW")
-    _plain_frequencies(ax)
-    ax.set_title("Power against tuning, load as chosen at the best")
+    plots.plain_frequencies(ax)
     ax.legend(fontsize=9, loc="upper left")
     return figure
 
 
-def _plain_frequencies(ax: Axes) -> None:
-    """Write frequencies out: 200, not 2 x 10^2; between decades only where there is room."""
-    low, high = ax.get_xlim()
-    ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    if high < 100 * low:
-        shown = "123456789" if high < 3 * low else "235"
-        ax.xaxis.set_minor_formatter(
-            FuncFormatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in shown else "")
-        )
+def _sheet(title: str, **labels: Any) -> tuple[plots.Picture, Axes]:
+    figure = plots.sheet(*_SIZE_IN)
+    ax = figure.add_subplot(title=title, **labels)
+    return figure, ax
 
 
 @plots.sheet_style()
@@ -168,30 +167,23 @@ def positions_figure(survey: Survey) -> plots.Picture:
     ----------
     survey : Survey
     """
-    figure = plots.sheet(*_SIZE_IN)
-    ax = figure.add_subplot()
+    figure, ax = _sheet("Where to put it", xlabel="mean power over the duty cycle in µW")
     names = [_short(place.position.name) for place in survey.placed]
     rows = np.arange(len(names))
-    power = np.array([place.power_w for place in survey.placed]) * _MICRO
-    low = np.array([place.power_low_w for place in survey.placed]) * _MICRO
-    high = np.array([place.power_high_w for place in survey.placed]) * _MICRO
-    degraded = np.array([place.degraded_power_w for place in survey.placed]) * _MICRO
+    power, low, high, degraded = (
+        _MICRO
+        * np.array(
+            [(p.power_w, p.power_low_w, p.power_high_w, p.degraded_power_w) for p in survey.placed]
+        ).T
+    )
     ax.barh(rows, power, height=0.5, color=plots.BLUE, alpha=0.85, label="gears sound")
-    known = np.isfinite(low)
-    if known.any():
-        ax.errorbar(
-            (low + high)[known] / 2,
-            rows[known],
-            xerr=(high - low)[known] / 2,
-            fmt="none",
-            ecolor=plots.BLACK,
-            capsize=4,
-            label="90 % interval",
-        )
+    if np.isfinite(low).any():
+        how: dict[str, Any] = {"fmt": "none", "ecolor": plots.BLACK, "capsize": 4}
+        middle, reach = (low + high) / 2, (high - low) / 2
+        ax.errorbar(middle, rows, xerr=reach, label="90 % interval", **how)
     if np.isfinite(degraded).any():
-        ax.plot(
-            degraded, rows - 0.16, "D", color=plots.VERMILLION, label="same tuning, gear damaged"
-        )
+        label = "same tuning, gear damaged"
+        plots.plot_marks(ax, degraded, rows - 0.16, "D", 6, plots.VERMILLION, label=label)
     for row, place in zip(rows, survey.placed, strict=True):
         ax.annotate(
             _remark(place),
@@ -205,8 +197,6 @@ def positions_figure(survey: Survey) -> plots.Picture:
     ax.set_yticks(rows, names)
     ax.set_ylim(len(names) - 0.35, -0.6)
     ax.set_xlim(left=0)
-    ax.set_xlabel("mean power over the duty cycle in µW")
-    ax.set_title("Where to put it")
     ax.legend(fontsize=9, loc="best")
     return figure
 
@@ -223,12 +213,6 @@ def _draw_energy(ax: Axes, vibration: Vibration, colour: str, label: str) -> Non
     starts = np.flatnonzero(np.diff(group, prepend=group[0] - 1))
     peaks = np.maximum.reduceat(energy, starts)
     ax.plot(frequency[starts], peaks, color=colour, linewidth=0.9, label=label)
-
-
-def _between(vibration: Vibration, low: float, high: float) -> float:
-    """Highest energy between two frequencies."""
-    inside = (vibration.frequency_hz >= low) & (vibration.frequency_hz <= high)
-    return float(vibration.energy_j_per_kg[inside].max(initial=0.0))
 
 
 def _remark(place: Placed) -> str:
@@ -248,14 +232,9 @@ def _span(place: Placed) -> tuple[float, float]:
         loud = vibration.frequency_hz[energy > energy.max() * 1e-5]
         # the lines with most of the energy are shown wherever they lie; drift of a sensor is not
         ends += [row["frequency_hz"] for row in operating_lines(vibration, 3)]
-        ends += (
-            [float(loud.max())]
-            if vibration.resolution_hz
-            else [float(loud.min()), float(loud.max())]
-        )
+        ends += [float(loud.max())] + ([] if vibration.resolution_hz else [float(loud.min())])
     return min(ends) / 1.5, max(ends) * 1.5
 
 
 def _short(text: str) -> str:
-    name = Path(text).name if "/" in text else text
-    return name if len(name) <= _LONGEST_LABEL else name[: _LONGEST_LABEL - 1] + "…"
+    return shortened(Path(text).name if "/" in text else text, _LONGEST_LABEL)

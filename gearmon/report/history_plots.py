@@ -23,6 +23,7 @@ _AHEAD = 1.0
 _LEAST_SHOWN = 5.0
 #: And that of the score to where faults are called.
 _LEAST_SCORE = 2.0
+_LIMIT: dict[str, Any] = {"color": plots.VERMILLION, "linestyle": (0, (5, 2)), "linewidth": 0.9}
 
 
 @plots.style()
@@ -44,19 +45,14 @@ def history_figure(
     """
     losses = bool(found.teeth) or known_loss is not None
     heights = [2.3, 1.15] if losses else [1.8]
-    top = 0.74 if found.shown else 0.45 if losses else 0.35
-    figure, axes = plots.new_figure(heights, top_in=top, bottom_in=0.45, sharex=True)
+    room = 1.2 if found.shown else 0.9 if losses else 0.8
+    figure, axes = plots.stack(heights, room_in=room, sharex=True)
     if losses:
         _losses(found, axes[0])
     if known_loss is not None:
-        axes[0].plot(
-            _days([entry.time_s for entry in found.history.entries]),
-            100 * np.asarray(known_loss, dtype=float),
-            color=plots.BLACK,
-            linewidth=0.9,
-            linestyle=(0, (1, 1.5)),
-            label="known loss",
-        )
+        how: dict[str, Any] = {"color": plots.BLACK, "linestyle": (0, (1, 1.5)), "linewidth": 0.9}
+        times = _days([entry.time_s for entry in found.history.entries])
+        axes[0].plot(times, 100 * np.asarray(known_loss, dtype=float), label="known loss", **how)
     _scores(found, axes[-1])
     locator = AutoDateLocator()  # type: ignore[no-untyped-call]
     axes[-1].xaxis.set_major_locator(locator)
@@ -76,26 +72,15 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
     others = [tooth for tooth in found.teeth if tooth not in (*shown, *new)]
     for number, tooth in enumerate(others[:_MOST_OTHERS]):
         series = tooth.trend.series
-        ax.plot(
-            _days(series.time_s),
-            100 * series.value,
-            color=plots.GREY,
-            linewidth=0.5,
-            zorder=1,
-            label=_others_label(others, bool(shown or new)) if number == 0 else "_",
-        )
+        label = "_" if number else _others_label(others, bool(shown or new))
+        how: dict[str, Any] = {"color": plots.GREY, "linewidth": 0.5, "zorder": 1, "label": label}
+        ax.plot(_days(series.time_s), 100 * series.value, **how)
     for number, tooth in enumerate(shown):
         _one_loss(tooth, number, ax)
     for number, tooth in enumerate(new, start=len(shown)):
         _estimates(tooth, number, ", not yet over several recordings", ax)
     if found.limit is not None:
-        ax.axhline(
-            100 * found.limit,
-            color=plots.VERMILLION,
-            linewidth=0.9,
-            linestyle=(0, (5, 2)),
-            label="limit",
-        )
+        ax.axhline(100 * found.limit, label="limit", **_LIMIT)
     # what sound teeth seem to lose is next to nothing, and is not to fill the picture
     low, high = ax.get_ylim()
     ax.set_ylim(min(low, -0.1 * _LEAST_SHOWN), max(high, _LEAST_SHOWN))
@@ -123,16 +108,10 @@ def _estimates(tooth: ToothTrend, number: int, more: str, ax: Axes) -> None:
     series, colour = tooth.trend.series, plots.series_colour(number)
     # the recordings' own 90 % intervals
     reach = np.maximum([series.value - tooth.low, tooth.high - series.value], 0.0)
-    ax.errorbar(
-        _days(series.time_s),
-        100 * series.value,
-        yerr=100 * reach,
-        fmt=plots.series_marker(number),
-        markersize=3.2,
-        color=colour,
-        elinewidth=0.6,
-        label=gear_text(tooth.stage, tooth.gear, tooth.tooth) + more,
-    )
+    name = gear_text(tooth.stage, tooth.gear, tooth.tooth)
+    how: dict[str, Any] = {"fmt": plots.series_marker(number), "markersize": 3.2}
+    how |= {"color": colour, "elinewidth": 0.6, "label": name + more}
+    ax.errorbar(_days(series.time_s), 100 * series.value, yerr=100 * reach, **how)
 
 
 def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:
@@ -219,7 +198,7 @@ def day_figure(day: pd.DataFrame, limit_db: float) -> plots.Picture:
     limit_db : float
         A limit on the levels [dB].
     """
-    figure, axes = plots.new_figure([0.8, 0.8, 1.2, 1.2], top_in=0.4, sharex=True)
+    figure, axes = plots.stack([0.8, 0.8, 1.2, 1.2], room_in=0.8, sharex=True)
     load, speed, level, score = axes
     load.plot(day.index, 100 * day["load"], color=plots.BLACK, marker="o", markersize=2.5)
     load.set_ylabel("Load\n(% of nominal)")
@@ -228,9 +207,7 @@ def day_figure(day: pd.DataFrame, limit_db: float) -> plots.Picture:
     for number, (name, moved) in enumerate(day.filter(like="level of ").items()):
         marker, colour = plots.series_marker(number), plots.series_colour(number)
         level.plot(day.index, moved, color=colour, marker=marker, markersize=3, label=str(name))
-    level.axhline(
-        limit_db, color=plots.VERMILLION, linewidth=0.9, linestyle=(0, (5, 2)), label="level limit"
-    )
+    level.axhline(limit_db, label="level limit", **_LIMIT)
     level.set_ylabel("Level re mean of\nreference (dB)")
     scores = day["score"].tolist()
     plots.plot_verdicts(day.index.tolist(), scores, day["verdict"].tolist(), score, 4.5)

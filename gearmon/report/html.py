@@ -12,7 +12,7 @@ from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
 from gearmon.machine import Machine
 from gearmon.report import text, wording
-from gearmon.report.page import (
+from gearmon.report.wording import (
     as_data,
     base64_text,
     chart_script,

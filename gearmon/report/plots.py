@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import io
 import re
-import textwrap
 from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -20,16 +19,18 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colorbar import Colorbar
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
-from matplotlib.ticker import LogFormatterMathtext, LogFormatterSciNotation
+from matplotlib.ticker import (
+    LogFormatterMathtext,
+    LogFormatterSciNotation,
+    LogLocator,
+    NullFormatter,
+)
 from numpy.typing import NDArray
 from PIL import Image
 
 from gearmon.files import replacing, write_atomically
-from gearmon.report.page import VERDICT_STYLE, template
-from gearmon.report.wording import power_of_ten
+from gearmon.report.wording import VERDICT_STYLE, power_of_ten, template
 
 _Floats = Sequence[float] | NDArray[np.float64]
 
@@ -106,8 +107,6 @@ class Picture(Figure):
     many_colours : bool
         Whether it has areas in shades of colour. Lines and letters do with a palette: the same to
         the eye at a third of the size.
-    layout : str, optional
-        As matplotlib's.
 
     Attributes
     ----------
@@ -122,9 +121,8 @@ class Picture(Figure):
         *,
         dpi: float = PNG_DOTS_PER_INCH,
         many_colours: bool = False,
-        layout: Any = None,
     ) -> None:
-        super().__init__(figsize=size_in, dpi=dpi, layout=layout)
+        super().__init__(figsize=size_in, dpi=dpi, layout="constrained")
         FigureCanvasAgg(self)
         self.many_colours = many_colours
         self.name = self.heading = self.caption = self.alt = ""
@@ -181,53 +179,39 @@ def series_marker(index: int) -> str:
 
 
 def sheet(width_in: float, height_in: float) -> Picture:
-    """Return an empty figure for several axes that make room for their own letters."""
-    return Picture(
-        (width_in, height_in), dpi=SHEET_DOTS_PER_INCH, many_colours=True, layout="constrained"
-    )
+    """Return an empty figure in shades of colour."""
+    return Picture((width_in, height_in), dpi=SHEET_DOTS_PER_INCH, many_colours=True)
 
 
-def new_figure(
+def stack(
     heights_in: Sequence[float],
     *,
-    top_in: float = 0.26,
-    bottom_in: float = 0.42,
-    left_in: float = 0.85,
-    right_in: float = 0.12,
-    gap_in: float = 0.12,
+    room_in: float = 0.68,
     sharex: bool = False,
     many_colours: bool = False,
 ) -> tuple[Picture, list[Axes]]:
     """Return a figure as wide as a page, with axes one above the other.
 
-    The margins are given, not found by measuring all letters: that took as long as drawing.
-
     Parameters
     ----------
     heights_in : sequence of float
         Height of each axes [inch], from the top.
-    top_in, bottom_in, left_in, right_in, gap_in : float
-        Margins, and the gap between neighbours [inch].
+    room_in : float
+        For letters above and below all axes [inch].
     sharex : bool
         Whether all have one horizontal scale, numbered at the lowest only.
     many_colours : bool
         See `Picture`.
     """
-    height = top_in + bottom_in + sum(heights_in) + gap_in * (len(heights_in) - 1)
+    height = sum(heights_in) + room_in + 0.12 * (len(heights_in) - 1)
     figure = Picture((PAGE_WIDTH_IN, height), many_colours=many_colours)
-    left, width = left_in / PAGE_WIDTH_IN, 1 - (left_in + right_in) / PAGE_WIDTH_IN
-    axes: list[Axes] = []
-    below = height - top_in
-    for own in heights_in:
-        below -= own
-        shared = axes[0] if sharex and axes else None
-        place = (left, below / height, width, own / height)
-        axes.append(figure.add_axes(place, sharex=shared))
-        below -= gap_in
-    if sharex:
-        for ax in axes[:-1]:
-            # ticks take most of the time of drawing, and these would carry no numbers
-            ax.xaxis.set_visible(False)
+    grid = figure.subplots(
+        len(heights_in), 1, sharex=sharex, squeeze=False, height_ratios=heights_in
+    )
+    axes: list[Axes] = grid[:, 0].tolist()
+    for ax in axes[:-1] if sharex else ():
+        # ticks take most of the time of drawing, and these would carry no numbers
+        ax.xaxis.set_visible(False)
     return figure, axes
 
 
@@ -241,28 +225,13 @@ def named_handles(axes: Sequence[Axes]) -> dict[str, Artist]:
     return named
 
 
-def legend(figure: Figure, axes: Sequence[Axes], columns: int = 4) -> None:
-    """Put one legend above all axes."""
+def legend(
+    figure: Figure, axes: Sequence[Axes], columns: int = 4, where: str = "upper right"
+) -> None:
+    """Put one legend outside all axes."""
     named = named_handles(axes)
-    figure.legend(
-        list(named.values()),
-        list(named),
-        loc="upper right",
-        bbox_to_anchor=(1.0, 1.0),
-        ncols=columns,
-        borderaxespad=0.2,
-        columnspacing=1.4,
-        handletextpad=0.5,
-    )
-
-
-def left_label(figure: Figure, axes: Sequence[Axes], text: str) -> None:
-    """Write what all axes show along the left edge."""
-    middle = 0.5 * (axes[0].get_position().y1 + axes[-1].get_position().y0)
-    # a letter of 7.5 points is 0.06 inch wide; the middle of the axes is not that of the figure
-    wrapped = textwrap.fill(text, max(12, int(0.85 * figure.get_figheight() / 0.06)))
-    how: dict[str, Any] = {"ha": "left", "va": "center", "fontsize": 7.5, "linespacing": 0.95}
-    figure.text(0.004, middle, wrapped, rotation=90, multialignment="center", **how)
+    how: dict[str, Any] = {"loc": f"outside {where}", "ncols": columns, "frameon": False}
+    figure.legend([*named.values()], [*named], columnspacing=1.4, handletextpad=0.5, **how)
 
 
 def above(ax: Axes, x: float, text: str, up: float = 3, **how: Any) -> None:
@@ -277,13 +246,11 @@ def light_grid(ax: Axes, axis: str = "y") -> None:
     ax.set_axisbelow(True)
 
 
-def colour_scale(
-    figure: Figure, ax: Axes, image: AxesImage, off: float = 0.0, **how: Any
-) -> Colorbar:
-    """Put the scale of an image's colours at the right of its axes, `off` of the width away."""
-    place = ax.get_position()
-    scale = figure.add_axes((place.x1 + off + 0.015, place.y0, 0.014, place.height))
-    return figure.colorbar(image, cax=scale, **how)
+def plain_frequencies(ax: Axes) -> None:
+    """Write frequencies of a logarithmic axis out: 200, not 2 x 10^2."""
+    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.xaxis.set_major_formatter("{x:g}")
+    ax.xaxis.set_minor_formatter(NullFormatter())
 
 
 def plot_marks(

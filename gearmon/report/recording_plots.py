@@ -27,8 +27,8 @@ FloatArray = NDArray[np.float64]
 _COLUMNS = 900
 # What lies further below the highest value of a channel is all one colour at any rate.
 _DECADES = 4.0
-# Room to the right of a map: speed along time, and the scale of colours [inch].
-_SPEED_IN, _SCALE_IN = 0.85, 1.0
+# Width of the speed along time, beside a map, as a share of that of the map.
+_SPEED_WIDTH = 0.1
 # More channels than this get no readable pair of strips each in the picture of a turn.
 _MOST_PAIRS = 4
 # Values a tooth, at least.
@@ -37,7 +37,7 @@ _PER_TOOTH = 24
 _BAND = 2.0
 # Values of indicators for Gaussian noise, drawn for comparison.
 _GAUSSIAN = {"kurtosis": 3.0, "FM4": 3.0, "NA4": 3.0, "NA4*": 3.0, "M6A": 15.0, "M8A": 105.0}
-_PANELS, _PANEL_IN = 4, 1.05
+_PANELS, _PANEL_IN = 4, 1.6
 
 
 @plots.style()
@@ -55,27 +55,26 @@ def order_map_figure(found: OrderSpectra) -> plots.Picture:
     """
     names = found.channel_names[:MOST_STRIPS]
     over_time = found.map.against == "time"
-    figure, axes = plots.new_figure(
-        [2.2 if len(names) < 3 else 1.3] * len(names),
-        top_in=0.78,
-        right_in=_SCALE_IN + (_SPEED_IN if over_time else 0.0),
-        left_in=0.62,
-        gap_in=0.3 if len(names) > 1 else 0.12,
-        many_colours=True,
+    height = 1.2 + len(names) * (2.4 if len(names) < 3 else 1.5)
+    figure = plots.Picture((plots.PAGE_WIDTH_IN, height), many_colours=True)
+    widths = (1.0, _SPEED_WIDTH)[: 1 + over_time]
+    grid = figure.subplots(
+        len(names), len(widths), squeeze=False, sharex="col", sharey="row", width_ratios=widths
     )
-    for row, (name, ax) in enumerate(zip(names, axes, strict=True)):
-        image = _plot_order_map(found, row, ax)
-        off = _plot_speed(found, ax, row == len(names) - 1) if over_time else 0.0
+    for row, (name, axes) in enumerate(zip(names, grid, strict=True)):
+        image = _plot_order_map(found, row, axes[0])
         label = f"{shortened(name)}\npeak amplitude ({unit_text(found.units[row])})"
-        plots.colour_scale(figure, ax, image, off, extend="min").set_label(label, fontsize=6.5)
-        if row < len(names) - 1:
-            ax.tick_params(labelbottom=False)
-    label_marks(line_marks(found.marks, *_ends(found)), axes[0])
-    axes[-1].set_xlabel(order_axis(found))
-    plots.left_label(
-        figure, axes, "Time (s)" if over_time else f"Speed of shaft {found.shaft} (Hz)"
-    )
-    if not over_time and np.ma.is_masked(axes[0].images[0].get_array()):
+        scale = figure.colorbar(image, ax=axes, extend="min", pad=0.02, aspect=25)
+        scale.set_label(label, fontsize=6.5)
+        if over_time:
+            _plot_speed(found, axes[1])
+    label_marks(line_marks(found.marks, *_ends(found)), grid[0, 0])
+    grid[-1, 0].set_xlabel(order_axis(found))
+    if over_time:
+        grid[-1, 1].set_xlabel(f"Shaft {found.shaft} (Hz)", fontsize=6.5)
+    what = "Time (s)" if over_time else f"Speed of shaft {found.shaft} (Hz)"
+    figure.supylabel(what, fontsize=7.5)
+    if not over_time and np.ma.is_masked(grid[0, 0].images[0].get_array()):
         figure.text(0.995, 0.004, "grey: speeds that were not recorded", ha="right", fontsize=6)
     return figure
 
@@ -122,26 +121,18 @@ def _evenly(found: OrderSpectra, values: FloatArray) -> tuple[FloatArray, float,
     return even, low, high
 
 
-def _plot_speed(found: OrderSpectra, ax: Axes, lowest: bool) -> float:
-    """Draw the speed along time at the right of a map; return how wide that is."""
-    own, place = found.map, ax.get_position()
-    width = _SPEED_IN / plots.PAGE_WIDTH_IN
-    # the numbers at the ends of both scales need room beside each other
-    beside = ax.figure.add_axes((place.x1 + 0.03, place.y0, width - 0.045, place.height))
-    beside.plot(own.speed_hz, own.time_s, color=plots.BLUE, linewidth=1.0)
+def _plot_speed(found: OrderSpectra, ax: Axes) -> None:
+    """Draw the speed along time, beside a map."""
+    own = found.map
+    ax.plot(own.speed_hz, own.time_s, color=plots.BLUE, linewidth=1.0)
     low, high = float(own.speed_hz.min()), float(own.speed_hz.max())
     # a steady speed must not be blown up until its last digit looks like trouble
     room = max(0.15 * (high - low), 0.005 * high)
-    beside.set_xlim(low - room, high + room)
-    beside.set_ylim(ax.get_ylim())
-    beside.yaxis.set_major_locator(MaxNLocator(5))
-    beside.xaxis.set_major_locator(MaxNLocator(2))
-    beside.tick_params(labelleft=False, labelsize=6, labelbottom=lowest)
-    plots.light_grid(beside, "both")
-    if lowest:
-        beside.set_xlabel(f"Shaft {found.shaft} (Hz)", fontsize=6.5)
-        beside.ticklabel_format(useOffset=False, axis="x")
-    return width - 0.015
+    ax.set_xlim(low - room, high + room)
+    ax.xaxis.set_major_locator(MaxNLocator(2))
+    ax.tick_params(labelsize=6)
+    ax.ticklabel_format(useOffset=False, axis="x")
+    plots.light_grid(ax, "both")
 
 
 def average_figures(found: GearAverages) -> dict[str, plots.Picture]:
@@ -178,7 +169,7 @@ def average_figure(found: GearAverages, own: GearAverage) -> plots.Picture:
     whole, signals = one_turn(average.lines, count), own.signals
     if count > average.per_turn:
         signals = gear_signals(average.lines, own.signals.wheel, per_turn=count)
-    figure, axes = plots.new_figure([0.85, 0.85] * len(names), top_in=0.52, sharex=True)
+    figure, axes = plots.stack([0.85, 0.85] * len(names), room_in=1.0, sharex=True)
     for row, name in enumerate(names):
         error = _BAND * np.interp(angle, known, _closed(average.waveform_error[row]))
         turn, residual = _closed(whole[row]), _closed(signals.residual[row])
@@ -205,18 +196,13 @@ def average_figure(found: GearAverages, own: GearAverage) -> plots.Picture:
     )
     axes[-1].set_xlabel(f"Angle of the {own.gear} (tooth pitches; 0 {zero})")
     accelerations = all(unit in ("m/s2", "m/s^2", "g") for unit in found.units)
-    plots.left_label(figure, axes, "Acceleration" if accelerations else "Signal")
-    figure.text(
-        0.012,
-        1 - 0.09 / figure.get_figheight(),
+    figure.supylabel("Acceleration" if accelerations else "Signal", fontsize=7.5)
+    title = (
         f"{shortened(own.name, 40)}, {own.teeth} teeth: mean of {average.turns} of its turns, "
-        f"order {average.rotation_order:.6g} of shaft 1",
-        va="top",
-        fontsize=8,
+        f"order {average.rotation_order:.6g} of shaft 1"
     )
+    axes[0].set_title(title)
     plots.legend(figure, axes)
-    # the legend goes below the line that says what is drawn
-    figure.legends[0].set_bbox_to_anchor((1.0, 1 - 0.24 / figure.get_figheight()))
     return figure
 
 
@@ -256,10 +242,10 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> plots
     )
     gears, channels = every["who"].unique().tolist(), every["channel"].unique().tolist()
     panels = every.groupby(["indicator", "of"], sort=False)
-    height = 0.55 + -(-len(panels) // _PANELS) * (_PANEL_IN + 0.55)
-    figure = plots.Picture((plots.PAGE_WIDTH_IN, height))
-    for number, ((name, of), panel) in enumerate(panels):
-        ax = figure.add_axes(_panel_place(number, height))
+    rows = -(-len(panels) // _PANELS)
+    figure = plots.Picture((plots.PAGE_WIDTH_IN, 0.55 + rows * _PANEL_IN))
+    for number, ((name, of), panel) in enumerate(panels, start=1):
+        ax = figure.add_subplot(rows, _PANELS, number)
         shown = [gear for gear in gears if gear in set(panel["who"])]
         for (gear, channel), own in panel.groupby(["who", "channel"], sort=False):
             ax.plot(
@@ -279,17 +265,9 @@ def indicator_figure(tables: IndicatorTable | Sequence[IndicatorTable]) -> plots
         _finish_panel(ax, _GAUSSIAN.get(str(name)), shown, len(tables))
     plots.legend(figure, figure.axes, columns=5)
     if not _GAUSSIAN.keys().isdisjoint(every["indicator"]):
-        top = 1 - 0.06 / height
-        figure.text(0.012, top, "dashed:\nGaussian noise", va="top", fontsize=6.5, color=plots.GREY)
+        note = {"x": 0.01, "ha": "left", "fontsize": 6.5, "color": plots.GREY}
+        figure.supxlabel("dashed: Gaussian noise", **note)
     return figure
-
-
-def _panel_place(number: int, height: float) -> tuple[float, float, float, float]:
-    row, column = divmod(number, _PANELS)
-    cell = plots.PAGE_WIDTH_IN / _PANELS
-    left, bottom = column * cell + 0.45, height - 0.75 - (row + 1) * _PANEL_IN - row * 0.55
-    width = (cell - 0.55) / plots.PAGE_WIDTH_IN
-    return left / plots.PAGE_WIDTH_IN, bottom / height, width, _PANEL_IN / height
 
 
 def _finish_panel(ax: Axes, gaussian: float | None, gears: Sequence[str], records: int) -> None:

@@ -8,11 +8,11 @@ from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
-from matplotlib.image import AxesImage
 from matplotlib.markers import TICKUP
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+from matplotlib.ticker import LogLocator, NullLocator
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.results import Analysis
@@ -43,8 +43,9 @@ _DECADES = 6.0
 _MOST_MARKS = 32
 # Marks nearer than this share of the axis cannot be told apart; width of a line of a label.
 _LEAST_GAP, _LABEL_WIDTH = 0.012, 0.014
-# Share of the page that axes usually take: on narrower ones a label takes a larger share.
-_USUAL_WIDTH = 0.86
+# Share of the page that axes take before their letters are known; on narrower ones a label takes a
+# larger share.
+_USUAL_WIDTH = 0.775
 # Heights of strips in a report, of many and of few: two pictures of four channels, with their
 # words, fit on a page [inch].
 _REPORT_IN = (0.74, 1.2)
@@ -53,28 +54,6 @@ _AXES = {
     "quefrency_s": "Quefrency (s)",
     "cyclic_frequency_hz": "Modulation frequency (Hz)",
 }
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Sidebands:
-    """Sidebands of one spacing about a mesh harmonic.
-
-    Parameters
-    ----------
-    name : str
-        What repeats so: a shaft or a gear.
-    place : ndarray of float, shape (lines,)
-        In the unit of the axis.
-    number : list of int
-        How many spacings each is off the mesh harmonic.
-    amplitude : ndarray of float, shape (channels, lines)
-        Measured peak amplitudes, NaN of lines that were not detected.
-    """
-
-    name: str
-    place: FloatArray
-    number: list[int]
-    amplitude: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,21 +74,21 @@ class Strips:
         Mesh and shaft harmonics.
     reach : float
         Half of the range about each mark that was searched, as a share of its place.
-    sidebands : sequence of Sidebands
-        In a close-up.
+    named : bool
+        Whether the marks are named above the first strip.
     linear : bool
         Whether the values stand on a linear scale.
     """
 
     names: Sequence[str]
     units: Sequence[str | None]
-    axis: str
+    axis: str = "Frequency (Hz)"
     what: str = "Peak amplitude"
     place: FloatArray
     values: FloatArray
     marks: Sequence[Mark]
     reach: float = 0.0
-    sidebands: Sequence[Sidebands] = ()
+    named: bool = True
     linear: bool = False
 
 
@@ -178,22 +157,26 @@ def close_up_figure(
     Picture or None
         None where the recording does not reach so high.
     """
-    found = analysis.signature.found
-    harmonic = close_up_harmonic(analysis, mesh.stage) if found else 1
-    strips = (
-        _sideband_strips(analysis, recording, mesh, harmonic)
-        if found
-        else _searched_strips(analysis, recording, mesh)
-    )
+    signature = analysis.signature
+    harmonic, hertz = 1, mesh.frequency_hz
+    if signature.found:
+        harmonic = close_up_harmonic(analysis, mesh.stage)
+        hertz *= harmonic
+        families = _sideband_families(signature, mesh.stage, harmonic)
+        strips = _around(analysis, recording, mesh, harmonic, families)
+    else:
+        families = []
+        strips = _searched(analysis, recording, mesh)
     if not len(strips.place):
         return None
-    changes = analysis.changes
-    return _strips_figure(strips, _REPORT_IN).told(
-        f"{'sidebands' if found else 'searched'}-mesh-{mesh.stage}",
+    figure = _strips_figure(strips, _REPORT_IN)
+    _plot_sidebands(signature, hertz, families, figure)
+    return figure.told(
+        f"{'sidebands' if signature.found else 'searched'}-mesh-{mesh.stage}",
         mesh=mesh,
         harmonic=harmonic,
-        hertz=harmonic * mesh.frequency_hz,
-        changed=any(c.stage == mesh.stage and c.kind == "sidebands" for c in changes),
+        hertz=hertz,
+        changed=any(c.stage == mesh.stage and c.kind == "sidebands" for c in analysis.changes),
         reach=NEAR_SIDEBANDS,
         channels=len(strips.names),
         most=MOST_STRIPS,
@@ -227,7 +210,7 @@ def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure
         marks=line_marks(found.marks, float(found.place[0]), float(found.place[-1])),
         linear=found.kind in ("cepstrum", "coherence"),
     )
-    return _on_given(strips, ax) if ax else _strips_figure(strips)
+    return _strips_figure(strips, given=ax)
 
 
 @plots.style()
@@ -255,7 +238,7 @@ def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
         values=found.amplitude[:, 2:],
         marks=line_marks(found.marks, float(order[0]), float(order[-1])),
     )
-    return _on_given(strips, ax) if ax else _strips_figure(strips)
+    return _strips_figure(strips, given=ax)
 
 
 def order_axis(found: OrderSpectra) -> str:
@@ -263,13 +246,26 @@ def order_axis(found: OrderSpectra) -> str:
     return f"Order (cycles a turn of shaft {found.shaft})"
 
 
-def _strips_figure(strips: Strips, heights_in: tuple[float, float] = (0.9, 1.5)) -> plots.Picture:
-    """Draw one strip above the other with a common axis; `heights_in`: of many, of few strips."""
+def _strips_figure(
+    strips: Strips, heights_in: tuple[float, float] = (0.9, 1.5), given: Sequence[Axes] = ()
+) -> plots.Picture:
+    """Draw one strip above the other with a common axis, or on axes of the caller's.
+
+    `heights_in`: of many, of few strips.
+    """
+    if given:
+        # the caller has made room for their letters
+        for channel, ax in zip(range(len(strips.names)), given, strict=False):
+            label = _plot_strip(strips, channel, ax)
+            ax.set_xlabel(strips.axis)
+            size = ax.xaxis.label.get_fontsize()
+            ax.set_ylabel(f"{strips.what}, {label}".replace("\n", " "), fontsize=size)
+        return cast(plots.Picture, given[0].get_figure(root=True))
     count = min(len(strips.names), MOST_STRIPS)
-    height = heights_in[0] if count > 3 else heights_in[1]
-    # room above for a legend, or for the names of the lines, sideways
-    top = 0.45 if strips.sidebands else 0.7 if strips.marks else 0.26
-    figure, axes = plots.new_figure([height] * count, top_in=top, sharex=True)
+    # room above for the names of the lines, sideways
+    room = 1.1 if strips.marks and strips.named else 0.75
+    heights = [heights_in[0] if count > 3 else heights_in[1]] * count
+    figure, axes = plots.stack(heights, room_in=room, sharex=True)
     for channel, ax in enumerate(axes):
         ax.set_ylabel(_plot_strip(strips, channel, ax), fontsize=7)
     if len(set(strips.units)) == 1:
@@ -277,28 +273,11 @@ def _strips_figure(strips: Strips, heights_in: tuple[float, float] = (0.9, 1.5))
         lows, highs = zip(*(ax.get_ylim() for ax in axes), strict=True)
         for ax in axes:
             ax.set_ylim(min(lows), max(highs))
-    if strips.sidebands:
-        # the numbers of the sidebands of the widest spacing
-        series, widest = max(enumerate(strips.sidebands), key=lambda own: np.ptp(own[1].place))
-        for place, number in zip(widest.place, widest.number, strict=True):
-            name = f"{number:+d}".replace("-", "−")
-            plots.above(axes[0], place, name, 1.5, fontsize=6.5, color=plots.series_colour(series))
-        plots.legend(figure, axes)
-    else:
+    if strips.named:
         label_marks(strips.marks, axes[0])
     axes[-1].set_xlabel(strips.axis)
-    plots.left_label(figure, axes, strips.what)
+    figure.supylabel(strips.what, fontsize=7.5)
     return figure
-
-
-def _on_given(strips: Strips, axes: Sequence[Axes]) -> Figure:
-    """Draw strips on axes of the caller's, who has made room for their letters."""
-    for channel, ax in zip(range(len(strips.names)), axes, strict=False):
-        label = _plot_strip(strips, channel, ax)
-        ax.set_xlabel(strips.axis)
-        size = ax.xaxis.label.get_fontsize()
-        ax.set_ylabel(f"{strips.what}, {label}".replace("\n", " "), fontsize=size)
-    return cast(Figure, axes[0].get_figure(root=True))
 
 
 def _plot_strip(strips: Strips, channel: int, ax: Axes) -> str:
@@ -311,42 +290,21 @@ def _plot_strip(strips: Strips, channel: int, ax: Axes) -> str:
         ax.axvline(mark.place, color=colour, linewidth=0.8, linestyle=plots.DASHED, alpha=0.8)
     place, values = curves.max_hold(strips.place, strips.values[channel])
     ax.plot(place, values, color=plots.BLACK, linewidth=0.55)
-    for series, own in enumerate(strips.sidebands):
-        _plot_sidebands(own, channel, series, ax)
     if len(place) > 1:
         ax.set_xlim(place[0], place[-1])
     plots.light_grid(ax)
     name = strips.names[channel]
     if strips.linear:
         return wording.shortened(name, 12)
-    detected = [own.amplitude[channel] for own in strips.sidebands]
-    _decades(values, np.concatenate([values, *detected]), ax)
-    return wording.strip_label(name, wording.unit_text(strips.units[channel]))
-
-
-def _decades(values: FloatArray, everything: FloatArray, ax: Axes) -> None:
-    """Show so many decades of a spectrum, and all that is drawn over it."""
     ax.set_yscale("log")
     shown = values[values > 0]
     if len(shown):
-        high = float(np.nanmax(everything))
+        high = float(np.nanmax(values))
         low = max(float(np.percentile(shown, 1)) / 2, high * 10**-_DECADES)
         ax.set_ylim(low, 2.5 * high)
     ax.yaxis.set_major_locator(LogLocator(numticks=6))
     ax.yaxis.set_minor_locator(NullLocator())
-    ax.yaxis.set_major_formatter(
-        FuncFormatter(lambda v, _: wording.power_of_ten(round(float(np.log10(v)))) if v > 0 else "")
-    )
-
-
-def _plot_sidebands(own: Sidebands, channel: int, series: int, ax: Axes) -> None:
-    colour, detected = plots.series_colour(series), np.isfinite(own.amplitude[channel])
-    places, sizes = own.place[detected], own.amplitude[channel, detected]
-    open_ = {"markerfacecolor": "none", "markeredgewidth": 1.0, "label": f"sidebands of {own.name}"}
-    plots.plot_marks(ax, places, sizes, plots.series_marker(series), 4.2, colour, **open_)
-    # ticks at the bottom show every place, detected or not
-    foot = {"transform": ax.get_xaxis_transform(), "clip_on": False}
-    plots.plot_marks(ax, own.place, 0 * own.place, TICKUP, 4 if series % 2 else 6, colour, **foot)
+    return wording.strip_label(name, wording.unit_text(strips.units[channel]))
 
 
 def label_marks(marks: Sequence[Mark], ax: Axes) -> None:
@@ -357,13 +315,12 @@ def label_marks(marks: Sequence[Mark], ax: Axes) -> None:
     widest = max((label.count("\n") + 1 for label in labels), default=1)
     narrow = min(1.0, ax.get_position().width / _USUAL_WIDTH)
     places = plots.spread(share, widest * _LABEL_WIDTH / narrow, 0.0, 1.0)
-    up = 0.1 / (ax.get_position().height * ax.get_figure(root=True).get_figheight())  # type: ignore[union-attr]
-    line: dict[str, Any] = {"transform": ax.transAxes, "color": plots.GREY, "linewidth": 0.4}
-    text: dict[str, Any] = {"transform": ax.transAxes, "rotation": 90, "linespacing": 0.95}
-    text |= {"ha": "center", "va": "bottom", "fontsize": 6.5}
+    line = {"arrowstyle": "-", "color": plots.GREY, "linewidth": 0.4, "shrinkA": 0, "shrinkB": 0}
+    how: dict[str, Any] = {"rotation": 90, "linespacing": 0.95, "fontsize": 6.5}
+    how |= {"xycoords": "axes fraction", "textcoords": ("axes fraction", "offset points")}
+    how |= {"ha": "center", "va": "bottom", "arrowprops": line | {"relpos": (0.5, 0)}}
     for mark, label, at, place in zip(marks, labels, share, places, strict=True):
-        ax.plot([at, place], [1.0, 1.0 + up], clip_on=False, **line)
-        ax.text(place, 1.0 + 1.2 * up, label, color=_colour(mark), **text)
+        ax.annotate(label, (at, 1.0), (place, 8), color=_colour(mark), **how)
 
 
 def _colour(mark: Mark) -> str:
@@ -404,7 +361,8 @@ def close_up_harmonic(analysis: Analysis, stage: int) -> int:
     return max(strong)[1] if strong else 1
 
 
-def _searched_strips(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> Strips:
+def _searched(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> Strips:
+    """Return the spectrum about the place where a mesh was looked for."""
     vibration = curves.vibration_of(analysis, recording)
     spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
     mark = curves.mesh_marks(replace(analysis.signature, meshes=(mesh,)))[0]
@@ -412,17 +370,24 @@ def _searched_strips(analysis: Analysis, recording: Recording, mesh: MeshFinding
     return _strips(analysis, spectrum.frequency_hz, spectrum.values, band, [mark])
 
 
-def _sideband_strips(
-    analysis: Analysis, recording: Recording, mesh: MeshFinding, harmonic: int
+def _sideband_families(signature: MeasuredSignature, stage: int, harmonic: int) -> list[Family]:
+    return [
+        own
+        for own in signature.plan.families
+        if (own.kind, own.stage, own.harmonic) == ("sidebands", stage, harmonic)
+    ]
+
+
+def _around(
+    analysis: Analysis,
+    recording: Recording,
+    mesh: MeshFinding,
+    harmonic: int,
+    families: Sequence[Family],
 ) -> Strips:
-    """Return the spectrum in angle about a mesh harmonic, with the sidebands of every spacing."""
+    """Return the spectrum in angle about a mesh harmonic."""
     signature = analysis.signature
     speed = signature.speed.estimated_hz
-    families = [
-        family
-        for family in signature.plan.families
-        if family.kind == "sidebands" and family.stage == mesh.stage and family.harmonic == harmonic
-    ]
     mesh_order = mesh.frequency_hz / speed
     spacing = max((family.spacing for family in families), default=1.0)
     half = min(_CLOSE_UP_SPACINGS * spacing, _CLOSE_UP_MESHES * mesh_order)
@@ -430,34 +395,39 @@ def _sideband_strips(
     order, values = curves.angle_spectrum(analysis, recording, centre + half)
     band = (max(centre - half, 0.0) * speed, float(order[-1]) * speed)
     marks = [mark for mark in curves.mesh_marks(signature) if band[0] < mark.place < band[1]]
-    return replace(
-        _strips(analysis, speed * order, values, band, marks),
-        axis="Frequency at the mean speed (Hz)",
-        sidebands=_sidebands(signature, centre, families),
-    )
+    strips = _strips(analysis, speed * order, values, band, marks)
+    return replace(strips, axis="Frequency at the mean speed (Hz)", named=False)
 
 
-def _sidebands(
-    signature: MeasuredSignature, centre: float, families: Sequence[Family]
-) -> list[Sidebands]:
+def _plot_sidebands(
+    signature: MeasuredSignature, hertz: float, families: Sequence[Family], figure: plots.Picture
+) -> None:
+    """Mark the sidebands of every spacing about a mesh harmonic in the strips of a figure."""
     power, noise = signature.lines.cross_power(), signature.lines.noise
     amplitude = np.sqrt(np.where(power > noise, power, np.nan))
-    names = wording.told_apart(
-        [wording.shaft_text(family.shaft, family.gear) for family in families],
-        [family.spacing for family in families],
-    )
-    result = []
-    for name, family in zip(names, families, strict=True):
-        lines = list(family.lines)
-        orders = signature.plan.orders[lines]
-        own = Sidebands(
-            name=name,
-            place=orders * signature.speed.estimated_hz,
-            number=np.rint((orders - centre) / family.spacing).astype(int).tolist(),
-            amplitude=amplitude[:, lines],
-        )
-        result.append(own)
-    return result
+    shafts = [wording.shaft_text(family.shaft, family.gear) for family in families]
+    names = wording.told_apart(shafts, [family.spacing for family in families])
+    widest, axes = max((family.spacing for family in families), default=0.0), figure.axes
+    for series, (name, family) in enumerate(zip(names, families, strict=True)):
+        lines, colour = list(family.lines), plots.series_colour(series)
+        place = signature.plan.orders[lines] * signature.speed.estimated_hz
+        for ax, size in zip(axes, amplitude[:, lines], strict=False):
+            marker = plots.series_marker(series)
+            label = f"sidebands of {name}"
+            open_ = {"markerfacecolor": "none", "markeredgewidth": 1.0, "label": label}
+            known = np.isfinite(size)
+            plots.plot_marks(ax, place[known], size[known], marker, 4.2, colour, **open_)
+            # ticks at the bottom show every place, detected or not
+            foot = {"transform": ax.get_xaxis_transform(), "clip_on": False}
+            height = 4 if series % 2 else 6
+            plots.plot_marks(ax, place, 0 * place, TICKUP, height, colour, **foot)
+        if family.spacing == widest:
+            spacing_hz = family.spacing * signature.speed.estimated_hz
+            for number, at in zip(np.rint((place - hertz) / spacing_hz), place, strict=True):
+                text = f"{number:+.0f}".replace("-", "−")
+                plots.above(axes[0], at, text, 1.5, fontsize=6.5, color=colour)
+    if families:
+        plots.legend(figure, axes)
 
 
 def _strips(
@@ -471,7 +441,6 @@ def _strips(
     return Strips(
         names=analysis.signature.channel_names,
         units=analysis.signature.units,
-        axis="Frequency (Hz)",
         place=place[inside],
         values=values[:, inside],
         marks=marks,
@@ -481,52 +450,36 @@ def _strips(
 
 def _kurtogram_figure(found: RecordingSpectrum) -> plots.Picture:
     shown = found.kurtograms[:MOST_STRIPS]
-    figure, axes = plots.new_figure(
-        [0.135 * len(own.bands) for own in shown],
-        gap_in=0.55,
-        right_in=0.85,
-        left_in=1.0,
-        many_colours=True,
-    )
+    heights = [0.55 + 0.135 * len(own.bands) for own in shown]
+    figure, axes = plots.stack(heights, room_in=0.2, many_colours=True)
     for own, name, ax in zip(shown, found.channel_names, axes, strict=False):
-        image = _plot_kurtogram(own, ax)
+        figure.colorbar(_plot_kurtogram(own, ax), ax=ax, label="Kurtosis", aspect=15)
         low, high, top = own.best
         ax.set_title(
             f"{wording.shortened(name)}: most impulsive {low:.6g} to {high:.6g} Hz, K = {top:.3g}"
         )
-        plots.colour_scale(figure, ax, image).set_label("Kurtosis")
     axes[-1].set_xlabel("Frequency (Hz)")
-    plots.left_label(figure, axes, "Bandwidth (Hz)")
+    figure.supylabel("Bandwidth (Hz)", fontsize=7.5)
     return figure
 
 
-def _plot_kurtogram(own: Kurtogram, ax: Axes) -> AxesImage:
+def _plot_kurtogram(own: Kurtogram, ax: Axes) -> QuadMesh:
     """Draw a row a bandwidth, the most impulsive band framed."""
-    columns = min(int(np.lcm.reduce(own.bands)), 3 * max(own.bands))
-    centres = (np.arange(columns) + 0.5) / columns
-    grid = np.array(
-        [
-            level[np.minimum((centres * bands).astype(int), bands - 1)]
-            for bands, level in zip(own.bands, own.kurtosis, strict=True)
-        ]
-    )
-    rows = len(own.bands)
-    image = ax.imshow(
-        grid,
-        aspect="auto",
-        origin="upper",
-        extent=(0.0, own.rate / 2, rows, 0.0),
-        cmap="viridis",
-        vmin=min(0.0, float(np.percentile(grid, 5))),
-        vmax=max(float(grid.max()), 1e-3),
-        interpolation="nearest",
-    )
+    values, nyquist = np.concatenate(own.kurtosis), own.rate / 2
+    # the quietest bands set the lowest colour, but for a few
+    ends = {"vmin": min(0.0, float(np.percentile(values, 5))), "vmax": max(values.max(), 1e-3)}
+    for row, (bands, level) in enumerate(zip(own.bands, own.kurtosis, strict=True)):
+        edges = np.linspace(0.0, nyquist, bands + 1)
+        image = ax.pcolormesh(edges, [row, row + 1], level[None], cmap="viridis", **ends)
+    ax.invert_yaxis()
     low, high, _ = own.best
     row = int(np.argmax([float(level.max()) for level in own.kurtosis]))
     frame = Rectangle(
         (low, row), high - low, 1, fill=False, edgecolor=plots.VERMILLION, linewidth=1.4
     )
     ax.add_patch(frame).set_clip_on(False)
-    widths = [own.rate / 2 / bands for bands in own.bands[::2]]
-    ax.set_yticks(np.arange(rows)[::2] + 0.5, [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths])
+    widths = [nyquist / bands for bands in own.bands[::2]]
+    ax.set_yticks(
+        np.arange(len(own.bands))[::2] + 0.5, [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths]
+    )
     return image

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon, Rectangle
@@ -15,7 +17,7 @@ from gearmon.gears.stiffness_report import (
     StiffnessReport,
 )
 from gearmon.gears.tooth_outline import TeethPicture
-from gearmon.report.plots import BLUE, GREEN, ORANGE, Picture, sheet, sheet_style
+from gearmon.report.plots import BLUE, GREEN, ORANGE, Picture, plot_marks, sheet, sheet_style
 from gearmon.report.plots import VERMILLION as RED
 
 _GREY = "#777777"
@@ -26,6 +28,9 @@ _CAUSES = {
     "foundation": GREEN,
     "contact": "#CC79A7",
 }
+#: How what is broken off or worn away looks, and a hole.
+_HOLE: dict[str, Any] = {"facecolor": "white", "edgecolor": RED, "linewidth": 1.0}
+_GONE = _HOLE | {"hatch": "///"}
 _GN, _MN = 1e-9, 1e-6
 _UNITS = {"mm": "mm", "flank": "share of the flank", "%flank": "% of the flank"}
 _SIZES = {
@@ -101,20 +106,15 @@ def _plot_teeth(picture: TeethPicture, ax: Axes) -> None:
     ):
         ax.fill(*_with_body(outline, side).T, facecolor=colour, alpha=0.18, linewidth=0)
         ax.plot(*outline.T, color=colour, linewidth=1.2, label=name)
-    for hole in picture.holes:
-        ax.add_patch(Polygon(hole, closed=True, facecolor="white", edgecolor=RED, linewidth=1.0))
-    for part in picture.gone:
-        ax.add_patch(
-            Polygon(part, closed=True, facecolor="white", edgecolor=RED, hatch="///", linewidth=1.0)
-        )
+    for parts, looks in ((picture.holes, _HOLE), (picture.gone, _GONE)):
+        for part in parts:
+            ax.add_patch(Polygon(part, closed=True, **looks))
     for crack in picture.cracks:
         ax.plot(*crack.T, color=RED, linewidth=2.2, solid_capstyle="round", label="crack")
-    ax.plot(
-        *picture.contact, marker="o", markersize=4, color="black", linestyle="none", label="contact"
-    )
+    x, y = picture.contact
+    plot_marks(ax, x, y, "o", 4, "black", label="contact")
     # the loaded teeth with their roots and no more
     reach = 1.7 * max(high for _, _, high in picture.flank_sizes_mm.values())
-    x, y = picture.contact
     ax.set(xlim=(x - reach, x + reach), ylim=(y - 0.95 * reach, y + 0.95 * reach), aspect="equal")
     ax.set(xlabel="across the line of centres in mm", ylabel="along the line of centres in mm")
     ax.legend(loc="upper right", fontsize=8)
@@ -141,11 +141,7 @@ def _plot_flank(picture: TeethPicture, gear: str, ax: Axes) -> None:
         elif mark.kind == "pits":
             _plot_pits(ax, width, mark.face_width_mm, place[1] + size / 2, size / 2)
         else:
-            ax.add_patch(
-                Rectangle(
-                    place, mark.face_width_mm, size, facecolor="white", edgecolor=RED, hatch="///"
-                )
-            )
+            ax.add_patch(Rectangle(place, mark.face_width_mm, size, **_GONE))
     ax.set(xlim=(-0.03 * width, 1.03 * width), ylim=(-0.08 * high, 1.12 * high), aspect="equal")
     ax.set(xlabel="along the face in mm", ylabel="above root in mm")
     ax.set_title(f"loaded flank of the {gear} (fillet grey)", fontsize=9)
@@ -159,13 +155,8 @@ def _plot_pits(ax: Axes, face: float, width: float, middle: float, radius: float
     shift = 0.25 if round(middle / radius) % 2 else 0.75
     for k in range(count):
         x = face * (k + shift) / count
-        ax.fill(
-            x + radius * np.cos(angle),
-            middle + radius * np.sin(angle),
-            facecolor="white",
-            edgecolor=RED,
-            linewidth=0.6,
-        )
+        outline = x + radius * np.cos(angle), middle + radius * np.sin(angle)
+        ax.fill(*outline, **_HOLE | {"linewidth": 0.6})
 
 
 def _plot_stiffness(stage: StageStiffness, ax: Axes) -> None:

@@ -16,7 +16,6 @@ from gearmon.diagnosis.history import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.gears.kinematics import LineTable
 from gearmon.report.history_text import moment_text
-from gearmon.report.page import shipped
 from gearmon.report.wording import (
     counted,
     gear_text,
@@ -25,6 +24,7 @@ from gearmon.report.wording import (
     printable,
     probability_text,
     score_text,
+    shipped,
     table_lines,
     with_uncertainty,
 )

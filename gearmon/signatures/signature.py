@@ -273,7 +273,7 @@ def _assembled(about: Any, columns: dict[str, Any]) -> Signature:
     """Put a signature together from what was read."""
     if not isinstance(about, dict) or about.get("format") != FORMAT:
         says = about.get("format") if isinstance(about, dict) else about
-        raise ArgumentError(f"is not a signature: it must say format {FORMAT!r}, and says {says!r}")
+        raise ArgumentError(f"it must say format {FORMAT!r}, and says {says!r}")
     return Signature(
         machine=str(about.get("machine", "")),
         origin=str(about.get("origin", "")),

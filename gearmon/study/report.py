@@ -12,8 +12,7 @@ from typing import Any, get_args
 
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
-from gearmon.report.page import base64_text, template
-from gearmon.report.wording import rows_as_csv
+from gearmon.report.wording import base64_text, rows_as_csv, template
 from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
 from gearmon.study.experiments import StudyResults, run_study
 from gearmon.study.pair import Operation

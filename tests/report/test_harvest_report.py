@@ -11,8 +11,8 @@ from gearmon.harvesting.placement import survey_measured
 from gearmon.harvesting.request import built_in
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.report.harvest_plots import harvest_figures
-from gearmon.report.harvest_text import harvest_lines, spoken_time
 from gearmon.report.plots import save_all
+from gearmon.report.survey_text import harvest_lines, spoken_time
 from gearmon.signals.recording import Recording
 
 RATE = 4000.0

@@ -13,18 +13,18 @@ from gearmon.report.plots import (
     PNG_DOTS_PER_INCH,
     as_png,
     legend,
-    new_figure,
     save,
     save_all,
     sheet,
     sheet_style,
     spread,
+    stack,
     style,
 )
 
 
 def test_png_has_the_stated_size_and_white_paper():
-    figure, _ = new_figure([1.0, 1.0], sharex=True)
+    figure, _ = stack([1.0, 1.0], sharex=True)
     image = Image.open(io.BytesIO(as_png(figure)))
     width, height = figure.get_size_inches()
     assert image.size == (int(width * PNG_DOTS_PER_INCH), int(height * PNG_DOTS_PER_INCH))
@@ -48,7 +48,7 @@ NAMES = ["US$ mill", "$", "$$", r"$\frac{", "cost$_gear$", "a^{$", r"$\bad$"]
 @pytest.mark.parametrize("way", [style, sheet_style])
 def test_a_name_is_drawn_as_it_is_wherever_it_stands(name, way):
     with way():
-        figure, (ax,) = new_figure([1.0])
+        figure, (ax,) = stack([1.0])
         ax.plot([1, 2, 3], label=name)
         ax.set_title(name)
         ax.set_xlabel(name)
@@ -80,7 +80,7 @@ def test_powers_of_ten_need_no_formula(low, high, said):
 def test_a_figure_keeps_its_style_and_leaves_that_of_others_alone():
     before = dict(matplotlib.rcParams)
     with style():
-        figure, (ax,) = new_figure([1.0])
+        figure, (ax,) = stack([1.0])
         ax.plot([1, 2])
     as_png(figure)
     assert {tick.label1.get_fontsize() for tick in ax.xaxis.get_major_ticks()} == {7.0}
@@ -88,7 +88,7 @@ def test_a_figure_keeps_its_style_and_leaves_that_of_others_alone():
 
 
 def test_files_are_named_by_what_they_show_in_the_format_of_the_suffix(tmp_path):
-    figures = {"-energy": new_figure([1.0])[0], "": new_figure([1.0])[0]}
+    figures = {"-energy": stack([1.0])[0], "": stack([1.0])[0]}
     written = save_all(figures, tmp_path / "day.svg")
     assert [path.name for path in written] == ["day-energy.svg", "day.svg"]
     assert all(path.read_bytes().startswith(b"<?xml") for path in written)

@@ -469,6 +469,12 @@ def read_history(path: str | Path) -> IndicatorHistory:
         if not all(np.all((run >= 0) & (run < np.inf)) for run in variances.values()):
             raise ValueError("variances must be finite and >= 0")
     except (OSError, LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        why = f"{type(error).__name__}: {error}".splitlines()[0]
+        why = "damaged, or of another kind"
+        if isinstance(error, OSError):
+            why = str(error.strerror)
+        elif isinstance(error, KeyError):
+            why = f"{error} is missing"
+        elif type(error) in (ValueError, json.JSONDecodeError):
+            why = str(error).splitlines()[0]
         raise SignatureError(f"{path}: no readable history of indicators ({why})") from None
     return IndicatorHistory(channel_names=names, variances=variances)
