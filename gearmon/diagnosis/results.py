@@ -124,19 +124,8 @@ class ToothProfile(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
-        return {
-            "stage": self.stage,
-            "gear": self.gear,
-            "teeth": self.teeth,
-            "tooth": self.tooth,
-            "position": self.position,
-            "ratio": self.ratio,
-            "log10_probability": self.log10_probability,
-            "against": self.against,
-            "counted_from": self.counted_from,
-            "loss_by_tooth": None if self.loss_by_tooth is None else self.loss_by_tooth.tolist(),
-            "noticed_from": self.noticed_from,
-        }
+        left_out = ("order", "energy", "loss_sigma_by_tooth")
+        return {name: x for name, x in super().to_dict().items() if name not in left_out}
 
 
 @dataclass(frozen=True, kw_only=True)

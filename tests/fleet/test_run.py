@@ -475,35 +475,13 @@ def test_an_index_that_hides_rows_is_said(tmp_path):
         rank(fleet)
 
 
-def test_a_store_without_checksums_of_its_ledger_is_read_and_made_new(tmp_path):
-    fleet = made_fleet(tmp_path)
+def test_a_store_of_an_earlier_version_is_refused(tmp_path):
+    fleet = made_fleet(tmp_path, ("a",))
     arrive(tmp_path, "a_{}.txt", "fault 0.1")
-    arrive(tmp_path, "a_{}.txt", "fault 0.1", days=1)
     run_fleet(fleet, at_once)
     with closing(sqlite3.connect(fleet.store)) as store:
-        for table in ("ledger", "alarms", "latest"):
-            store.execute(f"ALTER TABLE {table} DROP COLUMN checksum")
         store.execute("PRAGMA user_version = 3")
         store.commit()
-    before = looked_at(fleet)[1:3]
-    assert [own["since"] for own in before[0]] == ["2026-03-01T00:00:00Z"]
-    arrive(tmp_path, "a_{}.txt", "0.1", days=2)
-    assert run_fleet(fleet, at_once).done == 1
-    assert looked_at(fleet)[1] == before[0]
-    with closing(sqlite3.connect(fleet.store)) as store:
-        marks = [own for (own,) in store.execute("SELECT checksum FROM ledger ORDER BY id")]
-    assert [mark is None for mark in marks] == [True, True, False]
-
-
-def test_an_old_history_is_made_new_when_it_is_added_to(tmp_path):
-    from gearmon.diagnosis.history import append
-
-    fleet = made_fleet(tmp_path)
-    arrive(tmp_path, "a_{}.txt", "0.1")
-    run_fleet(fleet, at_once)
-    entries = read_history(fleet.store, "a").entries
-    with closing(sqlite3.connect(fleet.store)) as store:
-        store.executescript("DROP TABLE latest; PRAGMA user_version = 2;")
-    assert read_history(fleet.store, "a").entries == entries
-    append(fleet.store, entries, replace=True)
-    assert [own["recordings"] for own in read_latest(fleet.store)] == [1]
+    for again in (rank, lambda own: run_fleet(own, at_once)):
+        with pytest.raises(SignatureError, match=r"has schema 3.*analyse the recordings anew"):
+            again(fleet)

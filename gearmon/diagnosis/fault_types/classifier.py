@@ -235,7 +235,6 @@ def _forward(network: list[FloatArray], rows: FloatArray) -> FloatArray:
 
 
 _ARRAYS = ("classes_", "mean_", "scale_", "centres_", "whitener_")
-_SETTINGS = ("hidden", "decay", "folds", "other", "max_iter", "random_state")
 
 
 def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
@@ -257,7 +256,7 @@ def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
         raise ArgumentError("the classifier is not trained; call fit before it is stored")
     header = {
         "format": FORMAT,
-        "settings": {name: getattr(classifier, name) for name in _SETTINGS},
+        "settings": classifier.get_params(),
         "temperature": classifier.temperature_,
         "reach": classifier.reach_,
         "networks": len(classifier.networks_),
@@ -301,23 +300,17 @@ def read_kinds(path: str | Path) -> KindClassifier:
 
 def _check(classifier: KindClassifier) -> None:
     """Refuse what no training gives: a file may be damaged and still be an archive."""
-    kinds, features = len(classifier.classes_), classifier.n_features_in_
-    shapes = [(features,), (features,), (kinds, features), (features, features)]
+    classes, networks = classifier.classes_, classifier.networks_
     parts = [getattr(classifier, name) for name in _ARRAYS[1:]]
-    for network in classifier.networks_:
-        hidden = len(network[1])
-        shapes += [(features, hidden), (hidden,), (hidden, kinds), (kinds,)]
-        parts += network
-    right = all(
-        part.shape == shape and part.dtype.kind == "f" and np.isfinite(part).all()
-        for part, shape in zip(parts, shapes, strict=True)
-    )
-    kinds_right = classifier.classes_.ndim == 1 and classifier.classes_.dtype.kind == "U"
-    if not (right and kinds_right and 0 < kinds == len(set(classifier.classes_))):
+    parts += [part for network in networks for part in network]
+    if not all(part.dtype.kind == "f" and np.isfinite(part).all() for part in parts):
+        raise ValueError("its numbers are none")
+    scales = np.array([*classifier.scale_, classifier.reach_, classifier.temperature_])
+    if not (np.isfinite(scales) & (scales > 0)).all():
+        raise ValueError("its scales cannot be")
+    if classes.dtype.kind != "U" or not 0 < classes.size == len(set(classes.ravel().tolist())):
+        raise ValueError("its kinds cannot be")
+    # what does not fit together cannot be multiplied
+    shares = classifier.predict_proba(np.zeros((1, classifier.n_features_in_)))
+    if shares.shape != (1, len(classes)) or len(networks) < min(len(classes) - 1, 1):
         raise ValueError("its numbers do not fit together")
-    if kinds > 1 and not classifier.networks_:
-        raise ValueError("it has no networks")
-    if not ((classifier.scale_ > 0).all() and classifier.reach_ > 0 < classifier.temperature_):
-        raise ValueError("its scales cannot be")
-    if not (classifier.reach_ < np.inf and classifier.temperature_ < np.inf):
-        raise ValueError("its scales cannot be")

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.hypotheses.runout import TurnChange
-    from gearmon.diagnosis.results import Change
+    from gearmon.diagnosis.results import Change, ToothProfile
 
 FloatArray = NDArray[np.float64]
 
@@ -77,20 +77,12 @@ _MOST_PEAKS = 6
 _APART, _APART_SHARE = 3, 0.125
 
 
-class TurnEnergy(Protocol):
-    """What is needed of a look around a gear, such as `diagnosis.results.ToothProfile`."""
+class TurnEnergy(NamedTuple):
+    """Stage and gear, and the energy of a departure by tooth, as in a `ToothProfile`."""
 
-    @property
-    def stage(self) -> int:
-        """Stage, from 1."""
-
-    @property
-    def gear(self) -> str:
-        """Gear."""
-
-    @property
-    def energy(self) -> FloatArray:
-        """Energy of the departure by tooth, shape (teeth,)."""
+    stage: int
+    gear: str
+    energy: FloatArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -143,7 +135,7 @@ class FeatureVector:
 
 def kind_features(
     changes: Sequence[Change],
-    profiles: Sequence[TurnEnergy] = (),
+    profiles: Sequence[ToothProfile | TurnEnergy] = (),
     turns: Sequence[TurnChange] = (),
 ) -> FeatureVector:
     """Condense changes against the healthy machine to the features of each gear.
@@ -281,17 +273,14 @@ def _shape(energy: FloatArray) -> dict[str, float]:
         return _NO_SHAPE
     window = sum(np.roll(excess, -i) for i in range(min(_WINDOW_TEETH, teeth)))
     # 60 dB are the most that is told: a median far below it must not divide
-    top_db, second_db = 10 * np.log10(np.array([level.max(), _second(level)]) / max(middle, 1e-9))
-    turns = np.exp(2j * np.pi * np.arange(teeth) / teeth)
-    once, twice = (abs(np.sum(excess * turns**number)) / total for number in (1, 2))
+    peaks = np.array([level.max(), _second(level)]) / max(middle, 1e-9)
+    turns = np.exp(2j * np.pi * np.outer([1, 2], np.arange(teeth)) / teeth)
     values = (
-        min(top_db, 60.0),
-        min(second_db, 60.0),
+        *np.minimum(10 * np.log10(peaks), 60.0),
         np.max(window) / total,
         np.log2(total**2 / np.sum(excess**2)),
-        min(_separate_peaks(level, middle), _MOST_PEAKS),
-        once,
-        twice,
+        _separate_peaks(level, middle),
+        *(np.abs(turns @ excess) / total),
     )
     return {name: float(value) for name, value in zip(_SHAPE, values, strict=True)}
 

@@ -92,13 +92,12 @@ def _shapes(
     theirs: Sequence[int],
 ) -> list[ToothProfile]:
     """Energy of the departure around every gear, found as in the examples of the training."""
-    found = []
-    for wheel in wheels:
-        healthy = [one for p in reference.profiles if (one := same_gear(wheel, p)) is not None]
-        if healthy:
-            shape = locate(wheel, rows, healthy, theirs, numbered=False, same_zero=False)
-            found += [shape] if shape is not None else []
-    return found
+    found = (
+        locate(wheel, rows, healthy, theirs, numbered=False, same_zero=False)
+        for wheel in wheels
+        if (healthy := [one for p in reference.profiles if (one := same_gear(wheel, p))])
+    )
+    return [shape for shape in found if shape is not None]
 
 
 def features(

@@ -107,14 +107,14 @@ class MachineLines:
         Acceleration of each sound mesh at the operating point [m/s2].
     gears : tuple of GearLines
         Every gear.
-    family_of : ndarray of int, shape (orders,)
-        Family of each order, -1 for none.
+    members : ndarray of float, shape (orders, families)
+        1 where an order is of a family.
     """
 
     plan: LinePlan
     healthy: ComplexArray
     gears: tuple[GearLines, ...]
-    family_of: IntArray
+    members: FloatArray
 
 
 def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
@@ -155,10 +155,10 @@ def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
             chosen = wheel.number % wheel.teeth == 0
             sound = _on(mesh.sound, wheel.number // wheel.teeth)
             healthy[stage - 1, wheel.lines[chosen]] = sound[chosen]
-    family_of = np.full(len(plan.orders), -1, dtype=np.int64)
+    members = np.zeros((len(plan.orders), len(plan.families)))
     for index, family in enumerate(plan.families):
-        family_of[list(family.lines)] = index
-    return MachineLines(plan=plan, healthy=healthy, gears=tuple(gears), family_of=family_of)
+        members[list(family.lines), index] = 1.0
+    return MachineLines(plan=plan, healthy=healthy, gears=tuple(gears), members=members)
 
 
 class _Mesh:
@@ -175,8 +175,10 @@ class _Mesh:
         self.first = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0].members[0].name
         self.sound = self._lines(None, 1, self.first)
         self.rms = float(np.linalg.norm(self.sound))
-        profile = self._lines(self._error("profile", self.first, SIZE), 1, self.first)
-        worn = self._lines(self._fault("wear", self.first, None), 1, self.first)
+        profile, worn = (
+            self._lines(self._wrong(kind, self.first), 1, self.first)
+            for kind in ("profile", "wear")
+        )
         self.profile = self._unit(profile - _fitted(self.sound, len(profile)))
         self.wear = (worn - _fitted(self.sound, len(worn))) / LOSS
 
@@ -184,7 +186,7 @@ class _Mesh:
         """Return what can be wrong with a gear."""
         half, number = wheel.teeth // 2, wheel.number
         distance = (number + half) % wheel.teeth - half
-        pitch = self._added(self._error("pitch", wheel.gear, SIZE), wheel)
+        pitch = self._added("pitch", wheel)
         # summed over z random teeth, z times the power of one
         scale = np.sqrt(wheel.teeth) * float(np.linalg.norm(pitch))
         mesh = (distance == 0) & (wheel.gear != "ring")
@@ -192,12 +194,10 @@ class _Mesh:
         return GearLines(
             wheel=wheel,
             distance=distance,
-            crack=self._added(self._fault("crack", wheel.gear, 1), wheel) / LOSS,
-            pitting=self._added(self._fault("pitting", wheel.gear, 1), wheel) / LOSS,
+            crack=self._added("crack", wheel) / LOSS,
+            pitting=self._added("pitting", wheel) / LOSS,
             pitch=pitch * (self.rms / scale if scale else 0.0),
-            eccentricity=self._unit(
-                self._added(self._error("eccentricity", wheel.gear, SIZE), wheel)
-            ),
+            eccentricity=self._unit(self._added("eccentricity", wheel)),
             wobble=self._wobble(wheel),
             profile=np.where(mesh, _on(self.profile, common), 0.0),
             wear=np.where(mesh, _on(self.wear, common), 0.0),
@@ -205,25 +205,21 @@ class _Mesh:
 
     def _wobble(self, wheel: WheelLines) -> ComplexArray:
         size = SIZE
-        while True:
-            lines = self._added(self._error("misalignment", wheel.gear, size), wheel)
-            if np.linalg.norm(lines) > 0.05 * self.rms or 3 * size > LARGEST_WOBBLE:
-                return self._unit(lines)
+        lines = self._added("misalignment", wheel, size)
+        while np.linalg.norm(lines) <= 0.05 * self.rms and 3 * size <= LARGEST_WOBBLE:
             size *= 3
+            lines = self._added("misalignment", wheel, size)
+        return self._unit(lines)
 
     def _unit(self, lines: ComplexArray) -> ComplexArray:
         size = float(np.linalg.norm(lines))
         # what does not act (a gap that the load closes) leaves rounding errors
         return np.asarray(lines * (self.rms / size if size > 1e-6 * self.rms else 0.0))
 
-    def _added(self, fault: Fault | GearError, wheel: WheelLines) -> ComplexArray:
-        lines = self._lines(fault, wheel.teeth, wheel.gear)
-        teeth = wheel.teeth
-        if wheel.gear == "ring":
-            lines[::teeth] = 0.0
-        else:
-            count = len(lines[::teeth])
-            lines[::teeth] -= _fitted(self.sound, count)
+    def _added(self, kind: str, wheel: WheelLines, size: float = SIZE) -> ComplexArray:
+        lines = self._lines(self._wrong(kind, wheel.gear, size), wheel.teeth, wheel.gear)
+        common = lines[:: wheel.teeth]
+        common -= common if wheel.gear == "ring" else _fitted(self.sound, len(common))
         return _on(lines, wheel.number)
 
     def _lines(self, wrong: Fault | GearError | None, teeth: int, gear: str) -> ComplexArray:
@@ -240,11 +236,10 @@ class _Mesh:
         lines[number] = 2 * solved.acceleration
         return lines
 
-    def _fault(self, kind: str, gear: str, tooth: int | None) -> Fault:
-        return Fault(kind=kind, stage=self.stage, gear=gear, tooth=tooth, size=LOSS)
-
-    def _error(self, kind: str, gear: str, size: float) -> GearError:
-        tooth = 1 if kind == "pitch" else None
+    def _wrong(self, kind: str, gear: str, size: float = SIZE) -> Fault | GearError:
+        tooth = 1 if kind in ("crack", "pitting", "pitch") else None
+        if kind in ("crack", "pitting", "wear"):
+            return Fault(kind=kind, stage=self.stage, gear=gear, tooth=tooth, size=LOSS)
         moved = size * self.module_m
         return GearError(kind=kind, stage=self.stage, gear=gear, tooth=tooth, size_m=moved)
 

@@ -14,12 +14,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.fault_types.features import KINDS, NAMES, NONE, FeatureVector, kind_features
+from gearmon.diagnosis.fault_types.features import (
+    KINDS,
+    NAMES,
+    NONE,
+    FeatureVector,
+    TurnEnergy,
+    kind_features,
+)
 from gearmon.diagnosis.fault_types.lines import GearLines, MachineLines, machine_lines
 from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
 from gearmon.diagnosis.results import Change
@@ -34,65 +42,32 @@ ComplexArray = NDArray[np.complex128]
 _LOOSE_MULTIPLES = 10
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Wrong:
-    """What a fault adds to the lines of a machine.
+class _Added(NamedTuple):
+    """Lines that a fault adds at the multiples of one gear's rotation [m/s2], and its size.
 
-    Parameters
-    ----------
-    stiffness : ndarray of complex, shape (stages, orders)
-        What grows with the load, at the operating point [m/s2].
-    displacement : ndarray of complex, shape (stages, orders)
-        What does not [m/s2].
-    gears : tuple of (int, str)
-        Stage and gear of all gears that have the fault.
-    size : float
-        Largest loss of stiffness, or effect of an error over the lines of the sound mesh.
-    noise_db : float
-        Rise of the noise between the lines [dB].
+    The first grow with the load, and are those at the operating point; the others do not. The size
+    is the largest loss of stiffness, or the effect of an error over the lines of the sound mesh.
     """
 
     stiffness: ComplexArray
     displacement: ComplexArray
-    gears: tuple[tuple[int, str], ...]
     size: float
-    noise_db: float = 0.0
 
 
-def draw_wrong(
-    lines: MachineLines, kind: str, spread: FloatArray, generator: np.random.Generator
-) -> Wrong:
-    """Draw a fault of one kind: gear, teeth, size.
+def _wrong(
+    lines: MachineLines, kind: str, spread: FloatArray, rng: np.random.Generator
+) -> dict[int, _Added]:
+    """Draw a fault of one kind: what it adds to each gear that has it.
 
-    Parameters
-    ----------
-    lines : MachineLines
-        Of the machine.
-    kind : str
-        One of `KINDS`.
-    spread : ndarray of float, shape (gears,)
-        Effect of the errors of manufacture of each gear; an eccentricity is as many times that of
-        a sound gear.
-    generator : numpy.random.Generator
-
-    Notes
-    -----
-    A loose shaft is taken to move its gears with ten multiples of its rotation that fall slowly,
-    and to lift the noise; half orders lie on none of the lines that are compared.
+    `spread` is the effect of the errors of manufacture of each gear; an eccentricity is as many
+    times that of a sound gear.
     """
-    stiffness = np.zeros_like(lines.healthy)
-    displacement = np.zeros_like(stiffness)
     if kind == NONE:
-        return Wrong(stiffness=stiffness, displacement=displacement, gears=(), size=0.0)
+        return {}
     if kind == "looseness":
-        return _loose(lines, spread, generator)
-    index = int(generator.integers(len(lines.gears)))
-    gear = lines.gears[index]
-    added = _DRAWN[kind](gear, float(spread[index]), generator)
-    stiffness[gear.wheel.stage - 1, gear.wheel.lines] = added.stiffness
-    displacement[gear.wheel.stage - 1, gear.wheel.lines] = added.displacement
-    own = ((gear.wheel.stage, gear.wheel.gear),)
-    return Wrong(stiffness=stiffness, displacement=displacement, gears=own, size=added.size)
+        return _loose(lines, spread, rng)
+    index = int(rng.integers(len(lines.gears)))
+    return {index: _DRAWN[kind](lines.gears[index], float(spread[index]), rng)}
 
 
 def log_uniform(generator: np.random.Generator, low: float, high: float) -> float:
@@ -100,18 +75,9 @@ def log_uniform(generator: np.random.Generator, low: float, high: float) -> floa
     return float(np.exp(generator.uniform(np.log(low), np.log(high))))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Added:
-    """Lines that a fault adds at the multiples of one gear's rotation."""
-
-    stiffness: ComplexArray
-    displacement: ComplexArray
-    size: float
-
-
-def _teeth(gear: GearLines, count: int, spread: float, rng: np.random.Generator) -> _Added:
+def _teeth(gear: GearLines, spread: float, rng: np.random.Generator, most: int = 1) -> _Added:
     """Return a few damaged teeth: cracks, breakage, pits, some of them bent as well."""
-    teeth = gear.wheel.teeth
+    teeth, count = gear.wheel.teeth, int(rng.integers(min(2, most), most + 1))
     weight, bent = np.zeros(teeth), np.zeros(teeth)
     first, size = int(rng.integers(teeth)), log_uniform(rng, 0.04, 0.7)
     # two neighbours are hardly more than one
@@ -123,19 +89,7 @@ def _teeth(gear: GearLines, count: int, spread: float, rng: np.random.Generator)
         if rng.uniform() < 0.3:
             bent[tooth] = spread * rng.uniform(0, 8) * size
     kind = gear.crack if rng.uniform() < 0.65 else gear.pitting
-    return _Added(
-        stiffness=gear.by_tooth(kind, weight),
-        displacement=gear.by_tooth(gear.pitch, bent),
-        size=size,
-    )
-
-
-def _one_tooth(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
-    return _teeth(gear, 1, spread, rng)
-
-
-def _several(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
-    return _teeth(gear, int(rng.integers(2, 6)), spread, rng)
+    return _Added(gear.by_tooth(kind, weight), gear.by_tooth(gear.pitch, bent), size)
 
 
 def _pitted(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
@@ -144,11 +98,7 @@ def _pitted(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
     weight = size * np.exp(rng.normal(0, rng.uniform(0.2, 0.7), teeth))
     weight = np.minimum(weight, 0.8) * (rng.uniform(size=teeth) < rng.uniform(0.4, 1.0))
     rough = rng.normal(0, spread * rng.uniform(0, 0.5), teeth)
-    return _Added(
-        stiffness=gear.by_tooth(gear.pitting, weight),
-        displacement=gear.by_tooth(gear.pitch, rough),
-        size=size,
-    )
+    return _Added(gear.by_tooth(gear.pitting, weight), gear.by_tooth(gear.pitch, rough), size)
 
 
 def _worn(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
@@ -156,18 +106,18 @@ def _worn(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
     teeth, loss = gear.wheel.teeth, log_uniform(rng, 0.02, 0.3)
     uneven = loss * rng.normal(0, rng.uniform(0.0, 0.1), teeth)
     profile = log_uniform(rng, 0.1, 1.5)
+    rough = rng.normal(0, 0.1 * spread * rng.uniform(), teeth)
     return _Added(
-        stiffness=loss * gear.wear + gear.by_tooth(gear.crack, uneven - uneven.mean()),
-        displacement=profile * gear.profile
-        + gear.by_tooth(gear.pitch, rng.normal(0, 0.1 * spread * rng.uniform(), teeth)),
-        size=profile,
+        loss * gear.wear + gear.by_tooth(gear.crack, uneven - uneven.mean()),
+        profile * gear.profile + gear.by_tooth(gear.pitch, rough),
+        profile,
     )
 
 
 def _eccentric(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
     size = min(spread * log_uniform(rng, 1.5, 15.0), 5.0)
     lines = size * gear.multiple(1, rng.uniform(), rng.uniform(0, 2 * np.pi))
-    return _Added(stiffness=np.zeros_like(lines), displacement=lines, size=size)
+    return _Added(np.zeros_like(lines), lines, size)
 
 
 def _misaligned(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
@@ -175,12 +125,12 @@ def _misaligned(gear: GearLines, spread: float, rng: np.random.Generator) -> _Ad
     size = min(log_uniform(rng, 0.08, 2.0) + 0.5 * spread, 5.0)
     lines = size * gear.multiple(2, rng.uniform(), rng.uniform(0, 2 * np.pi))
     askew = rng.uniform(0, 0.15) if rng.uniform() < 0.5 else 0.0
-    return _Added(stiffness=askew * gear.wear, displacement=lines, size=size)
+    return _Added(askew * gear.wear, lines, size)
 
 
 _DRAWN: dict[str, Callable[[GearLines, float, np.random.Generator], _Added]] = {
-    "tooth damage": _one_tooth,
-    "several teeth": _several,
+    "tooth damage": _teeth,
+    "several teeth": partial(_teeth, most=5),
     "distributed pitting": _pitted,
     "wear": _worn,
     "eccentricity": _eccentric,
@@ -188,28 +138,27 @@ _DRAWN: dict[str, Callable[[GearLines, float, np.random.Generator], _Added]] = {
 }
 
 
-def _loose(lines: MachineLines, spread: FloatArray, rng: np.random.Generator) -> Wrong:
+def _loose(lines: MachineLines, spread: FloatArray, rng: np.random.Generator) -> dict[int, _Added]:
+    """Return a loose shaft, which moves its gears with multiples of its rotation that fall slowly.
+
+    Half orders lie on none of the lines that are compared.
+    """
     shafts = sorted({gear.wheel.shaft for gear in lines.gears if gear.wheel.shaft is not None})
     chosen = shafts[int(rng.integers(len(shafts)))]
     own = [i for i, gear in enumerate(lines.gears) if gear.wheel.shaft == chosen]
-    displacement = np.zeros_like(lines.healthy)
     multiple = np.arange(1, _LOOSE_MULTIPLES + 1)
     size = log_uniform(rng, 1.5, 15.0) * float(np.mean(spread[own]))
     share = multiple ** -rng.uniform(0.2, 1.2) * rng.uniform(0.5, 1.5, len(multiple))
     phase = rng.uniform(0, 2 * np.pi, len(multiple))
+    found = {}
     for index in own:
         gear = lines.gears[index]
         turn = 2 * np.pi * np.arange(gear.wheel.teeth) / gear.wheel.teeth
         weight = np.cos(np.outer(turn, multiple) + phase) @ share
         weight *= min(size, 5.0) * rng.uniform(0.4, 1.0) / np.std(weight)
-        displacement[gear.wheel.stage - 1, gear.wheel.lines] += gear.by_tooth(gear.pitch, weight)
-    return Wrong(
-        stiffness=np.zeros_like(displacement),
-        displacement=displacement,
-        gears=tuple((lines.gears[i].wheel.stage, lines.gears[i].wheel.gear) for i in own),
-        size=size,
-        noise_db=float(rng.uniform(0, 8)),
-    )
+        moved = gear.by_tooth(gear.pitch, weight)
+        found[index] = _Added(np.zeros_like(moved), moved, size)
+    return found
 
 
 if TYPE_CHECKING:
@@ -218,14 +167,15 @@ if TYPE_CHECKING:
 
 #: Scatter between healthy recordings that a level is taken to have at least [dB].
 _BETWEEN_DB = 2.0
-_NEAR = 3
-#: Teeth over which the energy of a departure is summed, and the share of its amplitude by which a
-#: healthy line departs.
-_WINDOW_TEETH, _DEPARTURE = 2.0, 0.1
+#: Teeth over which the energy of a departure is summed, the share of its amplitude by which a
+#: healthy line departs, and sidebands about a mesh harmonic that are left out of half the examples.
+_WINDOW_TEETH, _DEPARTURE, _NEAR = 2.0, 0.1, 3
+_TINY = np.finfo(float).tiny
 #: Points at which a path is drawn; between them it is straight.
 _PATH_POINTS = 384
 #: Longest echo, in periods of the highest order.
 _LONGEST_ECHO = 80.0
+_ECHOES = 16
 #: Examples that a classifier is trained on unless another number is given.
 EXAMPLES = 1600
 #: Examples that a classifier can be trained on: ten a kind at least.
@@ -348,22 +298,31 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
     generator : numpy.random.Generator
     """
     errors, spread = _errors(lines, generator)
-    wrong = draw_wrong(lines, kind, spread, generator)
+    wrong = _wrong(lines, kind, spread, generator)
+    noise_db = float(generator.uniform(0, 8)) if kind == "looseness" else 0.0
     load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
-    sound = lines.healthy + errors
-    moved = load * (lines.healthy + wrong.stiffness) + errors + wrong.displacement
-    view = _View.drawn(lines, sound, generator)
-    one = view.measured(sound, generator, 0.0)
+    moved = load * lines.healthy + errors
+    for index, added in wrong.items():
+        wheel = lines.gears[index].wheel
+        moved[wheel.stage - 1, wheel.lines] += load * added.stiffness + added.displacement
+    view = _View.drawn(lines, lines.healthy + errors, generator)
+    one = view.measured(lines.healthy + errors, generator, 0.0)
     # another speed moves every line along the resonances, the same way in every channel
     curve = _smooth(lines.plan.orders, generator, 2.0 / view.top)
     drift = np.exp(log_uniform(generator, 0.01, 0.1) * curve)
-    two = view.measured(moved * drift, generator, wrong.noise_db)
-    if kind == KINDS[-1] and generator.uniform() < 0.4:
+    two = view.measured(moved * drift, generator, noise_db)
+    if kind == NONE and generator.uniform() < 0.4:
         two = _with_strange_lines(two, generator)
     features = kind_features(
         _changes(lines, view, one, two, generator), *_wheels(lines, view, one, two, generator)
     )
-    return Example(features=features, kind=kind, gears=wrong.gears, size=wrong.size)
+    wheels = [lines.gears[index].wheel for index in wrong]
+    return Example(
+        features=features,
+        kind=kind,
+        gears=tuple((wheel.stage, wheel.gear) for wheel in wheels),
+        size=max((added.size for added in wrong.values()), default=0.0),
+    )
 
 
 def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[ComplexArray, FloatArray]:
@@ -387,8 +346,7 @@ def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[Comple
 _ERROR_EFFECTS = ((0.03, 0.5), (0.03, 0.4), (0.003, 0.05))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _View:
+class _View(NamedTuple):
     """What the sensors are like: path, noise, range."""
 
     path: ComplexArray
@@ -407,14 +365,9 @@ class _View:
         loudness = 10 ** (rng.uniform(-25, 0, (channels, len(rms))) / 20) / rms
         power = np.sum(np.abs(path * (loudness @ sound)) ** 2, axis=1)
         variance = power * 10 ** (-rng.uniform(48, 75, channels) / 10)
-        return cls(
-            path=path,
-            loudness=loudness,
-            gain=np.exp(rng.normal(0, 0.4, channels)),
-            variance=variance,
-            departure=log_uniform(rng, 0.002, 0.03),
-            top=float(orders[-1] * rng.uniform(0.3, 1.0)),
-        )
+        gain, departure = np.exp(rng.normal(0, 0.4, channels)), log_uniform(rng, 0.002, 0.03)
+        top = float(orders[-1] * rng.uniform(0.3, 1.0))
+        return cls(path, loudness, gain, variance, departure, top)
 
     def measured(self, lines: ComplexArray, rng: np.random.Generator, noise_db: float) -> _Measured:
         shape = self.path.shape
@@ -436,15 +389,12 @@ class _Measured(NamedTuple):
 def _echoes(orders: FloatArray, rng: np.random.Generator) -> ComplexArray:
     """Return a smooth random transfer function: a few delayed echoes."""
     point = np.linspace(0, orders[-1], _PATH_POINTS)
-    period = 2 * np.pi / orders[-1]
-    delay = rng.uniform(0, _LONGEST_ECHO * rng.uniform(0.05, 1.0) * period, 16)
+    longest = 2 * np.pi / orders[-1] * _LONGEST_ECHO * rng.uniform(0.05, 1.0)
+    delay = rng.uniform(0, longest, _ECHOES)
     # modes of the housing ring on, ever more softly
-    size = rng.normal(size=16) + 1j * rng.normal(size=16)
+    size = rng.normal(size=_ECHOES) + 1j * rng.normal(size=_ECHOES)
     size *= np.exp(-2.0 * delay / delay.max())
-    curve = np.exp(-1j * np.outer(point, delay)) @ size
-    return np.asarray(
-        np.interp(orders, point, curve.real) + 1j * np.interp(orders, point, curve.imag)
-    )
+    return np.asarray(np.interp(orders, point, np.exp(-1j * np.outer(point, delay)) @ size))
 
 
 def _smooth(orders: FloatArray, rng: np.random.Generator, density: float) -> ComplexArray:
@@ -475,15 +425,12 @@ def _changes(
     after, after_scatter = _family_levels(lines, two)
     after += rng.normal(0, rng.uniform(0.3, 1.5), after.shape)
     scatter = np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2)
+    told = ("kind", "stage", "harmonic", "gear", "shaft")
     return [
         Change(
             channel=str(channel),
             family=family.name,
-            kind=family.kind,
-            stage=family.stage,
-            harmonic=family.harmonic,
-            gear=family.gear,
-            shaft=family.shaft,
+            **{name: getattr(family, name) for name in told},
             level_db=float(after[channel, column]),
             reference_db=float(before[channel, column]),
             scatter_db=float(scatter[channel, column]),
@@ -496,43 +443,26 @@ def _changes(
 
 def _family_levels(lines: MachineLines, measured: _Measured) -> tuple[FloatArray, FloatArray]:
     """Levels of the families and their standard errors, as of recordings [dB]."""
-    count = len(lines.plan.families)
-    known = lines.family_of >= 0
-    column = lines.family_of[known]
     size, variance = np.abs(measured.amplitude) ** 2, measured.variance
-    error = variance**2 + 2 * variance * size
-
-    def summed(values: FloatArray) -> FloatArray:
-        rows = [np.bincount(column, weights=row[known], minlength=count) for row in values]
-        return np.array(rows)
-
-    power, spread = summed(size - variance), np.sqrt(summed(error))
+    power = (size - variance) @ lines.members
+    spread = np.sqrt((variance**2 + 2 * variance * size) @ lines.members)
     shown = np.maximum(power, np.maximum(spread, np.finfo(float).tiny))
     return 10 * np.log10(shown), 10 / np.log(10) * np.minimum(spread / shown, 1.0)
 
 
-class _Shape(NamedTuple):
-    """Energy around the turn of a gear, as `diagnosis.results.ToothProfile` has it."""
-
-    stage: int
-    gear: str
-    energy: FloatArray
-
-
 def _wheels(
     lines: MachineLines, view: _View, one: _Measured, two: _Measured, rng: np.random.Generator
-) -> tuple[list[_Shape], tuple[TurnChange, ...]]:
+) -> tuple[list[TurnEnergy], tuple[TurnChange, ...]]:
     """Look around the turn of every gear, and at its single sidebands."""
-    near = _NEAR if rng.uniform() < 0.5 else 0
     pairs = [(_pattern(g, view, one), _pattern(g, view, two)) for g in lines.gears]
     kept = [(old, new) for old, new in pairs if len(new.number) > new.teeth]
-    shapes = [
-        _Shape(stage=new.stage, gear=new.gear, energy=departure_energy(new, old, near))
-        for old, new in kept
-    ]
+    near = _NEAR if rng.uniform() < 0.5 else 0
     # what the two recordings do not share beyond their lines fills all of the turn
     floor = log_uniform(rng, 0.003, 0.3)
-    shapes = [shape._replace(energy=_raised(shape.energy, floor)) for shape in shapes]
+    shapes = [
+        TurnEnergy(new.stage, new.gear, _raised(departure_energy(new, old, near), floor))
+        for old, new in kept
+    ]
     rows = range(len(view.path))
     if rng.uniform() < 0.1:  # a caller may have families of lines only
         return shapes, ()
@@ -558,30 +488,26 @@ def departure_energy(new: WheelPattern, old: WheelPattern, near: int) -> FloatAr
     Notes
     -----
     About each mesh harmonic one complex gain per channel is fitted; the rest is divided by the
-    scatter to expect, that is noise and a tenth of the amplitude.
+    scatter to expect, that is noise and a tenth of the amplitude. What
+    `gearmon.diagnosis.hypotheses.own_teeth.locate` does with recordings, in a fifth of the time.
     """
-    teeth, top = new.teeth, int(new.number.max())
+    teeth, steps = new.teeth, 1 << int(np.ceil(np.log2(4 * new.number.max())))
     band = (new.number + teeth // 2) // teeth
-    start = np.flatnonzero(np.diff(band, prepend=-1))
-    width = np.diff(start, append=len(band))
     far = ~new.mesh & (np.abs(new.number - band * teeth) > near)
-    lines = np.add.reduceat(far, start, dtype=np.int64)
-    value, known = np.where(far, new.amplitude, 0.0), np.where(far, old.amplitude, 0.0)
-    product = np.add.reduceat(value * known.conj(), start, axis=1)
-    power = np.add.reduceat(np.abs(known) ** 2, start, axis=1)
-    gain = np.repeat(product / np.maximum(power, np.finfo(float).tiny), width, axis=1)
-    usual = np.add.reduceat(np.abs(value) ** 2, start, axis=1) / np.maximum(lines, 1)
-    spread = new.variance + old.variance + _DEPARTURE**2 * np.repeat(usual, width, axis=1)
+    member = ((band[:, None] == np.unique(band)) & far[:, None]).astype(float)
     # a gain fitted to three lines leaves nothing of them
-    counted = far & np.repeat(lines >= 4, width)
-    steps = 1 << int(np.ceil(np.log2(4 * top)))
-    waveform = np.zeros((len(value), steps), dtype=np.complex128)
-    waveform[:, new.number] = np.where(counted, (value - gain * known) / np.sqrt(spread), 0.0)
+    member = member[:, member.sum(axis=0) >= 4]
+    power = np.abs(old.amplitude) ** 2 @ member
+    gain = (new.amplitude * old.amplitude.conj()) @ member / np.maximum(power, _TINY)
+    usual = np.abs(new.amplitude) ** 2 @ (member / member.sum(axis=0))
+    rest = new.amplitude * member.sum(axis=1) - (gain @ member.T) * old.amplitude
+    spread = new.variance + old.variance + _DEPARTURE**2 * (usual @ member.T)
+    waveform = np.zeros((len(rest), steps), dtype=np.complex128)
+    waveform[:, new.number] = rest / np.sqrt(spread)
     energy = np.sum(np.abs(np.fft.ifft(waveform, axis=1)) ** 2, axis=0)
     ends = np.concatenate([[0.0], np.cumsum(np.tile(energy, 2))])
     begin = np.arange(teeth) * steps // teeth
-    wide = max(1, round(steps * _WINDOW_TEETH / teeth))
-    windows = ends[begin + wide] - ends[begin]
+    windows = ends[begin + max(1, round(steps * _WINDOW_TEETH / teeth))] - ends[begin]
     middle = float(np.median(windows))
     return np.asarray(windows / middle if middle > 0 else np.ones(teeth))
 

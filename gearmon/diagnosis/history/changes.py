@@ -9,18 +9,15 @@ A crack grows faster the larger it is, and a straight line through such growth m
 before it far too late; a tooth that chips loses some at once, what is worn in wears slower, and a
 straight line through these meets it far too early: when it began can only be told along with how it
 bends. Along the courses (straight, powers of time, exponentials, with a jump) one trades off
-against the other, so that the likelihood is flat along a ridge. The interval is the profile over
-all courses, joined with the credible interval of even chances: the first alone ends a little too
-soon where the courses tried lie far apart for the noise. The time itself is the median of what the
-courses and places leave possible, whose bias is a small part of that of a kink.
+against the other, so that the likelihood is flat along a ridge. Times are those of the posterior
+law over all courses and places, begun at any time with the same chance: its median, whose bias is a
+small part of that of a kink, and its quantiles.
 
 References
 ----------
 I. Johnstone and D. Siegmund, On Hotelling's formula for the volume of tubes and Naiman's
 inequality, Ann. Statist. 17 (1989), for the bound; M. Knowles, D. Siegmund and H. Zhang, Confidence
-regions in semilinear regression, Biometrika 78 (1991), for its use on kinks; Y.-C. Yao,
-Approximating the distribution of the maximum likelihood estimate of the change-point, Ann. Statist.
-15 (1987), for the two-sided walk about a step.
+regions in semilinear regression, Biometrika 78 (1991), for its use on kinks.
 """
 
 from __future__ import annotations
@@ -53,7 +50,7 @@ WITHOUT_ONE = 0.05
 _PAIR_SHARE, _UNEXPLAINED = 0.2, 1.5
 # Places of a change that are tried between two recordings, and in all: to find it (fewer of long
 # series, for the sake of time), and to time it.
-_BETWEEN, _MOST_NUMBERS, _FOUND_AT, _TIMED_AT = 16, 400_000, (200, 4000), (320, 1000)
+_BETWEEN, _MOST_NUMBERS, _FOUND_AT, _TIMED_AT = 16, 400_000, (200, 4000), (320, 500)
 # Exponents beyond which an exponential is as good as without end, and its square still finite.
 _MOST_FOLDS = 200.0
 _TINY = np.finfo(float).tiny
@@ -97,20 +94,18 @@ class Growth:
     def at(self, share: FloatArray) -> FloatArray:
         """Return values at shares of the time from its begin to the last recording; 0 before."""
         since = np.maximum(share, 0.0)
+        grown = since**self.exponent
         if self.folds:
             grown = np.expm1(np.minimum(self.folds * since, _MOST_FOLDS)) / np.expm1(self.folds)
-        else:
-            grown = since**self.exponent
         return np.where(share > 0, self.jump + (1.0 - self.jump) * grown, 0.0)
 
     def rate(self, share: FloatArray) -> FloatArray:
         """Return the derivative of `at`; 0 up to where it began."""
         since = np.maximum(share, _TINY)
+        rate = self.exponent * since ** (self.exponent - 1.0)
         if self.folds:
             grown = np.exp(np.minimum(self.folds * since, _MOST_FOLDS))
             rate = self.folds * grown / np.expm1(self.folds)
-        else:
-            rate = self.exponent * since ** (self.exponent - 1.0)
         return np.where(share > 0, (1.0 - self.jump) * rate, 0.0)
 
     def bend(self, share: FloatArray) -> FloatArray:
@@ -122,24 +117,28 @@ class Growth:
         return np.asarray(since**self.exponent * np.log(since))
 
 
-_JUMPS = (0.1, 0.25, 0.5)
 STEP, STRAIGHT = Growth(exponent=0.0), Growth()
-#: Courses of growth that are tried, the straight one first.
-GROWTHS = (
-    STRAIGHT,
-    *(Growth(exponent=p) for p in (1.5, 2.0, 2.5, 3.0, 4.0)),
-    *(Growth(folds=g) for g in (1.5, 3.0, 4.5, 6.0)),
-    *(Growth(jump=h) for h in _JUMPS),
-    *(Growth(exponent=2.0, jump=h) for h in (0.1, 0.25)),
-    *(Growth(exponent=p) for p in (0.25, 0.5, 0.75)),
-    *(Growth(folds=g) for g in (-2.0, -4.0)),
+# Courses that speed up, as powers and as exponentials, and those that have come to more at first
+# than a straight line. Data that are sure tell coarser ones apart, and would exclude where growth
+# did begin.
+_POWERS = tuple(Growth(exponent=p) for p in (1.25, 1.5, 1.75, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0))
+_FOLDS = tuple(Growth(folds=g) for g in (1.5, 2.25, 3.0, 3.75, 4.5, 6.0))
+_AT_FIRST = (
+    *(Growth(jump=h) for h in (0.05, 0.1, 0.15, 0.2, 0.25, 0.35, 0.5, 0.65)),
+    *(Growth(exponent=p, jump=h) for p in (1.5, 2.0, 3.0) for h in (0.1, 0.25)),
+    *(Growth(exponent=p) for p in (0.25, 0.35, 0.5, 0.6, 0.75)),
+    *(Growth(folds=g) for g in (-1.5, -2.0, -3.0, -4.0, -5.5)),
 )
-COURSES = (STEP, *GROWTHS)
+_FAMILIES = ((STEP,), (STRAIGHT,), _POWERS, _FOLDS, _AT_FIRST)
+_SIZES = [len(family) for family in _FAMILIES]
+#: Courses that are tried: a step, then those of growth, the straight one first.
+COURSES = tuple(growth for family in _FAMILIES for growth in family)
+GROWTHS = COURSES[1:]
 #: How likely each is held beforehand: that growth speeds up as likely as that it does not.
-CHANCES = np.repeat([0.3, 0.05, 0.0625, 0.02], [1, 5, 4, 10])
-# Factors of what bends a course, and of its jump, that fill the gaps beside it; how many
-# of the best are given such company.
-_BETWEEN_COURSES, _BEST_COURSES = (0.7, 0.85, 1.2, 1.4), 3
+CHANCES = np.repeat(np.divide([0.1, 0.25, 0.225, 0.225, 0.2], _SIZES), _SIZES)
+# Share of what an interval leaves out that is left out on each side. Half of it would end a little
+# too soon: the courses tried lie far apart for the noise.
+_TAIL = 0.2
 
 
 def growth_rows(
@@ -351,8 +350,13 @@ def find_changes(
         if not _borne(series, found, best):
             break
         found = _refined(series, [*found, _bent(series, best, found)], below)
-    placed = [_timed(series, one, _others(found, one), level) for one in found]
-    return _sized(series, sorted(placed, key=lambda change: change.time_s))
+    placed = sorted(
+        (_timed(series, one, _others(found, one), level) for one in found),
+        key=lambda change: change.time_s,
+    )
+    # the sizes of all are fitted together
+    sizes = _solver(series, placed) @ (series.value / series.sigma)
+    return tuple(replace(c, size=float(x)) for c, x in zip(placed, sizes[1:], strict=True))
 
 
 def change_probability(series: Series) -> float:
@@ -399,8 +403,7 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
         raise ArgumentError("sigma: must be equal, or the order has a meaning")
     if len(series) < FEWEST or np.ptp(series.value) <= 1e-12 * np.abs(series.value).max():
         return 1.0
-    rows = [_tried(series, growth)[1] for growth in (STRAIGHT, STEP)]
-    paths, _, rest = _beside(series, change_columns(series.time_s, []), np.concatenate(rows))
+    paths, _, rest = Fits.of_search(series, ()).freed
     generator = np.random.default_rng(seed)
     clearest, as_clear = float(np.abs(paths @ rest).max()), 0
     for start in range(0, permutations, 500):
@@ -427,7 +430,7 @@ def _repaired(series: Series, below: float) -> list[ChangePoint]:
         return []
     if change_probability(series) < below:
         return []
-    places, end = _tried(series, STEP)[0], float(series.time_s[-1])
+    places, end = _middles(series), float(series.time_s[-1])
     steps = [ChangePoint(growth=STEP, time_s=float(place), end_s=end) for place in places]
     pairs = [[step, other] for step in steps if (other := _search(series, [step])) is not None]
     best = min(pairs, key=lambda pair: pair[1].false_alarm_probability, default=None)
@@ -441,9 +444,9 @@ def _borne(series: Series, known: Sequence[ChangePoint], change: ChangePoint) ->
 
     A single wrong estimate at one end of a series looks like growth, and no law of its noise holds.
     """
-    base = change_columns(series.time_s, known)
-    shape = change_columns(series.time_s, [change])[:, 1]
-    (path,), _, rest = _beside(series, base, shape[None])
+    course = np.array([COURSES.index(change.growth)])
+    fits = Fits(series=series, known=known, places=np.array([change.time_s]), courses=course)
+    (path,), _, rest = fits.freed
     kept = np.arange(len(series)) != np.argmax(path * rest * np.sign(path @ rest))
     parts = {name: getattr(series, name)[kept] for name in ("time_s", "value", "sigma")}
     without = _search(replace(series, **parts), known)
@@ -462,45 +465,42 @@ def _refined(series: Series, found: list[ChangePoint], below: float) -> list[Cha
 
 def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
     """Return the clearest change beside those known."""
-    base = change_columns(series.time_s, known, tangents=True)
-    left, whole = len(series) - base.shape[1], float(np.linalg.norm(series.value / series.sigma))
-    best, closest, lengths = None, 0.0, []
-    for growth in (STRAIGHT, STEP) if left >= 3 else ():
-        places, rows = _tried(series, growth)
-        paths, sizes, rest = _beside(series, base, rows)
-        size, kept = float(np.linalg.norm(rest)), sizes > 0
-        if size <= 1e-12 * whole:
-            return None
-        if series.sigma_known and 2.0 * known_noise_bound(size, 0.0) >= 1.0:
-            return None  # whatever the shape, the probability of the two families is 1
-        if not kept.any():
-            continue
-        # the length of a path through directions, which may be turned round
-        turned = np.abs(np.sum(paths[kept][1:] * paths[kept][:-1], axis=1))
-        lengths.append(float(np.arccos(np.minimum(turned, 1.0)).sum()))
-        along = np.abs(paths @ rest) / size
-        if best is None or along.max() > closest:
-            place, closest = float(places[np.argmax(along)]), float(along.max())
-            best = ChangePoint(growth=growth, time_s=place, end_s=float(series.time_s[-1]))
-    if best is None:
+    fits = Fits.of_search(series, known)
+    paths, sizes, rest = fits.freed
+    left, size = len(series) - fits.base.shape[1], float(np.linalg.norm(rest))
+    if left < 3 or size <= 1e-12 * np.linalg.norm(series.value / series.sigma):
         return None
-    probability = sum(tube_bound(closest, length, left) for length in lengths)
+    if series.sigma_known and 2.0 * known_noise_bound(size, 0.0) >= 1.0:
+        return None  # whatever the shape, the probability of the two families is 1
+    lengths = []
+    for course in (0, 1):
+        path = paths[(fits.courses == course) & (sizes > 0)]
+        # the length of a path through directions, which may be turned round
+        turned = np.abs(np.sum(path[1:] * path[:-1], axis=1))
+        lengths += [float(np.arccos(np.minimum(turned, 1.0)).sum())] if len(path) else []
+    along = np.abs(paths @ rest) / size
+    best = int(np.argmax(along))
+    probability = sum(tube_bound(along[best], length, left) for length in lengths)
     if series.sigma_known:
-        least = sum(known_noise_bound(closest * size, length) for length in lengths)
+        least = sum(known_noise_bound(along[best] * size, length) for length in lengths)
         probability = max(probability, least)
-    return replace(best, false_alarm_probability=min(1.0, probability))
+    return ChangePoint(
+        growth=COURSES[fits.courses[best]],
+        time_s=float(fits.places[best]),
+        end_s=float(series.time_s[-1]),
+        false_alarm_probability=min(1.0, probability) if lengths else 1.0,
+    )
 
 
-def _tried(series: Series, growth: Growth) -> tuple[FloatArray, FloatArray]:
-    """Return the places at which kinks or steps are tried, and their shapes as rows."""
-    times, most = series.time_s, int(np.clip(_MOST_NUMBERS // max(1, len(series)), *_FOUND_AT))
-    if growth.exponent:
-        places = _between(times[: len(times) - BORNE_BY], most, most)
-    else:
-        places = 0.5 * (times[1:] + times[:-1])[BORNE_BY - 1 : len(times) - BORNE_BY]
-        if len(places) > most:
-            places = places[np.linspace(0, len(places) - 1, most).astype(int)]
-    return places, growth_rows(times, places, float(times[-1]), growth)
+def _middles(series: Series) -> FloatArray:
+    """Return the places at which a step is tried: fewer of long series."""
+    times, most = series.time_s, _most(series, _FOUND_AT)
+    places = 0.5 * (times[1:] + times[:-1])[BORNE_BY - 1 : len(times) - BORNE_BY]
+    return np.asarray(places[np.linspace(0, len(places) - 1, min(most, len(places))).astype(int)])
+
+
+def _most(series: Series, ends: tuple[int, int]) -> int:
+    return int(np.clip(_MOST_NUMBERS // max(1, len(series)), *ends))
 
 
 def _between(knots: FloatArray, about: int, most: int) -> FloatArray:
@@ -510,35 +510,12 @@ def _between(knots: FloatArray, about: int, most: int) -> FloatArray:
     return np.interp(numbers, np.arange(len(knots)), knots)
 
 
-def _beside(
-    series: Series, base: FloatArray, rows: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Project known columns out of shapes and values, in standard deviations.
-
-    Returns the unit directions of the shapes, their sizes (nought of both where a shape has none),
-    and what is left of the values.
-    """
-    basis = np.linalg.qr(base / series.sigma[:, None])[0]
-    whole = np.vstack([series.value, rows]) / series.sigma
-    rest = whole - (whole @ basis) @ basis.T
-    size, before = np.linalg.norm(rest[1:], axis=1), np.linalg.norm(whole[1:], axis=1)
-    size[size <= 1e-7 * np.maximum(before, _TINY)] = 0.0
-    paths = rest[1:] * (size > 0)[:, None] / np.where(size > 0, size, 1.0)[:, None]
-    return paths, size, rest[0]
-
-
 def _solver(series: Series, changes: Sequence[ChangePoint]) -> FloatArray:
     """Return what makes values, in standard deviations, the constant and the sizes of changes."""
     columns = change_columns(series.time_s, changes) / series.sigma[:, None]
     # seconds of years stand beside ones
     scale = np.linalg.norm(columns, axis=0)
     return np.asarray(np.linalg.pinv(columns / scale) / scale[:, None])
-
-
-def _sized(series: Series, changes: Sequence[ChangePoint]) -> tuple[ChangePoint, ...]:
-    """Fit the sizes of all changes together."""
-    sizes = _solver(series, changes) @ (series.value / series.sigma)
-    return tuple(replace(c, size=float(x)) for c, x in zip(changes, sizes[1:], strict=True))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -552,40 +529,81 @@ class Fits:
     places : ndarray of float, shape (fits,)
         Where the one more began [s]; of a step any time between two recordings.
     courses : ndarray of int, shape (fits,)
-        Its course, by its number in `tried`.
-    tried : sequence of Growth
+        Its course, by its number in `COURSES`.
+    tangents : bool
+        Whether the known changes may move and bend as well, see `change_columns`.
     """
 
     series: Series
     known: Sequence[ChangePoint]
     places: FloatArray
     courses: IntArray
-    tried: Sequence[Growth] = COURSES
+    tangents: bool = False
 
     @classmethod
-    def of_growth(
+    def of(
         cls,
         series: Series,
         known: Sequence[ChangePoint],
+        middles: FloatArray,
         places: FloatArray,
-        tried: Sequence[Growth] = COURSES,
+        growths: Sequence[int],
+        *,
+        tangents: bool = False,
     ) -> Fits:
-        """Return those by growth of every course, a step first, from every place."""
-        courses = np.repeat(np.arange(1, len(tried)), len(places))
-        every = np.tile(places, len(tried) - 1)
-        return cls(series=series, known=known, places=every, courses=courses, tried=tried)
+        """Return those by steps at some places, and by growth of each course from others."""
+        courses = np.repeat([0, *growths], [len(middles), *[len(places)] * len(growths)])
+        every = np.concatenate([middles, np.tile(places, len(growths))])
+        return cls(series=series, known=known, places=every, courses=courses, tangents=tangents)
 
     @classmethod
-    def of_step(cls, series: Series, known: Sequence[ChangePoint], places: FloatArray) -> Fits:
-        """Return those by a step at every place."""
-        none = np.zeros(len(places), dtype=np.int64)
-        return cls(series=series, known=known, places=places, courses=none)
+    def of_search(cls, series: Series, known: Sequence[ChangePoint]) -> Fits:
+        """Return the steps and kinks that a series is searched for."""
+        most = _most(series, _FOUND_AT)
+        kinks = _between(series.time_s[: len(series) - BORNE_BY], most, most)
+        return cls.of(series, known, _middles(series), kinks, [1], tangents=True)
+
+    @classmethod
+    @lru_cache(maxsize=4)  # a change is bent, and timed a moment later
+    def of_all(cls, series: Series, known: tuple[ChangePoint, ...]) -> Fits:
+        """Return all courses: growth may have begun any time before the last recording but one."""
+        places = _between(series.time_s[:-1], *_TIMED_AT)
+        return cls.of(series, known, _middles(series), places, range(1, len(COURSES)))
+
+    @property
+    def base(self) -> FloatArray:
+        """What stands beside the one more, as columns."""
+        return change_columns(self.series.time_s, self.known, tangents=self.tangents)
 
     @cached_property
     def left(self) -> FloatArray:
         """Weighted sum of squares that each leaves, shape (fits,)."""
-        paths, _, rest = self._freed
+        paths, _, rest = self.freed
         return np.maximum(float(rest @ rest) - (paths @ rest) ** 2, 0.0)
+
+    @cached_property
+    def freedom(self) -> int:
+        """Values beyond those that fits with one more take up, which a step outside does not."""
+        changes = len(self.known) + bool(self.freed[1].any())
+        return len(self.series) - 1 - 2 * changes
+
+    @cached_property
+    def variance(self) -> float:
+        """Variance of the noise in units of the stated one, at least 1 where its size is known."""
+        least = 1.0 if self.series.sigma_known else 0.0
+        return max(float(self.left.min()) / max(1, self.freedom), least)
+
+    @property
+    def chance(self) -> FloatArray:
+        """Chance of each fit of `of_all`, where every time is as likely beforehand as another."""
+        steps, places = self.places[self.courses == 0], self.places[self.courses == 1]
+        # places stand closer together where recordings do
+        width = [np.gradient(steps), np.tile(np.gradient(places), len(GROWTHS))]
+        # of what fits to the last digit nothing is left to divide by
+        variance = max(self.variance, 1e-12 * self.left.max(), _TINY)
+        told = np.exp(-0.5 * (self.left - self.left.min()) / variance)
+        chance = CHANCES[self.courses] * told * np.concatenate(width)
+        return np.asarray(chance / chance.sum())
 
     def at(
         self, time_s: FloatArray, which: IntArray, *, rates: bool = False
@@ -610,7 +628,7 @@ class Fits:
         What the known columns explain of the one more is taken off it, so that its size is
         independent of theirs and the variances add (Frisch and Waugh).
         """
-        paths, size, rest = self._freed
+        paths, size, rest = self.freed
         series, solver = self.series, _solver(self.series, self.known)
         known = change_columns(time_s, self.known, rates=rates)
         explained = self._rows(series.time_s, which) / series.sigma @ solver.T
@@ -621,9 +639,20 @@ class Fits:
         return value + beside * (paths[which] @ rest)[:, None], variance + beside**2
 
     @cached_property
-    def _freed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        base, every = change_columns(self.series.time_s, self.known), np.arange(len(self.places))
-        return _beside(self.series, base, self._rows(self.series.time_s, every))
+    def freed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Unit directions of the one more beside what is known, their sizes, rest of the values.
+
+        In standard deviations, shapes (fits, n), (fits,) and (n,); directions and sizes are nought
+        where nothing is left of a shape.
+        """
+        series, every = self.series, np.arange(len(self.places))
+        basis = np.linalg.qr(self.base / series.sigma[:, None])[0]
+        whole = np.vstack([series.value, self._rows(series.time_s, every)]) / series.sigma
+        rest = whole - (whole @ basis) @ basis.T
+        size, before = np.linalg.norm(rest[1:], axis=1), np.linalg.norm(whole[1:], axis=1)
+        size[size <= 1e-7 * np.maximum(before, _TINY)] = 0.0
+        paths = rest[1:] * (size > 0)[:, None] / np.where(size > 0, size, 1.0)[:, None]
+        return paths, size, rest[0]
 
     def _rows(self, time_s: FloatArray, which: IntArray, *, rates: bool = False) -> FloatArray:
         """Shapes of the one more at some times, shape (some, times)."""
@@ -631,68 +660,8 @@ class Fits:
         places, courses = self.places[which], self.courses[which]
         for number in np.unique(courses):
             own = courses == number
-            rows[own] = growth_rows(time_s, places[own], end, self.tried[number], rates=rates)
+            rows[own] = growth_rows(time_s, places[own], end, COURSES[number], rates=rates)
         return rows
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Left:
-    """What growth of every course from every place, and every step, leave of a series."""
-
-    places: FloatArray
-    growth: FloatArray  # (courses, places)
-    middles: FloatArray
-    step: FloatArray
-    freedom: int
-    variance: float
-    courses: Sequence[Growth] = GROWTHS
-
-    @classmethod
-    @lru_cache(maxsize=4)  # a change is bent, and timed a moment later
-    def of(cls, series: Series, others: tuple[ChangePoint, ...]) -> _Left:
-        # it may have begun at any time before the last recording but one
-        places, middles = _between(series.time_s[:-1], *_TIMED_AT), _tried(series, STEP)[0]
-        growth = Fits.of_growth(series, others, places).left.reshape(len(GROWTHS), -1)
-        step = Fits.of_step(series, others, middles).left
-        freedom, least = len(series) - 3 - len(others), min(growth.min(), step.min())
-        return cls(
-            places=places,
-            growth=growth,
-            middles=middles,
-            step=step,
-            freedom=freedom,
-            variance=max(least / max(1, freedom), 1.0 if series.sigma_known else 0.0),
-        )
-
-    def closer(self, series: Series, others: Sequence[ChangePoint]) -> _Left:
-        """Return them with courses between the best few and their neighbours.
-
-        Data that are sure tell these apart, and would exclude where growth did begin.
-        """
-        best = np.argsort(self.growth.min(axis=1))[:_BEST_COURSES]
-        near = [own for number in best for own in _near(GROWTHS[number])]
-        more = Fits.of_growth(series, others, self.places, (STEP, *near)).left
-        growth = np.concatenate([self.growth, more.reshape(len(near), -1)])
-        return replace(self, growth=growth, courses=(*GROWTHS, *near))
-
-    @property
-    def chance(self) -> FloatArray:
-        """Chance of each course from each place, shape (courses, places)."""
-        least, most = self.growth.min(), self.growth.max()
-        # of what fits to the last digit nothing is left to divide by
-        variance = max(self.variance, 1e-12 * most, _TINY)
-        told = np.exp(-0.5 * (self.growth - least) / variance)
-        # places stand closer together where recordings do
-        chance = CHANCES[:, None] * told * np.gradient(self.places)
-        return np.asarray(chance / chance.sum())
-
-
-def _near(growth: Growth) -> list[Growth]:
-    """Return courses between one and its neighbours."""
-    name = "folds" if growth.folds else "exponent"
-    bent = [replace(growth, **{name: by * getattr(growth, name)}) for by in _BETWEEN_COURSES]
-    jumps = [by * growth.jump for by in _BETWEEN_COURSES] if growth.jump else _JUMPS
-    return [*bent, *(replace(growth, jump=jump) for jump in jumps)]
 
 
 def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -> ChangePoint:
@@ -700,12 +669,12 @@ def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) ->
 
     A step that growth explains better, by more than one fitted number is worth, becomes growth.
     """
-    left = _Left.of(series, tuple(others))
-    worth = left.variance * math.log(len(series))
-    if change.kind == "step" and left.growth.min() + worth > left.step.min():
+    fits = Fits.of_all(series, tuple(others))
+    grown = np.where(fits.courses > 0, fits.left, np.inf)
+    best, worth = int(np.argmin(grown)), fits.variance * math.log(len(series))
+    if change.kind == "step" and grown[best] + worth > fits.left[fits.courses == 0].min():
         return change
-    course, place = np.unravel_index(int(np.argmin(left.growth)), left.growth.shape)
-    return replace(change, time_s=float(left.places[place]), growth=GROWTHS[course])
+    return replace(change, time_s=float(fits.places[best]), growth=COURSES[fits.courses[best]])
 
 
 def _timed(
@@ -713,35 +682,34 @@ def _timed(
 ) -> ChangePoint:
     """Return a change with its time and the interval of that.
 
-    A small change may be a step as well as growth: places of both count.
+    A small change may be a step as well as growth: the interval is that of both.
     """
-    times, left = series.time_s, _Left.of(series, tuple(others))
-    if left.freedom < 1:
+    times, fits = series.time_s, Fits.of_all(series, tuple(others))
+    if fits.freedom < 1:
         return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
-    quantile = kink_quantile(level, left.freedom)
-    if change.kind == "step":
-        quantile = max(quantile, step_quantile(level, left.freedom))
-    known, left = left, left.closer(series, others)
-    most = min(left.growth.min(), left.step.min()) + left.variance * quantile + _TINY
-    # what comes at once does so anywhere between the recordings on its two sides
-    jumps = [number for number, growth in enumerate(left.courses) if growth.jump]
-    jumped = left.places[left.growth[jumps].min(axis=0) <= most]
-    at_once = np.concatenate([left.middles[left.step <= most], jumped[jumped > times[0]]])
-    later = np.searchsorted(times, at_once)
-    kept = [left.places[left.growth.min(axis=0) <= most], times[later - 1], times[later]]
-    if change.kind == "step":
-        change = replace(change, time_s=float(left.middles[np.argmin(left.step)]))
-    else:
-        chance = known.chance
-        every = chance.sum(axis=0)
-        inside = [0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level]
-        low, middle, high = np.interp(inside, np.cumsum(every) - 0.5 * every, left.places)
-        near = int(np.argmin(np.abs(left.places - middle)))
-        course = GROWTHS[int(np.argmax(chance[:, near]))]
-        change = replace(change, time_s=float(left.places[near]), growth=course)
-        kept.append(np.array([low, high]))
-    first, last = (float(end(np.concatenate(kept))) for end in (np.min, np.max))
-    return replace(change, low_s=first, high_s=last, open_before=bool(first <= times[0]))
+    chance, steps = fits.chance, fits.courses == 0
+    # a step is one anywhere between the recordings on its two sides
+    later = np.searchsorted(times, fits.places)
+    low = np.where(steps, times[later - 1], fits.places)
+    high = np.where(steps, times[later], fits.places)
+    own, tail = chance * (steps == (change.kind == "step")), _TAIL * (1.0 - level)
+    first, middle, last = (
+        float(np.quantile(place, share, weights=weight, method="inverted_cdf"))
+        for place, share, weight in (
+            (low, tail, chance),
+            (fits.places, 0.5, own),
+            (high, 1.0 - tail, chance),
+        )
+    )
+    course = fits.courses[np.argmax(np.where(fits.places == middle, own, -1.0))]
+    return replace(
+        change,
+        time_s=middle,
+        growth=COURSES[course],
+        low_s=min(first, middle),
+        high_s=max(last, middle),
+        open_before=bool(first <= times[0]),
+    )
 
 
 def tube_bound(closeness: float, length: float, dimensions: int) -> float:
@@ -801,16 +769,3 @@ def known_noise_bound(gain: float, length: float) -> float:
 def kink_quantile(level: float, freedom: int) -> float:
     """Return the square of Student's t that a two-sided interval at `level` takes."""
     return float(stdtrit(freedom, 0.5 + 0.5 * level)) ** 2
-
-
-def step_quantile(level: float, freedom: int) -> float:
-    """Return how much worse, in variances, the fit of a step may be elsewhere at `level`.
-
-    Notes
-    -----
-    About a small step the gain in fit is that of two independent random walks with drift, one to
-    each side: ``P(gain <= x) = (1 - exp(-x/2))^2``, with the exponential averaged over the
-    uncertainty of the variance, ``(1 + x / nu)^(-nu/2)``. For large steps it is conservative.
-    """
-    tail = 1.0 - math.sqrt(level)
-    return float(freedom * math.expm1(-2.0 / freedom * math.log(tail)))

@@ -28,6 +28,8 @@ _CLOCK = (
     r"(?:[T_ -]?(\d{2})[:\-.h]?(\d{2})(?:[:\-.m]?(\d{2}))?)?(Z|[+-]\d{2}:?\d{2})?"
     r"(?![T_ \-.:]?\d)"
 )
+# What an entry takes from an analysis as it is.
+_TOLD = ("machine", "recording", "verdict", "score", "false_alarm_probability")
 # Years 1 to 9999; and what no evidence, no estimate reaches.
 _TIMES_S = -6.21e10, 2.53e11
 _MUCH = 1e9
@@ -277,11 +279,7 @@ def entry_of(analysis: Analysis, time: datetime, time_source: str = "given") -> 
     return Entry(
         time_s=time.timestamp(),
         time_source=time_source,
-        machine=analysis.machine,
-        recording=analysis.recording,
-        verdict=analysis.verdict,
-        score=analysis.score,
-        false_alarm_probability=analysis.false_alarm_probability,
+        **{name: getattr(analysis, name) for name in _TOLD},
         speed_hz=float(analysis.signature.speed.estimated_hz),
         findings=tuple(_finding(flag) for flag in analysis.flags),
         places=tuple(places.values()),
@@ -318,13 +316,9 @@ def _loss(loss: float, sigma: float) -> dict[str, Any]:
     """Return an estimate with its 90 % interval; nothing where there is none."""
     if not (math.isfinite(loss) and math.isfinite(sigma) and sigma > 0):
         return {}
-    loss, half = float(loss), HALF_OF_90 * float(sigma)
-    return {
-        "loss": loss,
-        "loss_low": loss - half,
-        "loss_high": loss + half,
-        "loss_sigma": float(sigma),
-    }
+    low, high = loss - HALF_OF_90 * sigma, loss + HALF_OF_90 * sigma
+    told = {"loss": loss, "loss_low": low, "loss_high": high, "loss_sigma": sigma}
+    return {name: float(value) for name, value in told.items()}
 
 
 def _flag_loss(flag: Flag) -> dict[str, Any]:
@@ -341,11 +335,9 @@ def _finite(value: float) -> float | None:
 
 
 def _finding(flag: Flag) -> str:
-    parts = [flag.kind]
-    parts += [f"stage {flag.stage}"] if flag.stage else []
-    parts += [flag.gear] if flag.gear else []
-    parts += [f"tooth {flag.tooth}"] if flag.tooth else []
-    text = ", ".join(parts)
+    stage = f"stage {flag.stage}" if flag.stage else None
+    tooth = f"tooth {flag.tooth}" if flag.tooth else None
+    text = ", ".join(filter(None, (flag.kind, stage, flag.gear, tooth)))
     loss, low, high = flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high
     if loss is None or low is None or high is None:
         return text
@@ -441,7 +433,7 @@ def _moment(match: re.Match[str] | None) -> datetime | None:
     if match is None:
         return None
     year, _, month, day, *clock = (part or "" for part in match.groups())
-    hour, minute, second, offset = clock or ("", "", "", "")
+    hour, minute, second, offset = clock or [""] * 4
     time = f"{hour or '00'}:{minute or '00'}:{second or '00'}{offset}"
     try:
         return read_time(f"{year}-{month}-{day}T{time}")

@@ -15,6 +15,7 @@ import sqlite3
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import fields
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,7 @@ from gearmon.files import replacing, table_cell, write_atomically
 
 #: "GMhi": SQLite files of other programs have another mark.
 APPLICATION_ID = 0x474D6869
-#: Version 1 had no checksums, version 2 no summaries, and in version 3 only recordings had
-#: checksums; they are read, and renewed when added to.
+#: Earlier versions guarded less, or had no summaries; their files are refused.
 SCHEMA_VERSION = 4
 #: Seconds that a writer waits for others to finish: 20 at once were seen to take turns unevenly.
 _PATIENCE_S = 60.0
@@ -51,10 +51,6 @@ _COLUMNS = {
 _SQL_ENTRY, _SQL_PLACE = (
     ", ".join(f"{name} {_COLUMNS[name][0]}" for name in names) for names in (ENTRY, PLACE)
 )
-_LATEST = """CREATE TABLE IF NOT EXISTS latest
-    (machine TEXT PRIMARY KEY, recordings INTEGER NOT NULL, time_s REAL NOT NULL,
-     verdict TEXT NOT NULL, since_s REAL NOT NULL, score REAL NOT NULL, findings TEXT NOT NULL,
-     loss REAL, loss_low REAL, loss_high REAL, scores TEXT NOT NULL, checksum TEXT)"""
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS recordings
     (id INTEGER PRIMARY KEY, {_SQL_ENTRY}, findings TEXT NOT NULL, checksum TEXT,
@@ -62,7 +58,10 @@ CREATE TABLE IF NOT EXISTS recordings
 CREATE TABLE IF NOT EXISTS places
     (recording_id INTEGER NOT NULL REFERENCES recordings (id) ON DELETE CASCADE, {_SQL_PLACE});
 CREATE INDEX IF NOT EXISTS places_by_recording ON places (recording_id);
-{_LATEST};
+CREATE TABLE IF NOT EXISTS latest
+    (machine TEXT PRIMARY KEY, recordings INTEGER NOT NULL, time_s REAL NOT NULL,
+     verdict TEXT NOT NULL, since_s REAL NOT NULL, score REAL NOT NULL, findings TEXT NOT NULL,
+     loss REAL, loss_low REAL, loss_high REAL, scores TEXT NOT NULL, checksum TEXT);
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {SCHEMA_VERSION};
 """
@@ -90,7 +89,7 @@ def append(path: str | Path, entries: Sequence[Entry], *, replace: bool = False)
     ArgumentError
         If a recording of the same time is there already, or a gear has other teeth than before.
     SignatureError
-        If the file is damaged, of another program or of a later version.
+        If the file is damaged, of another program or of another version.
     """
     with opened(Path(path), create=True) as store:
         replaced = [append_to(store, entry, replace=replace) for entry in entries]
@@ -188,16 +187,14 @@ def _mark(told: Any) -> str:
 
 def vouch(store: sqlite3.Connection, row: sqlite3.Row | dict[str, Any]) -> None:
     """Raise ValueError if a row of `recordings`, or a place of it, is not what was written."""
-    known = dict(row).get("checksum")  # none in files of the first version
-    if known is not None and known != _checksum(store, row["id"]):
+    if row["checksum"] != _checksum(store, row["id"]):
         raise ValueError(f"recording {row['id']} is not what was written")
 
 
 def sound(row: sqlite3.Row | dict[str, Any], names: Sequence[str] = ()) -> dict[str, Any]:
     """Return what was `put`, the columns named or all of them; raise ValueError if it is not."""
-    known = dict(row).get("checksum")  # none in files of former versions
     told = {name: row[name] for name in names or row.keys() if name != "checksum"}
-    if known not in (None, _mark(sorted(told.items()))):
+    if row["checksum"] != _mark(sorted(told.items())):
         raise ValueError("a row is not what was written")
     return told
 
@@ -265,7 +262,7 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
     Raises
     ------
     SignatureError
-        If there is no such file, or it is damaged, of another program or of a later version.
+        If there is no such file, or it is damaged, of another program or of another version.
     ArgumentError
         If the file holds several machines and none was named.
     """
@@ -285,12 +282,12 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
 
 
 def _rows(store: sqlite3.Connection, path: Path, machine: str | None) -> list[sqlite3.Row]:
-    """Give the recordings of a machine; all of them where a damaged name could hide some."""
-    every = "SELECT * FROM recordings"
-    if machine is None or store.execute("PRAGMA user_version").fetchone()[0] < SCHEMA_VERSION:
-        return store.execute(f"{every} ORDER BY time_s").fetchall()
+    """Give the recordings of a machine, by default of all; say if a damaged name hides some."""
+    if machine is None:
+        return store.execute("SELECT * FROM recordings ORDER BY time_s").fetchall()
     named = (as_text(machine),)
-    rows = store.execute(f"{every} WHERE machine = ? ORDER BY time_s", named).fetchall()
+    asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
+    rows = store.execute(asked, named).fetchall()
     told = store.execute("SELECT recordings FROM latest WHERE machine = ?", named).fetchone()
     if len(rows) != (told[0] if told else 0):
         raise _damaged(path, "is a damaged history file", f"recordings of {machine!r} are missing")
@@ -389,18 +386,11 @@ def _prepare(store: sqlite3.Connection, path: Path, *, create: bool) -> None:
         _executed(store, _SCHEMA)
     elif mark != APPLICATION_ID:
         raise SignatureError(f"{path}: is a database of another program, no history of gearmon")
-    elif version > SCHEMA_VERSION:
+    elif version != SCHEMA_VERSION:
+        cure = "use a later one" if version > SCHEMA_VERSION else "analyse the recordings anew"
         raise SignatureError(
-            f"{path}: has schema {version}, this version of gearmon knows {SCHEMA_VERSION}; use a "
-            "later one"
+            f"{path}: has schema {version}, this version of gearmon knows {SCHEMA_VERSION}; {cure}"
         )
-    elif version < SCHEMA_VERSION and create:
-        for table in ("recordings", "latest", "ledger", "alarms"):
-            columns = [row["name"] for row in store.execute(f"PRAGMA table_info({table})")]
-            if columns and "checksum" not in columns:
-                _executed(store, f"ALTER TABLE {table} ADD COLUMN checksum TEXT")
-        _executed(store, f"{_LATEST}; PRAGMA user_version = {SCHEMA_VERSION}")
-        summarise(store, [row[0] for row in store.execute("SELECT machine FROM recordings")])
     if answer not in ("ok", mark):
         raise _damaged(path, "is a damaged history file", answer)
 
@@ -459,21 +449,12 @@ def export_history(history: History, path: str | Path) -> Path:
     if target.suffix.lower() == ".csv":
         write_atomically(target, frame.to_csv(index=False, lineterminator="\n"))
     elif target.suffix.lower() == ".parquet":
-        _write_parquet(frame, history.machine, target)
+        if find_spec("pyarrow") is None:
+            raise ArgumentError(
+                "Parquet files need pyarrow: pip install 'gearmon[parquet]', or use .csv"
+            )
+        with replacing(target) as temporary:
+            frame.to_parquet(temporary, index=False)
     else:
         raise ArgumentError(f"{target}: the name of a table must end in .csv or .parquet")
     return target
-
-
-def _write_parquet(frame: Any, machine: str, path: Path) -> None:
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError:
-        raise ArgumentError(
-            "Parquet files need pyarrow: pip install 'gearmon[parquet]', or use .csv"
-        ) from None
-    about = {"gearmon": json.dumps({"history": 1, "machine": machine})}
-    table = pyarrow.Table.from_pandas(frame, preserve_index=False).replace_schema_metadata(about)
-    with replacing(path) as temporary:
-        pyarrow.parquet.write_table(table, temporary)

@@ -137,8 +137,7 @@ def _with_interval(name: str, values: Iterable[float]) -> dict[str, float | None
 
 
 def follow_tooth(
-    time_s: Sequence[float],
-    places: Sequence[Place],
+    known: Sequence[tuple[float, Place]],
     *,
     followed: int,
     below: float,
@@ -150,10 +149,8 @@ def follow_tooth(
 
     Parameters
     ----------
-    time_s : sequence of float
-        Times of the recordings that estimate its loss, strictly increasing [s].
-    places : sequence of Place
-        What they say, as many.
+    known : sequence of (float, Place)
+        Times of the recordings that estimate its loss, strictly increasing [s], and what they say.
     followed : int, >= 1
         Teeth followed in all, for which probabilities are corrected.
     below : float, in (0, 0.5]
@@ -175,11 +172,9 @@ def follow_tooth(
     Once it has, the trend is fitted with `own_series`, and how it went on is no longer a question
     of how many teeth there are.
     """
-    stated = Series(
-        time_s=np.array(time_s, dtype=float),
-        value=np.array([place.loss for place in places], dtype=float),
-        sigma=np.array([place.loss_sigma for place in places], dtype=float),
-    )
+    rows = [[time, p.loss, p.loss_sigma, p.loss_low, p.loss_high] for time, p in known]
+    time_s, value, sigma, low, high = np.array(rows, dtype=float).T
+    stated = Series(time_s=time_s, value=value, sigma=sigma)
     own, common, missed = own_series(stated)
     trend = fit_trend(stated, below=below / followed, level=level)
     if trend.changes:
@@ -188,22 +183,18 @@ def follow_tooth(
         trend = refined if refined.changes else trend
     trend = replace(trend, common=common, missed=missed)
     chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
-    low, high = (
-        np.array([getattr(place, name) for place in places], dtype=float)
-        for name in ("loss_low", "loss_high")
-    )
-    reach = HALF_OF_90 * stated.sigma
-    low = np.where(np.isnan(low), stated.value - reach, low)
+    low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
     clear = low > 0
     by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
     several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
+    place = known[0][1]
     return ToothTrend(
-        stage=places[0].stage,
-        gear=places[0].gear,
-        tooth=places[0].tooth,
+        stage=place.stage,
+        gear=place.gear,
+        tooth=place.tooth,
         trend=trend,
         low=low,
-        high=np.where(np.isnan(high), stated.value + reach, high),
+        high=np.where(np.isnan(high), value + HALF_OF_90 * sigma, high),
         stands=several and (bool(trend.changes) or by_chance * followed < below),
         false_alarm_probability=min(1.0, min(chances) * followed),
         recordings=recordings,
@@ -357,10 +348,8 @@ def history_trends(
     followed = _followed(history)
 
     def follow(key: _Key, until: float = np.inf) -> ToothTrend:
-        known = [(time, place) for time, place in followed[key] if time <= until]
         return follow_tooth(
-            [time for time, _ in known],
-            [place for _, place in known],
+            [(time, place) for time, place in followed[key] if time <= until],
             followed=len(followed),
             below=_LOSS_SHARE * below,
             level=level,

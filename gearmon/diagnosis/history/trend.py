@@ -32,8 +32,6 @@ from gearmon.errors import ArgumentError, check_finite, check_range
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-#: Places of the latest growth over which intervals are profiled; fewer of long series.
-_PLACES, _LEAST_PLACES, _MOST_NUMBERS = 160, 20, 200_000
 #: How far a trend is followed to a limit, in lengths of the series (beyond is as good as never),
 #: and in how many steps up to the last recording and from there.
 _NEAREST, _FARTHEST, _STEPS = 1e-3, 100.0, (100, 150)
@@ -114,7 +112,7 @@ class Trend:
             `high` is nowhere below `missed`, however often nothing was found.
         """
         times = np.atleast_1d(np.asarray(time_s, dtype=float))
-        value, low, high = self._widened(*self._allowed(times))
+        value, low, high = self._allowed(times)
         missed = np.where(value < self.missed, self._most * self.missed, high)
         return value, low, np.maximum(high, missed)
 
@@ -122,13 +120,8 @@ class Trend:
         """Slope at the last recording with its interval [1/s]; zeros for a level series."""
         if not self.grows:
             return 0.0, 0.0, 0.0
-        value, low, high = self._widened(*self._allowed(self.series.time_s[-1:], rates=True))
+        value, low, high = self._allowed(self.series.time_s[-1:], rates=True)
         return float(value[0]), float(low[0]), float(high[0])
-
-    @property
-    def _rises(self) -> bool:
-        """Whether the rate at the last recording is surely above zero, whatever all share."""
-        return self.grows and bool(self._allowed(self.series.time_s[-1:], rates=True)[1][0] > 0)
 
     def crossing(self, limit: float) -> Crossing:
         """When the trend reaches a limit from below.
@@ -170,7 +163,7 @@ class Trend:
             return f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
         if not self.grows:
             return "no growth that noise would not make as well"
-        if not self._rises:
+        if self.rate()[1] <= 0:
             return "the present rate is not surely above zero"
         return "the present rate does not lead to the limit" if time is None else ""
 
@@ -184,19 +177,12 @@ class Trend:
         first, last = self.series.time_s[[0, -1]]
         ahead = last + (last - first) * np.geomspace(_NEAREST, _FARTHEST, _STEPS[1])
         times = np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
-        value, low, high = self._allowed(times)
-        time, early, late = (_reached(times, x, limit) for x in (value, high, low))
+        time, late, early = (_reached(times, x, limit) for x in self.at(times))
         if time is None:
             return None, None, None
         early = max(start, time if early is None else min(early, time))
         # what may not rise now may never get there
-        late = max(late, time) if late is not None and self._rises else None
-        # what all values share is as if the limit lay elsewhere
-        nearer, farther = (_reached(times, value, limit * x) for x in (1 / self._most, self._most))
-        if nearer is not None:
-            early = max(start, time - math.hypot(time - early, time - nearer))
-        if late is not None and farther is not None:
-            late = time + math.hypot(late - time, farther - time)
+        late = max(late, time) if late is not None and self.rate()[1] > 0 else None
         return time, early, late
 
     @property
@@ -210,62 +196,48 @@ class Trend:
         """How many times larger all values may be, or smaller, by what they share."""
         return math.exp(float(ndtri(0.5 + 0.5 * self.level)) * self.common)
 
-    def _widened(
-        self, value: FloatArray, low: FloatArray, high: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Add what all values share to an interval."""
-        size = np.maximum(value, 0.0)
-        below = np.hypot(value - low, (1.0 - 1.0 / self._most) * size)
-        return value, value - below, value + np.hypot(high - value, (self._most - 1.0) * size)
-
     def _allowed(
         self, times: FloatArray, *, rates: bool = False
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Value of the trend, or its rate, and the ends of what the data allow."""
-        fits, which, budget = self._candidates
+        fits, which, room = self._candidates
         value, variance = fits.at(times, which, rates=rates)
         # where any strain is allowed, none is as well: without end
-        half = np.sqrt(np.maximum(variance, np.finfo(float).tiny) * budget[:, None])
-        return value[0], (value - half).min(axis=0), (value + half).max(axis=0)
+        half = np.sqrt(np.maximum(variance, np.finfo(float).tiny) * room[:, None])
+        told, size = value[0], np.maximum(value[0], 0.0)
+        below, above = told - (value - half).min(axis=0), (value + half).max(axis=0) - told
+        # and what all values share
+        below = np.hypot(below, (1.0 - 1.0 / self._most) * size)
+        return told, told - below, told + np.hypot(above, (self._most - 1.0) * size)
 
     @cached_property
     def _candidates(self) -> tuple[Fits, IntArray, FloatArray]:
         """Fits, which of them the data allow, that told first, and how far, squared, each strains.
 
-        They are those of the latest growth, or of a step, from all places.
+        They are those of the latest growth, or of a step, from all places. That growth comes to a
+        halt is taken only from data that say so: no limit would be sure.
         """
-        last, times = self._last, self.series.time_s
-        others = [change for change in self.changes if change is not last]
-        if last is None or last.kind == "step":
+        last = self._last
+        others = tuple(change for change in self.changes if change is not last)
+        if last is None:
             # a step before the first recording is none
-            places = times[:1] - 1.0 if last is None else 0.5 * (times[1:] + times[:-1])
-            fits = Fits.of_step(self.series, others, places)
+            before, step = self.series.time_s[:1] - 1.0, np.zeros(1, dtype=np.int64)
+            fits = Fits(series=self.series, known=others, places=before, courses=step)
+            kept = own = np.ones(1, dtype=np.bool_)
         else:
-            count = max(_LEAST_PLACES, min(_PLACES, _MOST_NUMBERS // len(times)))
-            places = np.union1d(np.linspace(times[0], times[-2], count), [last.time_s])
-            fits = Fits.of_growth(self.series, others, places)
-        told = 0
-        if last is not None:
-            away = np.abs(fits.places - last.time_s)
-            told = int(
-                np.argmin(np.where(fits.courses == COURSES.index(last.growth), away, np.inf))
-            )
-        budget = self._budget(fits.left)
-        # that growth comes to a halt is taken only from data that say so: no limit would be sure
-        halts = np.array([course.folds < 0 for course in COURSES])[fits.courses]
-        allowed = np.flatnonzero((budget >= 0) & ~halts)
-        which = np.concatenate([[told], allowed[allowed != told]])
-        return fits, which, np.maximum(budget[which], 0.0)
-
-    def _budget(self, left: FloatArray) -> FloatArray:
-        """Return how far, squared, each fit may be strained; negative where it is excluded."""
-        freedom = len(self.series) - 1 - 2 * len(self.changes)
-        if freedom < 1:
-            return np.full(len(left), math.inf)
-        # an agreement better than the stated uncertainties allow is not taken at its word
-        least = 1.0 if self.series.sigma_known else 0.0
-        variance = max(float(left.min()) / freedom, least)
-        return np.asarray(variance * kink_quantile(self.level, freedom) - (left - left.min()))
+            fits = Fits.of_all(self.series, others)
+            own = fits.courses == COURSES.index(last.growth)
+            own &= fits.places == last.time_s
+            lasting = np.array([growth.folds >= 0 for growth in COURSES])[fits.courses]
+            kept = lasting & (fits.courses > 0) if last.kind == "growth" else fits.courses == 0
+        which = np.concatenate([np.flatnonzero(own), np.flatnonzero(kept & ~own)])
+        if fits.freedom < 1:
+            return fits, which, np.full(len(which), math.inf)
+        most = fits.variance * kink_quantile(self.level, fits.freedom)
+        room = most - (fits.left[which] - fits.left[which].min())
+        allowed = room >= 0
+        allowed[0] = True
+        return fits, which[allowed], np.maximum(room[allowed], 0.0)
 
 
 def fit_trend(

@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -213,9 +213,9 @@ def family_gain_db(
     def of(values: NDArray[Any], channels: Sequence[int], own: Sequence[str]) -> NDArray[Any]:
         return values[np.ix_(channels, [list(own).index(name) for name in common])]
 
-    heard = of(signature.heard, rows, names)
-    for profile in reference.profiles:
-        heard = heard & of(profile.heard, theirs, profile.family_names)
+    heard = of(signature.heard, rows, names) & np.all(
+        [of(p.heard, theirs, p.family_names) for p in reference.profiles], axis=0
+    )
     healthy = of(reference.level_db.mean(axis=0), theirs, reference.family_names)
     moved = of(signature.level_db, rows, names) - healthy
     return np.array(
@@ -310,7 +310,7 @@ def _finding(
     channel_names: Sequence[str],
 ) -> NonGearFinding:
     order = sorted(series.labels, key=lambda i: changes[i].log10_probability)
-    told = order[:_SENTENCES]
+    told = [_sentence(changes[i], series.labels[i], channel_names) for i in order[:_SENTENCES]]
     return NonGearFinding(
         kind=series.kind,
         name=series.name,
@@ -318,7 +318,7 @@ def _finding(
         orders=series.orders,
         width=width,
         log10_probability=min(0.0, changes[order[0]].log10_probability),
-        evidence=tuple(_sentence(changes[i], series.labels[i], channel_names) for i in told),
+        evidence=tuple(told),
     )
 
 
@@ -357,28 +357,23 @@ def _line_changes(
             rises.append(_rise(line, lines, healthy, np.array(told), listed, gain_db))
     if not rises:
         return []
-    found = []
-    for rise, sigma, expected in zip(rises, *_healthy_law(rises, lines, healthy), strict=True):
-        grid, new = lines.grid(rise.line.kind), not rise.listed.any()
-        # a new line may be a peak of mere noise as well
-        ratio = 10 ** (max(rise.line.over_noise_db) / 10)
-        peaks = grid.looked_at * float(noise_exceeds(ratio, grid.pieces)) if new else 0.0
-        change = LineChange(
+    return [
+        LineChange(
             line=rise.line,
             change_db=rise.change,
             sigma_db=float(sigma),
-            new=new,
-            log10_probability=float(np.log10(max(expected + peaks, 10.0**_LEAST_LOG10))),
+            new=not rise.listed.any(),
+            log10_probability=float(np.log10(max(expected, 10.0**_LEAST_LOG10))),
         )
-        found.append(change)
-    return found
+        for rise, sigma, expected in zip(rises, *_healthy_law(rises, lines, healthy), strict=True)
+    ]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Rise:
+class _Rise(NamedTuple):
     """Level of a line in the healthy recordings and its rise, over the channels that hear it [dB].
 
-    `variance` is what the noise and a change of speed add to the rise [dB^2].
+    `variance` is what the noise and a change of speed add to the rise [dB^2], `peaks` how many
+    peaks of mere noise are as high, of a new line.
     """
 
     line: NonGearLine
@@ -386,6 +381,7 @@ class _Rise:
     then: FloatArray  # (recordings,)
     variance: float
     listed: NDArray[np.bool_]
+    peaks: float
 
 
 def _rise(
@@ -396,8 +392,8 @@ def _rise(
     listed: NDArray[np.bool_],
     gain_db: FloatArray,
 ) -> _Rise:
-    over = np.array(line.over_noise_db)
-    heard = over >= min(lines.grid(line.kind).least_db, over.max())
+    over, grid = np.array(line.over_noise_db), lines.grid(line.kind)
+    heard = over >= min(grid.least_db, over.max())
     now = np.array(line.level_db) - (gain_db if line.kind == "spectrum" else 0.0)
     # a level that is read in noise, mean over channels
     ratio = 10 ** (np.minimum(over[heard], 200.0) / 10)
@@ -406,8 +402,9 @@ def _rise(
         moves = min(abs(lines.speed_hz / other.speed_hz - 1) for other in healthy)
         variance += speed_scatter_db(moves) ** 2 / float(heard.sum())
     then = then_db[:, heard].mean(axis=1)
-    change = float(now[heard].mean() - then.mean())
-    return _Rise(line=line, change=change, then=then, variance=variance, listed=listed)
+    exceeding = float(noise_exceeds(10 ** (over.max() / 10), grid.pieces))
+    peaks = 0.0 if listed.any() else grid.looked_at * exceeding
+    return _Rise(line, float(now[heard].mean() - then.mean()), then, variance, listed, peaks)
 
 
 def _healthy_law(
@@ -417,10 +414,10 @@ def _healthy_law(
 
     The prior is joined by the scatter among the healthy recordings; unrelated lines are counted.
     """
-    then, listed = (np.array([getattr(r, name) for r in rises]) for name in ("then", "listed"))
-    change, noise = (np.array([getattr(r, name) for r in rises]) for name in ("change", "variance"))
+    found, *columns = zip(*rises, strict=True)
+    change, then, noise, listed, peaks = (np.array(column) for column in columns)
     share, count = np.empty(len(rises)), len(healthy)
-    for group in _sources([rise.line for rise in rises], lines):
+    for group in _sources(found, lines):
         share[group] = len(group) ** (_ALIKE_POWER - 1)
     # the variance of a difference is twice that of either level
     squares, known = 2 * count * then.var(axis=1), listed.all(axis=1)
@@ -433,7 +430,7 @@ def _healthy_law(
     seen = (_LEAST_HIDDEN + share[listed.any(axis=1)].sum()) * stdtr(worth, -change / sigma)
     # a hidden source has to come out of the noise first
     out = stdtr(worth, -(change[:, None] + np.array(hidden)) / sigma[:, None])
-    return sigma, np.asarray(seen + out.sum(axis=1) / count)
+    return sigma, np.asarray(seen + out.sum(axis=1) / count + peaks)
 
 
 @lru_cache(maxsize=64)
@@ -443,13 +440,8 @@ def _hidden(lines: NonGearLines) -> tuple[float, ...]:
     As many stand so far below it as stand above; those that only other channels heard do stand
     below.
     """
-    return tuple(
-        abs(
-            max(max(lines.lines[i].over_noise_db) for i in group)
-            - lines.grid(lines.lines[group[0]].kind).least_db
-        )
-        for group in _sources(lines.lines, lines)
-    )
+    over = [max(x.over_noise_db) - lines.grid(x.kind).least_db for x in lines.lines]
+    return tuple(abs(max(over[i] for i in group)) for group in _sources(lines.lines, lines))
 
 
 def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int]]:

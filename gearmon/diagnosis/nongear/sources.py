@@ -117,19 +117,13 @@ class _Naming:
     slips: dict[str, float] = field(default_factory=dict)
 
     def mains(self, left: set[int]) -> list[NamedSeries]:
-        found = [
-            NamedSeries(
-                kind="electrical",
-                name=f"mains, multiples of {mains:g} Hz",
-                labels={
-                    i: f"{round(self.lines[i].frequency_hz / mains)} x {mains:g} Hz"
-                    for i in sorted(left)
-                    if self._of_mains(self.lines[i], mains)
-                },
-            )
-            for mains in MAINS_HZ
-        ]
-        return [series for series in found if series.labels]
+        found = []
+        for mains in MAINS_HZ:
+            own = [i for i in sorted(left) if self._of_mains(self.lines[i], mains)]
+            labels = {i: f"{round(self.lines[i].frequency_hz / mains)} x {mains:g} Hz" for i in own}
+            name = f"mains, multiples of {mains:g} Hz"
+            found += [NamedSeries(kind="electrical", name=name, labels=labels)] if own else []
+        return found
 
     def _of_mains(self, line: NonGearLine, mains: float) -> bool:
         multiple = round(line.frequency_hz / mains)

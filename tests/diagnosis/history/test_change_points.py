@@ -19,7 +19,6 @@ from gearmon.diagnosis.history import (
 from gearmon.diagnosis.history.changes import (
     kink_quantile,
     known_noise_bound,
-    step_quantile,
     tube_bound,
 )
 from gearmon.errors import ArgumentError
@@ -99,11 +98,9 @@ def test_values_quieter_than_they_are_said_to_be_show_no_change():
     assert change.high_s - change.low_s > 0.2 * DAY
 
 
-def test_quantiles_have_their_limits():
-    # the normal distribution, and the two random walks about a small step
+def test_quantiles_have_their_limit():
+    # the normal distribution
     assert kink_quantile(0.9, 10**7) == pytest.approx(1.6448536**2, rel=1e-5)
-    x = step_quantile(0.9, 10**7)
-    assert (1 - math.exp(-x / 2)) ** 2 == pytest.approx(0.9, rel=1e-5)
 
 
 # false alarms

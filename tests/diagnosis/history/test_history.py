@@ -292,7 +292,7 @@ def test_another_machine_under_the_same_name_is_refused(tmp_path):
         append(path, [entry(1, [tooth(1, 0.0, teeth=7)])])
 
 
-@pytest.mark.parametrize("kind", ["text", "other", "later", "cut", "broken", "empty"])
+@pytest.mark.parametrize("kind", ["text", "other", "earlier", "later", "cut", "broken", "empty"])
 def test_unusable_files_give_one_clear_line(tmp_path, kind):
     path = tmp_path / "history.db"
     if kind == "text":
@@ -306,8 +306,8 @@ def test_unusable_files_give_one_clear_line(tmp_path, kind):
     else:
         append(path, cracked(20).entries)
         with sqlite3.connect(path) as store:
-            if kind == "later":
-                store.execute("PRAGMA user_version = 99")
+            if kind in ("earlier", "later"):
+                store.execute(f"PRAGMA user_version = {3 if kind == 'earlier' else 99}")
             store.execute("PRAGMA journal_mode = DELETE")
         store.close()
         data = path.read_bytes()
