@@ -8,7 +8,6 @@ import pytest
 from gearmon.benchmark import run_case, summary_rows
 from gearmon.benchmark.detection import (
     NOTHING,
-    Outcome,
     _around,
     detection_summary,
     with_learning,
@@ -102,8 +101,8 @@ def test_learning_is_trained_on_other_machines():
     for machine in range(6):
         for kind, shift in (("healthy", 0.0), ("healthy", 0.0), ("tooth", 6.0)):
             features = rng.normal(shift, 1.0, 4)
-            outcomes.append(Outcome(row=row(kind, 0.2, machine=machine), features=features))
-    outcomes.append(Outcome(row=row(verdict="refused")))
+            outcomes.append((row(kind, 0.2, machine=machine), features))
+    outcomes.append((row(verdict="refused"), np.zeros(0)))
     rows = with_learning(outcomes)
     assert rows[-1]["plain learning"] is None
     assert value(detection_summary(rows), "ROC area", "loss 0.2", "plain learning")[0] > 0.95

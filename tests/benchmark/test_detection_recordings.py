@@ -12,7 +12,6 @@ from gearmon.benchmark.detection import OTHERS, SIZES
 from gearmon.benchmark.detection_machines import (
     GEARS,
     MESH_HZ,
-    Bench,
     Condition,
     Setting,
     draw_machine,
@@ -24,7 +23,7 @@ SHORT = Setting(seed=5, duration_s=1.0)
 
 @pytest.fixture(scope="module")
 def bench():
-    return Bench(drawn=draw_machine(np.random.default_rng(2), channels=2))
+    return draw_machine(np.random.default_rng(2), channels=2)
 
 
 @pytest.fixture
@@ -48,7 +47,7 @@ def test_machines_can_be_heard_and_differ():
 
 def test_same_seeds_same_recording(bench):
     one = bench.take(Condition(), SHORT)
-    again = Bench(drawn=draw_machine(np.random.default_rng(2), channels=2)).take(Condition(), SHORT)
+    again = draw_machine(np.random.default_rng(2), channels=2).take(Condition(), SHORT)
     assert np.array_equal(one.recording.samples, again.recording.samples)
     other = bench.take(Condition(), replace(SHORT, seed=6))
     assert not np.array_equal(one.recording.samples, other.recording.samples)
@@ -95,7 +94,7 @@ def test_vibration_is_a_part_with_the_load_and_a_part_of_errors(bench):
 @pytest.mark.usefixtures("quiet")
 @pytest.mark.parametrize("gear", GEARS)
 def test_damaged_tooth_departs_once_a_turn_where_it_meshes(bench, gear):
-    drawn = bench.drawn
+    drawn = bench
     number = len(drawn.stages)
     stage = drawn.stages[-1]
     teeth = stage.gears[GEARS.index(gear)].teeth
