@@ -35,6 +35,7 @@ from gearmon.study.pair import (
     stiffness_signals,
     waveform_error,
 )
+from gearmon.terminal import Progress, followed, part_of
 
 #: Mesh periods from rest under each form of stiffness, and points in each.
 PERIODS, POINTS = 3, 1000
@@ -234,17 +235,16 @@ class Sweep:
         return np.array([what(point) for point in self.points])
 
 
-def run_sweeps(progress: Callable[[float], None]) -> dict[str, Sweep]:
+def run_sweeps(progress: Progress | None) -> dict[str, Sweep]:
     """Solve all sweeps; the keys are the names of the parameters."""
-    total, done, found = sum(len(values) for *_, values in SWEEPS.values()), 0, {}
-    for name, (label, unit, scale, values) in SWEEPS.items():
-        points = []
-        for value in values:
-            points.append(operate(replace(REFERENCE, **{name: value})))
-            done += 1
-            progress(done / total)
-        found[name] = Sweep(name=name, label=label, unit=unit, scale=scale, points=tuple(points))
-    return found
+    cases = [(name, value) for name, (*_, values) in SWEEPS.items() for value in values]
+    points: dict[str, list[Operation]] = {name: [] for name in SWEEPS}
+    for name, value in followed(cases, len(cases), progress):
+        points[name].append(operate(replace(REFERENCE, **{name: value})))
+    return {
+        name: Sweep(name=name, label=label, unit=unit, scale=scale, points=tuple(points[name]))
+        for name, (label, unit, scale, _) in SWEEPS.items()
+    }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -563,7 +563,7 @@ class StudyResults:
     speed: SpeedStudy
 
 
-def run_study(progress: Callable[[float], None] | None = None, quick: bool = False) -> StudyResults:
+def run_study(progress: Progress | None = None, quick: bool = False) -> StudyResults:
     """Compute the whole study, in about 20 s.
 
     Parameters
@@ -578,18 +578,14 @@ def run_study(progress: Callable[[float], None] | None = None, quick: bool = Fal
     StudyResults
     """
     done = progress or (lambda _: None)
-    forms = form_responses()
+    forms, reference = form_responses(), operate(REFERENCE)
     done(0.25)
-    sweeps = run_sweeps(lambda share: done(0.25 + 0.3 * share))
-    orders, contact = study_orders(), study_contact(every=4 if quick else 1)
-    done(0.75)
-    reference = operate(REFERENCE)
     results = StudyResults(
         forms=forms,
         reference=reference,
-        sweeps=sweeps,
-        orders=orders,
-        contact=contact,
+        sweeps=run_sweeps(part_of(done, 0.25, 0.3)),
+        orders=study_orders(),
+        contact=study_contact(every=4 if quick else 1),
         damage=study_damage(forms["fourier-half"].signal),
         harvest=study_harvest(reference.response),
         speed=study_speed(1, QUICK_TOLERANCES) if quick else study_speed(),

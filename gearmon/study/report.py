@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -16,7 +16,7 @@ from gearmon.report.page import base64_text, template
 from gearmon.report.wording import rows_as_csv
 from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
 from gearmon.study.experiments import StudyResults, run_study
-from gearmon.study.pair import Operation
+from gearmon.terminal import Progress, followed, part_of
 
 #: Share of the time that computing takes; the rest is drawing.
 COMPUTING_SHARE = 0.6
@@ -78,7 +78,7 @@ class StudyReport:
         }
 
 
-def write_study(folder: str | Path, progress: Callable[[float], None] | None = None) -> StudyReport:
+def write_study(folder: str | Path, progress: Progress | None = None) -> StudyReport:
     """Compute the study, hold it against its claims, and write everything to a folder.
 
     Parameters
@@ -102,29 +102,25 @@ def write_study(folder: str | Path, progress: Callable[[float], None] | None = N
     -----
     About half a minute: it integrates many equations of motion and measures run times.
     """
-    target, tell = Path(folder), progress or (lambda _: None)
+    target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ArgumentError(f"{target}: cannot make this folder ({error.strerror})") from None
-    results = run_study(lambda share: tell(COMPUTING_SHARE * share))
-    return write_results(
-        results, target, lambda share: tell(COMPUTING_SHARE + (1 - COMPUTING_SHARE) * share)
-    )
+    results = run_study(part_of(progress, 0.0, COMPUTING_SHARE))
+    return write_results(results, target, part_of(progress, COMPUTING_SHARE, 1 - COMPUTING_SHARE))
 
 
 def write_results(
-    results: StudyResults, folder: Path, progress: Callable[[float], None] | None = None
+    results: StudyResults, folder: Path, progress: Progress | None = None
 ) -> StudyReport:
     """Write a study that is computed already; see `write_study`."""
     from gearmon.study.plots import save_picture  # drawing is slow to load
 
     judged, pictures = judge(results), []
-    for number, picture in enumerate(PICTURES, start=1):
+    for picture in followed(PICTURES, len(PICTURES), progress):
         pictures.append(folder / f"{picture['name']}.png")
         save_picture(picture["name"], results, pictures[-1])
-        if progress is not None:
-            progress(number / len(PICTURES))
     figures = [
         {"figure": number, "picture": f"{row['name']}.png", "title": row["title"]}
         for number, row in FIGURES.items()
@@ -155,7 +151,7 @@ def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list
         index=FIGURES,
         pictures=[{"picture": picture, "data": png} for picture, png in pairs],
         sweeps=[
-            (sweep.label, zip(sweep.shown, map(_operation, sweep.points), strict=True))
+            (sweep.label, zip(sweep.shown, (point.figures for point in sweep.points), strict=True))
             for sweep in results.sweeps.values()
         ],
         speed=results.speed,
@@ -189,33 +185,10 @@ def claim_rows(judged: Sequence[Finding]) -> list[dict[str, Any]]:
 def sweep_rows(results: StudyResults) -> list[dict[str, Any]]:
     """One row for every value of every sweep."""
     return [
-        {"parameter": sweep.name, "value": float(value)} | _operation(point)
+        {"parameter": sweep.name, "value": float(value)} | point.figures
         for sweep in results.sweeps.values()
         for value, point in zip(sweep.values, sweep.points, strict=True)
     ]
-
-
-def _operation(point: Operation) -> dict[str, Any]:
-    problem, waveform = point.response.problem, point.waveform
-    return {
-        "natural_frequency_hz": problem.natural_frequency_hz,
-        "damping_ratio": problem.damping_ratio,
-        "mean_displacement_m": float(point.response.displacement[0].real),
-        "displacement_swing_m": point.swing_m,
-        "least_displacement_m": float(waveform.displacement_m.min()),
-        "least_mesh_force_n": float(waveform.mesh_force_n.min()),
-        "peak_acceleration_ms2": point.peak_acceleration,
-        "peak_harmonic": point.peak_harmonic,
-        "total_energy_j_per_kg": point.total_energy,
-        "total_energy_j": point.total_energy * point.parameters.mass_kg,
-        "mean_energy_frequency_hz": point.energy_centroid_hz,
-        "energy_band_hz": point.energy_band_hz,
-        "second_order_error": point.second_order_error,
-        "start_error": point.start.error,
-        "start_method": point.start.method,
-        "error_bound": point.response.error_bound,
-        "method": point.response.method,
-    }
 
 
 def shown_number(value: float | None) -> str:
