@@ -287,8 +287,8 @@ def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Conditio
             if condition.kind == "tooth":
                 right = (flag.stage, flag.gear) == (condition.stage, condition.gear)
                 both = (taken, found), (first, healthy)
-                error = _tooth_error(drawn, condition, flag, both) if right else None
-                row |= {"gear_right": right, "tooth_error": error}
+                away = tooth_error(drawn, condition, flag, both) if right else None
+                row |= {"gear_right": right, "tooth_error": away}
         if not (found.signature.found and healthy.signature.found):
             return row, np.zeros(0)
         risen, features = rises(found, healthy)
@@ -297,17 +297,25 @@ def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Conditio
     return outcome
 
 
-def _tooth_error(
+def tooth_error(
     drawn: DrawnMachine,
     condition: Condition,
     flag: Flag,
     recordings: Sequence[tuple[Taken, Analysis]],
 ) -> float | None:
-    """Distance of the tooth found from the true one [teeth].
+    """Return the distance of the tooth found from the true one [teeth]; None without a place.
 
-    A number is one from the pulse on shaft 1 where the gear turns with it, else one from the
-    angle zero of the new recording or of the reference: either is as good. A place is where the
-    contact has its middle.
+    Parameters
+    ----------
+    drawn : DrawnMachine
+    condition : Condition
+        The truth.
+    flag : Flag
+        Its tooth is counted from the pulse on shaft 1 where the gear turns with it, else from the
+        angle zero of the new recording or of the reference: either is as good. Without a number
+        the place of the gear's profile is taken, where the contact has its middle.
+    recordings : sequence of (Taken, Analysis)
+        The new one and the reference.
     """
     number, side = condition.stage - 1, GEARS.index(condition.gear)
     stage = drawn.stages[number]

@@ -14,7 +14,6 @@ the housing: lines that wander with the speed meet its resonances as they do in 
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -203,13 +202,6 @@ class HiddenGear:
     pitch_m: FloatArray
     runout_m: NDArray[np.complex128]
 
-    def runout(self, points: int) -> FloatArray:
-        """Return the runout over one turn [m], so many points a mesh period."""
-        angle = 2j * np.pi * np.arange(self.teeth * points) / (self.teeth * points)
-        harmonic = np.arange(1, len(self.runout_m) + 1)
-        wave: FloatArray = (self.runout_m @ np.exp(np.outer(harmonic, angle))).real
-        return wave
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HiddenStage:
@@ -243,12 +235,13 @@ def draw_machine(
     channels : int, optional
         Sensors; 1 or 2 by default.
     """
-    found: list[StageMechanics] = []
-    while not found:
-        if (machine := _draw_file(rng, number)) is None:
-            continue
-        with suppress(ArgumentError):  # gears that cannot run together
+    while True:
+        try:
+            machine = _draw_file(rng, number)
             found = [stage_mechanics(machine, n + 1) for n in range(len(machine.stages))]
+        except ArgumentError:
+            continue  # a recording could not show it, or its gears cannot run together
+        break
     stages = tuple(_hide(rng, mechanics, machine) for mechanics in found)
     sensors = int(rng.integers(1, 3)) if channels is None else channels
     path = _draw_path(rng, sensors, len(stages))
@@ -256,23 +249,24 @@ def draw_machine(
     return DrawnMachine(machine=machine, stages=stages, path=path, bearing_orders=orders)
 
 
-def _draw_file(rng: np.random.Generator, number: int) -> Machine | None:
-    """Return a random machine, or None if a recording could not show it."""
+def _draw_file(rng: np.random.Generator, number: int) -> Machine:
+    """Return a random machine; refuse one that a recording could not show."""
     count = int(rng.integers(1, 3))
     speed_hz = rng.uniform(*SPEED_HZ)
     module, order, stages = rng.uniform(*MODULE_MM), 1.0, []
     for _ in range(count):
         pinion = int(rng.integers(PINION_TEETH[0], PINION_TEETH[1] + 1))
         gear = int(rng.integers(GEAR_TEETH[0], GEAR_TEETH[1] + 1))
-        if pinion == gear or not 0.6 <= gear / pinion <= LARGEST_RATIO:
-            return None
-        if not MESH_HZ[0] <= order * pinion * speed_hz <= MESH_HZ[1]:
-            return None
+        ratio, mesh_hz = gear / pinion, order * pinion * speed_hz
+        if pinion == gear or not 0.6 <= ratio <= LARGEST_RATIO:
+            raise ArgumentError(f"{pinion}/{gear} teeth are no pair that is drawn")
+        if not MESH_HZ[0] <= mesh_hz <= MESH_HZ[1]:
+            raise ArgumentError(f"a recording does not show a mesh frequency of {mesh_hz:.0f} Hz")
         stages.append(_draw_stage(rng, pinion, gear, module))
         order *= pinion / gear
         module *= rng.uniform(1.1, 1.5)
     if order * speed_hz < SLOWEST_HZ:
-        return None
+        raise ArgumentError(f"a recording is too short for a shaft of {order * speed_hz:.1f} Hz")
     width_mm = float(stages[0].face_width_mm or 0.0)
     radius_m = 0.5e-3 * float(stages[0].module_mm or 0.0) * stages[0].pinion_teeth
     torque_nm = float(f"{rng.uniform(*LOAD_N_PER_MM) * width_mm * radius_m:.4g}")
@@ -323,7 +317,8 @@ def _draw_gear(rng: np.random.Generator, teeth: int) -> HiddenGear:
 def _draw_path(rng: np.random.Generator, channels: int, stages: int) -> FloatArray:
     """Draw modes of the housing; return their impulse responses until the slowest is at 1e-4."""
     modes = int(rng.integers(MODES[0], MODES[1] + 1))
-    own_hz = np.exp(rng.uniform(*np.log(MODE_BAND_HZ), modes))
+    low, high = np.log(MODE_BAND_HZ)
+    own_hz = np.exp(rng.uniform(low, high, modes))
     damping = rng.uniform(*MODE_DAMPING, modes)
     gain = rng.normal(size=(channels, stages, modes))
     decay = 2 * np.pi * own_hz * damping
@@ -440,7 +435,9 @@ class DrawnMachine:
     stages: tuple[HiddenStage, ...]
     path: FloatArray
     bearing_orders: FloatArray
-    _tables: dict[tuple[Any, ...], ComplexArray] = field(default_factory=dict, repr=False)
+    _tables: dict[tuple[Any, ...], ComplexArray] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @property
     def speed_hz(self) -> float:
@@ -456,7 +453,7 @@ class DrawnMachine:
     def shaft_orders(self) -> FloatArray:
         """Turns of every shaft per turn of shaft 1."""
         ratios = [stage.gears[0].teeth / stage.gears[1].teeth for stage in self.stages]
-        return np.cumprod([1.0, *ratios])
+        return np.asarray(np.cumprod([1.0, *ratios]), dtype=np.float64)
 
     def take(self, condition: Condition, setting: Setting) -> Taken:
         """Make a recording.
@@ -589,7 +586,8 @@ def gear_marks(
     rng = np.random.default_rng([condition.seed, 12])
     whole = model.wave(np.ones(gear.teeth))
     deflection = stage.mechanics.force_n / model.stiffness_n_per_m
-    error = gear.runout(model.points) + model.wave(gear.pitch_m) / whole
+    runout = np.fft.irfft(np.append(0j, gear.runout_m / 2), len(whole), norm="forward")
+    error = runout + model.wave(gear.pitch_m) / whole
     phase = np.arange(len(whole)) / model.points
     angle = 2 * np.pi * phase / gear.teeth
     loss: FloatArray | float = 0.0
