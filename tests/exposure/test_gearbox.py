@@ -51,8 +51,8 @@ def found(*faults):
     return gearmon.gear_share(recording(), exposure(), machine(), faults)
 
 
-def exposure():
-    return gearmon.vibration_exposure(recording(), "hand")
+def exposure(position="hand"):
+    return gearmon.vibration_exposure(recording(), position)
 
 
 def weight(frequency):
@@ -87,6 +87,14 @@ def test_damage_adds_what_its_lines_are_through_the_path(fault):
     added = sum(of_mesh(gain, fault) - of_mesh(gain) for gain in GAIN)
     assert point.damaged_ms2**2 - point.value_ms2**2 == pytest.approx(added, rel=0.05)
     assert point.value_ms2 == pytest.approx(exposure().value_ms2, rel=0.01)
+
+
+@pytest.mark.parametrize("position", ["hand", "seat"])
+def test_the_present_operating_point_is_felt_as_it_was_measured(position):
+    """All axes count at the hand, the worst at the seat."""
+    felt = exposure(position)
+    (point,) = gearmon.gear_share(recording(), felt, machine()).points
+    assert point.value_ms2 == pytest.approx(felt.value_ms2, rel=0.01)
 
 
 def test_operating_points_are_ranked_by_what_is_felt():
