@@ -82,7 +82,7 @@ class Conveyor:
         progress: Progress | None,
         further: int,
         seed: int,
-        settings: Sequence[dict[str, float]],
+        settings: Sequence[dict[str, Any]],
         name: str = "healthy-{load:.2f}",
     ) -> Conveyor:
         """Write its machine file, record it at several settings, and keep the reference.
@@ -407,7 +407,7 @@ def day_demo(folder: Path, progress: Progress | None = None) -> Demo:
     drive = Conveyor.learned(folder, progress, HOURS, 200, settings)
     usual_db = np.mean([_level_db(recording) for recording in drive.healthy], axis=0)
     analyses, hours = [], []
-    wander = {"speed_drift": 0.01, "load_drift": 0.06}
+    wander: dict[str, Any] = {"speed_drift": 0.01, "load_drift": 0.06}
     for number, (load, slip) in enumerate(drive.steps.through(zip(*_day(), strict=True))):
         name = f"{MORNING + timedelta(hours=number):%H:%M}"
         recording, analysis = drive.judged(name, number, load=load, slip=slip, **wander)
