@@ -35,7 +35,6 @@ from gearmon.study.pair import (
     stiffness_signals,
     waveform_error,
 )
-from gearmon.terminal import Progress, followed, part_of
 
 #: Mesh periods from rest under each form of stiffness, and points in each.
 PERIODS, POINTS = 3, 1000
@@ -235,12 +234,13 @@ class Sweep:
         return np.array([what(point) for point in self.points])
 
 
-def run_sweeps(progress: Progress | None) -> dict[str, Sweep]:
+def run_sweeps(progress: Callable[[float], None]) -> dict[str, Sweep]:
     """Solve all sweeps; the keys are the names of the parameters."""
     cases = [(name, value) for name, (*_, values) in SWEEPS.items() for value in values]
     points: dict[str, list[Operation]] = {name: [] for name in SWEEPS}
-    for name, value in followed(cases, len(cases), progress):
+    for number, (name, value) in enumerate(cases, start=1):
         points[name].append(operate(replace(REFERENCE, **{name: value})))
+        progress(number / len(cases))
     return {
         name: Sweep(name=name, label=label, unit=unit, scale=scale, points=tuple(points[name]))
         for name, (label, unit, scale, _) in SWEEPS.items()
@@ -563,7 +563,7 @@ class StudyResults:
     speed: SpeedStudy
 
 
-def run_study(progress: Progress | None = None, quick: bool = False) -> StudyResults:
+def run_study(progress: Callable[[float], None] | None = None, quick: bool = False) -> StudyResults:
     """Compute the whole study, in about 20 s.
 
     Parameters
@@ -583,7 +583,7 @@ def run_study(progress: Progress | None = None, quick: bool = False) -> StudyRes
     results = StudyResults(
         forms=forms,
         reference=reference,
-        sweeps=run_sweeps(part_of(done, 0.25, 0.3)),
+        sweeps=run_sweeps(lambda share: done(0.25 + 0.3 * share)),
         orders=study_orders(),
         contact=study_contact(every=4 if quick else 1),
         damage=study_damage(forms["fourier-half"].signal),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -16,7 +16,6 @@ from gearmon.report.page import base64_text, template
 from gearmon.report.wording import rows_as_csv
 from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
 from gearmon.study.experiments import StudyResults, run_study
-from gearmon.terminal import Progress, followed, part_of
 
 #: Share of the time that computing takes; the rest is drawing.
 COMPUTING_SHARE = 0.6
@@ -78,7 +77,7 @@ class StudyReport:
         }
 
 
-def write_study(folder: str | Path, progress: Progress | None = None) -> StudyReport:
+def write_study(folder: str | Path, progress: Callable[[float], None] | None = None) -> StudyReport:
     """Compute the study, hold it against its claims, and write everything to a folder.
 
     Parameters
@@ -102,25 +101,29 @@ def write_study(folder: str | Path, progress: Progress | None = None) -> StudyRe
     -----
     About half a minute: it integrates many equations of motion and measures run times.
     """
-    target = Path(folder)
+    target, tell = Path(folder), progress or (lambda _: None)
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ArgumentError(f"{target}: cannot make this folder ({error.strerror})") from None
-    results = run_study(part_of(progress, 0.0, COMPUTING_SHARE))
-    return write_results(results, target, part_of(progress, COMPUTING_SHARE, 1 - COMPUTING_SHARE))
+    results = run_study(lambda share: tell(COMPUTING_SHARE * share))
+    return write_results(
+        results, target, lambda share: tell(COMPUTING_SHARE + (1 - COMPUTING_SHARE) * share)
+    )
 
 
 def write_results(
-    results: StudyResults, folder: Path, progress: Progress | None = None
+    results: StudyResults, folder: Path, progress: Callable[[float], None] | None = None
 ) -> StudyReport:
     """Write a study that is computed already; see `write_study`."""
     from gearmon.study.plots import save_picture  # drawing is slow to load
 
     judged, pictures = judge(results), []
-    for picture in followed(PICTURES, len(PICTURES), progress):
+    for number, picture in enumerate(PICTURES, start=1):
         pictures.append(folder / f"{picture['name']}.png")
         save_picture(picture["name"], results, pictures[-1])
+        if progress is not None:
+            progress(number / len(PICTURES))
     figures = [
         {"figure": number, "picture": f"{row['name']}.png", "title": row["title"]}
         for number, row in FIGURES.items()
