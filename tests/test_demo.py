@@ -10,7 +10,7 @@ from reference.small_gearbox import as_json
 from gearmon.cli import main
 from gearmon.commands.output import as_json as written_as_json
 from gearmon.demos import run_demo
-from gearmon.demos.crack import FAULT
+from gearmon.demos.monitoring import FAULT
 from gearmon.errors import ArgumentError
 from gearmon.machine import load_machine
 from gearmon.machine.reading import example_machine

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 from reference.small_gearbox import as_json
 
-from gearmon.demos import DEMOS, day, kinds, run_demo
-from gearmon.demos import crack as growth
+from gearmon.demos import DEMOS, monitoring, run_demo
 from gearmon.diagnosis.history import read_history
 from gearmon.machine import load_machine
 from gearmon.signatures.measured.reference import read_reference
@@ -16,14 +15,14 @@ from gearmon.signatures.measured.reference import read_reference
 def shortened():
     """Fewer recordings; a full demo takes half a minute of computing."""
     patch = pytest.MonkeyPatch()
-    patch.setattr(growth, "RECORDINGS", 5)
-    patch.setattr(growth, "SOUND", 2)
-    patch.setattr(growth, "HEALTHY_LOADS", (0.7, 0.85, 1.0))
-    patch.setattr(day, "HOURS", 2)
-    patch.setattr(day, "LEARNED", day.LEARNED[1:4])
-    patch.setattr(kinds, "NEW_LOADS", (0.93,))
-    patch.setattr(kinds, "HEALTHY_LOADS", (0.7, 0.85, 1.0))
-    patch.setattr(kinds, "EXAMPLES", 160)
+    patch.setattr(monitoring, "RECORDINGS", 5)
+    patch.setattr(monitoring, "SOUND", 2)
+    patch.setattr(monitoring, "GROWTH_LOADS", (0.7, 0.85, 1.0))
+    patch.setattr(monitoring, "HOURS", 2)
+    patch.setattr(monitoring, "DAY_LEARNED", monitoring.DAY_LEARNED[1:4])
+    patch.setattr(monitoring, "NEW_LOADS", (0.93,))
+    patch.setattr(monitoring, "KIND_LOADS", (0.7, 0.85, 1.0))
+    patch.setattr(monitoring, "EXAMPLES", 160)
     yield
     patch.undo()
 
@@ -62,9 +61,9 @@ def test_demos_have_names_of_their_own():
 
 def test_a_growing_crack_is_flagged_and_a_sound_gear_is_not(growing):
     losses, first = growing.facts["true_loss"], growing.facts["first_flagged"]
-    assert losses == [growth.true_loss(number) for number in range(5)]
+    assert losses == [monitoring.true_loss(number) for number in range(5)]
     assert losses[1] == 0 < losses[2]
-    assert losses[-1] == pytest.approx(growth.LAST_LOSS)
+    assert losses[-1] == pytest.approx(monitoring.LAST_LOSS)
     entries = read_history(growing.files["folder"] / "history.db", "conveyor drive").entries
     assert [entry.verdict for entry in entries][-1] == "fault"
     assert first is not None
@@ -74,14 +73,14 @@ def test_a_growing_crack_is_flagged_and_a_sound_gear_is_not(growing):
 
 def test_every_state_is_judged_and_the_sound_one_is_sound(told_apart):
     judged = told_apart.facts["recordings"]
-    assert [one["truth"] for one in judged] == list(kinds.STATES)
+    assert [one["truth"] for one in judged] == list(monitoring.STATES)
     assert judged[0]["told"] == "sound"
     right = sum(one["told"] == one["truth"] for one in judged)
     assert told_apart.facts["right"] == right
     assert f"Right: {right} of 4." in told_apart.story
     for one in judged:
         assert (one["kind"] is not None) == (one["analysis"]["verdict"] == "fault")
-        assert set(one["features_db"]) == set(kinds.FEATURES)
+        assert set(one["features_db"]) == set(monitoring.FEATURES)
 
 
 def test_a_day_counts_its_alarms_itself(through_a_day):

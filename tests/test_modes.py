@@ -93,6 +93,22 @@ def test_harmonics_drive_what_their_phases_allow(teeth):
         assert frequency == pytest.approx(own.frequency_hz)
 
 
+def test_meetings_are_drawn_on_the_harmonics_that_make_them():
+    from gearmon.report.expected_plots import campbell_figure
+
+    found = gearmon.modes({"operating": POINT, "stage": [PAIR]})
+    ax = campbell_figure(found).axes[0]
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("speed of shaft 1 in rpm", "frequency in Hz")
+    rays = [line for line in ax.lines if line.get_label() == "harmonics of mesh 1"]
+    assert len(rays) == found.harmonics
+    for harmonic, line in enumerate(rays, start=1):
+        # 23 teeth at so many turns a minute
+        top_hz = harmonic * 23 * found.highest_rpm / 60
+        assert line.get_xydata() == pytest.approx(np.array([[0, 0], [found.highest_rpm, top_hz]]))
+    marks = {tuple(line.get_xydata()[0]) for line in ax.lines if line.get_marker() == "o"}
+    assert marks == {(own.speed_rpm, own.frequency_hz) for own in found.campbell}
+
+
 def torsional(sections, discs, inertia, **places):
     """A train that twists only, its gears of ratio 1 as good as rigid."""
     gears = {"pinion_teeth": 30, "gear_teeth": 30, "mesh_stiffness_n_per_m": 1e13}

@@ -11,11 +11,12 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark.detection_machines import Bench, Condition, Setting, draw_machine
+from gearmon.benchmark.detection_machines import Condition, Setting, draw_machine
 from gearmon.diagnosis.analysis import evidence_against
 from gearmon.diagnosis.decision.calibration import situation, table_of
 from gearmon.errors import GearmonError
@@ -50,46 +51,38 @@ def healthy_strengths(number: int, seed: int = SEED) -> Iterator[tuple[str, floa
     """
     rng = np.random.default_rng([seed, number])
     drawn = draw_machine(rng, number)
-    bench = Bench(drawn=drawn)
 
     def signature(**setting: float) -> MeasuredSignature | None:
         drawn_seed = int(rng.integers(1 << 31))
         # every second machine has a tachometer
-        taken = bench.take(Condition(), Setting(seed=drawn_seed, tacho=number % 2 == 0, **setting))
-        try:
+        taken = drawn.take(Condition(), Setting(seed=drawn_seed, tacho=number % 2 == 0, **setting))
+        with suppress(GearmonError):
             found = measure_signature(taken.recording, drawn.machine)
-        except GearmonError:
-            return None
-        return found if found.found else None
+            return found if found.found else None
+        return None
+
+    def about(spread: float, middle: float = 1.0) -> float:
+        return float(middle * (1 + spread * rng.uniform(-1, 1)))
 
     def steady(load: float) -> MeasuredSignature | None:
-        return signature(
-            load=load * (1 + LOAD_SPREAD * rng.uniform(-1, 1)),
-            speed=1 + SPEED_SPREAD * rng.uniform(-1, 1),
-        )
+        return signature(load=about(LOAD_SPREAD, load), speed=about(SPEED_SPREAD))
 
     learned = [steady(load) for load in LEARNED]
     judged = [steady(load) for load in JUDGED]
-    judged.append(signature(speed=1 + OTHER_SPEED * rng.uniform(-1, 1)))
-    judged.append(
-        signature(
-            load=rng.uniform(0.8, 1.2),
-            speed=1 + OTHER_SPEED * rng.uniform(-1, 1),
-            gain=2.0 ** rng.uniform(-1, 1),
-        )
-    )
+    judged.append(signature(speed=about(OTHER_SPEED)))
+    load, speed, gain = rng.uniform(0.8, 1.2), about(OTHER_SPEED), 2.0 ** rng.uniform(-1, 1)
+    judged.append(signature(load=load, speed=speed, gain=gain))
     judged.append(signature(load=0.95, duration_s=SHORT_S))
     for chosen in REFERENCES:
-        known = [learned[row] for row in chosen]
-        if any(one is None for one in known):
+        known = [own for row, own in enumerate(learned) if row in chosen and own is not None]
+        if len(known) < len(chosen):
             continue
-        reference = make_reference([one for one in known if one is not None], drawn.machine)
-        rest = [learned[row] for row in range(len(learned)) if row not in chosen]
+        reference = make_reference(known, drawn.machine)
+        rest = [own for row, own in enumerate(learned) if row not in chosen]
         for own in [*rest, *judged]:
             if own is not None:
                 evidence = evidence_against(own, drawn.machine, reference)
-                gap = evidence.deviation.gap
-                yield situation(len(chosen), gap), evidence.strength
+                yield situation(len(chosen), evidence.deviation.gap), evidence.strength
 
 
 def calibrate(machines: int = MACHINES, seed: int = SEED) -> dict[str, Any]:

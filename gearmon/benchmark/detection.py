@@ -18,7 +18,7 @@ tooth held against that at the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -27,7 +27,6 @@ from numpy.typing import ArrayLike, NDArray
 from gearmon.benchmark.detection_machines import (
     DURATION_S,
     GEARS,
-    Bench,
     Condition,
     DrawnMachine,
     Setting,
@@ -51,6 +50,10 @@ if TYPE_CHECKING:
 
 FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
+#: Truth and findings of one analysis, and features of a learning detector: none if it was refused.
+Outcome = tuple[Row, FloatArray]
+#: A new recording: condition, setting, which of `VARIANTS`, and with and without its tacho.
+Trial = tuple[Condition, Setting, str, tuple[bool, ...]]
 
 OURS, LOCALISED, LEARNING = "gearmon", "localised difference", "plain learning"
 #: Textbook detectors, by the names of their indicators in an analysis; the last two are made here.
@@ -160,60 +163,23 @@ def with_learning(outcomes: Sequence[Outcome], seed: int = 0) -> list[Row]:
     """
     from sklearn.ensemble import IsolationForest
 
-    rows = [dict(outcome.row) for outcome in outcomes]
-    usable = [i for i, outcome in enumerate(outcomes) if len(outcome.features)]
-    for tacho in (True, False):
-        own = [i for i in usable if rows[i]["tacho"] == tacho]
-        for fold in range(FOLDS):
-            judged = [i for i in own if rows[i]["machine"] % FOLDS == fold]
-            others = [i for i in own if rows[i]["machine"] % FOLDS != fold]
-            healthy = [i for i in others if rows[i]["condition"] == "healthy"]
-            if len(healthy) < 2 or not judged:
+    rows = [dict(row) for row, _ in outcomes]
+    for tacho, fold in product((True, False), range(FOLDS)):
+        judged, healthy = [], []
+        for number, (row, features) in enumerate(outcomes):
+            if not len(features) or row["tacho"] != tacho:
                 continue
-            known, new = (
-                np.array([outcomes[i].features for i in part]) for part in (healthy, judged)
-            )
-            forest = IsolationForest(n_estimators=TREES, random_state=seed).fit(known)
-            for i, score in zip(judged, forest.score_samples(new), strict=True):
-                rows[i][LEARNING] = -float(score)
+            if row["machine"] % FOLDS == fold:
+                judged.append(number)
+            elif row["condition"] == "healthy":
+                healthy.append(number)
+        if len(healthy) < 2 or not judged:
+            continue
+        known, new = ([outcomes[number][1] for number in part] for part in (healthy, judged))
+        forest = IsolationForest(n_estimators=TREES, random_state=seed).fit(known)
+        for number, score in zip(judged, forest.score_samples(new), strict=True):
+            rows[number][LEARNING] = -float(score)
     return rows
-
-
-@dataclass(frozen=True, kw_only=True)
-class Trial:
-    """One new recording.
-
-    Parameters
-    ----------
-    condition : Condition
-    setting : Setting
-        With tacho; where `no_tacho`, its channel is also left out.
-    variant : str
-        One of `VARIANTS`.
-    no_tacho : bool
-        Whether to analyse the recording a second time without its tacho.
-    """
-
-    condition: Condition
-    setting: Setting
-    variant: str = "same"
-    no_tacho: bool = True
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Outcome:
-    """What came of one analysis.
-
-    Parameters
-    ----------
-    row : dict
-        Truth and findings, in built-in types.
-    features : ndarray
-        Of a learning detector; empty where the recording was refused.
-    """
-
-    row: Row
-    features: FloatArray = field(default_factory=lambda: np.zeros(0))
 
 
 def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outcome]:
@@ -229,19 +195,25 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outc
     """
     rng = np.random.default_rng([seed, number])
     drawn = draw_machine(rng, number, channels=1 if quick else None)
-    bench = Bench(drawn=drawn)
-    duration_s = QUICK_S if quick else DURATION_S
-    first = bench.take(Condition(), _setting(rng, "same", duration_s))
-    trials = _plan(rng, drawn, quick, duration_s)
+    first = drawn.take(Condition(), _setting(rng, "same", QUICK_S if quick else DURATION_S))
+    judges = {tacho: _judge(drawn, first, tacho) for tacho in (True, False)}
     teeth = ", ".join(f"{s.gears[0].teeth}/{s.gears[1].teeth}" for s in drawn.stages)
     facts: Row = {"machine": number, "teeth": teeth, "speed_hz": round(drawn.speed_hz, 3)}
     facts |= {"channels": drawn.channels}
-    judges = {tacho: _judge(drawn, first, tacho) for tacho in (True, False)}
-    for trial in trials:
-        taken = bench.take(trial.condition, trial.setting)
-        for tacho in (True, False) if trial.no_tacho else (True,):
-            outcome = judges[tacho](trial, taken)
-            yield replace(outcome, row=facts | outcome.row)
+    for condition, setting, variant, tachos in list(_plan(rng, drawn, quick)):
+        taken = drawn.take(condition, setting)
+        truth = {
+            "condition": condition.kind,
+            "variant": variant,
+            "stage": condition.stage or None,
+            "gear": condition.gear or None,
+            "tooth": condition.tooth,
+            "size": condition.size,
+            **{name: getattr(setting, name) for name in ("load", "speed", "gain")},
+        }
+        for tacho in tachos:
+            row, features = judges[tacho](condition, taken)
+            yield {**facts, **truth, "tacho": tacho, **NOTHING, **row}, features
 
 
 def _setting(rng: np.random.Generator, variant: str, duration_s: float) -> Setting:
@@ -258,23 +230,17 @@ def _setting(rng: np.random.Generator, variant: str, duration_s: float) -> Setti
     return Setting(load=load, speed=speed, gain=gain, seed=seed, duration_s=duration_s)
 
 
-def _plan(
-    rng: np.random.Generator, drawn: DrawnMachine, quick: bool, duration_s: float
-) -> list[Trial]:
-    def trial(condition: Condition, variant: str = "same", no_tacho: bool = True) -> Trial:
-        setting = _setting(rng, variant, duration_s)
-        return Trial(condition=condition, setting=setting, variant=variant, no_tacho=no_tacho)
-
-    variants = ("same", "all") if quick else ("same", *VARIANTS)
-    losses = QUICK_LOSSES if quick else LOSSES
-    others = ("pitting",) if quick else OTHERS
-    healthy = [trial(Condition(), name, name == "same") for name in variants]
-    damaged = [trial(_somewhere(rng, drawn, "tooth", loss)) for loss in losses]
-    changed = [
-        trial(_somewhere(rng, drawn, kind, rng.uniform(*SIZES[kind])), no_tacho=False)
-        for kind in others
-    ]
-    return healthy + damaged + changed
+def _plan(rng: np.random.Generator, drawn: DrawnMachine, quick: bool) -> Iterator[Trial]:
+    duration_s, both = QUICK_S if quick else DURATION_S, (True, False)
+    for variant in ("same", "all") if quick else ("same", *VARIANTS):
+        tachos = both if variant == "same" else both[:1]
+        yield Condition(), _setting(rng, variant, duration_s), variant, tachos
+    for loss in QUICK_LOSSES if quick else LOSSES:
+        condition = _somewhere(rng, drawn, "tooth", loss)
+        yield condition, _setting(rng, "same", duration_s), "same", both
+    for kind in ("pitting",) if quick else OTHERS:
+        condition = _somewhere(rng, drawn, kind, rng.uniform(*SIZES[kind]))
+        yield condition, _setting(rng, "same", duration_s), "same", both[:1]
 
 
 def _somewhere(rng: np.random.Generator, drawn: DrawnMachine, kind: str, size: float) -> Condition:
@@ -284,17 +250,12 @@ def _somewhere(rng: np.random.Generator, drawn: DrawnMachine, kind: str, size: f
         return Condition(kind=kind, size=size, seed=seed)
     stage, side = int(rng.integers(len(drawn.stages))), int(rng.integers(2))
     teeth = drawn.stages[stage].gears[side].teeth
-    return Condition(
-        kind=kind,
-        stage=stage + 1,
-        gear=GEARS[side],
-        tooth=int(rng.integers(teeth)) + 1 if kind == "tooth" else None,
-        size=size,
-        seed=seed,
-    )
+    tooth = int(rng.integers(teeth)) + 1 if kind == "tooth" else None
+    where: dict[str, Any] = {"stage": stage + 1, "gear": GEARS[side], "tooth": tooth}
+    return Condition(kind=kind, size=size, seed=seed, **where)
 
 
-def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Trial, Taken], Outcome]:
+def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Condition, Taken], Outcome]:
     """Learn from one recording, with or without its tacho; return what judges new ones."""
     machine, refusal = drawn.machine, None
 
@@ -307,101 +268,75 @@ def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Trial, T
     except GearmonError as error:
         refusal = error
 
-    def outcome(trial: Trial, taken: Taken) -> Outcome:
-        row = {**_truth(trial), "tacho": tacho, **NOTHING}
+    def outcome(condition: Condition, taken: Taken) -> Outcome:
         try:
             if refusal is not None:
                 raise refusal
             run_time_s, found = task_time(lambda: analyse(recording(taken), machine, reference))
         except GearmonError as error:
-            return Outcome(row=row | {"verdict": "refused", "note": str(error)})
-        row |= {"run_time_s": run_time_s, "alone_s": alone_s, "verdict": found.verdict}
+            return {"verdict": "refused", "note": str(error)}, np.zeros(0)
+        row: Row = {"run_time_s": run_time_s, "alone_s": alone_s, "verdict": found.verdict}
         row |= {"score": found.score, "probability": found.false_alarm_probability}
-        zeros = tuple(
-            _entered(drawn, trial.condition, one.turns_at(_time_of_zero(analysis)))
-            for one, analysis in ((taken, found), (first, healthy))
-        )
-        row |= _said(drawn, trial.condition, found, zeros)
+        row |= {"flags": "; ".join(flag.kind for flag in found.flags)}
+        for flag in found.flags[:1]:
+            row |= {"found_kind": flag.kind, "flag_probability": flag.false_alarm_probability}
+        for flag in [flag for flag in found.flags if is_tooth_flag(flag)][:1]:
+            row |= {"tooth_flag": True, "loss": flag.stiffness_loss}
+            row |= {"found_stage": flag.stage, "found_gear": flag.gear, "found_tooth": flag.tooth}
+            row |= {"loss_low": flag.stiffness_loss_low, "loss_high": flag.stiffness_loss_high}
+            if condition.kind == "tooth":
+                right = (flag.stage, flag.gear) == (condition.stage, condition.gear)
+                both = (taken, found), (first, healthy)
+                away = tooth_error(drawn, condition, flag, both) if right else None
+                row |= {"gear_right": right, "tooth_error": away}
         if not (found.signature.found and healthy.signature.found):
-            return Outcome(row=row)
-        rises_of, features = rises(found, healthy)
-        return Outcome(row=row | rises_of, features=features)
+            return row, np.zeros(0)
+        risen, features = rises(found, healthy)
+        return row | risen, features
 
     return outcome
 
 
-def _said(
-    drawn: DrawnMachine, condition: Condition, found: Analysis, zeros: tuple[float, ...]
-) -> Row:
-    row: Row = {"flags": "; ".join(flag.kind for flag in found.flags)}
-    if not found.flags:
-        return row
-    first = found.flags[0]
-    row |= {"found_kind": first.kind, "flag_probability": first.false_alarm_probability}
-    tooth = next((flag for flag in found.flags if is_tooth_flag(flag)), None)
-    row["tooth_flag"] = tooth is not None
-    if tooth is None:
-        return row
-    row |= {"found_stage": tooth.stage, "found_gear": tooth.gear, "found_tooth": tooth.tooth}
-    row |= {"loss": tooth.stiffness_loss, "loss_low": tooth.stiffness_loss_low}
-    row["loss_high"] = tooth.stiffness_loss_high
-    if condition.kind == "tooth":
-        row["gear_right"] = (tooth.stage, tooth.gear) == (condition.stage, condition.gear)
-        if row["gear_right"]:
-            row["tooth_error"] = _tooth_error(drawn, condition, found, tooth, zeros)
-    return row
-
-
-def _tooth_error(
+def tooth_error(
     drawn: DrawnMachine,
     condition: Condition,
-    found: Analysis,
     flag: Flag,
-    zeros: tuple[float, ...],
+    recordings: Sequence[tuple[Taken, Analysis]],
 ) -> float | None:
-    """Distance of the tooth found from the true one [teeth].
+    """Return the distance of the tooth found from the true one [teeth]; None without a place.
 
-    A number is one from the pulse on shaft 1 where the gear turns with it, else one from the
-    angle zero of the new recording or of the reference: either is as good. `zeros` are the teeth
-    that have entered contact at both.
+    Parameters
+    ----------
+    drawn : DrawnMachine
+    condition : Condition
+        The truth.
+    flag : Flag
+        Its tooth is counted from the pulse on shaft 1 where the gear turns with it, else from the
+        angle zero of the new recording or of the reference: either is as good. Without a number
+        the place of the gear's profile is taken, where the contact has its middle.
+    recordings : sequence of (Taken, Analysis)
+        The new one and the reference.
     """
-    stage = drawn.stages[condition.stage - 1]
-    teeth = stage.gears[GEARS.index(condition.gear)].teeth
+    number, side = condition.stage - 1, GEARS.index(condition.gear)
+    stage = drawn.stages[number]
+    teeth, per_turn = stage.gears[side].teeth, drawn.shaft_orders[number] * stage.gears[0].teeth
+    # teeth that have entered contact where the angle is zero, be it before the start
+    zeros = [
+        taken.turns_at(float(analysis.signature.track.time_at(np.zeros(1))[0])) * per_turn
+        for taken, analysis in recordings
+    ]
     true = [(condition.tooth or 1) - 1 - entered for entered in zeros]
     if flag.tooth is not None:
         return min(_around(flag.tooth - 1 - place, teeth) for place in true)
-    for profile in found.profiles:
+    for profile in recordings[0][1].profiles:
         if (profile.stage, profile.gear) == (flag.stage, flag.gear):
-            # a place is where the contact has its middle
-            middle = true[0] + 0.5 * stage.model.shape.reach
-            return _around(profile.position * teeth - middle, teeth)
+            return _around(profile.position * teeth - true[0] - 0.5 * stage.model.reach, teeth)
     return None
-
-
-def _truth(trial: Trial) -> Row:
-    condition, setting = trial.condition, trial.setting
-    where = {"stage": condition.stage or None, "gear": condition.gear or None}
-    what = {"tooth": condition.tooth, "size": condition.size}
-    how = {"load": setting.load, "speed": setting.speed, "gain": setting.gain}
-    return {"condition": condition.kind, "variant": trial.variant, **where, **what, **how}
 
 
 def is_tooth_flag(flag: Flag) -> bool:
     """Tell whether a flag blames one tooth."""
     return flag.tooth is not None or "tooth" in flag.kind or flag.kind in ("crack", "breakage")
-
-
-def _time_of_zero(analysis: Analysis) -> float:
-    """Return when a recording's angle is zero [s], be it before its start."""
-    return float(analysis.signature.track.time_at(np.zeros(1))[0])
-
-
-def _entered(drawn: DrawnMachine, condition: Condition, turns: float) -> float:
-    """Return how many teeth of the damaged gear have entered contact at an angle of shaft 1."""
-    shaft = turns
-    for stage in drawn.stages[: condition.stage - 1]:
-        shaft *= stage.gears[0].teeth / stage.gears[1].teeth
-    return shaft * drawn.stages[condition.stage - 1].gears[0].teeth
 
 
 def _around(distance: float, teeth: int) -> float:
@@ -424,33 +359,24 @@ def rises(new: Analysis, healthy: Analysis) -> tuple[dict[str, float], FloatArra
     ndarray
         Features for a learning detector: greatest, mean and least rise of each.
     """
-    ours, theirs = (_by_name(one, healthy.signature) for one in (new, healthy))
-    changes = {
-        name: np.log(
-            [
-                max(value, _LEAST) / max(theirs[name][place], _LEAST)
-                for place, value in ours[name].items()
-                if place in theirs[name]
-            ]
-            or [1.0]
-        )
-        for name in (*TEXTBOOK.values(), *FURTHER)
-    }
-    features = [
-        float(of) for change in changes.values() for of in (max(change), change.mean(), min(change))
-    ]
+    ours, theirs = (_by_place(one, healthy.signature) for one in (new, healthy))
+    changes = {}
+    for name in (*TEXTBOOK.values(), *FURTHER):
+        pairs = [(ours[key], theirs[key]) for key in ours if key[0] == name and key in theirs]
+        own, known = np.maximum(pairs or [(1.0, 1.0)], _LEAST).T
+        changes[name] = np.log(own / known)
+    features = [[max(change), change.mean(), min(change)] for change in changes.values()]
     found = {name: float(changes[known].max()) for name, known in TEXTBOOK.items()}
     found[LOCALISED] = localised_difference(new.signature, healthy.signature)
-    return found, np.array(features)
+    return found, np.ravel(features)
 
 
-def _by_name(analysis: Analysis, healthy: MeasuredSignature) -> dict[str, dict[str, float]]:
-    """Return indicators of all gears and channels; NA4* divides by the reference's variance."""
-    found: dict[str, dict[str, float]] = {name: {} for name in (*TEXTBOOK.values(), *FURTHER)}
+def _by_place(analysis: Analysis, healthy: MeasuredSignature) -> dict[tuple[str, ...], float]:
+    """Return indicators by name, gear and channel; NA4* divides by the reference's variance."""
+    found: dict[tuple[str, ...], float] = {}
     for name, values in analysis.indicators.items():
         kind, _, gear = name.partition(", ")
-        if kind in found:
-            found[kind] |= {f"{gear} {channel}": value for channel, value in values.items()}
+        found |= {(kind, gear, channel): value for channel, value in values.items()}
     wheels = {(wheel.stage, wheel.gear): wheel for wheel in healthy.plan.wheels}
     signature = analysis.signature
     for wheel in signature.plan.wheels:
@@ -459,12 +385,9 @@ def _by_name(analysis: Analysis, healthy: MeasuredSignature) -> dict[str, dict[s
             continue
         own = gear_signals(signature.lines.mean, wheel).residual
         sound = np.var(gear_signals(healthy.lines.mean, known).residual, axis=-1)
-        computed = {
-            "residual energy": indicators.rms(own) ** 2,
-            "NA4*": indicators.na4(own, sound[None]),
-        }
-        for name, row in computed.items():
-            found[name] |= {f"{wheel} {n}": float(value) for n, value in enumerate(row)}
+        energy, star = indicators.rms(own) ** 2, indicators.na4(own, sound[None])
+        for name, row in (("residual energy", energy), ("NA4*", star)):
+            found |= {(name, str(wheel), f"{n}"): float(value) for n, value in enumerate(row)}
     return found
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,57 +39,20 @@ TOLERANCE = 1e-6
 _FINE = 2048
 
 
-@dataclass(frozen=True, kw_only=True)
-class PairShape:
-    """Stiffness of one tooth pair along its contact.
-
-    Parameters
-    ----------
-    length : float
-        Length of the contact [mesh periods].
-    overlap : float
-        Overlap ratio of helical teeth, 0 for spur gears.
-    droop : float
-        Share of the middle's stiffness that is missing at the ends.
-    edge : float
-        Over how much of a mesh period the load is taken on and given up.
-    """
-
-    length: float
-    overlap: float
-    droop: float
-    edge: float
-
-    @property
-    def reach(self) -> float:
-        """Length of the contact over the whole face [mesh periods]."""
-        return self.length + self.overlap
-
-    def at(self, phase: FloatArray, band: float = math.inf) -> FloatArray:
-        """Return the stiffness, 1 in the middle, `phase` mesh periods after the entry.
-
-        Parameters
-        ----------
-        phase : ndarray
-        band : float
-            Only in this share of the contact, about its middle: what pitting takes.
-        """
-        slices = max(1, math.ceil(16 * self.overlap))
-        entered = self.overlap * (np.arange(slices) + 0.5) / slices
-        own = np.subtract.outer(phase, entered)
-        place = 2 * own / self.length - 1
-        inside = np.clip(np.minimum(own, self.length - own) / self.edge, 0, 1)
-        value = (1 - self.droop * place**2) * inside * inside * (3 - 2 * inside)
-        return np.asarray((value * (np.abs(place) < band)).mean(axis=-1))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeshModel:
     """One mesh at one speed.
 
     Parameters
     ----------
-    shape : PairShape
+    length : float
+        Length of the contact of a tooth pair [mesh periods].
+    overlap : float
+        Overlap ratio of helical teeth, 0 for spur gears.
+    droop : float
+        Share of the middle's stiffness that is missing at the ends of the contact.
+    edge : float
+        Over how much of a mesh period a pair takes on its load and gives it up.
     stiffness_n_per_m : float
         Mean over the mesh period [N/m].
     mass_kg, damping_ns_per_m : float
@@ -96,11 +60,19 @@ class MeshModel:
         Mesh frequency [Hz].
     """
 
-    shape: PairShape
+    length: float
+    overlap: float
+    droop: float
+    edge: float
     stiffness_n_per_m: float
     mass_kg: float
     damping_ns_per_m: float
     mesh_hz: float
+
+    @property
+    def reach(self) -> float:
+        """Length of the contact over the whole face [mesh periods]."""
+        return self.length + self.overlap
 
     @property
     def harmonics(self) -> int:
@@ -112,11 +84,29 @@ class MeshModel:
         """Grid points of a mesh period; products of two waves keep their harmonics apart."""
         return 1 << math.ceil(math.log2(3 * self.harmonics + 1))
 
+    def pair(self, phase: FloatArray, band: float = math.inf) -> FloatArray:
+        """Return the stiffness of one pair, 1 in the middle of its contact.
+
+        Parameters
+        ----------
+        phase : ndarray
+            Since its entry [mesh periods].
+        band : float
+            Only in this share of the contact, about its middle: what pitting takes.
+        """
+        slices = max(1, math.ceil(16 * self.overlap))
+        entered = self.overlap * (np.arange(slices) + 0.5) / slices
+        own = np.subtract.outer(phase, entered)
+        place = 2 * own / self.length - 1
+        inside = np.clip(np.minimum(own, self.length - own) / self.edge, 0, 1)
+        value = (1 - self.droop * place**2) * inside * inside * (3 - 2 * inside)
+        return np.asarray((value * (np.abs(place) < band)).mean(axis=-1))
+
     @cached_property
     def pair_n_per_m(self) -> float:
         """Stiffness of one pair in the middle of its contact [N/m]."""
-        phase = np.arange(math.ceil(self.shape.reach) * _FINE) / _FINE
-        return self.stiffness_n_per_m / (float(self.shape.at(phase).sum()) / _FINE)
+        phase = np.arange(math.ceil(self.reach) * _FINE) / _FINE
+        return self.stiffness_n_per_m * _FINE / float(self.pair(phase).sum())
 
     def wave(self, per_tooth: FloatArray, band: float = math.inf) -> FloatArray:
         """Return the sum over the teeth of a value times the stiffness of the tooth's pair [N/m].
@@ -125,22 +115,21 @@ class MeshModel:
         ----------
         per_tooth : ndarray, shape (teeth,)
         band : float
-            See `PairShape.at`.
+            See `pair`.
 
         Returns
         -------
         ndarray, shape (teeth * points,)
             Over one turn; tooth j enters contact j - 1 mesh periods after its start.
         """
-        count = math.ceil(self.shape.reach)
-        pulse = self.shape.at(np.arange(count * self.points) / self.points, band)
-        pieces = pulse.reshape(count, self.points)
+        count = math.ceil(self.reach)
+        pieces = self.pair(np.arange(count * self.points) / self.points, band).reshape(count, -1)
         total = sum(np.outer(np.roll(per_tooth, n), piece) for n, piece in enumerate(pieces))
         return self.pair_n_per_m * np.ravel(total)
 
     def motion(
-        self, teeth: int, error: FloatArray | None = None, loss: FloatArray | None = None
-    ) -> tuple[ComplexArray, ComplexArray]:
+        self, teeth: int, error: FloatArray | None = None, loss: FloatArray | float = 0.0
+    ) -> ComplexArray:
         """Return what errors and lost stiffness of a gear make of the motion.
 
         Parameters
@@ -149,12 +138,12 @@ class MeshModel:
             Of the gear.
         error : ndarray, shape (teeth * points,), optional
             Displacement of the flanks over one turn [m].
-        loss : ndarray, shape (teeth * points,), optional
+        loss : ndarray, shape (teeth * points,)
             Stiffness lost over one turn [N/m].
 
         Returns
         -------
-        per_force, of_errors : ndarray of complex, shape (harmonics * teeth + 1,)
+        ndarray of complex, shape (2, harmonics * teeth + 1)
             Motion over static force [m/N], and what errors make at any load [m], in orders
             0, 1, ... of the gear.
         """
@@ -166,16 +155,16 @@ class MeshModel:
         def solved(problem: HillProblem) -> ComplexArray:
             return steady_state(problem, TOLERANCE, harmonics=int(orders[-1])).displacement
 
-        stiffness = self.wave(np.ones(teeth)) - (0.0 if loss is None else loss)
+        stiffness = self.wave(np.ones(teeth)) - loss
         mean, *others = lines(stiffness)
         known = self.mass_kg, self.damping_ns_per_m, float(mean.real)
         mesh = HillProblem(*known, np.array(others) / mean.real, period_s, 1.0)
         if error is None:
-            return solved(mesh), np.zeros(len(orders), dtype=np.complex128)
+            return np.stack([solved(mesh), np.zeros(len(orders))])
         rate = 2j * np.pi * orders / period_s * lines(error)
         force = lines(stiffness * error) + self.damping_ns_per_m * rate
         moved = replace(mesh, force_n=float(force[0].real), force_harmonics_n=force[1:])
-        return solved(mesh), solved(moved)
+        return np.stack([solved(mesh), solved(moved)])
 
 
 PINION_TEETH, GEAR_TEETH = (17, 60), (25, 120)
@@ -213,13 +202,6 @@ class HiddenGear:
     pitch_m: FloatArray
     runout_m: NDArray[np.complex128]
 
-    def runout(self, points: int) -> FloatArray:
-        """Return the runout over one turn [m], so many points a mesh period."""
-        angle = 2j * np.pi * np.arange(self.teeth * points) / (self.teeth * points)
-        harmonic = np.arange(1, len(self.runout_m) + 1)
-        wave: FloatArray = (self.runout_m @ np.exp(np.outer(harmonic, angle))).real
-        return wave
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HiddenStage:
@@ -240,65 +222,6 @@ class HiddenStage:
     gears: tuple[HiddenGear, HiddenGear]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HiddenPath:
-    """Housing modes between the meshes and the sensors.
-
-    Parameters
-    ----------
-    mode_hz, damping_ratio : ndarray, shape (modes,)
-    gain : ndarray, shape (channels, stages, modes)
-    """
-
-    mode_hz: FloatArray
-    damping_ratio: FloatArray
-    gain: FloatArray
-
-    def taps(self, rate_hz: float) -> int:
-        """Return the samples until the slowest mode has fallen to 1e-4."""
-        slowest = float((2 * np.pi * self.mode_hz * self.damping_ratio).min())
-        return math.ceil(math.log(1e4) / slowest * rate_hz)
-
-    def impulse(self, rate_hz: float) -> FloatArray:
-        """Return the impulse responses, shape (channels, stages, taps)."""
-        time = np.arange(self.taps(rate_hz)) / rate_hz
-        angular = 2 * np.pi * self.mode_hz[:, None]
-        ring = np.exp(-self.damping_ratio[:, None] * angular * time) * np.sin(
-            angular * np.sqrt(1 - self.damping_ratio[:, None] ** 2) * time
-        )
-        response: FloatArray = (self.gain * self.mode_hz / rate_hz) @ ring
-        return response
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class DrawnMachine:
-    """A machine file and what it hides.
-
-    Parameters
-    ----------
-    machine : Machine
-    stages : tuple of HiddenStage
-    path : HiddenPath
-    bearing_orders : ndarray
-        Tones and impacts of rolling bearings, as orders of shaft 1, of no gear.
-    """
-
-    machine: Machine
-    stages: tuple[HiddenStage, ...]
-    path: HiddenPath
-    bearing_orders: FloatArray
-
-    @property
-    def speed_hz(self) -> float:
-        """Nominal speed of shaft 1 [Hz]."""
-        return self.machine.operating[0].shaft1_hz
-
-    @property
-    def channels(self) -> int:
-        """Sensors."""
-        return len(self.path.gain)
-
-
 def draw_machine(
     rng: np.random.Generator, number: int = 0, channels: int | None = None
 ) -> DrawnMachine:
@@ -313,41 +236,37 @@ def draw_machine(
         Sensors; 1 or 2 by default.
     """
     while True:
-        machine = _draw_file(rng, number)
-        if machine is None:
-            continue
         try:
+            machine = _draw_file(rng, number)
             found = [stage_mechanics(machine, n + 1) for n in range(len(machine.stages))]
         except ArgumentError:
-            continue  # gears that cannot run together
+            continue  # a recording could not show it, or its gears cannot run together
         break
     stages = tuple(_hide(rng, mechanics, machine) for mechanics in found)
     sensors = int(rng.integers(1, 3)) if channels is None else channels
-    return DrawnMachine(
-        machine=machine,
-        stages=stages,
-        path=_draw_path(rng, sensors, len(stages)),
-        bearing_orders=rng.uniform(1.3, 9.7, 3),
-    )
+    path = _draw_path(rng, sensors, len(stages))
+    orders = rng.uniform(1.3, 9.7, 3)
+    return DrawnMachine(machine=machine, stages=stages, path=path, bearing_orders=orders)
 
 
-def _draw_file(rng: np.random.Generator, number: int) -> Machine | None:
-    """Return a random machine, or None if a recording could not show it."""
+def _draw_file(rng: np.random.Generator, number: int) -> Machine:
+    """Return a random machine; refuse one that a recording could not show."""
     count = int(rng.integers(1, 3))
     speed_hz = rng.uniform(*SPEED_HZ)
     module, order, stages = rng.uniform(*MODULE_MM), 1.0, []
     for _ in range(count):
         pinion = int(rng.integers(PINION_TEETH[0], PINION_TEETH[1] + 1))
         gear = int(rng.integers(GEAR_TEETH[0], GEAR_TEETH[1] + 1))
-        if pinion == gear or not 0.6 <= gear / pinion <= LARGEST_RATIO:
-            return None
-        if not MESH_HZ[0] <= order * pinion * speed_hz <= MESH_HZ[1]:
-            return None
+        ratio, mesh_hz = gear / pinion, order * pinion * speed_hz
+        if pinion == gear or not 0.6 <= ratio <= LARGEST_RATIO:
+            raise ArgumentError(f"{pinion}/{gear} teeth are no pair that is drawn")
+        if not MESH_HZ[0] <= mesh_hz <= MESH_HZ[1]:
+            raise ArgumentError(f"a recording does not show a mesh frequency of {mesh_hz:.0f} Hz")
         stages.append(_draw_stage(rng, pinion, gear, module))
         order *= pinion / gear
         module *= rng.uniform(1.1, 1.5)
     if order * speed_hz < SLOWEST_HZ:
-        return None
+        raise ArgumentError(f"a recording is too short for a shaft of {order * speed_hz:.1f} Hz")
     width_mm = float(stages[0].face_width_mm or 0.0)
     radius_m = 0.5e-3 * float(stages[0].module_mm or 0.0) * stages[0].pinion_teeth
     torque_nm = float(f"{rng.uniform(*LOAD_N_PER_MM) * width_mm * radius_m:.4g}")
@@ -371,12 +290,14 @@ def _draw_stage(rng: np.random.Generator, pinion: int, gear: int, module: float)
 def _hide(rng: np.random.Generator, mechanics: StageMechanics, machine: Machine) -> HiddenStage:
     stage = machine.stages[mechanics.stage - 1]
     assert isinstance(stage, ParallelStage)
-    length, overlap = mechanics.contact_ratio, mechanics.stiffness.overlap_ratio
     droop, edge = rng.uniform(0.2, 0.6), rng.uniform(0.03, 0.15)
     stiffness = rng.uniform(*STIFFNESS_FACTOR) * mechanics.stiffness.mean_n_per_m
     mass = rng.uniform(*MASS_FACTOR) * mechanics.equivalent_mass_kg
     model = MeshModel(
-        shape=PairShape(length=length, overlap=overlap, droop=droop, edge=edge),
+        length=mechanics.contact_ratio,
+        overlap=mechanics.stiffness.overlap_ratio,
+        droop=droop,
+        edge=edge,
         stiffness_n_per_m=stiffness,
         mass_kg=mass,
         damping_ns_per_m=2 * rng.uniform(*DAMPING) * math.sqrt(stiffness * mass),
@@ -393,14 +314,18 @@ def _draw_gear(rng: np.random.Generator, teeth: int) -> HiddenGear:
     return HiddenGear(teeth=teeth, pitch_m=pitch - pitch.mean(), runout_m=size * np.exp(1j * phase))
 
 
-def _draw_path(rng: np.random.Generator, channels: int, stages: int) -> HiddenPath:
+def _draw_path(rng: np.random.Generator, channels: int, stages: int) -> FloatArray:
+    """Draw modes of the housing; return their impulse responses until the slowest is at 1e-4."""
     modes = int(rng.integers(MODES[0], MODES[1] + 1))
     low, high = np.log(MODE_BAND_HZ)
-    return HiddenPath(
-        mode_hz=np.exp(rng.uniform(low, high, modes)),
-        damping_ratio=rng.uniform(*MODE_DAMPING, modes),
-        gain=rng.normal(size=(channels, stages, modes)),
-    )
+    own_hz = np.exp(rng.uniform(low, high, modes))
+    damping = rng.uniform(*MODE_DAMPING, modes)
+    gain = rng.normal(size=(channels, stages, modes))
+    decay = 2 * np.pi * own_hz * damping
+    time = np.arange(math.ceil(math.log(1e4) / decay.min() * RATE_HZ)) / RATE_HZ
+    turning = 2 * np.pi * own_hz * np.sqrt(1 - damping**2)
+    ring = np.exp(-np.outer(decay, time)) * np.sin(np.outer(turning, time))
+    return np.asarray((gain * own_hz / RATE_HZ) @ ring)
 
 
 DURATION_S, SNR_DB = 10.0, 20.0
@@ -485,25 +410,50 @@ class Taken:
 
     def turns_at(self, time_s: float) -> float:
         """Return the angle of shaft 1 [turns] at a time, straight on beyond the ends."""
+        from scipy.interpolate import make_interp_spline
+
+        samples = np.arange(len(self.turns))
         place = time_s * self.recording.sampling_rate_hz
-        index = int(np.clip(math.floor(place), 0, len(self.turns) - 2))
-        step = self.turns[index + 1] - self.turns[index]
-        return float(self.turns[index] + (place - index) * step)
+        return float(make_interp_spline(samples, self.turns, k=1)(place))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Bench:
-    """Makes recordings of one machine; remembers the motions that it has solved for.
+class DrawnMachine:
+    """A machine file and what it hides; remembers the motions that it has solved for.
 
     Parameters
     ----------
-    drawn : DrawnMachine
+    machine : Machine
+    stages : tuple of HiddenStage
+    path : ndarray, shape (channels, stages, taps)
+        Impulse responses from the meshes to the sensors.
+    bearing_orders : ndarray
+        Impacts and tones of rolling bearings, as orders of shaft 1, of no gear.
     """
 
-    drawn: DrawnMachine
-    _tables: dict[tuple[int, int, float, Condition], ComplexArray] = field(
-        default_factory=dict, repr=False
+    machine: Machine
+    stages: tuple[HiddenStage, ...]
+    path: FloatArray
+    bearing_orders: FloatArray
+    _tables: dict[tuple[Any, ...], ComplexArray] = field(
+        default_factory=dict, init=False, repr=False
     )
+
+    @property
+    def speed_hz(self) -> float:
+        """Nominal speed of shaft 1 [Hz]."""
+        return self.machine.operating[0].shaft1_hz
+
+    @property
+    def channels(self) -> int:
+        """Sensors."""
+        return len(self.path)
+
+    @property
+    def shaft_orders(self) -> FloatArray:
+        """Turns of every shaft per turn of shaft 1."""
+        ratios = [stage.gears[0].teeth / stage.gears[1].teeth for stage in self.stages]
+        return np.asarray(np.cumprod([1.0, *ratios]), dtype=np.float64)
 
     def take(self, condition: Condition, setting: Setting) -> Taken:
         """Make a recording.
@@ -522,16 +472,15 @@ class Bench:
 
         rng = np.random.default_rng([setting.seed, 11])
         count = round(setting.duration_s * RATE_HZ)
-        impulse = self.drawn.path.impulse(RATE_HZ)
         # the path has to ring up before the recording begins
-        lead = impulse.shape[-1]
-        speed = self.drawn.speed_hz * setting.speed
+        lead = self.path.shape[-1]
+        speed = self.speed_hz * setting.speed
         wander = _wander(rng, count + lead, SPEED_WANDER)
         turns = rng.uniform(0, 1000) + np.cumsum(speed * (1 + wander)) / RATE_HZ
         load = setting.load * (1 + _wander(rng, count + lead, LOAD_WANDER))
         forces = self._forces(condition, setting, turns, load)
         forces[0] += self._impacts(condition, turns, forces[0], rng)
-        heard = oaconvolve(forces[None], impulse, mode="valid", axes=-1)
+        heard = oaconvolve(forces[None], self.path, mode="valid", axes=-1)
         vibration, turns = np.asarray(heard.sum(axis=1)[:, 1:]), turns[lead:]
         vibration += self._tones(condition, turns, vibration, rng)
         for row in vibration:
@@ -546,7 +495,7 @@ class Bench:
             sampling_rate_hz=RATE_HZ,
             channel_names=tuple(names),
             channel_kinds=tuple(kinds),
-            origin=f"{self.drawn.machine.name}, {condition.kind}",
+            origin=f"{self.machine.name}, {condition.kind}",
         )
         return Taken(recording=recording, turns=turns)
 
@@ -554,60 +503,58 @@ class Bench:
         self, condition: Condition, setting: Setting, turns: FloatArray, load: FloatArray
     ) -> FloatArray:
         """Dynamic forces of the stages [N]."""
-        forces = np.zeros((len(self.drawn.stages), len(turns)))
-        shaft = turns
+        forces = np.zeros((len(self.stages), len(turns)))
         # motions change little with the speed: those of the nearest half per cent do
         solved = round(200 * setting.speed) / 200
-        for number, stage in enumerate(self.drawn.stages):
-            phase = shaft * stage.gears[0].teeth
+        for number, stage in enumerate(self.stages):
+            phase = turns * self.shaft_orders[number] * stage.gears[0].teeth
             for side, gear in enumerate(stage.gears):
-                table = self._table(number, side, solved, _own(condition, number, side))
+                own = (condition.stage, condition.gear) == (number + 1, GEARS[side])
+                table = self._table(number, side, solved, condition if own else Condition())
                 grid = np.arange(len(table)) / len(table)
                 force = np.interp(phase / gear.teeth, grid, table, period=1.0)
                 forces[number] += stage.mechanics.force_n * load * force.real + force.imag
-            shaft = phase / stage.gears[1].teeth
         return forces
 
     def _table(self, number: int, side: int, speed: float, condition: Condition) -> ComplexArray:
         """Force of one gear's marks over its turn: over static force, and 1j that of errors [N]."""
         key = (number, side, speed, condition)
         if key not in self._tables:
-            stage = self.drawn.stages[number]
+            stage = self.stages[number]
             model, teeth = stage.model, stage.gears[side].teeth
             model = replace(model, mesh_hz=speed * model.mesh_hz)
-            per_force, of_errors = model.motion(teeth, *gear_marks(stage, side, model, condition))
+            lines = model.motion(teeth, *gear_marks(stage, side, model, condition))
             if side == 1:
                 # the mesh itself is heard once, with the pinion
-                per_force = per_force - model.motion(teeth)[0]
-            self._tables[key] = _force_over_turn(model, teeth, per_force, of_errors)
+                lines[0] -= model.motion(teeth)[0]
+            gear_hz = model.mesh_hz / teeth
+            top = min(math.floor(HIGHEST_HZ / gear_hz), lines.shape[1] - 1)
+            size = 1 << math.ceil(math.log2(FINENESS * top))
+            weight = model.mass_kg * (2 * np.pi * gear_hz * np.arange(top + 1)) ** 2
+            one, two = np.fft.irfft(weight * lines[:, : top + 1], size, norm="forward")
+            self._tables[key] = one + 1j * two
         return self._tables[key]
 
     def _impacts(
         self, condition: Condition, turns: FloatArray, force: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         """Impacts of a rolling bearing on the first stage's force; they slip a little."""
-        share, order = _bearing(condition, rng), self.drawn.bearing_orders[0]
+        share, order = _bearing(condition, rng), self.bearing_orders[0]
         places = np.arange(math.ceil(order * turns[0]), math.floor(order * turns[-1]))
         places = np.sort(places + rng.normal(0, 0.02, len(places)))
         index = np.searchsorted(turns, places / order)
         train = np.zeros(len(turns))
         train[index[index < len(turns)]] = 1.0
-        power = float(np.mean(train * train))
-        return train * (share * float(np.std(force)) / math.sqrt(max(power, 1e-12)))
+        return train * (share * float(np.std(force)) / math.sqrt(max(train.mean(), 1e-12)))
 
     def _tones(
-        self,
-        condition: Condition,
-        turns: FloatArray,
-        vibration: FloatArray,
-        rng: np.random.Generator,
+        self, condition: Condition, turns: FloatArray, heard: FloatArray, rng: np.random.Generator
     ) -> FloatArray:
         """Tones of bearings, and the first orders of the shafts."""
-        total, size = np.zeros_like(vibration), np.std(vibration, axis=1)
+        total, size = np.zeros_like(heard), np.std(heard, axis=1)
         share = _bearing(condition, rng)
-        ratios = [stage.gears[0].teeth / stage.gears[1].teeth for stage in self.drawn.stages]
-        lines = [(order, share) for order in self.drawn.bearing_orders[1:]]
-        lines += [(order, UNBALANCE) for order in np.cumprod([1.0, *ratios])]
+        lines = [(order, share) for order in self.bearing_orders[1:]]
+        lines += [(order, UNBALANCE) for order in self.shaft_orders]
         for order, weight in lines:
             wave = np.sin(2 * np.pi * (order * turns + rng.random()))
             total += (weight * size * rng.uniform(0.5, 1.5, len(size)))[:, None] * wave
@@ -620,16 +567,9 @@ def _bearing(condition: Condition, rng: np.random.Generator) -> float:
     return condition.size if condition.kind == "bearing" else share
 
 
-def _own(condition: Condition, number: int, side: int) -> Condition:
-    """Return the condition as far as it touches one gear."""
-    if condition.stage == number + 1 and condition.gear == GEARS[side]:
-        return condition
-    return Condition()
-
-
 def gear_marks(
     stage: HiddenStage, side: int, model: MeshModel, condition: Condition
-) -> tuple[FloatArray, FloatArray | None]:
+) -> tuple[FloatArray, FloatArray | float]:
     """Return the displacement [m] and lost stiffness [N/m] of one gear over its turn.
 
     Parameters
@@ -646,10 +586,11 @@ def gear_marks(
     rng = np.random.default_rng([condition.seed, 12])
     whole = model.wave(np.ones(gear.teeth))
     deflection = stage.mechanics.force_n / model.stiffness_n_per_m
-    error = gear.runout(model.points) + model.wave(gear.pitch_m) / whole
+    runout = np.fft.irfft(np.append(0j, gear.runout_m / 2), len(whole), norm="forward")
+    error = runout + model.wave(gear.pitch_m) / whole
     phase = np.arange(len(whole)) / model.points
     angle = 2 * np.pi * phase / gear.teeth
-    loss: FloatArray | None = None
+    loss: FloatArray | float = 0.0
     if condition.kind == "tooth" and condition.tooth is not None:
         own = np.zeros(gear.teeth)
         own[condition.tooth - 1] = condition.size
@@ -664,23 +605,9 @@ def gear_marks(
         error = error + condition.size * deflection * np.cos(angle - rng.uniform(0, 2 * np.pi))
     elif condition.kind == "wear":
         # most at root and tip, little at the pitch point: a wave of the mesh, alike on all teeth
-        worn = np.abs(np.sin(np.pi * (phase - 0.5 * model.shape.length))) - 2 / np.pi
+        worn = np.abs(np.sin(np.pi * (phase - 0.5 * model.length))) - 2 / np.pi
         error = error - condition.size * deflection * worn
     return error, loss
-
-
-def _force_over_turn(
-    model: MeshModel, teeth: int, per_force: ComplexArray, of_errors: ComplexArray
-) -> ComplexArray:
-    gear_hz = model.mesh_hz / teeth
-    top = min(math.floor(HIGHEST_HZ / gear_hz), len(per_force) - 1)
-    size = 1 << math.ceil(math.log2(FINENESS * top))
-    weight = model.mass_kg * (2 * np.pi * gear_hz * np.arange(top + 1)) ** 2
-    one, two = (
-        np.fft.irfft(weight * lines[: top + 1], size, norm="forward")
-        for lines in (per_force, of_errors)
-    )
-    return np.asarray(one + 1j * two)
 
 
 def _wander(rng: np.random.Generator, count: int, deviation: float) -> FloatArray:
@@ -694,9 +621,7 @@ def _wander(rng: np.random.Generator, count: int, deviation: float) -> FloatArra
 
 def _noise(rng: np.random.Generator, count: int, deviation: float) -> FloatArray:
     """White noise with a coloured part, a third of its power."""
-    white = rng.standard_normal(count + 8)
-    # a short moving sum: more at low frequencies, without a recursion
-    total = np.cumsum(white)
-    coloured = (total[8:] - total[:-8]) / math.sqrt(8)
+    # a short moving sum: more at low frequencies
+    coloured = np.convolve(rng.standard_normal(count + 8)[1:], np.full(8, 8**-0.5), "valid")
     mixed = math.sqrt(2 / 3) * rng.standard_normal(count) + math.sqrt(1 / 3) * coloured
     return np.asarray(deviation * mixed, dtype=np.float64)

@@ -22,7 +22,7 @@ from gearmon.harvesting.vibration import OperatingShare, Points, vibration_of_li
 from gearmon.terminal import Progress
 
 Real = npt.NDArray[np.float64]
-_Row = dict[str, Any]
+Row = dict[str, Any]
 
 # Of the source study, about its reference pair.
 STIFFNESS = 1e8 * np.array([2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0])
@@ -41,7 +41,7 @@ SETTLED = 1e-7
 RING_DOWNS, STEPS = 7.0, 1024
 
 
-def time_harvesting(progress: Progress | None = None, quick: bool = False) -> list[dict[str, Any]]:
+def time_harvesting(progress: Progress | None = None, quick: bool = False) -> list[Row]:
     """Measure the tuning of gear pairs' lines and the optimum of a single tuning.
 
     Parameters
@@ -64,7 +64,7 @@ def time_harvesting(progress: Progress | None = None, quick: bool = False) -> li
     return rows
 
 
-def _pairs_row(sample: int, tell: Progress) -> dict[str, Any]:
+def _pairs_row(sample: int, tell: Progress) -> Row:
     rng = np.random.default_rng(0)
     times, ratios = [], []
     for number in range(sample):
@@ -83,10 +83,9 @@ def _pairs_row(sample: int, tell: Progress) -> dict[str, Any]:
     return _row("lines of a gear pair and their tuning", sample, ours, rival, rival_s, power)
 
 
-def _row(case: str, sets: int, ours: float, rival: str, rival_s: float, power: float) -> _Row:
-    columns = ("case", "sets", "time_s", "rival", "rival_time_s", "ratio", "power_ratio")
-    values = (case, sets, ours, rival, rival_s, rival_s / ours, power)
-    return dict(zip(columns, values, strict=True))
+def _row(case: str, sets: int, ours: float, rival: str, rival_s: float, power: float) -> Row:
+    row: Row = {"case": case, "sets": sets, "time_s": ours, "rival": rival}
+    return row | {"rival_time_s": rival_s, "ratio": rival_s / ours, "power_ratio": power}
 
 
 def _tuned_power(problem: HillProblem) -> float:
@@ -105,12 +104,8 @@ def _integrated(problem: HillProblem) -> float:
     lines = _settled(problem, count)
     order = np.arange(1, count + 1)
     energy = np.abs(lines[1:]) ** 2 / order**2
-    best = 0.0
-    for line in order[np.argsort(-energy)[:TRIED_LINES]]:
-        harvester = _inertial().retuned(line / PERIOD_S)
-        harvester = harvester.with_load(harvester.mechanical_damping_ratio)
-        best = max(best, _marched(harvester, lines))
-    return best
+    tried = [_inertial().retuned(n / PERIOD_S) for n in order[np.argsort(-energy)[:TRIED_LINES]]]
+    return max(_marched(own.with_load(own.mechanical_damping_ratio), lines) for own in tried)
 
 
 def _settled(problem: HillProblem, count: int) -> npt.NDArray[np.complex128]:
@@ -152,7 +147,7 @@ def _marched(harvester: InertialHarvester, lines: npt.NDArray[np.complex128]) ->
     return float(damper * np.mean(speed**2))
 
 
-def _optimum_row(harvester: Harvester, quick: bool) -> dict[str, Any]:
+def _optimum_row(harvester: Harvester, quick: bool) -> Row:
     duty = _duty()
     tune_harvester(harvester, duty)
     frequencies, loads = (200, 10) if quick else FINE_GRID
@@ -169,12 +164,10 @@ def _optimum_row(harvester: Harvester, quick: bool) -> dict[str, Any]:
 def _brute_force(harvester: Harvester, duty: Points, frequencies: int, loads: int) -> float:
     """Largest power on a grid, all loads of a natural frequency at once."""
     low, high = harvester.frequency_range_hz
-    best = 0.0
-    for frequency in np.geomspace(low, high, frequencies):
-        tuned = harvester.retuned(float(min(frequency, high)))
-        tried = np.geomspace(*tuned.load_range, loads)
-        best = max(best, float(mean_power_w(tuned, duty, tried).max()))
-    return best
+    grid = np.minimum(np.geomspace(low, high, frequencies), high).tolist()
+    tuned = [harvester.retuned(frequency) for frequency in grid]
+    powers = [mean_power_w(own, duty, np.geomspace(*own.load_range, loads)) for own in tuned]
+    return float(np.max(powers))
 
 
 def _duty() -> Points:

@@ -79,10 +79,6 @@ def _line(style: Style) -> dict[str, Any]:
     return dict(zip(("color", "marker", "linestyle"), style, strict=True))
 
 
-def _tacho_name(tacho: bool) -> str:
-    return "with tacho" if tacho else "without tacho"
-
-
 def dynamics_figures(rows: Sequence[Row]) -> dict[str, Figure]:
     """Return the run time over the error of every method, one panel a case."""
     table = pd.DataFrame(rows).dropna(subset=["error", "median_s"])
@@ -133,13 +129,13 @@ def detection_figures(rows: Sequence[Row]) -> dict[str, Figure]:
     size, sizes = _panels(2, 2, 5.2, 4.4)
     false_alarms, (alarms,) = _panels(1, 1, 5.2, 4.4)
     kinds, (matrix,) = _panels(1, 1, 5.2, 4.6)
-    for place, tacho in enumerate((True, False)):
+    for place, (tacho, name) in enumerate(((True, "with tacho"), (False, "without tacho"))):
         own = table[table["tacho"] == tacho]
         plot_areas(summary[summary["tacho"] == tacho], areas[place])
-        plot_reliability(own, alarms, (BLUE, VERMILLION)[place], _tacho_name(tacho))
+        plot_reliability(own, alarms, (BLUE, VERMILLION)[place], name)
         plot_sizes(own[own["gear_right"].eq(True) & own["loss"].notna()], sizes[place])
         for ax in (areas[place], sizes[place]):
-            ax.set_title(_tacho_name(tacho), fontsize=10)
+            ax.set_title(name, fontsize=10)
     line = np.array([LEAST, 1.0])
     alarms.plot(line, line, color=BLACK, linewidth=0.9, label="observed as stated")
     alarms.legend(fontsize=8, loc="lower right")

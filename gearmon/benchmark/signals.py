@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
@@ -19,13 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.benchmark.timing import (
-    Timing,
-    competitor,
-    in_turn,
-    interleaved,
-    other_python,
-)
+from gearmon.benchmark.timing import Competitor, Timing, interleaved
 from gearmon.files import write_atomically
 from gearmon.gears.faults import parse_fault
 from gearmon.machine import Machine, load_machine
@@ -41,9 +36,7 @@ Row = dict[str, Any]
 #: The first is gearmon's.
 Tasks = dict[str, Callable[[], Any]]
 
-#: Names the interpreter of an environment with PySDKit.
-VARIABLE = "GEARMON_PYSDKIT_PYTHON"
-NEEDS = "PySDKit 0.5.0"
+PYSDKIT = Competitor("PySDKit", "GEARMON_PYSDKIT_PYTHON", "PySDKit 0.5.0")
 LEVELS = 8
 RATE_HZ = 20_000.0
 AFTER_READING = "from samples to all indicators"
@@ -92,6 +85,13 @@ def signals_summary(rows: Sequence[Row]) -> list[Row]:
     return [{name: row[name] for name in shown} for row in rows]
 
 
+def _timed(
+    case: str, tasks: Tasks, repeats: int, budget_s: float, samples: int, channels: int = 1
+) -> Iterator[Row]:
+    timings = interleaved(list(tasks.values()), repeats, budget_s)
+    return _rows(case, dict(zip(tasks, timings, strict=True)), samples, channels)
+
+
 def _rows(
     case: str, timings: dict[str, Timing], samples: int, channels: int = 1, note: str = ""
 ) -> Iterator[Row]:
@@ -137,70 +137,78 @@ def _spectra(count: int, repeats: int) -> Iterator[Row]:
             "scipy.signal.welch": partial(welch, samples, nperseg=block),
         }
     for case, tasks in cases.items():
-        timings = interleaved(list(tasks.values()), repeats, 5.0)
-        yield from _rows(case, dict(zip(tasks, timings, strict=True)), count)
+        yield from _timed(case, tasks, repeats, 5.0, count)
 
 
 def _kurtogram(count: int, repeats: int) -> Iterator[Row]:
     task = partial(kurtogram, np.random.default_rng(0).normal(size=count), 1.0, LEVELS)
     case = f"kurtogram, {LEVELS} levels"
-    python = other_python(VARIABLE, NEEDS) or (sys.executable if find_spec("pysdkit") else None)
+    python = PYSDKIT.python() or (sys.executable if find_spec("pysdkit") else None)
     if python is None:
-        note = f"PySDKit not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
         (alone,) = interleaved([task], repeats, 5.0)
-        yield from _rows(case, {"kurtogram": alone}, count, note=note)
-        return
+        return _rows(case, {"kurtogram": alone}, count, note=PYSDKIT.absent)
     data = {"count": count, "levels": min(LEVELS, int(np.log2(count)) - 7)}
-    with competitor(python, NEEDS, "pysdkit", data) as (known, run):
-        theirs, ours = in_turn(run, task, repeats)
-    timings = {"kurtogram": ours, f"PySDKit {known['version']}": theirs}
-    yield from _rows(case, timings, count)
+    known, theirs, ours = PYSDKIT.in_turn(python, data, lambda _: task, repeats)
+    timings = {"kurtogram": ours, f"{PYSDKIT.name} {known['version']}": theirs}
+    return _rows(case, timings, count)
 
 
-def _vibration(machine: Machine, channels: int = 1) -> FloatArray:
-    """Ten seconds of a machine, to be repeated: the seams do not matter for memory and time."""
-    made = simulate(machine, duration_s=10.0, sampling_rate_hz=RATE_HZ, channels=channels)
-    return made.samples
+@contextmanager
+def _long_recording(count: int, channels: int = 1) -> Iterator[tuple[Path, FloatArray]]:
+    """Write the example gearbox and so many rows of its vibration, as a logger would.
+
+    Ten seconds are simulated and repeated: the seams do not matter for memory and time.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        machine = _example(Path(folder))
+        made = simulate(machine, duration_s=10.0, sampling_rate_hz=RATE_HZ, channels=channels)
+        samples = made.samples[:, :count]
+        block = "\n".join(",".join(f"{value:.6g}" for value in row) for row in samples.T) + "\n"
+        with (Path(folder) / "long.csv").open("w", encoding="ascii") as file:
+            file.write(",".join(f"a{n + 1}" for n in range(channels)) + "\n")
+            for _ in range(count // samples.shape[1]):
+                file.write(block)
+        yield Path(folder), samples
+
+
+def _example(folder: Path) -> Machine:
+    """Write the file of the example gearbox into a folder and load it."""
+    write_atomically(folder / "machine.toml", example_machine())
+    return load_machine(folder / "machine.toml")
 
 
 def _after_reading(count: int, repeats: int) -> Iterator[Row]:
     import pandas as pd
 
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        machine = load_machine(_machine_file(place))
-        samples = _vibration(machine)
-        _long_csv(place / "long.csv", samples, count)
+    with _long_recording(count) as (folder, samples):
+        machine = load_machine(folder / "machine.toml")
         long = np.resize(samples[0], (1, count))
         recording = Recording(samples=long, sampling_rate_hz=RATE_HZ, origin="memory")
         tasks: Tasks = {
             "indicator_table of samples in memory": lambda: indicator_table(recording, machine),
-            "pandas.read_csv of the same samples": lambda: pd.read_csv(place / "long.csv"),
+            "pandas.read_csv of the same samples": lambda: pd.read_csv(folder / "long.csv"),
         }
-        timings = interleaved(list(tasks.values()), repeats, NO_LIMIT_S)
-    yield from _rows(AFTER_READING, dict(zip(tasks, timings, strict=True)), count)
+        return _timed(AFTER_READING, tasks, repeats, NO_LIMIT_S, count)
+
+
+def _rows_read(read: Callable[[Path], Any], path: Path) -> int:
+    return len(read(path))
 
 
 def _reading(count: int, channels: int, repeats: int) -> Iterator[Row]:
     """Readers of CSV that are installed; no result is kept."""
     import pandas as pd
 
-    with tempfile.TemporaryDirectory() as folder:
-        path, machine = Path(folder) / "long.csv", load_machine(_machine_file(Path(folder)))
-        _long_csv(path, _vibration(machine, channels), count)
+    with _long_recording(count, channels) as (folder, _):
+        path = folder / "long.csv"
         tasks: Tasks = {
             "read_recording": lambda: len(read_recording(path, sampling_rate_hz=RATE_HZ).samples),
-            "pandas.read_csv": lambda: len(pd.read_csv(path)),
+            "pandas.read_csv": partial(_rows_read, pd.read_csv, path),
         }
-        if find_spec("pyarrow"):
-            from pyarrow import csv
-
-            tasks["pyarrow"] = lambda: len(csv.read_csv(path))
-        if find_spec("polars"):
-            polars: Any = import_module("polars")
-            tasks["polars"] = lambda: len(polars.read_csv(path))
-        timings = interleaved(list(tasks.values()), repeats, 60.0)
-    yield from _rows("reading CSV", dict(zip(tasks, timings, strict=True)), count, channels)
+        for name, module in (("pyarrow", "pyarrow.csv"), ("polars", "polars")):
+            if find_spec(name):
+                tasks[name] = partial(_rows_read, import_module(module).read_csv, path)
+        return _timed("reading CSV", tasks, repeats, 60.0, count, channels)
 
 
 def analysis_against_reading(repeats: int = 7, progress: Progress | None = None) -> list[Row]:
@@ -231,19 +239,14 @@ def analysis_against_reading(repeats: int = 7, progress: Progress | None = None)
     sizes = {"rows": round(WHOLE_RATE_HZ * WHOLE_S), "channels": 4}
     pandas_s, measured = timings[-1].median_s, zip(processes, timings, strict=True)
     return [
-        {
-            "process": name,
-            **sizes,
-            **timing.columns(),
-            "ratio_to_pandas": timing.median_s / pandas_s,
-        }
-        for name, timing in followed(measured, len(timings), progress)
+        {"process": name, **sizes, **own.columns(), "ratio_to_pandas": own.median_s / pandas_s}
+        for name, own in followed(measured, len(timings), progress)
     ]
 
 
 def _prepared(place: Path) -> dict[str, list[str]]:
     """Write machine, recordings and reference; return the arguments of both processes."""
-    machine = load_machine(_machine_file(place))
+    machine = _example(place)
     for number, (name, fault) in enumerate((("healthy", ""), ("new", "crack:1:pinion:7:30%"))):
         faults = [parse_fault(fault)] if fault else []
         made = simulate(machine, faults, WHOLE_S, WHOLE_RATE_HZ, channels=4, recording_seed=number)
@@ -282,33 +285,14 @@ def memory_of_long_recording(
     """
     results = []
     for count in followed(columns, len(columns), progress):
-        with tempfile.TemporaryDirectory() as folder:
-            place = Path(folder)
-            known = ["--machine", str(_machine_file(place)), "--sampling-rate", str(RATE_HZ)]
-            machine = load_machine(place / "machine.toml")
-            _long_csv(place / "long.csv", _vibration(machine, count), rows)
-            command = [sys.executable, "-m", "gearmon", "analyse", str(place / "long.csv")]
+        with _long_recording(rows, count) as (folder, _):
+            known = ["--machine", str(folder / "machine.toml"), "--sampling-rate", str(RATE_HZ)]
+            command = [sys.executable, "-m", "gearmon", "analyse", str(folder / "long.csv")]
             peak, elapsed = _peak_memory([*command, *known, "--json"])
         numbers = 8 * rows * count
         sizes = {"numbers_mib": numbers / 2**20, "peak_mib": peak / 2**20, "ratio": peak / numbers}
         results.append({"rows": rows, "channels": count, **sizes, "elapsed_s": elapsed})
     return results
-
-
-def _machine_file(folder: Path) -> Path:
-    """Write the file of the example gearbox into a folder."""
-    write_atomically(folder / "machine.toml", example_machine())
-    return folder / "machine.toml"
-
-
-def _long_csv(path: Path, samples: FloatArray, count: int) -> None:
-    """Write so many rows of channels by writing those given over and over, as a logger would."""
-    samples = samples[:, :count]
-    block = "\n".join(",".join(f"{value:.6g}" for value in row) for row in samples.T) + "\n"
-    with path.open("w", encoding="ascii") as file:
-        file.write(",".join(f"a{n + 1}" for n in range(len(samples))) + "\n")
-        for _ in range(count // samples.shape[1]):
-            file.write(block)
 
 
 def _peak_memory(command: Sequence[str]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gearmon.benchmark.equations import CRACK, FORM, STAGE
-from gearmon.benchmark.timing import Timing, competitor, in_turn, interleaved, other_python
+from gearmon.benchmark.timing import Competitor, Timing, interleaved
 from gearmon.gears.faults import Fault, parse_fault
 from gearmon.gears.foundation import Foundation
 from gearmon.gears.pairs import mesh_pairs
@@ -24,10 +24,8 @@ from gearmon.machine import ParallelStage
 
 Row = dict[str, Any]
 
-#: Names the interpreter of an environment with ROSS, which needs an old plotly.
-VARIABLE = "GEARMON_ROSS_PYTHON"
-#: What that environment must hold.
-NEEDS = "ross-rotordynamics 2.3.0 and plotly below 6"
+#: It needs an old plotly.
+ROSS = Competitor("ROSS", "GEARMON_ROSS_PYTHON", "ross-rotordynamics 2.3.0 and plotly below 6")
 #: A pair with published stiffness by ROSS.
 PUBLISHED = ParallelStage(
     pinion_teeth=25,
@@ -66,7 +64,7 @@ def time_stiffness(repeats: int = 25, ross_python: str | None = None) -> list[Ro
     ArgumentError
         If `ross_python` is no interpreter with ROSS.
     """
-    python = other_python(VARIABLE, NEEDS, ross_python)
+    python = ROSS.python(ross_python)
     crack = [parse_fault(CRACK)]
     tasks = (partial(_sample, []), partial(_sample, crack), partial(_harmonics, crack))
     healthy, cracked, harmonics = interleaved(tasks, max(1, repeats), NO_LIMIT_S)
@@ -81,51 +79,43 @@ def time_stiffness(repeats: int = 25, ross_python: str | None = None) -> list[Ro
 
 
 def _row(case: str, positions: int, timing: Timing, **further: Any) -> Row:
-    unknown = dict.fromkeys(
-        ("times_healthy", "ross_median_s", "ross_times_slower", "ross_difference")
-    )
-    speed = {"positions_per_s": positions / timing.median_s}
-    found = {"case": case, "positions": positions, **timing.columns(), **speed}
-    return found | unknown | {"note": ""} | further
+    known = {"case": case, "positions": positions, **timing.columns()}
+    known["positions_per_s"] = positions / timing.median_s
+    unknown = ("times_healthy", "ross_median_s", "ross_times_slower", "ross_difference")
+    return known | dict.fromkeys(unknown) | {"note": ""} | further
 
 
-def _sample(faults: list[Fault]) -> int:
-    return len(mesh_stiffness(STAGE, faults, FORM).sample(200))
+def _sample(faults: list[Fault], stage: ParallelStage = STAGE, points: int = 200) -> int:
+    return len(mesh_stiffness(stage, faults, FORM).sample(points))
 
 
 def _harmonics(faults: list[Fault]) -> int:
     return len(mesh_stiffness(STAGE, faults, FORM).harmonics(1000))
 
 
-def _positions(stage: ParallelStage) -> int:
-    return len(mesh_stiffness(stage, (), FORM).sample(POSITIONS))
-
-
 def _beside_ross(stage: ParallelStage, python: str | None, repeats: int) -> Row:
     case = f"contact positions, sound pair {stage.pinion_teeth}/{stage.gear_teeth}"
     if python is None:
-        (own,) = interleaved([partial(_positions, stage)], max(1, repeats), NO_LIMIT_S)
-        note = f"ROSS not run: {VARIABLE} names no interpreter of an environment with {NEEDS}"
-        return _row(case, POSITIONS, own, note=note)
-    with competitor(python, NEEDS, "ross", _gears_for_ross(stage)) as (known, ross):
-        steel = known["elastic_modulus_pa"]
-        same = replace(
-            stage,
-            elastic_modulus_pinion_pa=steel,
-            elastic_modulus_gear_pa=steel,
-            poisson_ratio=known["poisson_ratio"],
-        )
-        theirs, own = in_turn(ross, partial(_positions, same), min(repeats, 7))
-    difference, note = _compared(known, same)
-    return _row(
-        case,
-        len(known["stiffness_n_per_m"]),
-        own,
-        ross_median_s=theirs.median_s,
-        ross_times_slower=theirs.median_s / own.median_s,
-        ross_difference=difference,
-        note=note,
+        task = partial(_sample, [], stage, POSITIONS)
+        (own,) = interleaved([task], max(1, repeats), NO_LIMIT_S)
+        return _row(case, POSITIONS, own, note=ROSS.absent)
+
+    def same(known: dict[str, Any]) -> ParallelStage:
+        """Return the gears of the steel that ROSS has."""
+        modulus, ratio = known["elastic_modulus_pa"], known["poisson_ratio"]
+        moduli = {f"elastic_modulus_{gear}_pa": modulus for gear in ("pinion", "gear")}
+        return replace(stage, poisson_ratio=ratio, **moduli)
+
+    known, theirs, own = ROSS.in_turn(
+        python,
+        _gears_for_ross(stage),
+        lambda known: partial(_sample, [], same(known), POSITIONS),
+        min(repeats, 7),
     )
+    difference, note = _compared(known, same(known))
+    beside = {"ross_median_s": theirs.median_s, "ross_difference": difference, "note": note}
+    beside["ross_times_slower"] = theirs.median_s / own.median_s
+    return _row(case, len(known["stiffness_n_per_m"]), own, **beside)
 
 
 def _gears_for_ross(stage: ParallelStage) -> dict[str, Any]:

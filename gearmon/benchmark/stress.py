@@ -82,7 +82,8 @@ def draw_system(rng: np.random.Generator) -> System:
     count = int(rng.integers(1, MOST_HARMONICS + 1))
     shape = rng.normal(size=count) + 1j * rng.normal(size=count)
     shape /= np.arange(1, count + 1) ** rng.uniform(0.0, 2.0)
-    shape /= np.abs(_values(shape, 16 * count)).max()
+    values = np.fft.irfft(np.append(0j, shape), 16 * count, norm="forward")
+    shape /= np.abs(values).max()
     limit = instability_limit(ratio, zeta, shape)
     variation = float(rng.uniform(0.0, MOST_SHARE)) * limit
     problem = pair(variation * shape, zeta=zeta, ratio=ratio)
@@ -105,15 +106,12 @@ def instability_limit(ratio: float, zeta: float, shape: Complex) -> float:
     >>> bool(abs(instability_limit(0.5, 0.05, np.array([0.5 + 0j])) / 0.2 - 1) < 0.03)
     True
     """
-    low = 1e-3 * LARGEST_VARIATION
-    grid = np.geomspace(low, LARGEST_VARIATION, 28)
+    grid = np.geomspace(1e-3 * LARGEST_VARIATION, LARGEST_VARIATION, 28)
     for _ in range(3):
         growing = np.flatnonzero(growth(ratio, zeta, shape, grid) > 0)
-        if not len(growing):
-            return float(grid[-1])
-        first = int(growing[0])
-        if first == 0:
-            return float(grid[0])
+        first = int(growing[0]) if len(growing) else len(grid) - 1
+        if first == 0 or not len(growing):
+            return float(grid[first])
         grid = np.geomspace(grid[first - 1], grid[first], 8)
     return float(grid[0])
 
@@ -135,11 +133,6 @@ def growth(ratio: float, zeta: float, shape: Complex, variations: Real) -> Real:
     known = np.array(ratio), variations, np.array(zeta)
     half_trace = period_trace.of_fourier(*known, shape, TRACE_TOLERANCE)
     return np.asarray(period_trace.growth(*half_trace) - 2 * math.pi * ratio * zeta)
-
-
-def _values(shape: Complex, length: int) -> Real:
-    half = np.concatenate([np.zeros(1, dtype=np.complex128), shape])
-    return np.asarray(np.fft.irfft(half, length, norm="forward"))
 
 
 def run_stress(

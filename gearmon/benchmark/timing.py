@@ -8,8 +8,7 @@ import platform
 import statistics
 import subprocess
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -112,91 +111,101 @@ def _processor_model() -> str:
     return named[0] if named else ""
 
 
-def other_python(variable: str, needs: str, given: str | None = None) -> str | None:
-    """Return the interpreter of an environment with a competitor, or None if none is named.
+@dataclass(frozen=True)
+class Competitor:
+    """A task of `other_python.py`, which needs an environment of its own.
 
     Parameters
     ----------
+    name : str
+        Of the competitor; in lower case that of its task.
     variable : str
-        Environment variable that names it.
+        Environment variable that names the interpreter.
     needs : str
         What the environment must hold, in words.
-    given : str, optional
-        By default the value of the variable.
-
-    Raises
-    ------
-    ArgumentError
-        If the name is not that of a file.
     """
-    name = given if given is not None else os.environ.get(variable)
-    if name and not Path(name).is_file():
-        raise ArgumentError(
-            f"{variable}={name!r} is no file; it must name the Python interpreter of an "
-            f"environment with {needs}"
+
+    name: str
+    variable: str
+    needs: str
+
+    def python(self, given: str | None = None) -> str | None:
+        """Return the interpreter that is given or named, or None if none is.
+
+        Raises
+        ------
+        ArgumentError
+            If the name is not that of a file.
+        """
+        name = given if given is not None else os.environ.get(self.variable)
+        if name and not Path(name).is_file():
+            raise ArgumentError(
+                f"{self.variable}={name!r} is no file; it must name the Python interpreter of an "
+                f"environment with {self.needs}"
+            )
+        return name or None
+
+    @property
+    def absent(self) -> str:
+        """Why there is no figure of it."""
+        return (
+            f"{self.name} not run: {self.variable} names no interpreter of an environment with "
+            f"{self.needs}"
         )
-    return name or None
 
+    def in_turn(
+        self,
+        python: str,
+        data: dict[str, Any],
+        prepare: Callable[[dict[str, Any]], Callable[[], Any]],
+        rounds: int,
+    ) -> tuple[dict[str, Any], Timing, Timing]:
+        """Time the competitor and a task here, one after the other, round after round.
 
-@contextmanager
-def competitor(
-    python: str, needs: str, what: str, data: dict[str, Any]
-) -> Iterator[tuple[dict[str, Any], Callable[[], float]]]:
-    """Start a competitor of `other_python.py`.
+        Parameters
+        ----------
+        python : str
+            Interpreter.
+        data : dict
+            What the competitor needs, in built-in types.
+        prepare : callable
+            Makes the task of what the competitor tells of itself.
+        rounds : int
 
-    Parameters
-    ----------
-    python : str
-        Interpreter.
-    needs : str
-        What its environment must hold, in words.
-    what : str
-        Name of the task.
-    data : dict
-        What the task needs, in built-in types.
+        Returns
+        -------
+        (dict, Timing, Timing)
+            What it tells, its run times and ours.
 
-    Yields
-    ------
-    dict
-        What it tells of itself.
-    callable
-        Runs it once more and returns its run time there [s].
+        Raises
+        ------
+        ArgumentError
+            If the other environment does not answer.
+        """
+        command = [python, "-I", str(SCRIPT), self.name.lower(), json.dumps(data)]
+        pipe = subprocess.PIPE
+        with subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, text=True
+        ) as other:
+            requests, answers = other.stdin, other.stdout
+            assert requests is not None
+            assert answers is not None
 
-    Raises
-    ------
-    ArgumentError
-        If the other environment does not answer.
-    """
-    with subprocess.Popen(
-        [python, "-I", str(SCRIPT), what, json.dumps(data)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-    ) as other:
-        assert other.stdin is not None
-        assert other.stdout is not None
-        requests, answers = other.stdin, other.stdout
+            def answer() -> Any:
+                line = answers.readline()
+                if not line.strip():
+                    held = f"its environment must hold {self.needs}"
+                    raise ArgumentError(f"{python} gives no answer: {held}")
+                return json.loads(line)
 
-        def answer() -> Any:
-            line = answers.readline()
-            if not line.strip():
-                raise ArgumentError(f"{python} gives no answer: its environment must hold {needs}")
-            return json.loads(line)
+            def run() -> float:
+                print(file=requests, flush=True)
+                return float(answer())
 
-        def run() -> float:
-            print(file=requests, flush=True)
-            return float(answer())
-
-        yield answer(), run
-        requests.close()
-
-
-def in_turn(
-    other: Callable[[], float], task: Callable[[], Any], rounds: int
-) -> tuple[Timing, Timing]:
-    """Time a competitor and a task here, one after the other, round after round."""
-    task()
-    pairs = [(other(), task_time(task)[0]) for _ in range(max(1, rounds))]
-    theirs, own = zip(*pairs, strict=True)
-    return Timing.of(theirs), Timing.of(own)
+            known = answer()
+            task = prepare(known)
+            task()
+            pairs = [(run(), task_time(task)[0]) for _ in range(max(1, rounds))]
+            requests.close()
+        theirs, own = zip(*pairs, strict=True)
+        return known, Timing.of(theirs), Timing.of(own)

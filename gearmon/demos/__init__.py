@@ -7,31 +7,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from importlib import import_module, resources
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from gearmon.diagnosis.analysis import learn
 from gearmon.errors import ArgumentError
-from gearmon.gears.faults import Fault
-from gearmon.machine import Machine, load_machine
-from gearmon.signals.recording import Recording, read_recording
-from gearmon.signatures.measured.reference import Reference, write_reference
-from gearmon.simulation import simulate
 from gearmon.terminal import Progress
 
 Item = TypeVar("Item")
 
 #: Name of a demo -> its function, as "module:function".
 DEMOS = {
-    "crack": "gearmon.demos.crack:crack_demo",
-    "growth": "gearmon.demos.crack:growth_demo",
-    "kinds": "gearmon.demos.kinds:kinds_demo",
-    "day": "gearmon.demos.day:day_demo",
-    "harvest": "gearmon.demos.harvest:harvest_demo",
-    "exposure": "gearmon.demos.exposure:exposure_demo",
+    "crack": "gearmon.demos.monitoring:crack_demo",
+    "growth": "gearmon.demos.monitoring:growth_demo",
+    "kinds": "gearmon.demos.monitoring:kinds_demo",
+    "day": "gearmon.demos.monitoring:day_demo",
+    "harvest": "gearmon.demos.tractor:harvest_demo",
+    "exposure": "gearmon.demos.tractor:exposure_demo",
     "fleet": "gearmon.demos.fleet:fleet_demo",
     "study": "gearmon.study.report:write_study",
 }
@@ -139,40 +133,3 @@ def told(folder: Path, name: str, figure: Any, story: Iterable[str], facts: dict
     return Demo(
         story=lines, files={"folder": folder, "picture": picture, "story": text}, facts=facts
     )
-
-
-#: Length and rate of a recording: short, so that a demo takes less than a minute.
-DURATION_S, RATE_HZ = 5.0, 10_240.0
-
-
-def conveyor(folder: Path) -> Machine:
-    """Write the machine file of the drive into a folder and load it."""
-    return load_machine(given_file("conveyor.toml", folder, "machine.toml"))
-
-
-def conveyor_recording(
-    machine: Machine, name: str, seed: int, faults: Sequence[Fault | str] = (), **settings: Any
-) -> Recording:
-    """Simulate two accelerometers and a tachometer of always the same conveyor drive.
-
-    Parameters
-    ----------
-    machine : Machine
-    name : str
-        Of the recording.
-    seed : int
-        Of what differs from recording to recording.
-    faults : sequence of Fault or str
-    **settings
-        Further ones of `simulate`: load, slip, speed_drift, load_drift.
-    """
-    settings = {"machine_seed": 1, "channels": 2, "tacho_shaft": 1} | settings
-    made = simulate(machine, faults, DURATION_S, RATE_HZ, recording_seed=seed, **settings)
-    return replace(read_recording(made), origin=name)
-
-
-def learned(machine: Machine, healthy: Sequence[Recording], folder: Path) -> Reference:
-    """Learn from healthy recordings, and keep the reference in the folder."""
-    reference = learn(healthy, machine)
-    write_reference(reference, folder / "healthy.ref")
-    return reference

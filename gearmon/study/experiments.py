@@ -236,15 +236,15 @@ class Sweep:
 
 def run_sweeps(progress: Callable[[float], None]) -> dict[str, Sweep]:
     """Solve all sweeps; the keys are the names of the parameters."""
-    total, done, found = sum(len(values) for *_, values in SWEEPS.values()), 0, {}
-    for name, (label, unit, scale, values) in SWEEPS.items():
-        points = []
-        for value in values:
-            points.append(operate(replace(REFERENCE, **{name: value})))
-            done += 1
-            progress(done / total)
-        found[name] = Sweep(name=name, label=label, unit=unit, scale=scale, points=tuple(points))
-    return found
+    cases = [(name, value) for name, (*_, values) in SWEEPS.items() for value in values]
+    points: dict[str, list[Operation]] = {name: [] for name in SWEEPS}
+    for number, (name, value) in enumerate(cases, start=1):
+        points[name].append(operate(replace(REFERENCE, **{name: value})))
+        progress(number / len(cases))
+    return {
+        name: Sweep(name=name, label=label, unit=unit, scale=scale, points=tuple(points[name]))
+        for name, (label, unit, scale, _) in SWEEPS.items()
+    }
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -578,18 +578,14 @@ def run_study(progress: Callable[[float], None] | None = None, quick: bool = Fal
     StudyResults
     """
     done = progress or (lambda _: None)
-    forms = form_responses()
+    forms, reference = form_responses(), operate(REFERENCE)
     done(0.25)
-    sweeps = run_sweeps(lambda share: done(0.25 + 0.3 * share))
-    orders, contact = study_orders(), study_contact(every=4 if quick else 1)
-    done(0.75)
-    reference = operate(REFERENCE)
     results = StudyResults(
         forms=forms,
         reference=reference,
-        sweeps=sweeps,
-        orders=orders,
-        contact=contact,
+        sweeps=run_sweeps(lambda share: done(0.25 + 0.3 * share)),
+        orders=study_orders(),
+        contact=study_contact(every=4 if quick else 1),
         damage=study_damage(forms["fourier-half"].signal),
         harvest=study_harvest(reference.response),
         speed=study_speed(1, QUICK_TOLERANCES) if quick else study_speed(),

@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -468,22 +469,6 @@ class Operation:
         """E_n = (2 pi f_n A_n)^2/2 of the lines [J/kg]."""
         return self.response.energy_lines
 
-    @property
-    def total_energy(self) -> float:
-        """Sum of the energy lines [J/kg]."""
-        return float(self.energy.sum())
-
-    @property
-    def energy_centroid_hz(self) -> float:
-        """Mean frequency of the energy lines, weighted by their energy [Hz]."""
-        return float((self.energy * self.response.frequency_hz).sum() / self.total_energy)
-
-    @property
-    def energy_band_hz(self) -> float:
-        """Highest frequency of a line with a tenth of the largest line's energy [Hz]."""
-        strong = np.flatnonzero(self.energy >= BAND_SHARE * self.energy.max())
-        return float(self.response.frequency_hz[strong[-1]])
-
     @cached_property
     def waveform(self) -> Trajectory:
         """One steady mesh period, `POINTS_PER_PERIOD` equal steps."""
@@ -491,15 +476,31 @@ class Operation:
         kinds = ("displacement", "velocity", "acceleration", "mesh_force")
         return Trajectory(time, *(self.response.at(time, kind) for kind in kinds))
 
-    @property
-    def swing_m(self) -> float:
-        """Peak to peak of the steady displacement [m]."""
-        return float(np.ptp(self.waveform.displacement_m))
-
-    @property
-    def second_order_error(self) -> float:
-        """Relative L2 error of the acceleration of the second order."""
-        return acceleration_error(self.second_order, self.response)
+    @cached_property
+    def figures(self) -> dict[str, Any]:
+        """All that is told of it, by the columns of sweeps.csv."""
+        response, waveform, energy = self.response, self.waveform, self.energy
+        total, frequency = float(energy.sum()), response.frequency_hz
+        strong = np.flatnonzero(energy >= BAND_SHARE * energy.max())
+        return {
+            "natural_frequency_hz": response.problem.natural_frequency_hz,
+            "damping_ratio": response.problem.damping_ratio,
+            "mean_displacement_m": float(response.displacement[0].real),
+            "displacement_swing_m": float(np.ptp(waveform.displacement_m)),
+            "least_displacement_m": float(waveform.displacement_m.min()),
+            "least_mesh_force_n": float(waveform.mesh_force_n.min()),
+            "peak_acceleration_ms2": self.peak_acceleration,
+            "peak_harmonic": self.peak_harmonic,
+            "total_energy_j_per_kg": total,
+            "total_energy_j": total * self.parameters.mass_kg,
+            "mean_energy_frequency_hz": float(energy @ frequency) / total,
+            "energy_band_hz": float(frequency[strong[-1]]),
+            "second_order_error": acceleration_error(self.second_order, response),
+            "start_error": self.start.error,
+            "start_method": self.start.method,
+            "error_bound": response.error_bound,
+            "method": response.method,
+        }
 
 
 def operate(parameters: MeshParameters) -> Operation:

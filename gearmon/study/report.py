@@ -15,7 +15,6 @@ from gearmon.files import write_atomically
 from gearmon.report.wording import base64_text, rows_as_csv, template
 from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
 from gearmon.study.experiments import StudyResults, run_study
-from gearmon.study.pair import Operation
 
 #: Share of the time that computing takes; the rest is drawing.
 COMPUTING_SHARE = 0.6
@@ -154,7 +153,7 @@ def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list
         index=FIGURES,
         pictures=[{"picture": picture, "data": png} for picture, png in pairs],
         sweeps=[
-            (sweep.label, zip(sweep.shown, map(_operation, sweep.points), strict=True))
+            (sweep.label, zip(sweep.shown, (point.figures for point in sweep.points), strict=True))
             for sweep in results.sweeps.values()
         ],
         speed=results.speed,
@@ -188,33 +187,10 @@ def claim_rows(judged: Sequence[Finding]) -> list[dict[str, Any]]:
 def sweep_rows(results: StudyResults) -> list[dict[str, Any]]:
     """One row for every value of every sweep."""
     return [
-        {"parameter": sweep.name, "value": float(value)} | _operation(point)
+        {"parameter": sweep.name, "value": float(value)} | point.figures
         for sweep in results.sweeps.values()
         for value, point in zip(sweep.values, sweep.points, strict=True)
     ]
-
-
-def _operation(point: Operation) -> dict[str, Any]:
-    problem, waveform = point.response.problem, point.waveform
-    return {
-        "natural_frequency_hz": problem.natural_frequency_hz,
-        "damping_ratio": problem.damping_ratio,
-        "mean_displacement_m": float(point.response.displacement[0].real),
-        "displacement_swing_m": point.swing_m,
-        "least_displacement_m": float(waveform.displacement_m.min()),
-        "least_mesh_force_n": float(waveform.mesh_force_n.min()),
-        "peak_acceleration_ms2": point.peak_acceleration,
-        "peak_harmonic": point.peak_harmonic,
-        "total_energy_j_per_kg": point.total_energy,
-        "total_energy_j": point.total_energy * point.parameters.mass_kg,
-        "mean_energy_frequency_hz": point.energy_centroid_hz,
-        "energy_band_hz": point.energy_band_hz,
-        "second_order_error": point.second_order_error,
-        "start_error": point.start.error,
-        "start_method": point.start.method,
-        "error_bound": point.response.error_bound,
-        "method": point.response.method,
-    }
 
 
 def shown_number(value: float | None) -> str:

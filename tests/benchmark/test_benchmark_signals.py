@@ -6,17 +6,24 @@ import pytest
 
 from gearmon.benchmark import signals
 from gearmon.errors import ArgumentError
+from gearmon.simulation import simulate
+
+
+def shortly(machine, **settings):
+    """A second is repeated, not ten."""
+    return simulate(machine, **(settings | {"duration_s": 1.0}))
 
 
 @pytest.fixture
 def rows(monkeypatch):
-    monkeypatch.setenv(signals.VARIABLE, "")
+    monkeypatch.setenv(signals.PYSDKIT.variable, "")
     monkeypatch.setattr(signals, "find_spec", lambda _: None)
+    monkeypatch.setattr(signals, "simulate", shortly)
     steps = [
         signals._spectra(16_384, 1),
         signals._kurtogram(1 << 15, 1),
         signals._reading(20_000, 2, 1),
-        signals._after_reading(200_000, 1),
+        signals._after_reading(60_000, 1),
     ]
     return [row for step in steps for row in step]
 
@@ -31,6 +38,6 @@ def test_rows_have_times(rows):
 
 
 def test_a_wrong_interpreter_is_refused(monkeypatch):
-    monkeypatch.setenv(signals.VARIABLE, "/nowhere/python")
+    monkeypatch.setenv(signals.PYSDKIT.variable, "/nowhere/python")
     with pytest.raises(ArgumentError, match="is no file"):
-        next(signals._kurtogram(1 << 15, 1))
+        signals._kurtogram(1 << 15, 1)

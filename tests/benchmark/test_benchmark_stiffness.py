@@ -9,13 +9,12 @@ import sys
 import pytest
 
 from gearmon.benchmark import run_case
-from gearmon.benchmark.stiffness import NEEDS, VARIABLE, time_stiffness
-from gearmon.benchmark.timing import other_python
+from gearmon.benchmark.stiffness import ROSS, time_stiffness
 from gearmon.errors import ArgumentError
 
 
 def test_rows_without_the_other_environment(monkeypatch):
-    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.delenv(ROSS.variable, raising=False)
     rows = time_stiffness(repeats=1)
     assert [row["positions"] for row in rows] == [200, 5200, 1000, 1000, 1000]
     assert all(row["median_s"] > 0 and row["fastest_s"] <= row["median_s"] for row in rows)
@@ -28,11 +27,11 @@ def test_rows_without_the_other_environment(monkeypatch):
 
 
 def test_another_environment_must_be_one(tmp_path, monkeypatch):
-    monkeypatch.setenv(VARIABLE, str(tmp_path / "python"))
+    monkeypatch.setenv(ROSS.variable, str(tmp_path / "python"))
     with pytest.raises(ArgumentError, match="is no file; it must name the Python interpreter"):
-        other_python(VARIABLE, NEEDS)
-    monkeypatch.setenv(VARIABLE, "")
-    assert other_python(VARIABLE, NEEDS) is None
+        ROSS.python()
+    monkeypatch.setenv(ROSS.variable, "")
+    assert ROSS.python() is None
     mute = tmp_path / "mute"
     mute.write_text("#!/bin/sh\nexit 1\n", encoding="ascii")
     mute.chmod(0o755)
@@ -45,7 +44,9 @@ def test_an_environment_without_ross_is_told_apart():
         time_stiffness(1, sys.executable)
 
 
-@pytest.mark.skipif(not os.environ.get(VARIABLE), reason=f"{VARIABLE} names no environment")
+@pytest.mark.skipif(
+    not os.environ.get(ROSS.variable), reason=f"{ROSS.variable} names no environment"
+)
 def test_beside_ross():
     bench, published = time_stiffness(repeats=3)[3:]
     for row in (bench, published):

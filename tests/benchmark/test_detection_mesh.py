@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from gearmon.benchmark.detection_machines import MeshModel, PairShape
+from gearmon.benchmark.detection_machines import MeshModel
 
 TEETH = 19
 
@@ -13,7 +15,10 @@ TEETH = 19
 @pytest.fixture(scope="module")
 def model():
     return MeshModel(
-        shape=PairShape(length=1.62, overlap=0.0, droop=0.4, edge=0.2),
+        length=1.62,
+        overlap=0.0,
+        droop=0.4,
+        edge=0.2,
         stiffness_n_per_m=3e8,
         mass_kg=0.3,
         damping_ns_per_m=2 * 0.08 * np.sqrt(3e8 * 0.3),
@@ -69,12 +74,12 @@ def test_motion_is_linear_in_the_errors(model):
 
 
 @pytest.mark.parametrize("overlap", [0.0, 0.7])
-def test_pair_carries_between_entry_and_exit_only(overlap):
-    shape = PairShape(length=1.5, overlap=overlap, droop=0.3, edge=0.1)
-    assert shape.at(np.array([-0.01, shape.reach + 0.01])).tolist() == [0.0, 0.0]
+def test_pair_carries_between_entry_and_exit_only(model, overlap):
+    shape = replace(model, length=1.5, overlap=overlap, droop=0.3, edge=0.1)
+    assert shape.pair(np.array([-0.01, shape.reach + 0.01])).tolist() == [0.0, 0.0]
     middle = 0.5 * shape.reach
-    assert shape.at(np.array([middle])) > 0.5
-    ahead, behind = shape.at(middle + np.array([0.3, -0.3]))
+    assert shape.pair(np.array([middle])) > 0.5
+    ahead, behind = shape.pair(middle + np.array([0.3, -0.3]))
     assert ahead == pytest.approx(behind)
 
 
@@ -84,4 +89,4 @@ def test_loss_of_one_tooth_acts_while_it_is_in_contact(model):
     phase = np.arange(TEETH * model.points) / model.points
     hurt = model.wave(lost) > 0
     assert phase[hurt].min() >= 4.0
-    assert phase[hurt].max() <= 4 + model.shape.reach
+    assert phase[hurt].max() <= 4 + model.reach

@@ -12,7 +12,6 @@ from gearmon.benchmark.detection import OTHERS, SIZES
 from gearmon.benchmark.detection_machines import (
     GEARS,
     MESH_HZ,
-    Bench,
     Condition,
     Setting,
     draw_machine,
@@ -24,7 +23,7 @@ SHORT = Setting(seed=5, duration_s=1.0)
 
 @pytest.fixture(scope="module")
 def bench():
-    return Bench(drawn=draw_machine(np.random.default_rng(2), channels=2))
+    return draw_machine(np.random.default_rng(2), channels=2)
 
 
 @pytest.fixture
@@ -44,11 +43,15 @@ def test_machines_can_be_heard_and_differ():
         for stage in one.stages:
             assert MESH_HZ[0] <= stage.mechanics.mesh_frequency_hz <= MESH_HZ[1]
             assert stage.mechanics.contact_ratio > 1
+            model = stage.model
+            critical = 2 * np.sqrt(model.stiffness_n_per_m * model.mass_kg)
+            assert 0.04 <= model.damping_ns_per_m / critical <= 0.12
+            assert 0.9 <= model.stiffness_n_per_m / stage.mechanics.stiffness.mean_n_per_m <= 1.1
 
 
 def test_same_seeds_same_recording(bench):
     one = bench.take(Condition(), SHORT)
-    again = Bench(drawn=draw_machine(np.random.default_rng(2), channels=2)).take(Condition(), SHORT)
+    again = draw_machine(np.random.default_rng(2), channels=2).take(Condition(), SHORT)
     assert np.array_equal(one.recording.samples, again.recording.samples)
     other = bench.take(Condition(), replace(SHORT, seed=6))
     assert not np.array_equal(one.recording.samples, other.recording.samples)
@@ -93,9 +96,26 @@ def test_vibration_is_a_part_with_the_load_and_a_part_of_errors(bench):
 
 
 @pytest.mark.usefixtures("quiet")
+def test_what_a_sound_mesh_sends_is_mass_times_acceleration(bench):
+    """Without errors, housing and wander every mesh line is force times m (2 pi f)^2 z_f."""
+    stage = bench.stages[0]
+    sound = tuple(replace(g, pitch_m=0 * g.pitch_m, runout_m=0 * g.runout_m) for g in stage.gears)
+    plain = replace(bench, stages=(replace(stage, gears=sound),), path=np.ones((1, 1, 1)))
+    taken = plain.take(Condition(), replace(SHORT, tacho=False))
+    model, teeth = stage.model, sound[0].teeth
+    turns, weights = taken.turns * teeth, np.hanning(len(taken.turns))
+    for harmonic in (1, 2, 3):
+        z = model.motion(teeth)[0][harmonic * teeth]
+        angular = 2 * np.pi * harmonic * model.mesh_hz
+        expected = stage.mechanics.force_n * model.mass_kg * angular**2 * z
+        wave = weights * np.exp(-2j * np.pi * harmonic * turns) / weights.sum()
+        assert abs(taken.recording.samples[0] @ wave - expected) < 0.01 * abs(expected)
+
+
+@pytest.mark.usefixtures("quiet")
 @pytest.mark.parametrize("gear", GEARS)
 def test_damaged_tooth_departs_once_a_turn_where_it_meshes(bench, gear):
-    drawn = bench.drawn
+    drawn = bench
     number = len(drawn.stages)
     stage = drawn.stages[-1]
     teeth = stage.gears[GEARS.index(gear)].teeth

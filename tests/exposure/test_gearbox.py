@@ -11,6 +11,7 @@ from reference.small_gearbox import machine
 import gearmon
 from gearmon.errors import GearmonError
 from gearmon.exposure import WEIGHTINGS
+from gearmon.report import exposure_lines
 from gearmon.signals.recording import Recording
 
 RATE, SECONDS = 10_000.0, 8.0
@@ -51,8 +52,8 @@ def found(*faults):
     return gearmon.gear_share(recording(), exposure(), machine(), faults)
 
 
-def exposure():
-    return gearmon.vibration_exposure(recording(), "hand")
+def exposure(position="hand"):
+    return gearmon.vibration_exposure(recording(), position)
 
 
 def weight(frequency):
@@ -87,6 +88,27 @@ def test_damage_adds_what_its_lines_are_through_the_path(fault):
     added = sum(of_mesh(gain, fault) - of_mesh(gain) for gain in GAIN)
     assert point.damaged_ms2**2 - point.value_ms2**2 == pytest.approx(added, rel=0.05)
     assert point.value_ms2 == pytest.approx(exposure().value_ms2, rel=0.01)
+
+
+def test_what_damage_adds_is_told_in_percent():
+    told, fault = found("crack:1:pinion:5:40%"), "crack:1:pinion:5:40%"
+    (point,) = told.points
+    lines = exposure_lines(told)
+    row = lines[next(n for n, line in enumerate(lines) if "added %" in line) + 1]
+    rpm, gears, value, damaged, added = map(float, row.split()[-5:])
+    assert (rpm, gears) == (point.speed_rpm, pytest.approx(point.gears_ms2, rel=5e-3))
+    assert value == pytest.approx(point.value_ms2, rel=5e-3)
+    assert damaged == pytest.approx(point.damaged_ms2, rel=5e-3)
+    assert added == pytest.approx(100 * (point.damaged_ms2 / point.value_ms2 - 1), rel=5e-3)
+    assert any(f"with {fault}" in line for line in lines)
+
+
+@pytest.mark.parametrize("position", ["hand", "seat"])
+def test_the_present_operating_point_is_felt_as_it_was_measured(position):
+    """All axes count at the hand, the worst at the seat."""
+    felt = exposure(position)
+    (point,) = gearmon.gear_share(recording(), felt, machine()).points
+    assert point.value_ms2 == pytest.approx(felt.value_ms2, rel=0.01)
 
 
 def test_operating_points_are_ranked_by_what_is_felt():

@@ -210,6 +210,15 @@ def test_third_octaves_hold_what_was_recorded():
     np.testing.assert_allclose(loud.band_ms2[0], expected, rtol=0.25)
 
 
+@pytest.mark.parametrize("edge_hz", [10**0.55, 10**0.85])
+def test_a_sine_on_the_edge_of_two_bands_is_halved(edge_hz):
+    found = felt(sine(edge_hz, 2.0, seconds=300.0))
+    above = int(np.searchsorted(found.band_hz, edge_hz))
+    halves = found.band_ms2[0, above - 1 : above + 1] ** 2
+    assert halves.sum() == pytest.approx(4.0, rel=2e-3)
+    assert halves[0] == pytest.approx(halves[1], rel=0.15)
+
+
 def test_time_to_the_values_of_the_directive():
     found = felt(sine(8.0, 1.0, seconds=300.0))
     times = found.times_s()

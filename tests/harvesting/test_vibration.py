@@ -101,6 +101,19 @@ def test_only_what_stands_out_of_noise_is_a_line():
     assert row["acceleration_ms2"] == pytest.approx(0.3, rel=0.1)
 
 
+@pytest.mark.parametrize("spread", [0.0, 0.01])
+def test_wander_of_a_line_is_that_of_its_tone(spread):
+    """A steady tone is spread by the tapers alone, which is taken off again."""
+    rng, rate, block = np.random.default_rng(6), 1000.0, 1000
+    frequency = 100.0 * (1 + spread * rng.normal(size=60))
+    turns = np.cumsum(np.repeat(frequency, block)) / rate
+    samples = np.cos(2 * np.pi * turns) + 0.01 * rng.normal(size=len(turns))
+    row = operating_lines(vibration_of_samples(samples, rate))[0]
+    assert row["frequency_hz"] == pytest.approx(100.0, rel=0.01)
+    steady = 0.2 * vibration_of_samples(samples, rate).resolution_hz / 100.0
+    assert row["wander"] == pytest.approx(np.std(frequency) / 100.0, rel=0.3, abs=steady)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

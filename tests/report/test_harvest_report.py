@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -94,6 +96,29 @@ def test_words_name_places_harvester_and_what_is_missing(survey):
     assert "best at channel 2" in text
     assert "of the power comes from lines" in text
     assert "recording" in text
+
+
+def column(lines, heading):
+    """Numbers under a heading, counted from the right: names on the left may have spaces."""
+    start = next(n for n, line in enumerate(lines) if heading in line.split())
+    place = lines[start].split().index(heading) - len(lines[start].split())
+    rows = itertools.takewhile(str.strip, lines[start + 1 :])
+    return [float(row.split()[place]) for row in rows]
+
+
+def test_numbers_in_words_are_in_the_units_of_their_headings(survey):
+    lines, bands = harvest_lines(survey), survey.bandwidths()
+    for heading, name, factor in (
+        ("bandwidth_hz", "width_hz", 1.0),
+        ("peak_uw", "peak_power_w", 1e6),
+        ("wandering_uw", "power_w", 1e6),
+    ):
+        expected = [factor * row[name] for row in bands]
+        assert column(lines, heading) == pytest.approx(expected, rel=5e-3)
+    ranked = sorted(survey.lines(), key=lambda row: -row["energy_j_per_kg"])
+    energy = column(lines, "energy_uj_per_kg")
+    expected = [1e6 * row["energy_j_per_kg"] for row in ranked[: len(energy)]]
+    assert energy == pytest.approx(expected, rel=5e-3)
 
 
 def test_times_are_in_the_unit_that_suits_them():

@@ -59,6 +59,21 @@ def test_energy_panel_holds_the_lines(results):
     assert all(np.isclose(heights, value).any() for value in odd)
 
 
+def test_curves_are_in_the_units_of_their_axes(results):
+    axes = np.array(DRAWINGS["form_responses"](results).axes).reshape(3, 3)
+    for ax, key in zip(axes.T, ("wave", "rectangular", "fourier"), strict=True):
+        motion = results.forms[key].simulated
+        told = (
+            ("displacement in µm", 1e6 * motion.displacement_m),
+            ("velocity in mm/s", 1e3 * motion.velocity_ms),
+            ("acceleration in m/s²", motion.acceleration_ms2),
+        )
+        for own, (label, values) in zip(ax, told, strict=True):
+            np.testing.assert_allclose(own.lines[0].get_ydata(), values[:-1])
+            np.testing.assert_allclose(own.lines[0].get_xdata(), 1e3 * motion.time_s[:-1])
+            assert axes[list(ax).index(own), 0].get_ylabel() == label
+
+
 def test_files(report):
     names = {path.name for path in report.files}
     assert {"study.html", "claims.csv", "sweeps.csv", "figures.csv"} < names

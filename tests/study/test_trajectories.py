@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 from gearmon.dynamics import steady_state
-from gearmon.study.pair import REFERENCE, series, simulate, start_from_rest, stiffness_signals
+from gearmon.study.pair import (
+    REFERENCE,
+    acceleration_error,
+    series,
+    simulate,
+    start_from_rest,
+    stiffness_signals,
+)
 
 
 def step_response(time, natural, zeta, static):
@@ -68,3 +75,14 @@ def test_starts_settle_to_the_steady_vibration(name, value, method, most):
     np.testing.assert_allclose(
         start.motion.displacement_m[-64:], steady.at(last), rtol=max(1e-7, tolerance)
     )
+
+
+def test_error_of_the_acceleration_weighs_a_line_by_its_square():
+    exact = steady_state(REFERENCE.problem(), 1e-9)
+    other = exact.displacement.copy()
+    other[5] *= 1.02
+    lines = np.arange(len(other)) ** 2 * np.abs(other)
+    share = 0.02 / 1.02 * lines[5] / np.linalg.norm(np.arange(len(other)) ** 2 * exact.displacement)
+    assert acceleration_error(other, exact) == pytest.approx(share, rel=1e-6)
+    # a line that is left out is all in error
+    assert acceleration_error(exact.displacement[:1], exact) == pytest.approx(1.0)

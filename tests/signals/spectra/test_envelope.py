@@ -47,6 +47,14 @@ def test_mean_square_of_the_band_is_kept(low, width, seed):
     assert np.mean(envelope.amplitude**2) / 2 == pytest.approx(expected, rel=1e-10)
 
 
+def test_a_band_from_zero_keeps_the_mean():
+    signal = 1.5 + np.cos(2 * np.pi * 40.0 * TIME + 0.3)
+    found = band_envelope(signal, RATE, 0.0, 100.0)
+    time = np.arange(found.values.shape[-1]) / found.rate
+    back = (found.values[0] * np.exp(2j * np.pi * found.centre * time)).real
+    np.testing.assert_allclose(back, 1.5 + np.cos(2 * np.pi * 40.0 * time + 0.3), atol=1e-10)
+
+
 def test_envelope_spectrum_reads_the_depth():
     signal = modulated(depth=0.3, phase=0.0)
     found = envelope_spectrum(signal, RATE, 150, 250)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from reference.speed_cases import make_case
 from reference.synthetic_signals import lines_on, wandering_turns, white
 
-from gearmon.benchmark.detection_machines import Bench, Condition, Setting, draw_machine
+from gearmon.benchmark.detection_machines import Condition, Setting, draw_machine
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
@@ -197,7 +197,7 @@ def test_the_stated_uncertainty_covers_the_error():
     found = []
     for seed in (0, 3, 5):
         drawn = draw_machine(np.random.default_rng([seed, 5]))
-        taken = Bench(drawn=drawn).take(Condition(), Setting(tacho=False, seed=seed))
+        taken = drawn.take(Condition(), Setting(tacho=False, seed=seed))
         found.append(covered(taken.recording, drawn.machine, taken.turns))
     for seed in range(2):
         case = make_case(seed, amount=0.01)

@@ -1,0 +1,457 @@
+"""Demos of monitoring: a crack found and one that grows, kinds of faults told apart, a whole day.
+
+All but the first are of one conveyor drive, see `Conveyor`: learned sound at several loads, then
+judged in recordings that differ from demo to demo.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.demos import Demo, Steps, given_file, told
+from gearmon.diagnosis.analysis import analyse, learn
+from gearmon.diagnosis.decision import LIMITS
+from gearmon.diagnosis.fault_types.judgement import analysis_features
+from gearmon.diagnosis.fault_types.training import train_kinds
+from gearmon.diagnosis.history import (
+    History,
+    HistoryTrends,
+    append,
+    entry_of,
+    history_trends,
+    read_history,
+)
+from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind
+from gearmon.diagnosis.results import Analysis
+from gearmon.files import write_atomically
+from gearmon.gears.faults import Fault
+from gearmon.machine import Machine, load_machine
+from gearmon.machine.reading import example_machine
+from gearmon.report import analysis_text, write_report
+from gearmon.report.analysis_plots import kind_figure
+from gearmon.report.history_plots import day_figure, history_figure
+from gearmon.report.history_text import history_lines, moment_text
+from gearmon.report.wording import percent, table_lines
+from gearmon.signals.recording import Recording, read_recording
+from gearmon.signatures.measured.reference import Reference, write_reference
+from gearmon.simulation import simulate, write_simulation
+from gearmon.terminal import Progress
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
+
+FloatArray = NDArray[np.float64]
+
+#: Length and rate of the drive's recordings: short, so that a demo takes less than a minute.
+DURATION_S, RATE_HZ = 5.0, 10_240.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Conveyor:
+    """Always the same conveyor drive, learned sound in the folder of a demo.
+
+    Parameters
+    ----------
+    machine : Machine
+    healthy : list of Recording
+        What was learned from.
+    reference : Reference
+    steps : Steps
+        Goes on with what is judged.
+    """
+
+    machine: Machine
+    healthy: list[Recording]
+    reference: Reference
+    steps: Steps
+
+    @classmethod
+    def learned(
+        cls,
+        folder: Path,
+        progress: Progress | None,
+        further: int,
+        seed: int,
+        settings: Sequence[dict[str, Any]],
+        name: str = "healthy-{load:.2f}",
+    ) -> Conveyor:
+        """Write its machine file, record it at several settings, and keep the reference.
+
+        Parameters
+        ----------
+        folder : Path
+        progress : callable or None
+        further : int
+            Steps after the learning.
+        seed : int
+            Of the first recording.
+        settings : sequence of dict
+            Of each recording: load, slip.
+        name : str
+            Of each recording.
+        """
+        machine = load_machine(given_file("conveyor.toml", folder, "machine.toml"))
+        steps, healthy = Steps(progress, len(settings) + further), []
+        for number, own in enumerate(steps.through(settings), start=seed):
+            healthy.append(_recorded(machine, name.format(**own), number, **own))
+        reference = _kept(machine, healthy, folder)
+        return cls(machine=machine, healthy=healthy, reference=reference, steps=steps)
+
+    def judged(
+        self, name: str, seed: int, faults: Sequence[Fault | str] = (), **settings: Any
+    ) -> tuple[Recording, Analysis]:
+        """Record it anew, and judge the recording."""
+        recording = _recorded(self.machine, name, seed, faults, **settings)
+        return recording, analyse(recording, self.machine, self.reference)
+
+
+def _recorded(
+    machine: Machine, name: str, seed: int, faults: Sequence[Fault | str] = (), **settings: Any
+) -> Recording:
+    """Simulate two accelerometers and a tachometer; seed is what differs between recordings."""
+    settings = {"machine_seed": 1, "channels": 2, "tacho_shaft": 1} | settings
+    made = simulate(machine, faults, DURATION_S, RATE_HZ, recording_seed=seed, **settings)
+    return replace(read_recording(made), origin=name)
+
+
+def _kept(machine: Machine, healthy: Sequence[Recording], folder: Path) -> Reference:
+    """Learn from healthy recordings, and keep the reference in the folder."""
+    reference = learn(healthy, machine)
+    write_reference(reference, folder / "healthy.ref")
+    return reference
+
+
+FAULT = "crack:1:pinion:7:30%"
+# Healthy recordings at three loads, then a healthy and a cracked one at a load in between.
+PLAN = {
+    "healthy-60": (0.6, ""),
+    "healthy-80": (0.8, ""),
+    "healthy-100": (1.0, ""),
+    "new-healthy": (0.9, ""),
+    "new-cracked": (0.9, FAULT),
+}
+
+
+def crack_demo(folder: Path, progress: Progress | None = None) -> Demo:
+    """Simulate a healthy and a cracked gearbox, learn, analyse both and write the report.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to write; it exists.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+    """
+    write_atomically(folder / "machine.toml", example_machine())
+    machine, steps = load_machine(folder / "machine.toml"), Steps(progress, len(PLAN) + 1)
+    recordings = []
+    for number, (name, (load, fault)) in enumerate(steps.through(PLAN.items())):
+        faults, path = [fault] if fault else [], folder / f"{name}.csv"
+        kept: dict[str, Any] = {"channels": 2, "tacho_shaft": 1, "machine_seed": 1}
+        made = simulate(machine, faults, 6.0, 10_240.0, recording_seed=number, load=load, **kept)
+        write_simulation(made, path)
+        # read back: the demo sees what a user's files would hold
+        recordings.append(read_recording(path))
+    reference = _kept(machine, recordings[:3], folder)
+    analyses = [analyse(recording, machine, reference) for recording in recordings[3:]]
+    report = folder / "report.html"
+    write_report(analyses, recordings[3:], reference, machine, report)
+    return Demo(
+        story=tuple(line for found in analyses for line in (analysis_text(found), "")),
+        files={"folder": folder, "report": report},
+        facts={"recordings": [analysis.to_dict() for analysis in analyses]},
+    )
+
+
+RECORDINGS, SOUND = 20, 6
+#: Loss of the pair's stiffness in the last recording, and how it gets there: slowly, then faster.
+LAST_LOSS, POWER = 0.35, 1.5
+TOOTH = 7
+#: What the user of the demo sets.
+LIMIT = 0.3
+GROWTH_LOADS = (0.6, 0.75, 0.9, 1.05)
+START, WEEK = datetime(2026, 1, 5, 8, tzinfo=UTC), timedelta(days=7)
+
+
+def true_loss(number: int) -> float:
+    """Loss of the pair's stiffness in a recording of this number, from 0."""
+    since = (number - SOUND + 1) / (RECORDINGS - SOUND)
+    return float(LAST_LOSS * max(0.0, since) ** POWER)
+
+
+def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
+    """Simulate a growing crack, keep the history of its recordings and draw it.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to write; it exists.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+    """
+    loads = [{"load": load} for load in GROWTH_LOADS]
+    drive = Conveyor.learned(folder, progress, RECORDINGS, 100, loads)
+    losses = [true_loss(number) for number in range(RECORDINGS)]
+    loaded = np.random.default_rng(7).uniform(0.7, 1.0, RECORDINGS).tolist()
+    history = History(machine=drive.machine.name)
+    for number, (load, loss) in enumerate(drive.steps.through(zip(loaded, losses, strict=True))):
+        faults = [f"crack:1:pinion:{TOOTH}:{loss!r}"] if loss else []
+        _, analysis = drive.judged(f"week-{number + 1:02d}", number, faults, load=load)
+        history = history.with_entry(entry_of(analysis, START + number * WEEK))
+    store = folder / "history.db"
+    append(store, history.entries, replace=True)  # a second run of the demo is the same history
+    found = history_trends(read_history(store, history.machine), limit=LIMIT)
+    flagged = _first_flagged(found)
+    first = None if flagged is None else flagged + 1
+    facts = {"true_loss": losses, "first_flagged": first, "history": found.to_dict()}
+    figure = history_figure(found, losses)
+    return told(folder, "growth", figure, _growth_story(found, losses, flagged), facts)
+
+
+def _first_flagged(found: HistoryTrends) -> int | None:
+    """Return the number of the first recording, from 0, from which on all are flagged."""
+    sound = [n for n, entry in enumerate(found.history.entries) if entry.verdict != "fault"]
+    first = sound[-1] + 1 if sound else 0
+    return first if first < len(found.history.entries) else None
+
+
+def _growth_story(
+    found: HistoryTrends, losses: Sequence[float], flagged: int | None
+) -> Iterator[str]:
+    """Tell the story."""
+    entries = found.history.entries
+    since = next(number for number, loss in enumerate(losses) if loss > 0)
+    yield f"A crack on tooth {TOOTH} of the pinion, in {len(entries)} recordings a week apart."
+    sound = moment_text(entries[since - 1].time_s, fine=False)
+    yield (
+        f"The truth: sound until {sound}, then a loss of pair stiffness that grows to "
+        f"{losses[-1]:.0%}."
+    )
+    wrong = sum(bool(entry.findings) for entry in entries[:since])
+    yield f"Flags in the {since} sound recordings: {wrong}."
+    if flagged is None:
+        yield "The last recording is not flagged: this crack was not found."
+    else:
+        entry = entries[flagged]
+        yield (
+            f"Flagged in every recording since {moment_text(entry.time_s, fine=False)}, at a "
+            f"true loss of {losses[flagged]:.1%}: {entry.findings[0]}."
+        )
+        yield f"The last recording's findings: {'; '.join(entries[-1].findings)}."
+    # how the trend of the cracked tooth and the truth agree, if it is listed at all
+    for trend in found.shown:
+        if (trend.stage, trend.gear, trend.tooth) == (1, "pinion", TOOTH):
+            _, low, high = trend.trend.at([entry.time_s for entry in entries])
+            inside = sum(a <= loss <= b for a, loss, b in zip(low, losses, high, strict=True))
+            yield (
+                f"The truth lies within the 90 % interval of the trend in {inside} of "
+                f"{len(entries)} recordings."
+            )
+    yield from ("", *history_lines(found))
+
+
+KIND_LOADS = (0.7, 0.85, 1.0, 1.1)
+NEW_LOADS = (0.78, 0.93, 1.04)
+PITTED, PIT_LOSS = 14, (0.1, 0.5)
+#: Examples that the classifier is trained on.
+EXAMPLES = 1200
+
+
+def _pits() -> list[str]:
+    """Pits on most teeth of the pinion: each takes its share of the stiffness about the pitch."""
+    generator = np.random.default_rng(3)
+    teeth = generator.choice(23, PITTED, replace=False) + 1
+    losses = generator.uniform(*PIT_LOSS, PITTED)
+    return [f"pitting:1:pinion:{t}:{x:.6f}" for t, x in zip(teeth, losses, strict=True)]
+
+
+#: Faults of the pinion by the name of what is wrong, and what that is.
+STATES = {
+    "sound": ([], "nothing is wrong"),
+    "distributed pitting": (
+        _pits(),
+        f"pits on {PITTED} of 23 teeth that take {PIT_LOSS[0]:.0%} to {PIT_LOSS[1]:.0%} of the "
+        "stiffness about the pitch point",
+    ),
+    "wear": (["profile:1:pinion:all:12um"], "all flanks worn by 12 µm at tip and root"),
+    "eccentricity": (["eccentricity:1:pinion:all:40um"], "its centre is off by another 40 µm"),
+}
+#: What is drawn of each recording.
+FEATURES = {
+    "mesh_rms_db": "mesh\nharmonics",
+    "once_db": "sidebands\n1 turn away",
+    "twice_db": "2 turns",
+    "several_db": "4 to 6\nturns",
+    "far_db": "farther\naway",
+    "peak_db": "highest place\nof the turn",
+}
+
+
+def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
+    """Record a machine sound, pitted, worn and running out, and tell these apart.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to write; it exists.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+    """
+    loads = [{"load": load} for load in KIND_LOADS]
+    further = 1 + len(STATES) * len(NEW_LOADS)
+    drive = Conveyor.learned(folder, progress, further, 100, loads, "{load:.0%} load")
+    for _ in drive.steps.through(["training"]):
+        classifier = train_kinds(drive.machine, count=EXAMPLES)
+    judged: list[dict[str, Any]] = []
+    for truth, load in drive.steps.through(product(STATES, NEW_LOADS)):
+        faults, seed = STATES[truth][0], len(judged)
+        _, analysis = drive.judged(f"{load:.0%} load", seed, faults, load=load)
+        own = _told_kind(analysis, drive.reference, classifier)
+        judged.append({"truth": truth, "load": load} | own)
+    right = sum(one["told"] == one["truth"] for one in judged)
+    facts = {"right": right, "recordings": judged}
+    changes = dict(_changes(truth, judged) for truth in STATES)
+    return told(folder, "kinds", kind_figure(changes), _kinds_story(judged, right), facts)
+
+
+def _told_kind(
+    analysis: Analysis, reference: Reference, classifier: KindClassifier
+) -> dict[str, Any]:
+    """Tell what is made of a recording; the kind is asked for only where a fault is called."""
+    features = analysis_features(analysis, reference)
+    row = features.named(features.row(1, "pinion"))
+    kind = judge_kind(features, classifier) if analysis.verdict == "fault" else None
+    words = {"healthy": "sound", "fault": kind.kind if kind else ""}
+    return {
+        "told": words.get(analysis.verdict, analysis.verdict),
+        "features_db": {name: float(row[name]) for name in FEATURES},
+        "kind": None if kind is None else kind.to_dict(),
+        "analysis": analysis.to_dict(),
+    }
+
+
+def _kinds_story(judged: Sequence[dict[str, Any]], right: int) -> Iterator[str]:
+    """Tell the story."""
+    yield (
+        f"The pinion of a conveyor drive in {len(STATES)} states, {len(NEW_LOADS)} recordings "
+        "of each, at loads that the reference was not learned at."
+    )
+    yield (
+        "The kind is judged where a fault is called, by a classifier trained on simulated "
+        "signatures of this machine file: it has seen no recording."
+    )
+    yield from ("", *(f"{truth}: {what}" for truth, (_, what) in STATES.items()), "")
+    yield from table_lines([_row(one) for one in judged])
+    yield from ("", f"Right: {right} of {len(judged)}.")
+    for truth in STATES:
+        for one in [one for one in judged if one["truth"] == truth and one["kind"]][:1]:
+            yield from ("", f"{truth}, at {one['load']:.0%} load: {one['analysis']['reason']}")
+            yield from (f"  {sentence}" for sentence in one["kind"]["evidence"])
+
+
+def _row(one: dict[str, Any]) -> dict[str, Any]:
+    kind = one["kind"]
+    return {
+        "truth": one["truth"],
+        "load": percent(one["load"], 0),
+        "verdict": one["analysis"]["verdict"],
+        "told": one["told"],
+        "of": (kind["gear"] or "") if kind else "",
+        "share": percent(kind["probability"], 0) if kind else "",
+    }
+
+
+def _changes(truth: str, judged: Sequence[dict[str, Any]]) -> tuple[str, pd.DataFrame]:
+    """Return the title of a state and its changes, recordings by features."""
+    own = {f"{one['load']:.0%} load": one for one in judged if one["truth"] == truth}
+    said = ", ".join(dict.fromkeys(one["told"] for one in own.values()))
+    import pandas as pd
+
+    frame = pd.DataFrame({name: one["features_db"] for name, one in own.items()}).T
+    return f"Truth: {truth}. Told: {said}.", frame.rename(columns=FEATURES)
+
+
+#: Load and slip of the recordings that the reference is learned from, the day before.
+DAY_LEARNED = ((0.5, -0.012), (0.65, 0.012), (0.8, -0.004), (0.95, 0.02), (1.1, 0.004))
+HOURS = 16
+MORNING = datetime(2026, 5, 4, 6, tzinfo=UTC)
+#: What a limit on the level would be set at, above the mean of the reference [dB].
+LEVEL_LIMIT_DB = 3.0
+#: Levels of the two channels, less the mean of the reference [dB].
+LEVELS = ("level of a1", "level of a2")
+
+
+def day_demo(folder: Path, progress: Progress | None = None) -> Demo:
+    """Simulate a day of a sound machine, judge every hour and draw it.
+
+    Parameters
+    ----------
+    folder : Path
+        Where to write; it exists.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+    """
+    import pandas as pd
+
+    settings = [{"load": load, "slip": slip} for load, slip in DAY_LEARNED]
+    drive = Conveyor.learned(folder, progress, HOURS, 200, settings)
+    usual_db = np.mean([_level_db(recording) for recording in drive.healthy], axis=0)
+    analyses, hours = [], []
+    wander: dict[str, Any] = {"speed_drift": 0.01, "load_drift": 0.06}
+    for number, (load, slip) in enumerate(drive.steps.through(zip(*_day(), strict=True))):
+        name = f"{MORNING + timedelta(hours=number):%H:%M}"
+        recording, analysis = drive.judged(name, number, load=load, slip=slip, **wander)
+        analyses.append(analysis)
+        speed_hz = analysis.signature.speed.estimated_hz
+        known = {"load": load, "speed_hz": speed_hz, "score": analysis.score}
+        moved = zip(LEVELS, _level_db(recording) - usual_db, strict=True)
+        hours.append(known | {"verdict": analysis.verdict} | dict(moved))
+    day = pd.DataFrame(hours, index=MORNING.hour + np.arange(HOURS, dtype=float))
+    alarms = int(np.sum(day["verdict"] == "fault"))
+    recordings = [analysis.to_dict() for analysis in analyses]
+    facts = {"alarms": alarms, "load": day["load"].tolist(), "recordings": recordings}
+    return told(folder, "day", day_figure(day, LEVEL_LIMIT_DB), _day_story(day, analyses), facts)
+
+
+def _day_story(day: pd.DataFrame, analyses: Sequence[Analysis]) -> list[str]:
+    """Tell the story."""
+    count, verdicts, moved = len(day), day["verdict"].tolist(), day[[*LEVELS]]
+    load, speed_hz, alarms = day["load"], day["speed_hz"], verdicts.count("fault")
+    crossed = int((moved > LEVEL_LIMIT_DB).any(axis=1).sum())
+    listed = ", ".join(f"{v} {verdicts.count(v)}" for v in dict.fromkeys(verdicts))
+    return [
+        f"A sound conveyor drive through a day: {count} recordings, load {load.min():.0%} to "
+        f"{load.max():.0%} of nominal, speed {speed_hz.min():.2f} to {speed_hz.max():.2f} Hz.",
+        f"The level of the vibration moves by {(moved.max() - moved.min()).max():.1f} dB; a limit "
+        f"{LEVEL_LIMIT_DB:g} dB above the mean of the reference would have been crossed in "
+        f"{crossed} of {count} recordings.",
+        f"Verdicts: {listed}.",
+        f"False alarms: {alarms}, where {LIMITS.rare:.0%} of {count} recordings, "
+        f"{LIMITS.rare * count:.2f}, are to be expected by chance.",
+        *(f"{a.recording}: {a.verdict} ({a.reason})" for a in analyses if a.verdict != "healthy"),
+    ]
+
+
+def _day() -> tuple[list[float], list[float]]:
+    """Load and slip hour by hour: two shifts with a break, a drive that is set faster or slower."""
+    hour = np.arange(HOURS)
+    generator = np.random.default_rng(5)
+    load = 0.8 + 0.27 * np.sin(2 * np.pi * hour / 8.0 - 1.0) + generator.normal(0.0, 0.03, HOURS)
+    slip = 0.004 + 0.016 * np.sin(2 * np.pi * hour / 11.0) + generator.normal(0.0, 0.003, HOURS)
+    return np.clip(load, 0.5, 1.1).tolist(), np.clip(slip, -0.02, 0.025).tolist()
+
+
+def _level_db(recording: Recording) -> FloatArray:
+    """Level of each vibration channel [dB re 1 unit, rms]."""
+    samples = recording.vibration().samples
+    return np.asarray(10 * np.log10(np.var(samples, axis=1)), dtype=np.float64)
