@@ -27,7 +27,6 @@ from gearmon.signals.tracking.phases import (
     follow_speed,
     integrate_speed,
     lock_track,
-    refine_track,
     unwarp,
 )
 from gearmon.signals.tracking.pulses import TachoPulses, find_pulses
@@ -54,17 +53,14 @@ from gearmon.signatures.speed import (
 
 # How far pulses and comb may be apart before it is asked which of them is right.
 _APART = 0.01
-# Shorter blocks, searched about the track so far, follow a speed that wanders (turns, tolerance).
-_FINER_SCANS = ((10.0, 0.012), (6.0, 0.006))
-# Share of the mesh lines' power that must be phase-coherent for a track to be left alone.
-_COHERENT = 0.82
-# Below this share shorter blocks do not mend a track: the speed must be followed.
-_NEARLY = 0.6
-# Above this share nothing is left to gain from shorter blocks.
+# Share of the mesh lines' power that must be phase-coherent, of a speed that wanders and of a calm
+# one, for no other speed to be looked for.
+_COHERENT, _NEARLY = 0.82, 0.6
+# Above this share nothing is left to gain by following the comb in the angle of the track.
 _ALL_COHERENT = 0.93
 # Below this share the angle of a mesh line is not known to a tenth of its period.
 _LOST = 0.5
-# Times that a speed which wanders is followed about the comb's track.
+# Times that the comb is followed so.
 _UNWARPED = 2
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.
 _WANDERS = 1e-3
@@ -276,42 +272,39 @@ def track_tacholess(
     -------
     Tracking
     """
-    quick = _wandering(signal, sums, first)
-    if quick is not None:
-        return _with_doubt(signal, *quick)
-    best = _steady(signal, sums, first)
-    calm = best.share > (_NEARLY if wander(best.track) < _WANDERS else _COHERENT)
+    track, share = _locked(signal, sums, first.track)
+    calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(signal, first):
         followed = _follow(signal, machine)
-        if followed is not None and _outdoes(followed, (first, best.share)):
+        if followed is not None and _outdoes(followed, (first, share)):
             return _with_doubt(signal, *followed)
-        if best.share <= _COHERENT:
-            _finer(signal, first, best)
-    found = replace(first, track=best.track)
-    if first.detected:
-        return _with_doubt(signal, found, best.share, sums)
-    return replace(found, coherent=best.share)
+    found = replace(first, track=track)
+    if first.detected < len(first.evidence) and wander(track) > _WANDERS:
+        # a speed that wanders smears lines in long blocks
+        judged = judge(signal, track)
+        if judged.detected > first.detected and _agrees(signal, judged):
+            found = judged
+    if found.detected:
+        return _with_doubt(signal, found, share, sums)
+    return replace(found, coherent=share)
 
 
-def _wandering(
-    signal: GearVibration, sums: OrderSums, first: Tracking
-) -> tuple[Tracking, float, OrderSums] | None:
-    """Follow a speed that wanders about the comb's track; None unless that leaves nothing to gain.
+def _locked(signal: GearVibration, sums: OrderSums, track: AngleTrack) -> tuple[AngleTrack, float]:
+    """Lock a track to the phases of the mesh lines; tell how much of them is coherent then.
 
-    Where every mesh shows already neither another speed nor a steadier one has to be tried.
+    Where they are not, the comb is followed in the angle of the track so far.
     """
-    if first.detected < len(first.evidence) or wander(first.track) < _WANDERS:
-        return None
-    track = first.track
+    best = lock_track(sums, track)
+    share = coherent_share(sums, best)
     for _ in range(_UNWARPED):
+        if share > _ALL_COHERENT:
+            break
         track = unwarp(signal.samples, signal.rate, track, signal.comb)
         locked = lock_track(sums, track)
-        share = coherent_share(sums, locked)
-        if share > _ALL_COHERENT:
-            return replace(first, track=locked), share, sums
-        if share < _NEARLY:
-            break
-    return None
+        its = coherent_share(sums, locked)
+        if its > share:
+            best, share = locked, its
+    return best, share
 
 
 def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
@@ -334,68 +327,6 @@ def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking
     return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
 
 
-class _Best:
-    """The best angle so far: that in which most of the lines' power is phase-coherent."""
-
-    def __init__(self, sums: OrderSums, track: AngleTrack) -> None:
-        self.sums, self.track, self.share = sums, track, coherent_share(sums, track)
-
-    @property
-    def wanders(self) -> bool:
-        """Whether the lines show it well, and that the speed wanders."""
-        return self.share > _COHERENT and wander(self.track) > _WANDERS
-
-    def offer(self, track: AngleTrack, leeway: float = 0.0) -> None:
-        """Take another angle if no less is coherent in it, but for a leeway."""
-        share = coherent_share(self.sums, track)
-        if share > self.share - leeway:
-            self.track, self.share = track, share
-
-    def offer_short_blocks(self, track: AngleTrack) -> None:
-        """Offer an angle, refined in blocks that are short enough for a speed that wanders."""
-        self.offer(refine_track(self.sums, track, block_turns=5.0, wander=0.01))
-
-    def lock_if_it_wanders(self) -> None:
-        """Lock it to the lines, which shorter blocks lose half a block from the ends.
-
-        A path whose delay changes makes lines that are coherent in a track turn a little.
-        """
-        if self.wanders:
-            self.offer(lock_track(self.sums, self.track), 0.01)
-
-
-def _steady(signal: GearVibration, sums: OrderSums, first: Tracking) -> _Best:
-    """Refine the comb's track by phases; lock it to them if its speed wanders."""
-    # long blocks part the mesh lines from the sidebands of slow shafts; a calm speed allows them
-    slowest = min(shaft.order for shaft in signal.train.shafts)
-    calm = float(np.clip(2.0 / slowest, 8.0, 20.0))
-    best = _Best(sums, refine_track(sums, first.track, calm))
-    if _NEARLY < best.share < _ALL_COHERENT and not best.wanders:
-        best.offer_short_blocks(best.track)
-        # an angle that wobbles puts sidebands of slow shafts beside every mesh line
-        best.offer(lock_track(sums, best.track))
-    else:
-        best.lock_if_it_wanders()
-    return best
-
-
-def _finer(signal: GearVibration, first: Tracking, best: _Best) -> None:
-    """Follow a speed that wanders within the tolerance by scans in shorter blocks."""
-    speed = first.scan.track()
-    if best.share <= _NEARLY:
-        best.offer_short_blocks(best.track)
-    enough = _COHERENT
-    for turns, tolerance in _FINER_SCANS:
-        block_s = turns / signal.nominal_hz
-        if best.share > enough or signal.last_s < 8 * block_s:
-            break
-        # once the speed is known to wander, even its last second must be right
-        enough = _ALL_COHERENT
-        speed = signal.scan(block_s, tolerance, speed).track()
-        best.offer_short_blocks(integrate_speed(speed, signal.last_s))
-    best.lock_if_it_wanders()
-
-
 def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
     """Look for the comb in short blocks far about nominal; None if no mesh stands out there.
 
@@ -409,7 +340,7 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
     orders = signal.orders(0.5 * signal.nominal_hz)
     track = follow_speed(signal.samples, signal.rate, signal.comb, orders, speed)
     judged = judge(signal, track)
-    if not judged.convincing or not _spacing_agrees(signal, judged):
+    if not _agrees(signal, judged):
         return None
     course = speed.speed_hz
     note = (
@@ -423,12 +354,14 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
     return replace(judged, notes=(note,)), coherent_share(sums, track), sums
 
 
-def _spacing_agrees(signal: GearVibration, judged: Tracking) -> bool:
-    """Whether the sidebands agree with a followed speed; they must show if it is far off.
+def _agrees(signal: GearVibration, judged: Tracking) -> bool:
+    """Whether meshes are clear and sidebands agree with a speed; they must show if it is far off.
 
     A mesh of one tooth more stands at the same lines if the shaft turns a little slower: only the
     spacing of its sidebands tells.
     """
+    if not judged.convincing:
+        return False
     speeds = judged.track.speed_hz
     nominal = signal.nominal_hz
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()

@@ -216,29 +216,6 @@ def order_lines(
     )
 
 
-def line_noise(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    orders: FloatArray,
-    block_turns: float,
-) -> FloatArray:
-    """Return the noise that `order_lines` tells, without the lines.
-
-    Parameters
-    ----------
-    samples, sampling_rate_hz, track, orders, block_turns
-        As for `order_lines`.
-
-    Returns
-    -------
-    ndarray of float, shape (channels, lines)
-        Mean power |A|^2 that noise alone would show at each line.
-    """
-    halves = _Halves(samples, sampling_rate_hz, track, orders, block_turns, _QUICK_ERROR)
-    return halves.noise(halves.some(sorted(halves.wanted)))
-
-
 def steps_of_block(grid: AngleGrid, block_turns: float) -> int:
     """Return the steps of a block of so many turns, cut to the recording."""
     # rounded down: the last of the blocks that just fill a recording must not fall off its end
@@ -557,56 +534,29 @@ class OrderSums:
         self._tracks: list[tuple[AngleTrack, FloatArray]] = []
         self._noise: dict[float, FloatArray] = {}
 
-    def blocks(self, track: AngleTrack, block_turns: float, top: float = np.inf) -> OrderLines:
-        """Return the lines in half-overlapped Hann blocks, as `order_lines` does.
+    def noise(self, track: AngleTrack, block_turns: float) -> FloatArray:
+        """Return the power that noise alone shows at the lines in `sliding` blocks.
 
         Parameters
         ----------
         track : AngleTrack
             Angle of shaft 1 against time.
         block_turns : float
-            Length of a block [turns]; cut to the recording.
-        top : float
-            Lines above this order are left out; the lowest one never.
+            Length of a block [turns]; at most a quarter of the recording.
 
         Returns
         -------
-        OrderLines
-            Amplitudes right to a few thousandths. The noise is that of the first track asked for
-            with blocks of this length and near this one.
-
-        Raises
-        ------
-        ArgumentError
-            If the recording holds too few samples.
+        ndarray of float, shape (channels, lines)
+            Medians of the spectrum about each line, in the first track asked for near this one.
         """
-        top_order = float(self.orders.max())
-        grid = AngleGrid.of(self.samples.shape[-1], self.sampling_rate_hz, track, top_order)
-        block = steps_of_block(grid, block_turns)
-        turns = block / grid.per_turn
-        halves = 2 * (grid.count - block) // block + 2
-        edges: FloatArray = grid.first_turn + 0.5 * turns * np.arange(halves + 1.0)
-        chosen = np.flatnonzero(self.orders <= max(top, float(self.orders.min())))
-        angle, read = self._near(track)
-        share, sums = _cut(angle, edges)
-        rising = np.cos(np.pi * share)
-
-        def half_sums(wave: ComplexArray) -> ComplexArray:
-            even, odd = sums(wave), sums(wave * rising)
-            return np.asarray(0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:]))
-
-        amplitude = self._turned(angle, read, chosen.tolist(), half_sums)
         if block_turns not in self._noise:
-            self._noise[block_turns] = line_noise(
-                self.samples, self.sampling_rate_hz, track, self.orders, block_turns
+            turns = min(block_turns, 0.25 * float(track.turns[-1] - track.turns[0]))
+            halves = _Halves(
+                self.samples, self.sampling_rate_hz, track, self.orders, turns, _QUICK_ERROR
             )
-        return OrderLines(
-            orders=self.orders[chosen],
-            amplitude=amplitude * (2.0 / (0.5 * turns)),
-            block_turns=turns,
-            first_turn=grid.first_turn,
-            noise=self._noise[block_turns][:, chosen],
-        )
+            # of a wave both of whose sides count, a sliding sum reads half the peak
+            self._noise[block_turns] = 0.25 * halves.noise(halves.some(sorted(halves.wanted)))
+        return self._noise[block_turns]
 
     def sliding(self, track: AngleTrack, block_turns: float) -> SlidingLines:
         """Return the lines in Hann blocks a quarter of their length apart, cut at the ends.
@@ -638,7 +588,7 @@ class OrderSums:
             total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
             return 0.5 * total
 
-        amplitude = self._turned(angle, read, range(len(self.orders)), block_sums)
+        amplitude = self._turned(angle, read, block_sums)
         steps, middle = np.diff(angle), 0.5 * (angle[1:] + angle[:-1])
         weight = block_sums(_padded(steps)).real
         moment = block_sums(_padded(steps * (middle - low))).real
@@ -667,7 +617,6 @@ class OrderSums:
         self,
         angle: FloatArray,
         read: Stretches,
-        lines: Sequence[int],
         sums_of: Callable[[ComplexArray], ComplexArray],
     ) -> ComplexArray:
         """Return what `sums_of` makes of each line in the angle of a track.
@@ -678,8 +627,6 @@ class OrderSums:
             That of the track at the edges of the stretches [turns].
         read : Stretches
             The sums.
-        lines : sequence of int
-            Numbers of the lines.
         sums_of : callable
             Takes a line, stretch by stretch, each times the angle that it spans, and a zero.
 
@@ -699,8 +646,8 @@ class OrderSums:
                 found.append(sums_of(wave))
             return np.stack(found, axis=-1)
 
-        work = 4 * len(lines) * len(self.samples) * len(steps)
-        return np.stack(side_by_side(line, lines, work), axis=-1)
+        work = 4 * len(self.orders) * len(self.samples) * len(steps)
+        return np.stack(side_by_side(line, range(len(self.orders)), work), axis=-1)
 
 
 def _padded(values: FloatArray) -> ComplexArray:

@@ -28,7 +28,6 @@ from gearmon.signals.tracking.phases import (
     follow_speed,
     integrate_speed,
     lock_track,
-    refine_track,
 )
 from gearmon.signals.tracking.pulses import TachoPulses, find_pulses, pulses_from_times
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
@@ -63,7 +62,6 @@ __all__ = [
     "pulse_angles",
     "pulses_from_times",
     "pulses_per_turn",
-    "refine_track",
     "scan_speed",
     "sideband_spacing",
     "track_from_pulse_times",
