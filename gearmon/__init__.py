@@ -119,8 +119,8 @@ if TYPE_CHECKING:
     from gearmon.machine import Machine as Machine
     from gearmon.machine import load_machine as load_machine
     from gearmon.report.html import write_report as write_report
-    from gearmon.signals.orders import angular_waveform as angular_waveform
     from gearmon.signals.orders.averages import time_synchronous_average as time_synchronous_average
+    from gearmon.signals.orders.resampling import angular_waveform as angular_waveform
     from gearmon.signals.orders.spectra import order_map as order_map
     from gearmon.signals.recording import Recording as Recording
     from gearmon.signals.recording import open_recording as open_recording

@@ -35,8 +35,8 @@ from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.orders import whole_turns
 from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
+from gearmon.signals.orders.resampling import whole_turns
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature

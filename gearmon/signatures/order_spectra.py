@@ -12,7 +12,7 @@ from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result, channel_rows, with_units
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.orders import READ_UP_TO
+from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import OrderMap, order_map
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks

@@ -15,7 +15,6 @@ from gearmon.result import Result, channel_rows, with_units
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
-from gearmon.signals.spectra import amplitude_spectrum, half_lobe, line_amplitude, power_density
 from gearmon.signals.spectra.demodulation import (
     Kurtogram,
     cyclic_coherence,
@@ -23,7 +22,13 @@ from gearmon.signals.spectra.demodulation import (
     kurtogram,
     real_cepstrum,
 )
-from gearmon.signals.spectra.spectrum import fast_length
+from gearmon.signals.spectra.spectrum import (
+    amplitude_spectrum,
+    fast_length,
+    half_lobe,
+    line_amplitude,
+    power_density,
+)
 from gearmon.signatures.measured.line_plan import Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import measure_signature
 
