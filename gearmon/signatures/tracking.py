@@ -20,11 +20,11 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
-from gearmon.signals.tracking.comb import SpeedScan, clearest
+from gearmon.signals.tracking.comb import clearest
 from gearmon.signals.tracking.mesh_detection import sideband_spacing
 from gearmon.signals.tracking.phases import (
     coherent_share,
-    follow_speed,
+    follow_lines,
     integrate_speed,
     lock_track,
     unwarp,
@@ -45,9 +45,8 @@ from gearmon.signatures.speed import (
     Tracking,
     evidence_of,
     judge,
+    meant_speed,
     mesh_combs,
-    scan_nominal_speeds,
-    speed_in_blocks,
     wander,
 )
 
@@ -56,12 +55,10 @@ _APART = 0.01
 # Share of the mesh lines' power that must be phase-coherent, of a speed that wanders and of a calm
 # one, for no other speed to be looked for.
 _COHERENT, _NEARLY = 0.82, 0.6
-# Above this share nothing is left to gain by following the comb in the angle of the track.
-_ALL_COHERENT = 0.93
 # Below this share the angle of a mesh line is not known to a tenth of its period.
 _LOST = 0.5
-# Times that the comb is followed so.
-_UNWARPED = 2
+# How far about a path of speeds the comb is looked for in its angle, and then again.
+_PATH_REACHES = (0.015, 0.008)
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.
 _WANDERS = 1e-3
 # Share of a recording in which the angle must be held for the rest to be left out.
@@ -107,8 +104,7 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     """
     vibration = recording.vibration()
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    signal, scan = scan_nominal_speeds(samples, rate, train, machine)
-    tacholess = _Tacholess(signal=signal, scan=scan, machine=machine)
+    tacholess = _Tacholess(signal=meant_speed(samples, rate, train, machine), machine=machine)
     notes: list[str] = []
     for index, kind in enumerate(recording.channel_kinds):
         if kind != "tacho":
@@ -131,16 +127,16 @@ class _Tacholess:
     """What the vibration alone tells, as far as it is asked for."""
 
     signal: GearVibration
-    scan: SpeedScan
     machine: Machine
 
     @cached_property
     def first(self) -> Tracking:
         """The comb about a nominal speed."""
         signal, nominal_hz = self.signal, self.signal.nominal_hz
-        evidence = evidence_of(signal, self.scan, nominal_hz, SPEED_TOLERANCE)
-        track = integrate_speed(self.scan.track(), signal.last_s)
-        return Tracking(track=track, nominal_hz=nominal_hz, scan=self.scan, evidence=evidence)
+        scan = signal.first_scan()
+        evidence = evidence_of(signal, scan, nominal_hz, SPEED_TOLERANCE)
+        track = integrate_speed(scan.track(), signal.last_s)
+        return Tracking(track=track, nominal_hz=nominal_hz, scan=scan, evidence=evidence)
 
     @cached_property
     def alone(self) -> Tracking:
@@ -155,34 +151,18 @@ class _Tacholess:
 def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
     tacho = _Tacho.of(recording, index, tacholess.machine, tacholess.signal)
-    if _departs(tacho.track, tacholess.signal.nominal_hz):
-        found = judge(tacholess.signal, tacho.track)
-        if not recording.tacho_told:
-            _check_believed(found, tacholess)
-    else:
-        found = _at_pulses(tacholess, tacho.track)
-        if not recording.tacho_told and _shows_elsewhere(tacholess.first, tacho.track):
-            _check_believed(judge(tacholess.signal, tacho.track), tacholess)
+    found = judge(tacholess.signal, tacho.track, TACHO_REACH)
+    if not recording.tacho_told:
+        _check_believed(found, tacholess)
     track, notes = tacho.joined(tacholess.signal)
     return replace(found, track=track, notes=notes)
-
-
-def _shows_elsewhere(found: Tracking, track: AngleTrack) -> bool:
-    return found.detected > 0 and _apart(track, found.track) > _APART
-
-
-def _at_pulses(tacholess: _Tacholess, track: AngleTrack) -> Tracking:
-    """Judge the meshes at the speed that pulses tell."""
-    signal, scan = tacholess.signal, tacholess.scan
-    known = speed_in_blocks(track, scan)
-    evidence = evidence_of(signal, scan, known.mean_hz, TACHO_REACH, known)
-    return Tracking(track=track, nominal_hz=signal.nominal_hz, scan=scan, evidence=evidence)
 
 
 def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one."""
     rival = tacholess.first if tacholess.first.detected or judged.detected else tacholess.alone
-    if _apart(judged.track, rival.track) > _APART and _clarity(rival) > _clarity(judged):
+    apart = abs(judged.track.mean_hz / rival.track.mean_hz - 1)
+    if apart > _APART and _clarity(rival) > _clarity(judged):
         raise RecordingError(
             f"the mesh lines stand out less at the {judged.track.mean_hz:.4g} Hz that its pulses "
             f"say than at {rival.track.mean_hz:.4g} Hz"
@@ -192,16 +172,6 @@ def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
 def _clarity(found: Tracking) -> tuple[int, int]:
     """How many meshes stand out, and how many of their harmonics are clear."""
     return found.detected, sum(seen.clear for seen in found.evidence if seen.stands_out)
-
-
-def _apart(one: AngleTrack, other: AngleTrack) -> float:
-    """How far the mean speeds of two tracks are apart, as a fraction."""
-    return abs(one.mean_hz / other.mean_hz - 1)
-
-
-def _departs(track: AngleTrack, nominal_hz: float) -> bool:
-    """Whether a track leaves the speeds that the scan about nominal covers well."""
-    return abs(track.mean_hz / nominal_hz - 1) > SPEED_TOLERANCE or wander(track) > 0.005
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -272,14 +242,14 @@ def track_tacholess(
     -------
     Tracking
     """
-    track, share = _locked(signal, sums, first.track)
+    track, share = follow_lines(sums, first.track, signal.comb)
     calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(signal, first):
         followed = _follow(signal, machine)
         if followed is not None and _outdoes(followed, (first, share)):
             return _with_doubt(signal, *followed)
     found = replace(first, track=track)
-    if first.detected < len(first.evidence) and wander(track) > _WANDERS:
+    if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
         # a speed that wanders smears lines in long blocks
         judged = judge(signal, track)
         if judged.detected > first.detected and _agrees(signal, judged):
@@ -287,24 +257,6 @@ def track_tacholess(
     if found.detected:
         return _with_doubt(signal, found, share, sums)
     return replace(found, coherent=share)
-
-
-def _locked(signal: GearVibration, sums: OrderSums, track: AngleTrack) -> tuple[AngleTrack, float]:
-    """Lock a track to the phases of the mesh lines; tell how much of them is coherent then.
-
-    Where they are not, the comb is followed in the angle of the track so far.
-    """
-    best = lock_track(sums, track)
-    share = coherent_share(sums, best)
-    for _ in range(_UNWARPED):
-        if share > _ALL_COHERENT:
-            break
-        track = unwarp(signal.samples, signal.rate, track, signal.comb)
-        locked = lock_track(sums, track)
-        its = coherent_share(sums, locked)
-        if its > share:
-            best, share = locked, its
-    return best, share
 
 
 def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
@@ -337,8 +289,13 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
     paths = [own.path() for own in signals]
     meant = clearest([(path, own.comb) for path, own in zip(paths, signals, strict=True)])
     signal, speed = signals[meant], paths[meant].track()
-    orders = signal.orders(0.5 * signal.nominal_hz)
-    track = follow_speed(signal.samples, signal.rate, signal.comb, orders, speed)
+    sums = signal.sums(float(speed.speed_hz.max()))
+    if sums is None:
+        return None
+    track = integrate_speed(speed, signal.last_s)
+    for reach in _PATH_REACHES:
+        track = unwarp(signal.samples, signal.rate, track, signal.comb, reach)
+    track = lock_track(sums, track)
     judged = judge(signal, track)
     if not _agrees(signal, judged):
         return None
@@ -348,9 +305,6 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
         f"between {course.min():.4g} and {course.max():.4g} Hz; nominal is {signal.nominal_hz:.4g} "
         "Hz"
     )
-    sums = signal.sums(float(track.speed_hz.max()))
-    if sums is None:
-        return None
     return replace(judged, notes=(note,)), coherent_share(sums, track), sums
 
 

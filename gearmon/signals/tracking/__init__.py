@@ -26,7 +26,7 @@ _OFFERED = {
         "mesh_evidence",
         "sideband_spacing",
     ),
-    "phases": ("coherent_share", "follow_speed", "integrate_speed", "lock_track"),
+    "phases": ("coherent_share", "follow_lines", "integrate_speed", "lock_track"),
     "pulses": ("TachoPulses", "find_pulses", "pulses_from_times"),
     "slips": ("LEAST_TURNS", "SlipCheck", "check_slips"),
     "tacho": (

@@ -8,7 +8,7 @@ not. The blocks slide by a quarter of their length and are cut at the ends of th
 
 A speed that changes is followed in short blocks first (`comb.find_path`). Read at equal steps of
 that path's angle the lines are nearly steady (`unwarp`), so that the comb and then the phases of
-the mesh lines tell the rest (`follow_speed`).
+the mesh lines tell the rest.
 """
 
 from __future__ import annotations
@@ -34,8 +34,10 @@ _PASSES = 2
 _LIMITS = (0.4, 0.7, 1.0, 1.0, 1.0)
 # Phases of noise scatter evenly over a cycle, variance 1/12; a line near that is not listened to.
 _NOISE_VARIANCE = 1.0 / 12.0
-# Searches for a speed that changes in the angle of the track so far: block [turns], reach about it.
-_UNWARPED = ((10.0, 0.015), (10.0, 0.008))
+# Blocks in which the comb is searched in the angle of a track [turns], and how often it is.
+_UNWARP_TURNS, _UNWARPED = 10.0, 2
+# Share of the lines that is phase-coherent above which nothing is left to gain by that.
+_ALL_COHERENT = 0.93
 
 
 def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
@@ -278,8 +280,7 @@ def unwarp(
     sampling_rate_hz: float,
     track: AngleTrack,
     comb: Comb,
-    block_turns: float = _UNWARPED[0][0],
-    tolerance: float = _UNWARPED[0][1],
+    reach: float = 0.015,
 ) -> AngleTrack:
     """Follow a comb again in the angle of a first track, where its lines are nearly steady.
 
@@ -293,15 +294,13 @@ def unwarp(
         The first track.
     comb : Comb
         Orders and weights.
-    block_turns : float
-        Length of the blocks [turns].
-    tolerance : float
+    reach : float
         How far about the first track's speed to look, as a fraction.
 
     Returns
     -------
     AngleTrack
-        The better track.
+        The better track, from blocks of 10 turns.
     """
     top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
     grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
@@ -310,7 +309,7 @@ def unwarp(
     per_turn = float(grid.per_turn)
     kernel = Kernel.of(4, 1.3)
     Spreading(samples, sampling_rate_hz, track, per_turn, kernel).spread(grid.first_turn, read)
-    scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, tolerance, block_turns)
+    scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, reach, _UNWARP_TURNS)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
     ends = track.turns[[0, -1]]
     knots = grid.first_turn + inner.time_s
@@ -324,33 +323,36 @@ def unwarp(
     )
 
 
-def follow_speed(
-    samples: FloatArray, sampling_rate_hz: float, comb: Comb, orders: FloatArray, path: SpeedTrack
-) -> AngleTrack:
-    """Turn a path of speeds into an angle track that is right to a small part of a mesh period.
+def follow_lines(sums: OrderSums, track: AngleTrack, comb: Comb) -> tuple[AngleTrack, float]:
+    """Make a track right to a small part of a mesh period.
+
+    It is locked to the lines; where they are not phase-coherent then, the comb is followed in the
+    angle of the track first.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
+    sums : OrderSums
+        Mesh harmonics of a recording, whose phases are followed.
+    track : AngleTrack
+        A first track, its speed right to about a per cent.
     comb : Comb
         Orders and weights.
-    orders : ndarray of float, shape (lines,)
-        Mesh harmonics, whose phases are followed; those beyond the band are left out.
-    path : SpeedTrack
-        The path, from `find_path`.
 
     Returns
     -------
-    AngleTrack
-        The track; the path itself if no mesh harmonic lies within the band.
+    track : AngleTrack
+        The track in which most of the lines is coherent.
+    share : float
+        That share, see `coherent_share`.
     """
-    track = integrate_speed(path, (samples.shape[-1] - 1) / sampling_rate_hz)
-    for block_turns, tolerance in _UNWARPED:
-        track = unwarp(samples, sampling_rate_hz, track, comb, block_turns, tolerance)
-    within = orders[orders < 0.45 * sampling_rate_hz / float(track.speed_hz.max())]
-    if len(within) == 0:
-        return track
-    return lock_track(OrderSums(samples, sampling_rate_hz, within), track)
+    best = lock_track(sums, track)
+    share = coherent_share(sums, best)
+    for _ in range(_UNWARPED):
+        if share > _ALL_COHERENT:
+            break
+        track = unwarp(sums.samples, sums.sampling_rate_hz, track, comb)
+        locked = lock_track(sums, track)
+        its = coherent_share(sums, locked)
+        if its > share:
+            best, share = locked, its
+    return best, share
