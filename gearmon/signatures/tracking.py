@@ -16,7 +16,6 @@ import numpy as np
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
-from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
@@ -29,7 +28,7 @@ from gearmon.signals.tracking.phases import (
     lock_track,
     unwarp,
 )
-from gearmon.signals.tracking.pulses import TachoPulses, find_pulses
+from gearmon.signals.tracking.pulses import find_pulses
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
 from gearmon.signals.tracking.tacho import (
     join,
@@ -150,12 +149,32 @@ class _Tacholess:
 
 def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
-    tacho = _Tacho.of(recording, index, tacholess.machine, tacholess.signal)
-    found = judge(tacholess.signal, tacho.track, TACHO_REACH)
+    signal, name = tacholess.signal, recording.channel_names[index]
+    places = name, str(recording.columns[index])
+    sensors = (s for s in tacholess.machine.sensors if s.kind == "tacho")
+    sensor = next((s for s in sensors if str(s.column) in places), None)
+    known = sensor.pulses_per_turn if sensor else None
+    pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
+    order = signal.train.shaft(sensor.shaft).order if sensor else 1.0
+    count = known or pulses_per_turn(pulses, signal.nominal_hz)
+    track = track_from_pulses(pulses, count, order, signal.last_s)
+    found = judge(signal, track, TACHO_REACH)
     if not recording.tacho_told:
         _check_believed(found, tacholess)
-    track, notes = tacho.joined(tacholess.signal)
-    return replace(found, track=track, notes=notes)
+    told = [f"{count} pulse{'s' if count > 1 else ''} a turn"]
+    if pulses.missing or pulses.extra:
+        told.append(f"{pulses.missing} pulses filled in, {pulses.extra} left out")
+    sums = signal.sums(float(track.speed_hz.max()))
+    if sums is not None:
+        time_s, turns, _ = pulse_angles(pulses, count, order)
+        joined = join(sums, track, time_s, turns)
+        track = joined.track
+        if joined.beyond > 1.0:
+            told.append(
+                f"the mesh lines would move the angle {joined.beyond:.3g} times as far as the "
+                "scatter of the pulses allows; the pulses alone tell it"
+            )
+    return replace(found, track=track, notes=tuple(f"tacho {name}: {one}" for one in told))
 
 
 def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
@@ -172,54 +191,6 @@ def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
 def _clarity(found: Tracking) -> tuple[int, int]:
     """How many meshes stand out, and how many of their harmonics are clear."""
     return found.detected, sum(seen.clear for seen in found.evidence if seen.stands_out)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Tacho:
-    """A tachometer's channel, its pulses and the angle that they give."""
-
-    name: str
-    pulses: TachoPulses
-    per_turn: int
-    shaft_order: float
-    track: AngleTrack
-
-    @classmethod
-    def of(
-        cls, recording: Recording, index: int, machine: Machine, signal: GearVibration
-    ) -> _Tacho:
-        """Find the pulses of a channel."""
-        name, column = recording.channel_names[index], str(recording.columns[index])
-        sensor = next(
-            (s for s in machine.sensors if s.kind == "tacho" and str(s.column) in (name, column)),
-            None,
-        )
-        known = sensor.pulses_per_turn if sensor else None
-        pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
-        order = signal.train.shaft(sensor.shaft).order if sensor is not None else 1.0
-        count = known or pulses_per_turn(pulses, signal.nominal_hz)
-        track = track_from_pulses(pulses, count, order, signal.last_s)
-        return cls(name=name, pulses=pulses, per_turn=count, shaft_order=order, track=track)
-
-    def joined(self, signal: GearVibration) -> tuple[AngleTrack, tuple[str, ...]]:
-        """Return the angle of pulses and lines together, and what is to be said about it."""
-        pulses, count = self.pulses, self.per_turn
-        notes = [f"tacho {self.name}: {count} pulse{'s' if count > 1 else ''} a turn"]
-        if pulses.missing or pulses.extra:
-            notes.append(
-                f"tacho {self.name}: {pulses.missing} pulses filled in, {pulses.extra} left out"
-            )
-        sums = signal.sums(float(self.track.speed_hz.max()))
-        if sums is None:
-            return self.track, tuple(notes)
-        time_s, turns, _ = pulse_angles(pulses, count, self.shaft_order)
-        found = join(sums, self.track, time_s, turns)
-        if found.beyond > 1.0:
-            notes.append(
-                f"tacho {self.name}: the mesh lines would move the angle {found.beyond:.3g} times "
-                "as far as the scatter of the pulses allows; the pulses alone tell it"
-            )
-        return found.track, tuple(notes)
 
 
 def track_tacholess(

@@ -71,10 +71,6 @@ _BESIDE_KNOCK = 64
 # Slowest frequencies of the block series to either side that drift and near lines fill, and excess
 # over the median from which they are believed: six values of noise reach it in 2 % of cases.
 _SLOW, _EXCESS = 3, 2.0
-# Tracks whose angle is remembered.
-_REMEMBERED = 2
-# Edges of stretches whose angles are found together.
-_EDGES = 1 << 14
 # Cycles a stretch, root mean square, by which another track may differ before it is read anew.
 _NEAR = 0.02
 # Cycles of the highest order in a stretch, its longest [turns], and the least number of them.
@@ -523,7 +519,7 @@ class OrderSums:
     Notes
     -----
     It keeps the sums of the track that was asked for last, and makes others for one that is not
-    near. The angle of the last two tracks is remembered.
+    near. The angle of the last track is remembered.
     """
 
     def __init__(self, samples: FloatArray, sampling_rate_hz: float, orders: FloatArray) -> None:
@@ -531,7 +527,7 @@ class OrderSums:
         self.sampling_rate_hz = sampling_rate_hz
         self.orders = orders
         self._read: Stretches | None = None
-        self._tracks: list[tuple[AngleTrack, FloatArray]] = []
+        self._known: tuple[AngleTrack, FloatArray]
         self._noise: dict[float, FloatArray] = {}
 
     def noise(self, track: AngleTrack, block_turns: float) -> FloatArray:
@@ -601,17 +597,16 @@ class OrderSums:
     def _near(self, track: AngleTrack) -> tuple[FloatArray, Stretches]:
         """Return the angle of a track at the edges of stretches, and sums that suit it."""
         if self._read is not None:
-            for known, angle in self._tracks:
-                if known is track:
-                    return angle, self._read
+            if self._known[0] is track:
+                return self._known[1], self._read
             angle = self._read.angle_in(track)
             if self._read.departure(angle) < _NEAR:
-                self._tracks = [*self._tracks[1 - _REMEMBERED :], (track, angle)]
+                self._known = track, angle
                 return angle, self._read
             self._noise = {}
         self._read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
-        self._tracks = [(track, self._read.angle_in(track))]
-        return self._tracks[0][1], self._read
+        self._known = track, self._read.angle_in(track)
+        return self._known[1], self._read
 
     def _turned(
         self,
@@ -748,8 +743,7 @@ class Stretches:
 
     def angle_in(self, track: AngleTrack) -> FloatArray:
         """Angle of a track at the edges of the stretches [turns]."""
-        parts = np.split(self.edges_s, range(_EDGES, len(self.edges_s), _EDGES))
-        return np.concatenate(side_by_side(track.turns_at, parts, 16 * len(self.edges_s)))
+        return track.turns_at(self.edges_s)
 
     def departure(self, angle: FloatArray) -> float:
         """Cycles a stretch that a track differs by from the one these sums were made with."""
