@@ -26,7 +26,8 @@ from gearmon.gears.faults import parse_fault
 from gearmon.machine import Machine, load_machine
 from gearmon.machine.reading import example_machine
 from gearmon.signals.recording import Recording, read_recording
-from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
+from gearmon.signals.spectra.demodulation import envelope_spectrum, kurtogram
+from gearmon.signals.spectra.spectrum import amplitude_spectrum, power_density
 from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress, followed

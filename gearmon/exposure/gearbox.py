@@ -24,7 +24,7 @@ from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.array_types import BoolArray, FloatArray
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.orders import order_lines
+from gearmon.signals.orders.lines import order_lines
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature

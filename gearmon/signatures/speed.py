@@ -155,6 +155,17 @@ class GearVibration:
         about = self.nominal_hz if about_hz is None else about_hz
         return scan_speed(self.samples, self.rate, self.comb, about, tolerance, block_s, around)
 
+    def blocks_of(self, turns: float) -> float:
+        """Length of blocks of so many turns [s]; of a short recording all is one."""
+        duration, block_s = self.samples.shape[-1] / self.rate, turns / self.nominal_hz
+        return block_s if duration >= 4 * block_s else duration
+
+    def first_scan(self) -> SpeedScan:
+        """Scan about the nominal speed in blocks that tell meshes from sidebands of shaft 1."""
+        looked_at = max(mesh_harmonics(m.order * self.nominal_hz) for m in self.train.meshes)
+        turns = _SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS
+        return self.scan(self.blocks_of(turns))
+
     def path(self) -> SpeedScan:
         """Follow the comb in short blocks far about the nominal speed."""
         return find_path(self.samples, self.rate, self.comb, self.nominal_hz, SPEED_REACH)
@@ -185,10 +196,10 @@ class GearVibration:
         return OrderSums(self.samples, self.rate, orders) if len(orders) else None
 
 
-def scan_nominal_speeds(
+def meant_speed(
     samples: FloatArray, rate: float, train: Kinematics, machine: Machine
-) -> tuple[GearVibration, SpeedScan]:
-    """Scan about every nominal speed of the machine; the one whose own lines are clearest is meant.
+) -> GearVibration:
+    """Tell which nominal speed of the machine is meant: that whose own lines are clearest.
 
     Parameters
     ----------
@@ -203,33 +214,25 @@ def scan_nominal_speeds(
 
     Returns
     -------
-    signal : GearVibration
+    GearVibration
         The vibration, with the nominal speed that is meant.
-    scan : SpeedScan
-        The scan about it.
 
     Raises
     ------
     ArgumentError
         If the machine has no operating point.
     """
-    duration = samples.shape[-1] / rate
-
-    def scanned(signal: GearVibration, turns: float) -> SpeedScan:
-        block_s = turns / signal.nominal_hz
-        return signal.scan(block_s if duration >= 4 * block_s else duration)
-
     signals = [
         GearVibration(samples=samples, rate=rate, train=train, nominal_hz=speed)
         for speed in sorted({point.shaft1_hz for point in machine.operating})
     ]
     if not signals:
         raise ArgumentError("machine has no operating point: add [operating] speed_rpm = ...")
-    meant = signals[0]
-    if len(signals) > 1:
-        meant = signals[clearest([(scanned(own, _COMPARED_TURNS), own.comb) for own in signals])]
-    slow = any(mesh_harmonics(m.order * meant.nominal_hz) > MESH_HARMONICS for m in train.meshes)
-    return meant, scanned(meant, _SLOW_MESH_TURNS if slow else _SCAN_TURNS)
+    if len(signals) == 1:
+        return signals[0]
+    return signals[
+        clearest([(own.scan(own.blocks_of(_COMPARED_TURNS)), own.comb) for own in signals])
+    ]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -283,8 +286,8 @@ class Tracking:
         return sum(seen.clear for seen in self.evidence if seen.stands_out) >= 2
 
 
-def judge(signal: GearVibration, track: AngleTrack) -> Tracking:
-    """Judge the meshes on a scan about a track whose speed changes or is far from nominal.
+def judge(signal: GearVibration, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
+    """Judge the meshes on a scan about a track.
 
     Parameters
     ----------
@@ -292,6 +295,8 @@ def judge(signal: GearVibration, track: AngleTrack) -> Tracking:
         The recording.
     track : AngleTrack
         Angle of shaft 1.
+    reach : float
+        How far about its speed to look, as a fraction.
 
     Returns
     -------
@@ -302,22 +307,18 @@ def judge(signal: GearVibration, track: AngleTrack) -> Tracking:
     speed = np.diff(track.turns_at(time_s)) / np.diff(time_s)
     around = SpeedTrack(time_s=middle, speed_hz=speed, resolution_hz=float("nan"))
     block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * signal.last_s)
-    scan = signal.scan(block_s, _JUDGED_REACH, around)
+    scan = signal.scan(block_s, reach, around)
     centre_hz = float(np.mean(scan.middle_hz))
     return Tracking(
         track=track,
         nominal_hz=signal.nominal_hz,
         scan=scan,
-        evidence=evidence_of(signal, scan, centre_hz, _JUDGED_REACH),
+        evidence=evidence_of(signal, scan, centre_hz, reach),
     )
 
 
 def evidence_of(
-    signal: GearVibration,
-    scan: SpeedScan,
-    centre_hz: float,
-    tolerance: float,
-    known: SpeedTrack | None = None,
+    signal: GearVibration, scan: SpeedScan, centre_hz: float, tolerance: float
 ) -> tuple[MeshEvidence, ...]:
     """Tell how clearly each mesh stands out in a scan.
 
@@ -331,8 +332,6 @@ def evidence_of(
         Speed about which it looked [Hz].
     tolerance : float
         How far, as a fraction.
-    known : SpeedTrack, optional
-        The speed, if a tachometer tells it.
 
     Returns
     -------
@@ -343,33 +342,10 @@ def evidence_of(
 
     def judged() -> tuple[MeshEvidence, ...]:
         combs = mesh_combs(signal.train, signal.nominal_hz)
-        return mesh_evidence(scan, combs, orders, centre_hz, tolerance, known)
+        return mesh_evidence(scan, combs, orders, centre_hz, tolerance)
 
     # the path through all blocks, which is wanted next, is found meanwhile
     return at_once(judged, lambda: scan.best_score, scan.scores.size)[0]
-
-
-def speed_in_blocks(track: AngleTrack, scan: SpeedScan) -> SpeedTrack:
-    """Mean speed of a track in each block of a scan.
-
-    Parameters
-    ----------
-    track : AngleTrack
-        Angle of shaft 1.
-    scan : SpeedScan
-        The scan.
-
-    Returns
-    -------
-    SpeedTrack
-    """
-    half_s = float(scan.centre_s[0])  # the first block begins with the recording
-    ends = track.turns_at(scan.centre_s + half_s), track.turns_at(scan.centre_s - half_s)
-    return SpeedTrack(
-        time_s=scan.centre_s,
-        speed_hz=(ends[0] - ends[1]) / (2 * half_s),
-        resolution_hz=scan.resolution_hz,
-    )
 
 
 def speed_of(

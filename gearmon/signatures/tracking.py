@@ -16,21 +16,19 @@ import numpy as np
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
-from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
-from gearmon.signals.tracking.comb import SpeedScan, clearest
+from gearmon.signals.tracking.comb import clearest
 from gearmon.signals.tracking.mesh_detection import sideband_spacing
 from gearmon.signals.tracking.phases import (
     coherent_share,
-    follow_speed,
+    follow_lines,
     integrate_speed,
     lock_track,
-    refine_track,
     unwarp,
 )
-from gearmon.signals.tracking.pulses import TachoPulses, find_pulses
+from gearmon.signals.tracking.pulses import find_pulses
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
 from gearmon.signals.tracking.tacho import (
     join,
@@ -46,26 +44,20 @@ from gearmon.signatures.speed import (
     Tracking,
     evidence_of,
     judge,
+    meant_speed,
     mesh_combs,
-    scan_nominal_speeds,
-    speed_in_blocks,
     wander,
 )
 
 # How far pulses and comb may be apart before it is asked which of them is right.
 _APART = 0.01
-# Shorter blocks, searched about the track so far, follow a speed that wanders (turns, tolerance).
-_FINER_SCANS = ((10.0, 0.012), (6.0, 0.006))
-# Share of the mesh lines' power that must be phase-coherent for a track to be left alone.
-_COHERENT = 0.82
-# Below this share shorter blocks do not mend a track: the speed must be followed.
-_NEARLY = 0.6
-# Above this share nothing is left to gain from shorter blocks.
-_ALL_COHERENT = 0.93
+# Share of the mesh lines' power that must be phase-coherent, of a speed that wanders and of a calm
+# one, for no other speed to be looked for.
+_COHERENT, _NEARLY = 0.82, 0.6
 # Below this share the angle of a mesh line is not known to a tenth of its period.
 _LOST = 0.5
-# Times that a speed which wanders is followed about the comb's track.
-_UNWARPED = 2
+# How far about a path of speeds the comb is looked for in its angle, and then again.
+_PATH_REACHES = (0.015, 0.008)
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.
 _WANDERS = 1e-3
 # Share of a recording in which the angle must be held for the rest to be left out.
@@ -111,8 +103,7 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     """
     vibration = recording.vibration()
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    signal, scan = scan_nominal_speeds(samples, rate, train, machine)
-    tacholess = _Tacholess(signal=signal, scan=scan, machine=machine)
+    tacholess = _Tacholess(signal=meant_speed(samples, rate, train, machine), machine=machine)
     notes: list[str] = []
     for index, kind in enumerate(recording.channel_kinds):
         if kind != "tacho":
@@ -135,16 +126,16 @@ class _Tacholess:
     """What the vibration alone tells, as far as it is asked for."""
 
     signal: GearVibration
-    scan: SpeedScan
     machine: Machine
 
     @cached_property
     def first(self) -> Tracking:
         """The comb about a nominal speed."""
         signal, nominal_hz = self.signal, self.signal.nominal_hz
-        evidence = evidence_of(signal, self.scan, nominal_hz, SPEED_TOLERANCE)
-        track = integrate_speed(self.scan.track(), signal.last_s)
-        return Tracking(track=track, nominal_hz=nominal_hz, scan=self.scan, evidence=evidence)
+        scan = signal.first_scan()
+        evidence = evidence_of(signal, scan, nominal_hz, SPEED_TOLERANCE)
+        track = integrate_speed(scan.track(), signal.last_s)
+        return Tracking(track=track, nominal_hz=nominal_hz, scan=scan, evidence=evidence)
 
     @cached_property
     def alone(self) -> Tracking:
@@ -158,35 +149,39 @@ class _Tacholess:
 
 def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
-    tacho = _Tacho.of(recording, index, tacholess.machine, tacholess.signal)
-    if _departs(tacho.track, tacholess.signal.nominal_hz):
-        found = judge(tacholess.signal, tacho.track)
-        if not recording.tacho_told:
-            _check_believed(found, tacholess)
-    else:
-        found = _at_pulses(tacholess, tacho.track)
-        if not recording.tacho_told and _shows_elsewhere(tacholess.first, tacho.track):
-            _check_believed(judge(tacholess.signal, tacho.track), tacholess)
-    track, notes = tacho.joined(tacholess.signal)
-    return replace(found, track=track, notes=notes)
-
-
-def _shows_elsewhere(found: Tracking, track: AngleTrack) -> bool:
-    return found.detected > 0 and _apart(track, found.track) > _APART
-
-
-def _at_pulses(tacholess: _Tacholess, track: AngleTrack) -> Tracking:
-    """Judge the meshes at the speed that pulses tell."""
-    signal, scan = tacholess.signal, tacholess.scan
-    known = speed_in_blocks(track, scan)
-    evidence = evidence_of(signal, scan, known.mean_hz, TACHO_REACH, known)
-    return Tracking(track=track, nominal_hz=signal.nominal_hz, scan=scan, evidence=evidence)
+    signal, name = tacholess.signal, recording.channel_names[index]
+    places = name, str(recording.columns[index])
+    sensors = (s for s in tacholess.machine.sensors if s.kind == "tacho")
+    sensor = next((s for s in sensors if str(s.column) in places), None)
+    known = sensor.pulses_per_turn if sensor else None
+    pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
+    order = signal.train.shaft(sensor.shaft).order if sensor else 1.0
+    count = known or pulses_per_turn(pulses, signal.nominal_hz)
+    track = track_from_pulses(pulses, count, order, signal.last_s)
+    found = judge(signal, track, TACHO_REACH)
+    if not recording.tacho_told:
+        _check_believed(found, tacholess)
+    told = [f"{count} pulse{'s' if count > 1 else ''} a turn"]
+    if pulses.missing or pulses.extra:
+        told.append(f"{pulses.missing} pulses filled in, {pulses.extra} left out")
+    sums = signal.sums(float(track.speed_hz.max()))
+    if sums is not None:
+        time_s, turns, _ = pulse_angles(pulses, count, order)
+        joined = join(sums, track, time_s, turns)
+        track = joined.track
+        if joined.beyond > 1.0:
+            told.append(
+                f"the mesh lines would move the angle {joined.beyond:.3g} times as far as the "
+                "scatter of the pulses allows; the pulses alone tell it"
+            )
+    return replace(found, track=track, notes=tuple(f"tacho {name}: {one}" for one in told))
 
 
 def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one."""
     rival = tacholess.first if tacholess.first.detected or judged.detected else tacholess.alone
-    if _apart(judged.track, rival.track) > _APART and _clarity(rival) > _clarity(judged):
+    apart = abs(judged.track.mean_hz / rival.track.mean_hz - 1)
+    if apart > _APART and _clarity(rival) > _clarity(judged):
         raise RecordingError(
             f"the mesh lines stand out less at the {judged.track.mean_hz:.4g} Hz that its pulses "
             f"say than at {rival.track.mean_hz:.4g} Hz"
@@ -196,64 +191,6 @@ def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
 def _clarity(found: Tracking) -> tuple[int, int]:
     """How many meshes stand out, and how many of their harmonics are clear."""
     return found.detected, sum(seen.clear for seen in found.evidence if seen.stands_out)
-
-
-def _apart(one: AngleTrack, other: AngleTrack) -> float:
-    """How far the mean speeds of two tracks are apart, as a fraction."""
-    return abs(one.mean_hz / other.mean_hz - 1)
-
-
-def _departs(track: AngleTrack, nominal_hz: float) -> bool:
-    """Whether a track leaves the speeds that the scan about nominal covers well."""
-    return abs(track.mean_hz / nominal_hz - 1) > SPEED_TOLERANCE or wander(track) > 0.005
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Tacho:
-    """A tachometer's channel, its pulses and the angle that they give."""
-
-    name: str
-    pulses: TachoPulses
-    per_turn: int
-    shaft_order: float
-    track: AngleTrack
-
-    @classmethod
-    def of(
-        cls, recording: Recording, index: int, machine: Machine, signal: GearVibration
-    ) -> _Tacho:
-        """Find the pulses of a channel."""
-        name, column = recording.channel_names[index], str(recording.columns[index])
-        sensor = next(
-            (s for s in machine.sensors if s.kind == "tacho" and str(s.column) in (name, column)),
-            None,
-        )
-        known = sensor.pulses_per_turn if sensor else None
-        pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
-        order = signal.train.shaft(sensor.shaft).order if sensor is not None else 1.0
-        count = known or pulses_per_turn(pulses, signal.nominal_hz)
-        track = track_from_pulses(pulses, count, order, signal.last_s)
-        return cls(name=name, pulses=pulses, per_turn=count, shaft_order=order, track=track)
-
-    def joined(self, signal: GearVibration) -> tuple[AngleTrack, tuple[str, ...]]:
-        """Return the angle of pulses and lines together, and what is to be said about it."""
-        pulses, count = self.pulses, self.per_turn
-        notes = [f"tacho {self.name}: {count} pulse{'s' if count > 1 else ''} a turn"]
-        if pulses.missing or pulses.extra:
-            notes.append(
-                f"tacho {self.name}: {pulses.missing} pulses filled in, {pulses.extra} left out"
-            )
-        sums = signal.sums(float(self.track.speed_hz.max()))
-        if sums is None:
-            return self.track, tuple(notes)
-        time_s, turns, _ = pulse_angles(pulses, count, self.shaft_order)
-        found = join(sums, self.track, time_s, turns)
-        if found.beyond > 1.0:
-            notes.append(
-                f"tacho {self.name}: the mesh lines would move the angle {found.beyond:.3g} times "
-                "as far as the scatter of the pulses allows; the pulses alone tell it"
-            )
-        return found.track, tuple(notes)
 
 
 def track_tacholess(
@@ -276,42 +213,21 @@ def track_tacholess(
     -------
     Tracking
     """
-    quick = _wandering(signal, sums, first)
-    if quick is not None:
-        return _with_doubt(signal, *quick)
-    best = _steady(signal, sums, first)
-    calm = best.share > (_NEARLY if wander(best.track) < _WANDERS else _COHERENT)
+    track, share = follow_lines(sums, first.track, signal.comb)
+    calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(signal, first):
         followed = _follow(signal, machine)
-        if followed is not None and _outdoes(followed, (first, best.share)):
+        if followed is not None and _outdoes(followed, (first, share)):
             return _with_doubt(signal, *followed)
-        if best.share <= _COHERENT:
-            _finer(signal, first, best)
-    found = replace(first, track=best.track)
-    if first.detected:
-        return _with_doubt(signal, found, best.share, sums)
-    return replace(found, coherent=best.share)
-
-
-def _wandering(
-    signal: GearVibration, sums: OrderSums, first: Tracking
-) -> tuple[Tracking, float, OrderSums] | None:
-    """Follow a speed that wanders about the comb's track; None unless that leaves nothing to gain.
-
-    Where every mesh shows already neither another speed nor a steadier one has to be tried.
-    """
-    if first.detected < len(first.evidence) or wander(first.track) < _WANDERS:
-        return None
-    track = first.track
-    for _ in range(_UNWARPED):
-        track = unwarp(signal.samples, signal.rate, track, signal.comb)
-        locked = lock_track(sums, track)
-        share = coherent_share(sums, locked)
-        if share > _ALL_COHERENT:
-            return replace(first, track=locked), share, sums
-        if share < _NEARLY:
-            break
-    return None
+    found = replace(first, track=track)
+    if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
+        # a speed that wanders smears lines in long blocks
+        judged = judge(signal, track)
+        if judged.detected > first.detected and _agrees(signal, judged):
+            found = judged
+    if found.detected:
+        return _with_doubt(signal, found, share, sums)
+    return replace(found, coherent=share)
 
 
 def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
@@ -334,68 +250,6 @@ def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking
     return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
 
 
-class _Best:
-    """The best angle so far: that in which most of the lines' power is phase-coherent."""
-
-    def __init__(self, sums: OrderSums, track: AngleTrack) -> None:
-        self.sums, self.track, self.share = sums, track, coherent_share(sums, track)
-
-    @property
-    def wanders(self) -> bool:
-        """Whether the lines show it well, and that the speed wanders."""
-        return self.share > _COHERENT and wander(self.track) > _WANDERS
-
-    def offer(self, track: AngleTrack, leeway: float = 0.0) -> None:
-        """Take another angle if no less is coherent in it, but for a leeway."""
-        share = coherent_share(self.sums, track)
-        if share > self.share - leeway:
-            self.track, self.share = track, share
-
-    def offer_short_blocks(self, track: AngleTrack) -> None:
-        """Offer an angle, refined in blocks that are short enough for a speed that wanders."""
-        self.offer(refine_track(self.sums, track, block_turns=5.0, wander=0.01))
-
-    def lock_if_it_wanders(self) -> None:
-        """Lock it to the lines, which shorter blocks lose half a block from the ends.
-
-        A path whose delay changes makes lines that are coherent in a track turn a little.
-        """
-        if self.wanders:
-            self.offer(lock_track(self.sums, self.track), 0.01)
-
-
-def _steady(signal: GearVibration, sums: OrderSums, first: Tracking) -> _Best:
-    """Refine the comb's track by phases; lock it to them if its speed wanders."""
-    # long blocks part the mesh lines from the sidebands of slow shafts; a calm speed allows them
-    slowest = min(shaft.order for shaft in signal.train.shafts)
-    calm = float(np.clip(2.0 / slowest, 8.0, 20.0))
-    best = _Best(sums, refine_track(sums, first.track, calm))
-    if _NEARLY < best.share < _ALL_COHERENT and not best.wanders:
-        best.offer_short_blocks(best.track)
-        # an angle that wobbles puts sidebands of slow shafts beside every mesh line
-        best.offer(lock_track(sums, best.track))
-    else:
-        best.lock_if_it_wanders()
-    return best
-
-
-def _finer(signal: GearVibration, first: Tracking, best: _Best) -> None:
-    """Follow a speed that wanders within the tolerance by scans in shorter blocks."""
-    speed = first.scan.track()
-    if best.share <= _NEARLY:
-        best.offer_short_blocks(best.track)
-    enough = _COHERENT
-    for turns, tolerance in _FINER_SCANS:
-        block_s = turns / signal.nominal_hz
-        if best.share > enough or signal.last_s < 8 * block_s:
-            break
-        # once the speed is known to wander, even its last second must be right
-        enough = _ALL_COHERENT
-        speed = signal.scan(block_s, tolerance, speed).track()
-        best.offer_short_blocks(integrate_speed(speed, signal.last_s))
-    best.lock_if_it_wanders()
-
-
 def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
     """Look for the comb in short blocks far about nominal; None if no mesh stands out there.
 
@@ -406,10 +260,15 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
     paths = [own.path() for own in signals]
     meant = clearest([(path, own.comb) for path, own in zip(paths, signals, strict=True)])
     signal, speed = signals[meant], paths[meant].track()
-    orders = signal.orders(0.5 * signal.nominal_hz)
-    track = follow_speed(signal.samples, signal.rate, signal.comb, orders, speed)
+    sums = signal.sums(float(speed.speed_hz.max()))
+    if sums is None:
+        return None
+    track = integrate_speed(speed, signal.last_s)
+    for reach in _PATH_REACHES:
+        track = unwarp(signal.samples, signal.rate, track, signal.comb, reach)
+    track = lock_track(sums, track)
     judged = judge(signal, track)
-    if not judged.convincing or not _spacing_agrees(signal, judged):
+    if not _agrees(signal, judged):
         return None
     course = speed.speed_hz
     note = (
@@ -417,18 +276,17 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
         f"between {course.min():.4g} and {course.max():.4g} Hz; nominal is {signal.nominal_hz:.4g} "
         "Hz"
     )
-    sums = signal.sums(float(track.speed_hz.max()))
-    if sums is None:
-        return None
     return replace(judged, notes=(note,)), coherent_share(sums, track), sums
 
 
-def _spacing_agrees(signal: GearVibration, judged: Tracking) -> bool:
-    """Whether the sidebands agree with a followed speed; they must show if it is far off.
+def _agrees(signal: GearVibration, judged: Tracking) -> bool:
+    """Whether meshes are clear and sidebands agree with a speed; they must show if it is far off.
 
     A mesh of one tooth more stands at the same lines if the shaft turns a little slower: only the
     spacing of its sidebands tells.
     """
+    if not judged.convincing:
+        return False
     speeds = judged.track.speed_hz
     nominal = signal.nominal_hz
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.diagnosis.law.state import Kriging
-from gearmon.signals.orders import variance_of_mean
+from gearmon.signals.orders.lines import variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
 

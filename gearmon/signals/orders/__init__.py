@@ -19,58 +19,36 @@ transform) and the fine ones of `spectra` build. All work block by block.
 array([[3.]])
 """
 
-from gearmon.signals.orders.averages import (
-    SynchronousAverage,
-    one_turn,
-    time_synchronous_average,
-)
-from gearmon.signals.orders.lines import (
-    OrderLines,
-    OrderSums,
-    SlidingLines,
-    order_lines,
-    variance_of_mean,
-    without_knocks,
-)
-from gearmon.signals.orders.resampling import (
-    READ_UP_TO,
-    AngleGrid,
-    angle_blocks,
-    angular_waveform,
-    resample_to_angle,
-    whole_turns,
-)
-from gearmon.signals.orders.spectra import (
-    FineSpectrum,
-    OrderMap,
-    clear_peaks,
-    fine_envelope_spectrum,
-    fine_order_spectrum,
-    fine_spectrum,
-    order_map,
-)
+from gearmon.lazy import lazily
 
-__all__ = [
-    "READ_UP_TO",
-    "AngleGrid",
-    "FineSpectrum",
-    "OrderLines",
-    "OrderMap",
-    "OrderSums",
-    "SlidingLines",
-    "SynchronousAverage",
-    "angle_blocks",
-    "angular_waveform",
-    "clear_peaks",
-    "fine_envelope_spectrum",
-    "fine_order_spectrum",
-    "fine_spectrum",
-    "one_turn",
-    "order_lines",
-    "order_map",
-    "resample_to_angle",
-    "time_synchronous_average",
-    "variance_of_mean",
-    "whole_turns",
-    "without_knocks",
-]
+_OFFERED = {
+    "averages": ("SynchronousAverage", "one_turn", "time_synchronous_average"),
+    "lines": (
+        "OrderLines",
+        "OrderSums",
+        "SlidingLines",
+        "order_lines",
+        "variance_of_mean",
+        "without_knocks",
+    ),
+    "resampling": (
+        "AngleGrid",
+        "READ_UP_TO",
+        "angle_blocks",
+        "angular_waveform",
+        "resample_to_angle",
+        "whole_turns",
+    ),
+    "spectra": (
+        "FineSpectrum",
+        "OrderMap",
+        "clear_peaks",
+        "fine_envelope_spectrum",
+        "fine_order_spectrum",
+        "fine_spectrum",
+        "order_map",
+    ),
+}
+
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

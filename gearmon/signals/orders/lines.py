@@ -71,10 +71,6 @@ _BESIDE_KNOCK = 64
 # Slowest frequencies of the block series to either side that drift and near lines fill, and excess
 # over the median from which they are believed: six values of noise reach it in 2 % of cases.
 _SLOW, _EXCESS = 3, 2.0
-# Tracks whose angle is remembered.
-_REMEMBERED = 2
-# Edges of stretches whose angles are found together.
-_EDGES = 1 << 14
 # Cycles a stretch, root mean square, by which another track may differ before it is read anew.
 _NEAR = 0.02
 # Cycles of the highest order in a stretch, its longest [turns], and the least number of them.
@@ -214,29 +210,6 @@ def order_lines(
         first_turn=halves.first_turn,
         noise=halves.noise(kept),
     )
-
-
-def line_noise(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    orders: FloatArray,
-    block_turns: float,
-) -> FloatArray:
-    """Return the noise that `order_lines` tells, without the lines.
-
-    Parameters
-    ----------
-    samples, sampling_rate_hz, track, orders, block_turns
-        As for `order_lines`.
-
-    Returns
-    -------
-    ndarray of float, shape (channels, lines)
-        Mean power |A|^2 that noise alone would show at each line.
-    """
-    halves = _Halves(samples, sampling_rate_hz, track, orders, block_turns, _QUICK_ERROR)
-    return halves.noise(halves.some(sorted(halves.wanted)))
 
 
 def steps_of_block(grid: AngleGrid, block_turns: float) -> int:
@@ -546,7 +519,7 @@ class OrderSums:
     Notes
     -----
     It keeps the sums of the track that was asked for last, and makes others for one that is not
-    near. The angle of the last two tracks is remembered.
+    near. The angle of the last track is remembered.
     """
 
     def __init__(self, samples: FloatArray, sampling_rate_hz: float, orders: FloatArray) -> None:
@@ -554,59 +527,32 @@ class OrderSums:
         self.sampling_rate_hz = sampling_rate_hz
         self.orders = orders
         self._read: Stretches | None = None
-        self._tracks: list[tuple[AngleTrack, FloatArray]] = []
+        self._known: tuple[AngleTrack, FloatArray]
         self._noise: dict[float, FloatArray] = {}
 
-    def blocks(self, track: AngleTrack, block_turns: float, top: float = np.inf) -> OrderLines:
-        """Return the lines in half-overlapped Hann blocks, as `order_lines` does.
+    def noise(self, track: AngleTrack, block_turns: float) -> FloatArray:
+        """Return the power that noise alone shows at the lines in `sliding` blocks.
 
         Parameters
         ----------
         track : AngleTrack
             Angle of shaft 1 against time.
         block_turns : float
-            Length of a block [turns]; cut to the recording.
-        top : float
-            Lines above this order are left out; the lowest one never.
+            Length of a block [turns]; at most a quarter of the recording.
 
         Returns
         -------
-        OrderLines
-            Amplitudes right to a few thousandths. The noise is that of the first track asked for
-            with blocks of this length and near this one.
-
-        Raises
-        ------
-        ArgumentError
-            If the recording holds too few samples.
+        ndarray of float, shape (channels, lines)
+            Medians of the spectrum about each line, in the first track asked for near this one.
         """
-        top_order = float(self.orders.max())
-        grid = AngleGrid.of(self.samples.shape[-1], self.sampling_rate_hz, track, top_order)
-        block = steps_of_block(grid, block_turns)
-        turns = block / grid.per_turn
-        halves = 2 * (grid.count - block) // block + 2
-        edges: FloatArray = grid.first_turn + 0.5 * turns * np.arange(halves + 1.0)
-        chosen = np.flatnonzero(self.orders <= max(top, float(self.orders.min())))
-        angle, read = self._near(track)
-        share, sums = _cut(angle, edges)
-        rising = np.cos(np.pi * share)
-
-        def half_sums(wave: ComplexArray) -> ComplexArray:
-            even, odd = sums(wave), sums(wave * rising)
-            return np.asarray(0.5 * (even[:-1] + even[1:] - odd[:-1] + odd[1:]))
-
-        amplitude = self._turned(angle, read, chosen.tolist(), half_sums)
         if block_turns not in self._noise:
-            self._noise[block_turns] = line_noise(
-                self.samples, self.sampling_rate_hz, track, self.orders, block_turns
+            turns = min(block_turns, 0.25 * float(track.turns[-1] - track.turns[0]))
+            halves = _Halves(
+                self.samples, self.sampling_rate_hz, track, self.orders, turns, _QUICK_ERROR
             )
-        return OrderLines(
-            orders=self.orders[chosen],
-            amplitude=amplitude * (2.0 / (0.5 * turns)),
-            block_turns=turns,
-            first_turn=grid.first_turn,
-            noise=self._noise[block_turns][:, chosen],
-        )
+            # of a wave both of whose sides count, a sliding sum reads half the peak
+            self._noise[block_turns] = 0.25 * halves.noise(halves.some(sorted(halves.wanted)))
+        return self._noise[block_turns]
 
     def sliding(self, track: AngleTrack, block_turns: float) -> SlidingLines:
         """Return the lines in Hann blocks a quarter of their length apart, cut at the ends.
@@ -638,7 +584,7 @@ class OrderSums:
             total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
             return 0.5 * total
 
-        amplitude = self._turned(angle, read, range(len(self.orders)), block_sums)
+        amplitude = self._turned(angle, read, block_sums)
         steps, middle = np.diff(angle), 0.5 * (angle[1:] + angle[:-1])
         weight = block_sums(_padded(steps)).real
         moment = block_sums(_padded(steps * (middle - low))).real
@@ -651,23 +597,21 @@ class OrderSums:
     def _near(self, track: AngleTrack) -> tuple[FloatArray, Stretches]:
         """Return the angle of a track at the edges of stretches, and sums that suit it."""
         if self._read is not None:
-            for known, angle in self._tracks:
-                if known is track:
-                    return angle, self._read
+            if self._known[0] is track:
+                return self._known[1], self._read
             angle = self._read.angle_in(track)
             if self._read.departure(angle) < _NEAR:
-                self._tracks = [*self._tracks[1 - _REMEMBERED :], (track, angle)]
+                self._known = track, angle
                 return angle, self._read
             self._noise = {}
         self._read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
-        self._tracks = [(track, self._read.angle_in(track))]
-        return self._tracks[0][1], self._read
+        self._known = track, self._read.angle_in(track)
+        return self._known[1], self._read
 
     def _turned(
         self,
         angle: FloatArray,
         read: Stretches,
-        lines: Sequence[int],
         sums_of: Callable[[ComplexArray], ComplexArray],
     ) -> ComplexArray:
         """Return what `sums_of` makes of each line in the angle of a track.
@@ -678,8 +622,6 @@ class OrderSums:
             That of the track at the edges of the stretches [turns].
         read : Stretches
             The sums.
-        lines : sequence of int
-            Numbers of the lines.
         sums_of : callable
             Takes a line, stretch by stretch, each times the angle that it spans, and a zero.
 
@@ -699,8 +641,8 @@ class OrderSums:
                 found.append(sums_of(wave))
             return np.stack(found, axis=-1)
 
-        work = 4 * len(lines) * len(self.samples) * len(steps)
-        return np.stack(side_by_side(line, lines, work), axis=-1)
+        work = 4 * len(self.orders) * len(self.samples) * len(steps)
+        return np.stack(side_by_side(line, range(len(self.orders)), work), axis=-1)
 
 
 def _padded(values: FloatArray) -> ComplexArray:
@@ -801,8 +743,7 @@ class Stretches:
 
     def angle_in(self, track: AngleTrack) -> FloatArray:
         """Angle of a track at the edges of the stretches [turns]."""
-        parts = np.split(self.edges_s, range(_EDGES, len(self.edges_s), _EDGES))
-        return np.concatenate(side_by_side(track.turns_at, parts, 16 * len(self.edges_s)))
+        return track.turns_at(self.edges_s)
 
     def departure(self, angle: FloatArray) -> float:
         """Cycles a stretch that a track differs by from the one these sums were made with."""

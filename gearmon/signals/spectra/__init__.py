@@ -8,40 +8,29 @@
 (np.float64(3.0), np.float64(50.0))
 """
 
-from gearmon.signals.spectra.demodulation import (
-    Kurtogram,
-    band_envelope,
-    cyclic_coherence,
-    envelope_spectrum,
-    kurtogram,
-    real_cepstrum,
-)
-from gearmon.signals.spectra.spectrum import (
-    Spectrum,
-    amplitude_spectrum,
-    half_lobe,
-    hann,
-    line_amplitude,
-    local_floor,
-    noise_bandwidth,
-    power_density,
-    window,
-)
+from gearmon.lazy import lazily
 
-__all__ = [
-    "Kurtogram",
-    "Spectrum",
-    "amplitude_spectrum",
-    "band_envelope",
-    "cyclic_coherence",
-    "envelope_spectrum",
-    "half_lobe",
-    "hann",
-    "kurtogram",
-    "line_amplitude",
-    "local_floor",
-    "noise_bandwidth",
-    "power_density",
-    "real_cepstrum",
-    "window",
-]
+_OFFERED = {
+    "demodulation": (
+        "Kurtogram",
+        "band_envelope",
+        "cyclic_coherence",
+        "envelope_spectrum",
+        "kurtogram",
+        "real_cepstrum",
+    ),
+    "spectrum": (
+        "Spectrum",
+        "amplitude_spectrum",
+        "half_lobe",
+        "hann",
+        "line_amplitude",
+        "local_floor",
+        "noise_bandwidth",
+        "power_density",
+        "window",
+    ),
+}
+
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

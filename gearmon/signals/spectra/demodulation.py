@@ -140,10 +140,8 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
     )
 
 
-def envelope_spectrum(
-    samples: FloatArray, rate: float, low: float, high: float, *, squared: bool = False
-) -> Spectrum:
-    """Amplitude spectrum of the envelope of a band, or of its square.
+def envelope_spectrum(samples: FloatArray, rate: float, low: float, high: float) -> Spectrum:
+    """Amplitude spectrum of the envelope of a band.
 
     Parameters
     ----------
@@ -152,13 +150,11 @@ def envelope_spectrum(
         Sampling rate [Hz], or samples a turn.
     low, high : float
         Edges of the band [Hz], or orders.
-    squared : bool
-        Whether to take the squared envelope, whose lines add no harmonics of their own.
 
     Returns
     -------
     Spectrum
-        Peak amplitudes in the signal's unit (squared: unit^2), Hann window, mean removed; up to the
+        Peak amplitudes in the signal's unit, Hann window, mean removed; up to the
         width of the band: a band of width B carries no modulation faster than B.
 
     Raises
@@ -168,7 +164,6 @@ def envelope_spectrum(
     """
     envelope = band_envelope(samples, rate, low, high)
     size = envelope.amplitude
-    size = size**2 if squared else size
     size = size - size.mean(axis=-1, keepdims=True)
     found = amplitude_spectrum(size, envelope.rate, length=size.shape[-1])
     kept = found.frequency_hz <= (envelope.high - envelope.low) * (1 + 1e-12)
@@ -318,14 +313,11 @@ class CyclicCoherence:
         Carrier frequencies f [Hz] (or orders).
     values : ndarray of float, shape (a, b)
         |gamma|^2, 0 to 1.
-    threshold : float
-        99.9 % point at one place for a signal without modulation.
     """
 
     cyclic_hz: FloatArray
     frequency_hz: FloatArray
     values: FloatArray
-    threshold: float
 
     @property
     def enhanced_envelope_spectrum(self) -> FloatArray:
@@ -371,14 +363,10 @@ def cyclic_coherence(
     signal = signal - signal.mean()
     hop = max(1, block // 4)
     blocks = np.lib.stride_tricks.sliding_window_view(signal, block)[::hop]
-    values = np.array([_coherence(blocks, hop, alpha / rate) for alpha in alphas])
-    # three quarters of overlap count as half as many independent blocks
-    independent = max(2.0, len(blocks) / 2)
     return CyclicCoherence(
         cyclic_hz=alphas,
         frequency_hz=rate / block * np.arange(block // 2 + 1.0),
-        values=values,
-        threshold=float(1 - 0.001 ** (1 / (independent - 1))),
+        values=np.array([_coherence(blocks, hop, alpha / rate) for alpha in alphas]),
     )
 
 

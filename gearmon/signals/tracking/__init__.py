@@ -14,58 +14,29 @@ tells where that is lost; `mesh_detection` judges whether the mesh is there at a
 np.float64(5.0)
 """
 
-from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, find_path, scan_speed
-from gearmon.signals.tracking.mesh_detection import (
-    MeshComb,
-    MeshEvidence,
-    combined_comb,
-    foreign_spacing,
-    mesh_evidence,
-    sideband_spacing,
-)
-from gearmon.signals.tracking.phases import (
-    coherent_share,
-    follow_speed,
-    integrate_speed,
-    lock_track,
-    refine_track,
-)
-from gearmon.signals.tracking.pulses import TachoPulses, find_pulses, pulses_from_times
-from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips
-from gearmon.signals.tracking.tacho import (
-    join,
-    pulse_angles,
-    pulses_per_turn,
-    track_from_pulse_times,
-    track_from_pulses,
-)
+from gearmon.lazy import lazily
 
-__all__ = [
-    "LEAST_TURNS",
-    "Comb",
-    "MeshComb",
-    "MeshEvidence",
-    "SlipCheck",
-    "SpeedScan",
-    "SpeedTrack",
-    "TachoPulses",
-    "check_slips",
-    "coherent_share",
-    "combined_comb",
-    "find_path",
-    "find_pulses",
-    "follow_speed",
-    "foreign_spacing",
-    "integrate_speed",
-    "join",
-    "lock_track",
-    "mesh_evidence",
-    "pulse_angles",
-    "pulses_from_times",
-    "pulses_per_turn",
-    "refine_track",
-    "scan_speed",
-    "sideband_spacing",
-    "track_from_pulse_times",
-    "track_from_pulses",
-]
+_OFFERED = {
+    "comb": ("Comb", "SpeedScan", "SpeedTrack", "find_path", "scan_speed"),
+    "mesh_detection": (
+        "MeshComb",
+        "MeshEvidence",
+        "combined_comb",
+        "foreign_spacing",
+        "mesh_evidence",
+        "sideband_spacing",
+    ),
+    "phases": ("coherent_share", "follow_lines", "integrate_speed", "lock_track"),
+    "pulses": ("TachoPulses", "find_pulses", "pulses_from_times"),
+    "slips": ("LEAST_TURNS", "SlipCheck", "check_slips"),
+    "tacho": (
+        "join",
+        "pulse_angles",
+        "pulses_per_turn",
+        "track_from_pulse_times",
+        "track_from_pulses",
+    ),
+}
+
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

@@ -153,7 +153,6 @@ def mesh_evidence(
     shaft_orders: Sequence[float],
     nominal_hz: float,
     tolerance: float = 0.03,
-    known: SpeedTrack | None = None,
 ) -> tuple[MeshEvidence, ...]:
     """Judge for each mesh whether its lines stand out from those of decoys.
 
@@ -169,15 +168,13 @@ def mesh_evidence(
         Nominal rotation frequency of shaft 1 [Hz].
     tolerance : float
         How far the true speed may be from it, as a fraction.
-    known : SpeedTrack, optional
-        The speed, if a tachometer tells it; else it is tracked in the scan.
 
     Returns
     -------
     tuple of MeshEvidence
         One a mesh.
     """
-    track = scan.track(_unseen(scan)) if known is None else known
+    track = scan.track(_unseen(scan))
     judged = _JudgedSpectrum.of(scan, track, nominal_hz, tolerance)
 
     def evidence(index: int) -> MeshEvidence:

@@ -1,17 +1,14 @@
 """Angle of shaft 1 from the phases of known order lines.
 
-The comb gives the speed to a fraction of a spectral line; the phase advance of the lines from block
-to block gives it a hundred times finer (`refine_track`). Each line votes with the weight of its
-signal-to-noise ratio, a smoothness prior carries the track through blocks where no line is clear.
-
-Phases that are compared from block to block add up like a random walk and end half a block before
-the recording does. Compared with the line's own slowly varying mean they do neither
-(`lock_track`): the blocks slide by a quarter of their length and are cut at the ends of the
-recording.
+The comb gives the speed to a fraction of a spectral line; the phases of the lines give it a hundred
+times finer (`lock_track`). Each line votes with the weight of its clarity, a smoothness prior
+carries the track through blocks where no line is clear. Phases that are compared from block to
+block would add up like a random walk; those compared with the line's own slowly varying mean do
+not. The blocks slide by a quarter of their length and are cut at the ends of the recording.
 
 A speed that changes is followed in short blocks first (`comb.find_path`). Read at equal steps of
-that path's angle the lines are nearly steady, so that the comb and then the phases of the mesh
-lines tell the rest (`follow_speed`).
+that path's angle the lines are nearly steady (`unwarp`), so that the comb and then the phases of
+the mesh lines tell the rest.
 """
 
 from __future__ import annotations
@@ -20,7 +17,7 @@ import numpy as np
 
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.array_types import FloatArray
-from gearmon.signals.orders.lines import OrderLines, OrderSums, SlidingLines
+from gearmon.signals.orders.lines import OrderSums, SlidingLines
 from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
 from gearmon.signals.tracking.comb import Comb, SpeedTrack, scan_speed
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
@@ -29,8 +26,6 @@ from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
 _BLOCK_TURNS = 5.0
 # Half the width of a line read through a Hann window, over one by its length.
 _PARTED = 2.0
-# Errors of the speed that each pass expects: they bound the orders that it may use.
-_SPEED_ERRORS = (1e-2, 3e-3, 1e-3, 1e-4)
 # Length of the blocks: enough to part mesh lines from the sidebands of shaft 1 [turns].
 _LOCK_TURNS = 4.0
 # Readings of the recording.
@@ -39,8 +34,10 @@ _PASSES = 2
 _LIMITS = (0.4, 0.7, 1.0, 1.0, 1.0)
 # Phases of noise scatter evenly over a cycle, variance 1/12; a line near that is not listened to.
 _NOISE_VARIANCE = 1.0 / 12.0
-# Searches for a speed that changes in the angle of the track so far: block [turns], reach about it.
-_UNWARPED = ((10.0, 0.015), (10.0, 0.008))
+# Blocks in which the comb is searched in the angle of a track [turns], and how often it is.
+_UNWARP_TURNS, _UNWARPED = 10.0, 2
+# Share of the lines that is phase-coherent above which nothing is left to gain by that.
+_ALL_COHERENT = 0.93
 
 
 def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
@@ -65,49 +62,6 @@ def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
     return AngleTrack(time_s=time, turns=turns, method="comb", uncertainty_turns=float("nan"))
 
 
-def refine_track(
-    sums: OrderSums, track: AngleTrack, block_turns: float = 8.0, wander: float = 0.003
-) -> AngleTrack:
-    """Refine an angle track by the phases of order lines.
-
-    Parameters
-    ----------
-    sums : OrderSums
-        Lines of the recording at the orders to follow: mesh harmonics.
-    track : AngleTrack
-        A first track, its speed right to some tenths of a per cent.
-    block_turns : float
-        Length of the blocks whose phases are compared [turns of shaft 1]: long enough to part the
-        mesh lines from their sidebands, short enough to follow the speed.
-    wander : float
-        How restless the speed may be: standard deviation of its relative change in one second.
-
-    Returns
-    -------
-    AngleTrack
-        The refined track; the angle zero is that of the first track.
-
-    Notes
-    -----
-    The increments d_j of the angle error between blocks are estimated by
-    arg(A_j+1 conj A_j) / (2 pi order), weighted by 1/variance with
-    var = (noise / |A|^2 + floor^2) / order^2, and smoothed by minimising
-    sum w_j (d_j - s_j)^2 + sum (s_j+1 - s_j)^2 / q. Low orders come first: they cannot slip by a
-    cycle as long as the speed is wrong by less than a fifth of a cycle a hop. A correction is kept
-    if it raises the likelihood of phase-coherent lines by four times what its degrees of freedom
-    (the trace of the smoother) would gain by fitting noise, half a unit each.
-    """
-    turns = float(track.turns[-1] - track.turns[0])
-    size = min(block_turns, turns / 4)
-    for speed_error in _SPEED_ERRORS:
-        limit = 0.2 / (speed_error * size / 2)
-        before = sums.blocks(track, size, limit)
-        candidate, freedom = _corrected(track, before, wander)
-        if _gain(before, sums.blocks(candidate, size, limit)) > 2.0 * freedom:
-            track = candidate
-    return track
-
-
 def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
     """Share of the power of order lines that is phase-coherent in angle: 1 for a perfect track.
 
@@ -126,108 +80,19 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
         beside a planetary mesh that are a turn of the carrier apart, the loudest counts alone:
         what leaks of it to the others turns with the block.
     """
-    turns = float(track.turns[-1] - track.turns[0])
-    lines = sums.blocks(track, min(_BLOCK_TURNS, turns / 4))
-    power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
-    blended = np.abs(lines.orders[:, None] - lines.orders) < _PARTED / lines.block_turns
+    lines = sums.sliding(track, _BLOCK_TURNS)
+    noise = sums.noise(track, _BLOCK_TURNS)
+    amplitude = lines.amplitude.reshape(-1, *noise.shape)
+    power = np.mean(np.abs(amplitude) ** 2, axis=0)
+    turns = min(_BLOCK_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
+    blended = np.abs(sums.orders[:, None] - sums.orders) < _PARTED / turns
     loudest = np.max(np.where(blended, power[:, None, :], 0.0), axis=2)
-    clear = (power > LIMITS.clear_power * lines.noise) & (power >= loudest)
+    clear = (power > LIMITS.clear_power * noise) & (power >= loudest)
     if not clear.any():
         return 0.0
-    blocks = lines.amplitude.shape[0]
-    still = np.abs(lines.mean) ** 2 - lines.noise / blocks
-    share = still[clear] / (power - lines.noise)[clear]
+    still = np.abs(amplitude.mean(axis=0)) ** 2 - noise * QUARTER_HOP / len(amplitude)
+    share = still[clear] / (power - noise)[clear]
     return float(np.clip(share, 0.0, 1.0).mean())
-
-
-def _gain(before: OrderLines, after: OrderLines) -> float:
-    """Log likelihood that phase-coherent lines gain, noise of unknown variance about them.
-
-    Half-overlapped blocks count as two thirds of their number.
-    """
-    misfit = [
-        np.log(np.mean(np.abs(lines.amplitude - lines.mean) ** 2, axis=0) + 1e-3 * lines.noise)
-        for lines in (before, after)
-    ]
-    blocks = min(before.amplitude.shape[0], after.amplitude.shape[0])
-    return float(2 / 3 * blocks * (misfit[0].sum() - misfit[1].sum()))
-
-
-def _corrected(track: AngleTrack, lines: OrderLines, wander: float) -> tuple[AngleTrack, float]:
-    """Return the track less the angle error that the lines show; the freedom that this took."""
-    amplitude = lines.amplitude
-    if amplitude.shape[0] < 2:
-        return track, np.inf
-    product = amplitude[1:] * np.conj(amplitude[:-1])
-    order = lines.orders
-    strength = np.maximum(np.abs(product), np.finfo(float).tiny)
-    variance = lines.noise / strength / (2 * np.pi) ** 2 + LIMITS.hop_floor_cycles**2
-    weight = order**2 / variance
-    # a line below its noise says nothing about phase, however many such lines there are
-    weight = np.where(strength > LIMITS.clear_power * lines.noise, weight, 0.0)
-    error = np.angle(product) / (2 * np.pi * order)
-    increment, total = _robust_mean(error, weight, order)
-    hop_turns = lines.block_turns / 2
-    hop_s = hop_turns / float(np.mean(track.speed_hz))
-    step = wander * np.sqrt(hop_s) * hop_turns
-    smooth, spread, freedom = _smoothed(increment, total, step)
-    middle = lines.first_turn + lines.block_turns / 2
-    centres: FloatArray = middle + hop_turns * np.arange(len(smooth) + 1.0)
-    shift = np.concatenate([[0.0], np.cumsum(smooth)])
-    return shifted_track(track, centres, shift, spread), freedom
-
-
-def _robust_mean(
-    error: FloatArray, weight: FloatArray, order: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Weighted mean over channels and lines; votes beyond a quarter cycle are dropped once."""
-    flat_error = error.reshape(len(error), -1)
-    flat_weight = weight.reshape(len(weight), -1).copy()
-    cycles = np.broadcast_to(order, error.shape).reshape(len(error), -1)
-    for last in (False, False, True):
-        total = flat_weight.sum(axis=1)
-        mean = (flat_weight * flat_error).sum(axis=1) / np.where(total > 0, total, 1.0)
-        if not last:
-            flat_weight[np.abs(flat_error - mean[:, None]) * cycles > 0.25] = 0.0
-    return mean, total
-
-
-def _smoothed(
-    increment: FloatArray, weight: FloatArray, step: float
-) -> tuple[FloatArray, float, float]:
-    """Smooth increments under a random walk of `step` a hop.
-
-    Returns the smoothed increments, the error left per increment, and the degrees of freedom.
-    """
-    # a weak pull to the first track settles recordings in which no line is clear at all
-    smooth, diagonal = smoothed_under_walk(increment, weight, step, 1, 1e-3)
-    # the diagonal of the inverse, by the pivots of elimination from either end
-    ahead, behind = (_pivots(diagonal[::way], step**-4)[::way] for way in (1, -1))
-    variance = 1.0 / (ahead + behind - diagonal)
-    return smooth, float(np.sqrt(np.mean(variance))), float(np.sum(weight * variance))
-
-
-def smoothed_under_walk(
-    vote: FloatArray, weight: FloatArray, step: float, order: int, pull: float
-) -> tuple[FloatArray, FloatArray]:
-    """Minimise sum w (e - vote)^2 + (sum (difference of e)^2 + pull sum e^2) / step^2.
-
-    Returns the solution and the diagonal of its equations.
-    """
-    from scipy.linalg import solveh_banded
-
-    prior = 1.0 / step**2
-    band = prior * roughness(np.arange(float(len(vote))), order)
-    band[0] += weight + pull * prior
-    return np.asarray(solveh_banded(band, weight * vote, lower=True)), band[0]
-
-
-def _pivots(diagonal: FloatArray, off_squared: float) -> FloatArray:
-    """Pivots of a symmetric tridiagonal matrix whose other diagonals are constant."""
-    pivots = diagonal.tolist()
-    for i in range(1, len(pivots)):
-        pivots[i] -= off_squared / pivots[i - 1]
-    return np.array(pivots)
 
 
 def roughness(x: FloatArray, order: int) -> FloatArray:
@@ -362,6 +227,8 @@ def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
 
 def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     """Solve for the angle error of a track and take it away."""
+    from scipy.linalg import solveh_banded
+
     hop_turns = float(np.median(np.diff(lines.angle)))
     hop_s = hop_turns / float(np.mean(track.speed_hz))
     step = LIMITS.wander * np.sqrt(hop_s) * hop_turns
@@ -369,6 +236,7 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     error = _unwound(lines)
     hats = _speed_classes(track, lines.angle)
     mass = np.maximum(hats.sum(axis=0), 1e-12)[:, None]
+    rough = roughness(np.arange(float(len(error))), 2) / step**2
     for share in _LIMITS:
         near = lines.orders <= max(share * float(lines.orders.max()), low)
         order = lines.orders[near]
@@ -385,7 +253,9 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         departure = rest / order
         vote = error + (weight * departure).sum(axis=1) / np.maximum(total, 1e-300)
         # a weak pull to no error settles what no line tells
-        error = smoothed_under_walk(vote, total, step, 2, 1e-6)[0]
+        band = rough.copy()
+        band[0] += total + 1e-6 / step**2
+        error = solveh_banded(band, total * vote, lower=True)
     if not clear.any():
         return shifted_track(track, lines.angle, np.zeros(len(error)), float("inf"))
     quick = float(np.mean(((weight * departure) ** 2).sum(axis=1)) / np.mean(total) ** 2)
@@ -410,8 +280,7 @@ def unwarp(
     sampling_rate_hz: float,
     track: AngleTrack,
     comb: Comb,
-    block_turns: float = _UNWARPED[0][0],
-    tolerance: float = _UNWARPED[0][1],
+    reach: float = 0.015,
 ) -> AngleTrack:
     """Follow a comb again in the angle of a first track, where its lines are nearly steady.
 
@@ -425,15 +294,13 @@ def unwarp(
         The first track.
     comb : Comb
         Orders and weights.
-    block_turns : float
-        Length of the blocks [turns].
-    tolerance : float
+    reach : float
         How far about the first track's speed to look, as a fraction.
 
     Returns
     -------
     AngleTrack
-        The better track.
+        The better track, from blocks of 10 turns.
     """
     top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
     grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
@@ -442,7 +309,7 @@ def unwarp(
     per_turn = float(grid.per_turn)
     kernel = Kernel.of(4, 1.3)
     Spreading(samples, sampling_rate_hz, track, per_turn, kernel).spread(grid.first_turn, read)
-    scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, tolerance, block_turns)
+    scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, reach, _UNWARP_TURNS)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
     ends = track.turns[[0, -1]]
     knots = grid.first_turn + inner.time_s
@@ -456,33 +323,36 @@ def unwarp(
     )
 
 
-def follow_speed(
-    samples: FloatArray, sampling_rate_hz: float, comb: Comb, orders: FloatArray, path: SpeedTrack
-) -> AngleTrack:
-    """Turn a path of speeds into an angle track that is right to a small part of a mesh period.
+def follow_lines(sums: OrderSums, track: AngleTrack, comb: Comb) -> tuple[AngleTrack, float]:
+    """Make a track right to a small part of a mesh period.
+
+    It is locked to the lines; where they are not phase-coherent then, the comb is followed in the
+    angle of the track first.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
+    sums : OrderSums
+        Mesh harmonics of a recording, whose phases are followed.
+    track : AngleTrack
+        A first track, its speed right to about a per cent.
     comb : Comb
         Orders and weights.
-    orders : ndarray of float, shape (lines,)
-        Mesh harmonics, whose phases are followed; those beyond the band are left out.
-    path : SpeedTrack
-        The path, from `find_path`.
 
     Returns
     -------
-    AngleTrack
-        The track; the path itself if no mesh harmonic lies within the band.
+    track : AngleTrack
+        The track in which most of the lines is coherent.
+    share : float
+        That share, see `coherent_share`.
     """
-    track = integrate_speed(path, (samples.shape[-1] - 1) / sampling_rate_hz)
-    for block_turns, tolerance in _UNWARPED:
-        track = unwarp(samples, sampling_rate_hz, track, comb, block_turns, tolerance)
-    within = orders[orders < 0.45 * sampling_rate_hz / float(track.speed_hz.max())]
-    if len(within) == 0:
-        return track
-    return lock_track(OrderSums(samples, sampling_rate_hz, within), track)
+    best = lock_track(sums, track)
+    share = coherent_share(sums, best)
+    for _ in range(_UNWARPED):
+        if share > _ALL_COHERENT:
+            break
+        track = unwarp(sums.samples, sums.sampling_rate_hz, track, comb)
+        locked = lock_track(sums, track)
+        its = coherent_share(sums, locked)
+        if its > share:
+            best, share = locked, its
+    return best, share

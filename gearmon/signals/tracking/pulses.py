@@ -1,10 +1,9 @@
 """Pulses of a tachometer: found in its waveform, missing ones filled in, extra ones left out.
 
-Even pulses: those that the spacing of their neighbours does not explain form stretches between
-sound ones. The sound pulses on either side of a stretch tell where its pulses belong: those that
-are there are kept, the others filled in, what is left over is left out. Where no whole number of
-intervals fits, or the train is not even after its repair, nothing is decided: the caller refuses.
-Stretches are few and short, so that the work grows with the number of pulses alone.
+A train is followed from where it repeats best, forwards and backwards: each pulse is expected where
+the last turns put it. What fits is kept, what is missing is filled in, what is left over is left
+out. Where repairs crowd, or the train is not even after its repair, nothing is decided: the caller
+refuses.
 
 Several pulses a turn that are not evenly spaced: painted stripes, bolt heads and zebra tapes with a
 joint give pulses whose intervals repeat from turn to turn. What repeats tells a missing or an extra
@@ -14,11 +13,11 @@ pulse from an uneven one; the spacing is learned.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import maximum_filter1d, median_filter
 
 from gearmon.errors import RecordingError, check_range
 from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
@@ -26,10 +25,12 @@ from gearmon.signals.tracking.thresholds import LIMITS
 
 # Intervals on either side whose median tells what is typical.
 _NEIGHBOURS = 7
-# Sound intervals beside a stretch whose median counts, and sound pulses that are continued.
-_BESIDE, _CONTINUED = 5, 8
 # Repairs one after the other, the last of which must find nothing.
-_ROUNDS = 4
+_ROUNDS = 8
+# Repairs within so many intervals, more than which are too many.
+_CROWD, _WITHIN = 4, 8
+# Fewer pulses have no neighbours on both sides to be judged by.
+_FEWEST_JUDGED = 5
 # Turns from which the spacing is first learned.
 _FIRST_TURNS = 6
 
@@ -155,10 +156,7 @@ def _repaired_pulses(raw: FloatArray, per_turn: int | None) -> TachoPulses:
     RecordingError
         If more than 2 % have to be repaired, or it is unclear how.
     """
-    if per_turn is None or is_even(raw, per_turn):
-        found = repair_even(raw)
-    else:
-        found = repair_uneven(raw, per_turn)
+    found = repair(raw, 1 if per_turn is None or is_even(raw, per_turn) else per_turn)
     if found.missing + found.extra > max(2, LIMITS.repairable * len(found.time_s)):
         raise RecordingError(
             f"tacho channel: {found.missing} pulses missing and {found.extra} too many among "
@@ -223,240 +221,60 @@ class Repaired:
     unclear_s: float | None = None
 
 
-def repair_even(time_s: FloatArray) -> Repaired:
-    """Fill in missing pulses and leave out extra ones of an even sequence.
+def repair(time_s: FloatArray, per_turn: int = 1) -> Repaired:
+    """Fill in missing pulses and leave out extra ones.
 
     Parameters
     ----------
     time_s : ndarray of float, shape (pulses,)
         Times of the pulses [s], ascending; at least four.
-
-    Returns
-    -------
-    Repaired
-        Pulses that are sound keep their times. Nothing is repaired where it is unclear how.
-
-    Notes
-    -----
-    A pulse is doubtful if an interval beside it is below 0.6 or from 1.5 on of the median of its 15
-    neighbours, or if it departs from (4 t[-1] + 4 t[1] - t[-2] - t[2]) / 6, the cubic through its
-    neighbours, by 0.08 of an interval and eight robust standard deviations. Between two sound
-    pulses the train has as many intervals as the mean of the rates on both sides gives; a cubic
-    with these rates at its ends tells their places. Before the first sound pulse and after the last
-    one the angle goes on as a parabola through the next eight. Where no whole number of intervals
-    fits within a quarter, or the speed changes by a factor of 1.3 over a stretch, it is unclear
-    what is right.
-    """
-    found = Repaired(time_s=time_s)
-    # a repair lets the cubics judge the pulses about it: what they find is repaired in turn
-    for _ in range(_ROUNDS):
-        interval = np.diff(found.time_s)
-        typical = _typical(interval)
-        doubtful, off = _doubtful(found.time_s, interval, typical)
-        if not doubtful.any() or found.unclear_s is not None:
-            return found
-        if doubtful.mean() > LIMITS.hopeless or doubtful.all():
-            return _counted(time_s, np.diff(time_s) / _typical(np.diff(time_s)))
-        more = _Repair(found.time_s, typical, doubtful, min(off, LIMITS.near)).done()
-        found = replace(more, missing=found.missing + more.missing, extra=found.extra + more.extra)
-    return replace(found, unclear_s=float(found.time_s[int(np.argmax(doubtful))]))
-
-
-def _typical(interval: FloatArray) -> FloatArray:
-    """Median interval among each one's neighbours: the speed may change along the recording."""
-    from scipy.ndimage import median_filter
-
-    half = min(2 * _NEIGHBOURS + 1, len(interval)) // 2
-    return np.asarray(median_filter(interval, 2 * half + 1, mode="mirror"))
-
-
-def _doubtful(
-    time_s: FloatArray, interval: FloatArray, typical: FloatArray
-) -> tuple[BoolArray, float]:
-    """Return which pulses are in doubt, and how far off their place the others may be [1]."""
-    ratio = interval / typical
-    wrong = (ratio < LIMITS.short) | (ratio >= LIMITS.long)
-    doubtful = np.zeros(len(time_s), dtype=np.bool_)
-    doubtful[:-1] |= wrong
-    doubtful[1:] |= wrong
-    # how far each pulse is off the cubic through its neighbours, two at either end left out
-    near = 4 * (time_s[1:-3] + time_s[3:-1])
-    inner = np.abs(time_s[2:-2] - (near - time_s[:-4] - time_s[4:]) / 6) / typical[2:][: len(near)]
-    # where an interval is wrong already, it alone makes the pulses about it depart
-    about = np.convolve(wrong, np.ones(4))[3:-3] > 0 if len(time_s) > 4 else wrong[:0]
-    spread = float(np.median(inner[~about])) / 0.6745 if not about.all() else 0.0
-    off = max(LIMITS.off, LIMITS.deviations * spread)
-    doubtful[2:-2] |= (inner > off) & ~about
-    # the parabola beyond an end errs three times as much as the cubic between neighbours
-    far = max(LIMITS.off, 3 * LIMITS.deviations * spread)
-    for way in (1, -1):
-        last = _beyond(time_s[::way], typical[::way], wrong[::way], far)
-        doubtful[::way][: last + 1] = True
-    # sound pulses that stand alone are doubted as well: nothing beside them tells the speed
-    padded = np.concatenate([[True], doubtful, [True]])
-    return np.asarray(doubtful | (padded[:-2] & padded[2:])), off
-
-
-def _beyond(time_s: FloatArray, typical: FloatArray, wrong: BoolArray, far: float) -> int:
-    """Return which of the first two pulses is off the parabola of the next three; -1 if none."""
-    for first in (1, 0):
-        part = time_s[first : first + 4]
-        if len(part) == 4 and not wrong[first : first + 3].any():
-            off = abs(part[0] - 3 * part[1] + 3 * part[2] - part[3])
-            if off > far * typical[first]:
-                return first
-    return -1
-
-
-def _counted(time_s: FloatArray, ratio: FloatArray) -> Repaired:
-    """Count what is wrong with a train that is far beyond repair."""
-    steps = np.rint(ratio[ratio >= LIMITS.long])
-    return Repaired(
-        time_s=time_s,
-        missing=int(np.sum(np.maximum(steps, 2) - 1)),
-        extra=int(np.count_nonzero(ratio < LIMITS.short)),
-        unclear_s=float(time_s[int(np.argmax(np.abs(np.log(ratio))))]),
-    )
-
-
-class _Repair:
-    """The repair of one train, stretch by stretch."""
-
-    def __init__(
-        self, time_s: FloatArray, typical: FloatArray, doubtful: BoolArray, near: float
-    ) -> None:
-        self.time_s, self.typical, self.doubtful, self.near = time_s, typical, doubtful, near
-        self.kept = np.ones(len(time_s), dtype=np.bool_)
-        self.filled: list[float] = []
-        self.unclear_s: float | None = None
-
-    def done(self) -> Repaired:
-        """Repair all stretches."""
-        edges = np.flatnonzero(np.diff(self.doubtful, prepend=False, append=False))
-        count = len(self.time_s)
-        for start, stop in edges.reshape(-1, 2).tolist():
-            if start == 0:
-                self._end(np.arange(stop - 1, -1, -1), np.arange(stop, count))
-            elif stop == count:
-                self._end(np.arange(start, stop), np.arange(start - 1, -1, -1))
-            else:
-                self._between(start - 1, stop)
-        return Repaired(
-            time_s=np.sort(np.concatenate([self.time_s[self.kept], self.filled])),
-            missing=len(self.filled),
-            extra=int(np.count_nonzero(~self.kept)),
-            unclear_s=self.unclear_s,
-        )
-
-    def _between(self, before: int, after: int) -> None:
-        """Repair what lies between two sound pulses."""
-        start, length = self.time_s[before], self.time_s[after] - self.time_s[before]
-        first, last = self._beside(before, -1), self._beside(after, 1)
-        fits = 0.5 * length * (1 / first + 1 / last)
-        number = round(fits)
-        steady = 1 / LIMITS.change < last / first < LIMITS.change
-        if number < 1 or abs(fits - number) > LIMITS.near or not steady:
-            self.unclear_s = float(start)
-            return
-        u = np.arange(1, number) / number
-        # a cubic from sound pulse to sound pulse, with the intervals beside them as slopes
-        place = u * u * (3 - 2 * u) * length
-        place += number * u * (1 - u) * ((1 - u) * first - u * last)
-        reach = self.near * (first + (last - first) * u)
-        self._settle(np.arange(before + 1, after), start + place, reach)
-
-    def _end(self, inner: IntArray, sound: IntArray) -> None:
-        """Repair what lies beyond the first or the last sound pulse; both go away from it."""
-        known = sound[:_CONTINUED]
-        if self.doubtful[known].any():
-            known = known[: int(np.argmax(self.doubtful[known]))]
-        origin = self.time_s[known[0]]
-        # time and number count outwards from the outermost sound pulse, in typical intervals
-        step = self.typical[min(int(known[0]), len(self.typical) - 1)]
-        step *= np.sign(self.time_s[inner[0]] - origin)
-        at, past = (self.time_s[inner] - origin) / step, (self.time_s[known] - origin) / step
-        degree = 2 if len(known) >= 4 else 1
-        # through the last sound pulse exactly: of one alone the typical interval is all we know
-        powers = past[1:, None] ** np.arange(1, degree + 1)
-        number = -np.arange(1.0, len(known))
-        course = np.linalg.lstsq(powers, number)[0] if len(known) > degree else np.ones(1)
-        course = np.pad(course, (0, 2 - len(course)))
-        fits = course[0] * at + course[1] * at**2
-        met = fits[(np.abs(fits - np.rint(fits)) <= self.near) & (np.rint(fits) >= 1)]
-        # beyond the outermost pulse that is where it belongs nothing is known to be missing
-        wanted = np.arange(1.0, 1 + (np.rint(met.max()) if len(met) else 0))
-        place = wanted / course[0]
-        for _ in range(4):
-            slope = np.maximum(course[0] + 2 * course[1] * place, 0.2)
-            place -= (course[0] * place + course[1] * place**2 - wanted) / slope
-        reach = np.full(len(place), self.near * abs(step))
-        self._settle(inner, origin + place * step, reach)
-
-    def _beside(self, pulse: int, way: int) -> float:
-        """Median of the intervals on the sound side of a sound pulse [s]."""
-        stop = pulse
-        while 0 <= stop + way < len(self.time_s) and abs(stop - pulse) < _BESIDE:
-            if self.doubtful[stop + way]:
-                break
-            stop += way
-        times = self.time_s[min(stop, pulse) : max(stop, pulse) + 1].tolist()
-        intervals = sorted(b - a for a, b in pairwise(times))
-        return float(intervals[len(intervals) // 2])
-
-    def _settle(self, inner: IntArray, place: FloatArray, reach: FloatArray) -> None:
-        """Keep the pulse that is nearest to each place, if it is near; fill in the others."""
-        self.kept[inner] = False
-        for where, near in zip(place.tolist(), reach.tolist(), strict=True):
-            apart = np.abs(self.time_s[inner] - where)
-            best = int(np.argmin(apart)) if len(apart) else -1
-            if best >= 0 and apart[best] <= near and not self.kept[inner[best]]:
-                self.kept[inner[best]] = True
-            else:
-                self.filled.append(where)
-
-
-def repair_uneven(time_s: FloatArray, per_turn: int) -> Repaired:
-    """Fill in missing pulses and leave out extra ones of an uneven sequence.
-
-    Parameters
-    ----------
-    time_s : ndarray of float, shape (pulses,)
-        Times of the pulses [s], ascending.
     per_turn : int
-        Pulses a turn, at least 2.
+        Pulses a turn, unevenly spaced; 1 for even ones, however many there are.
 
     Returns
     -------
     Repaired
+        Pulses that are sound keep their times.
 
     Notes
     -----
     The spacing is first learned from the few consecutive turns whose intervals repeat best; each
-    next pulse is then expected where the duration of the last turn puts it. One that comes within
-    0.35 of the smaller interval beside its place is taken for it.
+    next pulse is then expected where the duration of the last turns puts it. One that comes within
+    0.35 of the smaller interval beside its place is taken for it. What is filled in, and what then
+    departs from the cubic through its neighbours by 0.08 of the smaller interval and eight robust
+    standard deviations, is put onto that cubic; the outermost pulses are left out if they depart
+    from the parabola of the next three. Where more than four repairs come within eight intervals,
+    or pulses are still off, it is unclear what is right.
     """
-    if len(time_s) < 3 * per_turn + 1:
+    if len(time_s) < 3 * per_turn + 1 or (per_turn == 1 and _sound(time_s)):
         return Repaired(time_s=time_s)
     start, gaps = _repeating(time_s, per_turn)
-    ahead, missing, extra = _walk(time_s[start:], gaps, per_turn)
-    # the same backwards, for what lies before
-    mirrored = -time_s[: start + per_turn + 1][::-1]
-    behind, more_missing, more_extra = _walk(mirrored, gaps[::-1], per_turn)
-    before = -behind[::-1]
-    before = before[before < time_s[start] - 1e-12]
-    repaired, changed = np.concatenate([before, ahead]), missing + more_missing + extra + more_extra
-    wrong = misplaced(repaired, per_turn) if changed else None
-    return Repaired(
-        time_s=repaired,
-        missing=missing + more_missing,
-        extra=extra + more_extra,
-        unclear_s=None if wrong is None else float(repaired[wrong]),
-    )
+    ahead = _walk(time_s[start:], gaps, per_turn)
+    # the same backwards, for what lies before; it begins with the turns that begin the other
+    both = 3 * per_turn + 1
+    behind = _walk(-time_s[: start + both][::-1], gaps[::-1], per_turn)
+    times = np.array([-t for t in reversed(behind.time_s[both:])] + ahead.time_s)
+    filled = np.array(behind.filled[both:][::-1] + ahead.filled)
+    if per_turn > 1 and not behind.places and not ahead.places:
+        return Repaired(time_s=time_s)
+    found = _settled(times, filled, behind.extra + ahead.extra, per_turn)
+    crowded = ahead.crowded_s if ahead.crowded_s is not None else behind.crowded_s
+    return found if crowded is None else replace(found, unclear_s=crowded)
+
+
+def _sound(time_s: FloatArray) -> bool:
+    """Whether no interval and no place of an even train is out of the ordinary."""
+    interval = np.diff(time_s)
+    half = min(2 * _NEIGHBOURS + 1, len(interval)) // 2
+    ratio = interval / median_filter(interval, 2 * half + 1, mode="mirror")
+    usual = bool(np.all((ratio > LIMITS.short) & (ratio < LIMITS.long)))
+    return usual and not len(_misplaced(time_s, _expected(time_s, 1)))
 
 
 def _repeating(time_s: FloatArray, per_turn: int) -> tuple[int, FloatArray]:
     """Where intervals repeat best from turn to turn, and the shares of a turn that they take."""
-    turns = int(min(_FIRST_TURNS, (len(time_s) - 1) // per_turn))
+    # of a short train not all turns need be sound
+    turns = int(np.clip((len(time_s) - 1) // per_turn // 3, 3, _FIRST_TURNS))
     interval = np.diff(time_s)
     change = np.abs(np.log(interval[per_turn:] / interval[:-per_turn]))
     width = (turns - 1) * per_turn
@@ -467,28 +285,109 @@ def _repeating(time_s: FloatArray, per_turn: int) -> tuple[int, FloatArray]:
     return start, shares / shares.sum()
 
 
-def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> tuple[FloatArray, int, int]:
-    """Follow a sequence whose first turn is sound; pulse 0 is followed by the first gap."""
-    found = [float(t) for t in time_s[: per_turn + 1]]
-    missing = extra = 0
-    index = per_turn + 1
-    limit = max(10, int(LIMITS.hopeless_uneven * len(time_s)))
+@dataclass
+class _Walk:
+    """A train as far as it was followed: its pulses, which were filled in, where it was mended."""
+
+    time_s: list[float]
+    filled: list[bool]
+    extra: int = 0
+    places: list[int] = field(default_factory=list)
+    crowded_s: float | None = None
+
+    def mend(self) -> None:
+        """Remember a repair behind the last pulse, and where too many of them come together."""
+        self.places.append(len(self.time_s))
+        crowded = (
+            len(self.places) > _CROWD and self.places[-1] - self.places[-1 - _CROWD] <= _WITHIN
+        )
+        if crowded and self.crowded_s is None:
+            self.crowded_s = abs(self.time_s[-1])
+
+
+def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
+    """Follow a train whose first three turns are sound; pulse 0 is followed by the first gap."""
+    index = 3 * per_turn + 1
+    walk = _Walk(time_s=time_s[:index].tolist(), filled=[False] * index)
+    found = walk.time_s
+    limit = max(10, int(LIMITS.hopeless * len(time_s)))
     following = np.append(np.diff(time_s), np.inf)
-    while index < len(time_s) and missing + extra <= limit:
+    while index < len(time_s) and len(walk.places) <= limit:
         step = (len(found) - 1) % per_turn
-        turn = found[-1] - found[-1 - per_turn]
+        # the middle of three: one pulse at a wrong time does not count
+        turn = sorted(found[-k] - found[-k - per_turn] for k in (1, 2, 3))[1]
         reach = LIMITS.early_or_late * turn * min(gaps[step], gaps[(step + 1) % per_turn])
         late = time_s[index] - (found[-1] + gaps[step] * turn)
+        if late < -reach or (late <= reach and abs(late + following[index]) < abs(late)):
+            walk.extra += 1
+            walk.mend()
+            index += 1
+            continue
         if late > reach:
-            found.append(found[-1] + gaps[step] * turn)
-            missing += 1
-        elif late < -reach or abs(late + following[index]) < abs(late):  # the next is nearer
-            extra += 1
-            index += 1
-        else:
-            found.append(float(time_s[index]))
-            index += 1
-    return np.array(found), missing, extra
+            walk.mend()
+        found.append(found[-1] + gaps[step] * turn if late > reach else float(time_s[index]))
+        walk.filled.append(late > reach)
+        index += late <= reach
+    return walk
+
+
+def _settled(time_s: FloatArray, filled: BoolArray, extra: int, per_turn: int) -> Repaired:
+    """Put pulses that were filled in or are off onto the cubic through their neighbours."""
+    missing = int(filled.sum())
+    time_s = np.where(filled, _expected(time_s, per_turn), time_s)
+    wrong = np.flatnonzero(filled)
+    for _ in range(_ROUNDS):
+        if np.any(np.diff(time_s) <= 0):
+            break
+        expected = _expected(time_s, per_turn)
+        wrong = _misplaced(time_s, expected)
+        if not len(wrong):
+            return Repaired(time_s=time_s, missing=missing, extra=extra)
+        extra += len(wrong)
+        if len(wrong) == 1 and wrong[0] in (0, len(time_s) - 1):
+            time_s = np.delete(time_s, wrong)
+            continue
+        missing += len(wrong)
+        time_s = time_s.copy()
+        time_s[wrong] = expected[wrong]
+    unclear_s = float(time_s[min(int(wrong[0]), len(time_s) - 1)])
+    return Repaired(time_s=time_s, missing=missing, extra=extra, unclear_s=unclear_s)
+
+
+def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:
+    """Where the two pulses before and the two after want each; the outermost the next three."""
+    number = np.arange(len(time_s))
+    angle = number // per_turn + learn_spacing(time_s, per_turn)[number % per_turn]
+    expected = time_s.copy()
+    if len(time_s) < _FEWEST_JUDGED:
+        return expected
+    for own, away in (
+        (number[2:-2], (-2, -1, 1, 2)),
+        (number[:2], (1, 2, 3)),
+        (number[-2:], (-1, -2, -3)),
+    ):
+        expected[own] = _curve_at(
+            angle[own], [angle[own + k] for k in away], [time_s[own + k] for k in away]
+        )
+    return expected
+
+
+def _misplaced(time_s: FloatArray, expected: FloatArray) -> IntArray:
+    """Return the pulses farthest off where they are expected, those at the ends last."""
+    interval = np.diff(time_s)
+    beside = np.minimum(np.append(interval, np.inf), np.insert(interval, 0, np.inf))
+    off = np.abs(time_s - expected) / beside
+    spread = float(np.median(off[2:-2])) / 0.6745 if len(off) > _FEWEST_JUDGED else 0.0
+    limit = min(max(LIMITS.off, LIMITS.deviations * spread), LIMITS.early_or_late)
+    # a pulse that is off makes its neighbours appear so
+    inner = off[2:-2]
+    wrong = 2 + np.flatnonzero((inner > limit) & (inner == maximum_filter1d(inner, 5)))
+    if len(wrong):
+        return wrong
+    # the parabola beyond an end errs three times as much as the cubic between neighbours
+    far = max(LIMITS.off, 3 * LIMITS.deviations * spread)
+    ends = (1, len(off) - 2, 0, len(off) - 1)
+    return np.array([end for end in ends if off[end] > far][:1], dtype=np.int64)
 
 
 def is_even(time_s: FloatArray, per_turn: int) -> bool:
@@ -511,35 +410,6 @@ def is_even(time_s: FloatArray, per_turn: int) -> bool:
         return bool(np.median(np.abs(ratio)) < 2 * LIMITS.even)
     _, shares = _repeating(time_s, per_turn)
     return bool(np.max(np.abs(shares * per_turn - 1)) < LIMITS.even)
-
-
-def misplaced(time_s: FloatArray, per_turn: int) -> int | None:
-    """Return the first pulse that is not where its neighbours and the spacing put it, if any.
-
-    Parameters
-    ----------
-    time_s : ndarray of float, shape (pulses,)
-        Times of the pulses [s], ascending, as repaired.
-    per_turn : int
-        Pulses a turn.
-
-    Notes
-    -----
-    The cubic through the two pulses before and the two after, at their learned angles, must come
-    within a tenth of the smaller interval beside a pulse, or within eight robust standard
-    deviations of what it usually misses by.
-    """
-    if len(time_s) < 3 * per_turn + 1:
-        return None
-    number = np.arange(len(time_s))
-    angle = number // per_turn + learn_spacing(time_s, per_turn)[number % per_turn]
-    four = [slice(0, -4), slice(1, -3), slice(3, -1), slice(4, None)]
-    cubic = _cubic_at(angle[2:-2], [angle[k] for k in four], [time_s[k] for k in four])
-    interval = np.diff(time_s)
-    off = np.abs(time_s[2:-2] - cubic) / np.minimum(interval[1:-2], interval[2:-1])
-    usual = float(np.median(off)) / 0.6745
-    wrong = np.flatnonzero(off > max(LIMITS.misplaced, LIMITS.deviations * usual))
-    return int(wrong[0]) + 2 if len(wrong) else None
 
 
 def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
@@ -574,19 +444,19 @@ def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
         return np.asarray(np.median((table[:-1] - first[:-1, None]) / length, axis=0))
     # the angles -1, 0, 1, 2 of the same pulse
     four = [part[:, None] for part in (first[:-3], first[1:-2], first[2:-1], first[3:])]
-    angle = _cubic_at(table[1:-2], four, [np.float64(k) for k in (-1, 0, 1, 2)])
+    angle = _curve_at(table[1:-2], four, [np.float64(k) for k in (-1, 0, 1, 2)])
     return np.asarray(np.median(angle, axis=0))
 
 
-def _cubic_at(
+def _curve_at(
     x: FloatArray, nodes: Sequence[FloatArray], values: Sequence[FloatArray | np.float64]
 ) -> FloatArray:
-    """Return Lagrange's cubic through the values at four nodes."""
-    cubic = np.zeros(x.shape)
+    """Return Lagrange's polynomial through the values at some nodes."""
+    curve = np.zeros(x.shape)
     for own, value in zip(nodes, values, strict=True):
         weight = np.ones(x.shape)
         for other in nodes:
             if other is not own:
                 weight *= (x - other) / (own - other)
-        cubic += weight * value
-    return cubic
+        curve += weight * value
+    return curve

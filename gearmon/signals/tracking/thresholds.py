@@ -23,9 +23,8 @@ class Thresholds:
     # --- order lines
     # power over noise from which the phase of a line counts
     clear_power: float = 6.0
-    # phase noise that modulation and interference leave on even the clearest line [cycles]: from
-    # block to block, and against its own slow mean
-    hop_floor_cycles: float = 0.01
+    # phase noise that modulation and interference leave on even the clearest line, against its own
+    # slow mean [cycles]
     floor_cycles: float = 0.005
     # a vote for the angle further than this from the consensus has slipped [cycles]
     slipped_cycles: float = 0.25
@@ -79,21 +78,13 @@ class Thresholds:
     # missing
     short: float = 0.6
     long: float = 1.5
-    # how far off the cubic through its neighbours a pulse may be: intervals of even pulses, smaller
-    # intervals beside uneven ones, and robust deviations of either
+    # how far off the cubic through its neighbours a pulse may be: smaller intervals beside it, and
+    # robust deviations
     off: float = 0.08
-    misplaced: float = 0.1
     deviations: float = 8.0
-    # how far a pulse that scatters may be from its place in a stretch, and a stretch from a whole
-    # number of intervals [intervals]
-    near: float = 0.25
-    # factor by which the speed may change over a stretch; more may as well be extra pulses
-    change: float = 1.3
-    # share of doubtful even pulses beyond which they are only counted, and of repairs beyond which
-    # uneven ones are left to the caller's refusal
-    hopeless: float = 0.3
-    hopeless_uneven: float = 0.1
-    # how far from its place an uneven pulse may come, as a share of the smaller interval beside it,
+    # share of pulses that are repaired from which on a train is only counted
+    hopeless: float = 0.1
+    # how far from its place a pulse may come, as a share of the smaller interval beside it,
     # and how far the shares of a turn may differ for pulses to be called even
     early_or_late: float = 0.35
     even: float = 0.05

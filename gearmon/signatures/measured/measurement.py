@@ -16,10 +16,10 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
-from gearmon.signals.orders import OrderLines, order_lines, without_knocks
+from gearmon.signals.orders.lines import OrderLines, order_lines, without_knocks
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
-from gearmon.signals.spectra import power_density
+from gearmon.signals.spectra.spectrum import power_density
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,

@@ -29,7 +29,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, ParallelStage
 from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray
-from gearmon.signals.orders import OrderLines, variance_of_mean
+from gearmon.signals.orders.lines import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.nongear_lines import NonGearLines, check_lines

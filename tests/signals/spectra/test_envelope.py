@@ -66,14 +66,6 @@ def test_envelope_spectrum_reads_the_depth():
     assert found.frequency_hz[-1] <= 100.0
 
 
-def test_squared_envelope_of_two_tones_is_one_line():
-    signal = np.cos(2 * np.pi * 195 * TIME) + 0.5 * np.cos(2 * np.pi * 203 * TIME)
-    found = envelope_spectrum(signal, RATE, 150, 250, squared=True)
-    strong = found.frequency_hz[found.values[0] > 0.4]
-    np.testing.assert_allclose(strong.mean(), 8.0, atol=0.2)
-    assert found.values[0].max() == pytest.approx(1.0, rel=1e-3)
-
-
 @pytest.mark.parametrize(
     ("call", "words"),
     [

@@ -1,4 +1,4 @@
-"""Phase refinement: the recovered angle against the known one."""
+"""Locking to phases: the recovered angle against the known one."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ from gearmon.signals.tracking import (
     coherent_share,
     combined_comb,
     integrate_speed,
-    phases,
-    refine_track,
+    lock_track,
     scan_speed,
 )
 from gearmon.signatures.measured.measurement import measure_signature
@@ -66,7 +65,7 @@ def test_refined_track_follows_the_phase(wander, seed):
         [MeshComb(order=23.0, groups=tuple((m,) for m in MESHES), spacings=(1.0,))], [1.0]
     )
     first = integrate_speed(scan_speed(samples, RATE, comb, 25.3).track(), TIME[-1])
-    refined = refine_track(OrderSums(samples, RATE, MESHES), first)
+    refined = lock_track(OrderSums(samples, RATE, MESHES), first)
     inner = slice(int(0.4 * RATE), -int(0.4 * RATE))  # ten turns from the ends
     error = phase_error(refined, turns)
     assert error[inner].std() * 23 < 0.02
@@ -77,7 +76,7 @@ def test_refined_track_follows_the_phase(wander, seed):
 @pytest.mark.parametrize("error", [-1e-3, 5e-4])
 def test_wrong_constant_speed_is_put_right(error):
     samples = mesh_signal(25.0 * TIME)
-    refined = refine_track(
+    refined = lock_track(
         OrderSums(samples, RATE, MESHES), constant_track(25.0 * (1 + error), TIME[-1])
     )
     assert phase_error(refined, 25.0 * TIME).std() * 23 < 0.02
@@ -88,14 +87,14 @@ def test_wrong_constant_speed_is_put_right(error):
 def test_right_track_stays_right():
     turns = wandering_turns(TIME, 25.0, 0.003, 1)
     true = track_of(lambda t: wandering_turns(t, 25.0, 0.003, 1), TIME[-1], 300)
-    refined = refine_track(OrderSums(mesh_signal(turns), RATE, MESHES), true)
+    refined = lock_track(OrderSums(mesh_signal(turns), RATE, MESHES), true)
     assert phase_error(refined, turns).std() * 23 < 0.01
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_noise_does_not_move_a_track(seed):
     first = constant_track(25.0, TIME[-1])
-    refined = refine_track(OrderSums(white((1, len(TIME)), seed=seed), RATE, MESHES), first)
+    refined = lock_track(OrderSums(white((1, len(TIME)), seed=seed), RATE, MESHES), first)
     assert np.abs(phase_error(refined, 25.0 * TIME)).max() * 23 < 0.25
 
 
@@ -103,14 +102,14 @@ def test_scale_does_not_matter():
     turns = wandering_turns(TIME, 25.0, 0.001, 2)
     samples = mesh_signal(turns)
     first = constant_track(25.0, TIME[-1])
-    one = refine_track(OrderSums(samples, RATE, MESHES), first)
-    other = refine_track(OrderSums(1e4 * samples, RATE, MESHES), first)
+    one = lock_track(OrderSums(samples, RATE, MESHES), first)
+    other = lock_track(OrderSums(1e4 * samples, RATE, MESHES), first)
     np.testing.assert_allclose(other.turns_at(TIME[::50]), one.turns_at(TIME[::50]), atol=1e-6)
 
 
 def test_uncertainty_is_of_the_size_of_the_error():
     turns = wandering_turns(TIME, 25.0, 0.001, 3)
-    refined = refine_track(
+    refined = lock_track(
         OrderSums(mesh_signal(turns), RATE, MESHES), constant_track(25.0, TIME[-1])
     )
     steps = np.diff(phase_error(refined, turns)[:: round(RATE * 4 / 25)])
@@ -129,18 +128,6 @@ def test_lines_stand_still_in_the_true_track_only():
 def test_nothing_heard_does_not_stand_still():
     samples = white((1, len(TIME)), seed=5)
     assert coherent_share(OrderSums(samples, RATE, MESHES), constant_track(25.0, TIME[-1])) == 0.0
-
-
-def test_smoothing_equals_the_dense_system():
-    generator = np.random.default_rng(6)
-    increment, weight = generator.standard_normal(12), generator.uniform(0.0, 9.0, 12)
-    steps = np.diff(np.eye(12), axis=0) / 0.5
-    dense = steps.T @ steps + np.diag(weight + 1e-3 / 0.5**2)
-    inverse = np.linalg.inv(dense)
-    smooth, spread, freedom = phases._smoothed(increment, weight, 0.5)
-    np.testing.assert_allclose(smooth, inverse @ (weight * increment), rtol=1e-10)
-    assert spread == pytest.approx(np.sqrt(np.mean(np.diag(inverse))), rel=1e-10)
-    assert freedom == pytest.approx(np.sum(weight * np.diag(inverse)), rel=1e-10)
 
 
 def simulated_error(simulated, machine):

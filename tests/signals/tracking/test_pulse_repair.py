@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
 from gearmon.signals.tracking import pulses_from_times
-from gearmon.signals.tracking.pulses import repair_even
+from gearmon.signals.tracking.pulses import repair
 
 LIMIT = 0.02
 REFUSED = "Check the sensor"
@@ -116,20 +116,20 @@ def even(count=200):
 
 def test_sound_pulses_keep_their_times():
     times = even() + 1e-4 * np.random.default_rng(0).standard_normal(200)
-    assert repair_even(times).time_s is times
+    assert repair(times).time_s is times
 
 
 def test_a_pulse_at_a_wrong_time_is_both_missing_and_extra():
     times = even()
     times[80] += 0.015
-    found = repair_even(times)
+    found = repair(times)
     assert (found.missing, found.extra, found.unclear_s) == (1, 1, None)
     np.testing.assert_allclose(found.time_s, even(), atol=1e-9)
 
 
 @pytest.mark.parametrize("place", [-0.02, 9.985])
 def test_extra_pulses_beyond_the_ends_are_left_out(place):
-    found = repair_even(np.sort([*even(), place]))
+    found = repair(np.sort([*even(), place]))
     assert (found.missing, found.extra) == (0, 1)
     np.testing.assert_allclose(found.time_s, even(), atol=1e-12)
 
@@ -146,7 +146,7 @@ def test_pulses_twice_as_fast_for_a_while_are_unclear():
 def test_jitter_is_no_reason_to_repair():
     jitter = 0.02 * np.random.default_rng(1).standard_normal(500)
     times = (np.arange(500) + jitter) / 20.0
-    assert repair_even(times).time_s is times
+    assert repair(times).time_s is times
 
 
 def test_many_repairs_in_a_long_train():
@@ -155,7 +155,7 @@ def test_many_repairs_in_a_long_train():
     whole = 0.01 * np.cumsum(1 + 0.02 * np.sin(np.arange(count) * 2 * np.pi / 997))
     more = generator.uniform(whole[0], whole[-1], count // 200)
     gone = generator.choice(np.arange(5, count - 5), count // 200, replace=False)
-    found = repair_even(np.sort([*np.delete(whole, gone), *more]))
+    found = repair(np.sort([*np.delete(whole, gone), *more]))
     assert found.unclear_s is None
     assert len(found.time_s) == count
     np.testing.assert_allclose(found.time_s, whole, atol=1e-3)

@@ -16,7 +16,7 @@ from gearmon.signals.tracking import (
     track_from_pulse_times,
     track_from_pulses,
 )
-from gearmon.signals.tracking.pulses import learn_spacing, repair_uneven
+from gearmon.signals.tracking.pulses import learn_spacing, repair
 
 RATE, DURATION = 20_000.0, 10.0
 TIME = np.arange(int(RATE * DURATION)) / RATE
@@ -105,7 +105,7 @@ def test_missing_and_extra_pulses_are_told_from_uneven_ones(kind, seed):
     widest = place + int(np.argmax(np.diff(whole[place : place + len(spacing) + 1])))
     more = 0.5 * (whole[widest] + whole[widest + 1])
     spoilt = np.sort(np.append(np.delete(whole, gone), more))
-    fixed = repair_uneven(spoilt, len(spacing))
+    fixed = repair(spoilt, len(spacing))
     assert (fixed.missing, fixed.extra) == (2, 1)
     np.testing.assert_allclose(fixed.time_s, whole, atol=1e-3)
 
@@ -113,7 +113,7 @@ def test_missing_and_extra_pulses_are_told_from_uneven_ones(kind, seed):
 @pytest.mark.parametrize("per_turn", [2, 5, 60])
 def test_sound_sequences_are_left_alone(per_turn):
     times = pulse_times(np.arange(per_turn) / per_turn)
-    fixed = repair_uneven(times, per_turn)
+    fixed = repair(times, per_turn)
     assert (fixed.missing, fixed.extra) == (0, 0)
     np.testing.assert_array_equal(fixed.time_s, times)
 
