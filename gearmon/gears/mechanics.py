@@ -170,8 +170,8 @@ def stage_mechanics(
 
 
 @lru_cache(maxsize=256)
-def low_load_share(machine: Machine, number: int) -> float:
-    """Return how nearly the teeth of a stage are loaded as much as its stiffness supposes.
+def load_share(machine: Machine, number: int) -> float:
+    """Return how the teeth of a stage are loaded beside what its stiffness supposes.
 
     Parameters
     ----------
@@ -182,9 +182,9 @@ def low_load_share(machine: Machine, number: int) -> float:
 
     Returns
     -------
-    float, 0 to 1
-        Specific load over the 100 N/mm of ISO 6336-1, below which its stiffness falls, at most 1;
-        1 where the machine file does not tell the load.
+    float, > 0
+        Specific load over the 100 N/mm of ISO 6336-1, below which its stiffness falls; infinite
+        where the machine file does not tell the load.
 
     Notes
     -----
@@ -200,7 +200,7 @@ def low_load_share(machine: Machine, number: int) -> float:
             continue
         load = _pair(machine, number, 0).specific_load(force)
         loads.append(math.inf if load is None else load)
-    return min(1.0, max(loads, default=math.inf) / LOW_LOAD_N_PER_MM)
+    return max(loads, default=math.inf) / LOW_LOAD_N_PER_MM
 
 
 def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:

@@ -62,6 +62,7 @@ def gear(weight, seed=0, height=10.0, smooth=None, noise=1.0):
                 deviation=np.full(lines.shape, 0.01),
                 noise=np.full(lines.shape, 0.01),
                 pattern=np.zeros(lines.shape, dtype=complex),
+                known=np.zeros((0, *lines.shape), dtype=complex),
             )
         )
     return search_gear(

@@ -81,7 +81,8 @@ class Evidence:
         }
         # at another speed lines have moved across the modes of the path, knocks are as loud as
         # they are, in a lost angle they are smeared: all of it may change levels by any amount
-        if deviation.speed_off > 1.0 or self.knocks > LIMITS.knocks or self.lost:
+        astray = deviation.speed_off > 1.0 or self.knocks > LIMITS.knocks or self.lost
+        if astray or self.load_unlearned:
             told = {name: min(value, LIMITS.levels_open) for name, value in told.items()}
         told |= {
             "runout": rare_strength([one.log10_probability for one in self.runout]),
@@ -101,6 +102,13 @@ class Evidence:
             }
             told["runout"] = min(0.0, told["runout"])
         return told
+
+    @property
+    def load_unlearned(self) -> bool:
+        """Whether levels may change with the load as they like: one reference, a light load."""
+        searched = self.finding.searched if self.finding is not None else ()
+        lightest = min((gear.load for gear in searched), default=np.inf)
+        return self.references == 1 and bool(lightest < LIMITS.alone_load)
 
     @property
     def angle_lost(self) -> bool:

@@ -23,7 +23,7 @@ from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviatio
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import low_load_share
+from gearmon.gears.mechanics import load_share
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
 from gearmon.signatures.measured.reference import Profile
@@ -75,21 +75,26 @@ class GearEvidence:
     search : SearchedGear or None
         The matched search of its teeth; None where there is no template of the response: of a
         planetary set whose file says too little.
-    loaded : float, 0 to 1
-        How nearly the teeth are loaded as much as the response supposes (`low_load_share`).
+    load : float, > 0
+        How the teeth are loaded beside what the response supposes (`load_share`).
     shown : bool
         Whether the gear's mesh is heard by itself (`mesh_shown`).
     """
 
     deviation: GearDeviation
     search: SearchedGear | None
-    loaded: float = 1.0
+    load: float = np.inf
     shown: bool = True
 
     @property
     def key(self) -> tuple[int, str]:
         """Stage and gear."""
         return self.deviation.stage, self.deviation.gear
+
+    @property
+    def loaded(self) -> float:
+        """How nearly the teeth are loaded as much as the response supposes, at most 1."""
+        return min(1.0, self.load)
 
     @property
     def tooth(self) -> int:
@@ -233,7 +238,7 @@ def _searched(
     own: Profile, deviation: MachineDeviation, machine: Machine
 ) -> Iterator[GearEvidence]:
     for gear in deviation.gears:
-        loaded = low_load_share(machine, gear.stage)
+        load = load_share(machine, gear.stage)
         alone = as_heard(gear, machine)
         if not alone.bands:
             continue
@@ -251,7 +256,7 @@ def _searched(
             alone = found.difference if found is not None else alone
         if found is not None or alone.meetings > 1:
             shown = mesh_shown(gear, deviation.gears, machine)
-            yield GearEvidence(deviation=alone, search=found, loaded=loaded, shown=shown)
+            yield GearEvidence(deviation=alone, search=found, load=load, shown=shown)
 
 
 def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:
@@ -286,8 +291,8 @@ def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:
         met = band.number % step == first
         # where nothing is beside a gear, its own turn is the carrier's, or the carrier stands
         if (band.side != 0) == beside and np.count_nonzero(met) >= _LEAST_LINES:
-            names = ("rest", "deviation", "noise", "pattern")
-            kept = {name: getattr(band, name)[:, met] for name in names}
+            names = ("rest", "deviation", "noise", "pattern", "known")
+            kept = {name: getattr(band, name)[..., met] for name in names}
             bands.append(replace(band, number=band.number[met], **kept))
     others = mesh.planets if mesh.equally_spaced else 1
     return replace(gear, bands=tuple(bands), meetings=2 if gear.gear == "planet" else others)

@@ -34,6 +34,7 @@ def gear(mesh_power=1e5, departs=1.0, loaded=1.0):
                 deviation=noise,
                 noise=noise,
                 pattern=np.zeros(noise.shape, dtype=complex),
+                known=np.zeros((0, *noise.shape), dtype=complex),
             )
         )
     deviation = GearDeviation(
@@ -46,7 +47,7 @@ def gear(mesh_power=1e5, departs=1.0, loaded=1.0):
         shift_turns=0.0,
     )
     return GearEvidence(
-        deviation=deviation, search=search_gear(deviation, response(), 25.0), loaded=loaded
+        deviation=deviation, search=search_gear(deviation, response(), 25.0), load=loaded
     )
 
 

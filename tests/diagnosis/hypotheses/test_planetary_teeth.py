@@ -50,6 +50,7 @@ def deviation(gear, tooth, seed, height=8.0):
                     deviation=noise,
                     noise=noise,
                     pattern=np.zeros(noise.shape, dtype=complex),
+                    known=np.zeros((0, *noise.shape), dtype=complex),
                     side=side,
                 )
             )
@@ -169,6 +170,7 @@ def ring_with(loss, tooth, stage, seed):
                 deviation=np.full(hiss.shape, noise),
                 noise=np.full(hiss.shape, noise),
                 pattern=np.zeros(hiss.shape, dtype=complex),
+                known=np.zeros((0, *hiss.shape), dtype=complex),
             )
         )
     made = GearDeviation(
