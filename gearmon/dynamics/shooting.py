@@ -128,7 +128,7 @@ class Shooting:
         self.free = self._march(start)
 
     def _march(self, start: Real, driven: Real | None = None) -> Real:
-        """Samples 0..S from those at -1 and 0, shape (..., S+1, B)."""
+        """March from the samples at -1 and 0: samples 0..S, shape (..., S+1, B)."""
         if start.shape[-1] == 1:
             return self._march_one(start, driven)
         found = np.empty((*start.shape[:-2], self.length + 2, start.shape[-1]))
@@ -142,7 +142,7 @@ class Shooting:
         return found[..., 1:, :]
 
     def _march_one(self, start: Real, driven: Real | None) -> Real:
-        """The same of one set, by LAPACK's band of a triangular matrix."""
+        """Do the same for one set, by LAPACK's band of a triangular matrix."""
         from scipy.linalg.lapack import dtbtrs
 
         before, here = self.recursion[..., 0].T
@@ -160,7 +160,7 @@ class Shooting:
         return whole.reshape(*start.shape[:-2], self.length + 1, 1)
 
     def answer(self, still: Real) -> Real:
-        """Samples of the periodic u of u = u0 - (1/D) phi u; u0 are overwritten."""
+        """Return samples of the periodic u of u = u0 - (1/D) phi u; u0 are overwritten."""
         twice, product = self.stencil[:2]
         driven = np.roll(still, -1, axis=0)
         before = np.roll(still, 1, axis=0)

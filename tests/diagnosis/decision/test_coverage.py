@@ -72,7 +72,7 @@ def test_teeth_loaded_less_need_a_larger_loss_in_proportion():
 def test_of_teeth_that_hardly_touch_only_what_would_be_a_fault_counts_as_heard():
     quiet, restless = gear(), gear(departs=4.0)
     assert heard_from(restless) == pytest.approx(heard_from(quiet))
-    light = replace(restless, loaded=0.9 * LIMITS.lightly_loaded)
+    light = replace(restless, load=0.9 * LIMITS.lightly_loaded)
     told = noticed_from(light)
     assert heard_from(light) == told
     assert told is None or told > 2.0 * heard_from(restless)
