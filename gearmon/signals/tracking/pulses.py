@@ -249,13 +249,12 @@ def repair(time_s: FloatArray, per_turn: int = 1) -> Repaired:
     if len(time_s) < 3 * per_turn + 1 or (per_turn == 1 and _sound(time_s)):
         return Repaired(time_s=time_s)
     start, gaps = _repeating(time_s, per_turn)
-    known = start + 3 * per_turn + 1
     ahead = _walk(time_s[start:], gaps, per_turn)
-    # the same backwards, for what lies before; its first turns are those that begin the other
-    behind = _walk(-time_s[:known][::-1], np.roll(gaps, -3 * per_turn)[::-1], per_turn)
-    repeated = 3 * per_turn + 1
-    times = np.array([-t for t in reversed(behind.time_s[repeated:])] + ahead.time_s)
-    filled = np.array(behind.filled[repeated:][::-1] + ahead.filled)
+    # the same backwards, for what lies before; it begins with the turns that begin the other
+    both = 3 * per_turn + 1
+    behind = _walk(-time_s[: start + both][::-1], gaps[::-1], per_turn)
+    times = np.array([-t for t in reversed(behind.time_s[both:])] + ahead.time_s)
+    filled = np.array(behind.filled[both:][::-1] + ahead.filled)
     if per_turn > 1 and not behind.places and not ahead.places:
         return Repaired(time_s=time_s)
     found = _settled(times, filled, behind.extra + ahead.extra, per_turn)
