@@ -93,8 +93,7 @@ _OFFERED = {
     "signatures.measured.indicators": ("indicator_table",),
     "signatures.measured.measurement": ("MeasuredSignature", "measure_signature"),
     "signatures.measured.reference": ("Reference", "read_reference", "write_reference"),
-    "signatures.order_spectra": ("order_spectra",),
-    "signatures.recording_spectrum": ("recording_spectrum",),
+    "signatures.recording_spectrum": ("order_spectra", "recording_spectrum"),
     "signatures.signature": ("Signature", "read_signature", "write_signature"),
     "simulation": ("simulate",),
 }
@@ -136,7 +135,7 @@ if TYPE_CHECKING:
     from gearmon.signatures.measured.reference import Reference as Reference
     from gearmon.signatures.measured.reference import read_reference as read_reference
     from gearmon.signatures.measured.reference import write_reference as write_reference
-    from gearmon.signatures.order_spectra import order_spectra as order_spectra
+    from gearmon.signatures.recording_spectrum import order_spectra as order_spectra
     from gearmon.signatures.recording_spectrum import recording_spectrum as recording_spectrum
     from gearmon.signatures.signature import Signature as Signature
     from gearmon.signatures.signature import read_signature as read_signature

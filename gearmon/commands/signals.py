@@ -156,7 +156,7 @@ def spectrum(arguments: argparse.Namespace) -> int:
 def orders(arguments: argparse.Namespace) -> int:
     """Run `gearmon orders`."""
     from gearmon.signatures.gear_averages import gear_averages
-    from gearmon.signatures.order_spectra import order_spectra
+    from gearmon.signatures.recording_spectrum import order_spectra
 
     machine = machine_of(arguments.machine, arguments.speed_hint)
     recording = recording_of(arguments.recording[0], arguments, machine)

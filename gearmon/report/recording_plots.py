@@ -19,7 +19,7 @@ from gearmon.report.wording import shortened, strip_label, unit_text
 from gearmon.signals.orders.averages import one_turn
 from gearmon.signatures.gear_averages import GearAverage, GearAverages, gear_signals
 from gearmon.signatures.measured.indicators import IndicatorTable
-from gearmon.signatures.order_spectra import OrderSpectra
+from gearmon.signatures.recording_spectrum import OrderSpectra
 
 FloatArray = NDArray[np.float64]
 

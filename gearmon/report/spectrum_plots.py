@@ -21,8 +21,7 @@ from gearmon.signals.recording import Recording
 from gearmon.signals.spectra.demodulation import Kurtogram
 from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, Mark
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
-from gearmon.signatures.order_spectra import OrderSpectra
-from gearmon.signatures.recording_spectrum import RecordingSpectrum
+from gearmon.signatures.recording_spectrum import OrderSpectra, RecordingSpectrum
 from gearmon.signatures.speed import SPEED_TOLERANCE
 
 FloatArray = NDArray[np.float64]

@@ -36,8 +36,7 @@ from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
-from gearmon.signals.orders.resampling import whole_turns
-from gearmon.signals.recording import Recording, RecordingLike, read_recording
+from gearmon.signals.recording import RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 
@@ -400,7 +399,6 @@ def gear_averages(
             turning = wheel.exact_relative
             try:
                 if turning not in averages:
-                    _check_turns(vibration, found, turning)
                     averages[turning] = time_synchronous_average(
                         vibration.samples, rate, track, rotation_order=turning, per_turn=per_turn
                     )
@@ -419,13 +417,6 @@ def gear_averages(
         signature=found,
         notes=tuple(notes),
     )
-
-
-def _check_turns(vibration: Recording, found: MeasuredSignature, turning: Fraction) -> None:
-    """Raise before anything is computed if there are fewer than two turns."""
-    shaft = found.track.of_shaft(float(turning))
-    if whole_turns(vibration.samples.shape[-1], vibration.sampling_rate_hz, shaft)[1] < 2:
-        raise RecordingError("fewer than two turns")
 
 
 def _gear(

@@ -32,8 +32,7 @@ from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.expected.fault_family import fault_family
 from gearmon.signatures.gear_averages import gear_averages
 from gearmon.signatures.measured.indicators import indicator_table
-from gearmon.signatures.order_spectra import order_spectra
-from gearmon.signatures.recording_spectrum import recording_spectrum
+from gearmon.signatures.recording_spectrum import order_spectra, recording_spectrum
 
 SIGNATURES = Path(__file__).parents[2] / "signatures"
 

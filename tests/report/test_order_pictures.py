@@ -15,7 +15,7 @@ from gearmon.report.text import words
 from gearmon.signals.orders import order_map
 from gearmon.signatures.gear_averages import gear_averages
 from gearmon.signatures.measured.indicators import indicator_table
-from gearmon.signatures.order_spectra import order_spectra
+from gearmon.signatures.recording_spectrum import order_spectra
 
 
 @pytest.fixture(scope="module")

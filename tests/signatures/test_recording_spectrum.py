@@ -9,8 +9,12 @@ from reference.small_gearbox import as_json, machine, recording
 from gearmon.errors import ArgumentError
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.line_plan import machine_marks, mark_near
-from gearmon.signatures.order_spectra import order_spectra
-from gearmon.signatures.recording_spectrum import KINDS, highest_peaks, recording_spectrum
+from gearmon.signatures.recording_spectrum import (
+    KINDS,
+    highest_peaks,
+    order_spectra,
+    recording_spectrum,
+)
 
 RATE = 4096.0
 
