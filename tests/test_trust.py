@@ -108,11 +108,14 @@ raise SystemExit(run())
 
 
 def test_exit_codes_of_several_recordings():
-    assert judged(["healthy"], flagged=False, bad=False) == 0
-    assert judged(["healthy", "fault"], flagged=True, bad=False) == 1
-    assert judged(["fault"], flagged=True, bad=True) == 2
-    assert judged(["healthy", "cannot tell"], flagged=False, bad=False) == 3
-    assert judged(["no mesh found"], flagged=False, bad=False) == 3
+    def code(*verdicts, flagged=False):
+        return judged([{"verdict": verdict} for verdict in verdicts], flagged=flagged)
+
+    assert code("healthy") == 0
+    assert code("healthy", "fault", flagged=True) == 1
+    assert judged([{"verdict": "fault"}, {"error": "no such file"}], flagged=True) == 2
+    assert code("healthy", "cannot tell") == 3
+    assert code("no mesh found") == 3
 
 
 @pytest.mark.usefixtures("here")

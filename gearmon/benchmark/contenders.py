@@ -84,6 +84,7 @@ def _row(one: Contender, timing: Timing | None, reference: Reference | None) -> 
         "median_s": timing.median_s / one.sets if timing else None,
         "fastest_s": timing.fastest_s / one.sets if timing else None,
         "repeats": timing.repeats if timing else 0,
+        "exponent": None,
     }
     if timing is None or reference is None:
         return row

@@ -9,7 +9,9 @@ written") they begin in the static deflection and read stiffness from tables mad
 
 The errors of a method over many parameter sets are the largest over sets drawn from them; steps and
 harmonics of a rival grow with w0/w by one rule, whose factor is the least with which all those sets
-are within the error. A stability chart and a family of faults are in `jobs`.
+are within the error. The growth of the cost is that with a stiffness that dips once in P mesh
+periods, P growing; natural frequency, damping and harmonics a mesh stay, so the number of unknowns
+grows in proportion. A stability chart and a family of faults are in `jobs`.
 """
 
 from __future__ import annotations
@@ -46,6 +48,7 @@ from gearmon.benchmark.equations import (
     Reference,
     Samples,
     as_lines,
+    growing_turn,
     named_case,
     solve_reference,
     square_wave,
@@ -67,7 +70,7 @@ RIVALS = {
     "compiled": COMPILED,
     "solve_banded": BANDED,
 }
-SWEEP = "parameter sets"
+SWEEP, GROWTH = "parameter sets", "cost growth"
 #: Jobs of more than one solution.
 JOBS = {"stability chart": jobs.chart_rows, "fault family": jobs.family_rows}
 #: Share of the wanted error that may be left of the free vibration.
@@ -82,6 +85,12 @@ SWEPT = ((0.2, 3.0), (3e3, 9e4), (4e8, 1.6e9))
 PROBES = 48
 #: Sets that a loop of a slow method is timed on, and of a quicker one.
 FEW, MANY = 300, 2000
+#: Mesh periods in the period of a growing turn.
+MESHES, QUICK_MESHES = tuple(2**power for power in range(12)), (1, 8, 32)
+#: Larger matrices of a growing turn are left out.
+GROWING_BYTES = 3e8
+#: Below, the run time is that of calls and not of numbers.
+FIRST_FITTED = 2000
 
 
 def run_dynamics(
@@ -91,14 +100,15 @@ def run_dynamics(
     count: int = 10_000,
     progress: Progress | None = None,
 ) -> list[Row]:
-    """Time all methods on named cases, on many parameter sets, and at jobs of many solutions.
+    """Time all methods on named cases, on many parameter sets, and over growing sizes.
 
     Parameters
     ----------
     quick : bool
         Few cases, settings and repeats: seconds in place of minutes. The figures are then rough.
     cases : sequence of str, optional
-        Names of cases, "parameter sets", "stability chart" or "fault family"; all by default.
+        Names of cases, "parameter sets", "stability chart", "fault family" or "cost growth"; all by
+        default.
     seed : int
         Of the parameter sets.
     count : int, >= 1
@@ -109,21 +119,27 @@ def run_dynamics(
     Returns
     -------
     list of dict
-        One row a method and setting. `median_s` is the run time [s] of one solution, of a sweep
-        that of one set; `times_ours` is it over ours at 1e-6 in the same case (of parameter sets
-        `sweep`), and `times_ours_fastest` the same of the fastest runs, which a busy machine
-        disturbs less; `at_target` marks each method's cheapest row with an error within 1e-6.
+        One row a method and setting. `median_s` is the run time
+        [s] of one solution, of a sweep that of one set; `times_ours` is it over ours at 1e-6 in the
+        same case (of parameter sets `sweep`), and
+        `times_ours_fastest` the same of the fastest runs, which a busy machine disturbs less;
+        `at_target` marks each method's cheapest row with an error within 1e-6. `exponent` is, of
+        the growing sizes, that of a power of the unknowns fitted to the run times of a method.
 
     Raises
     ------
     ArgumentError
         If there is no such case.
     """
-    names = list(cases) if cases is not None else [*(QUICK if quick else CASES), SWEEP, *JOBS]
+    names = (
+        list(cases) if cases is not None else [*(QUICK if quick else CASES), SWEEP, *JOBS, GROWTH]
+    )
     rows: list[Row] = []
     for name in followed(names, len(names), progress):
         if name == SWEEP:
             found = sweep_rows(200 if quick else count, seed, quick)
+        elif name == GROWTH:
+            found = growth_rows(quick)
         elif name in JOBS:
             found = JOBS[name](quick)
         else:
@@ -411,6 +427,54 @@ def _settling(zeta: float) -> float:
     return math.log(3e7) / rate
 
 
+def growth_rows(quick: bool = False) -> list[Row]:
+    """Time `steady_state` and solve_banded on the same harmonics over growing periods.
+
+    Parameters
+    ----------
+    quick : bool
+        Three small sizes.
+    """
+    rows = measured(list(_growing(quick)), 3 if quick else 15, 0.05 if quick else 2.0)
+    for method in (OURS, BANDED):
+        own = [row for row in rows if row["method"] == method]
+        exponent = fitted_exponent(own)
+        for row in own:
+            row["exponent"] = exponent
+    # sizes are compared each by itself
+    settings = dict.fromkeys(row["setting"] for row in rows)
+    groups = [[row for row in rows if row["setting"] == setting] for setting in settings]
+    return [row for group in groups for row in with_ratios(group)]
+
+
+def _growing(quick: bool) -> Iterator[Contender]:
+    for meshes in QUICK_MESHES if quick else MESHES:
+        p, setting = growing_turn(meshes), f"{meshes} meshes"
+        response = steady_state(p, TARGET)
+        count, bound = len(response.displacement), response.error_bound
+        run = partial(steady_state, p, TARGET)
+        yield Contender(OURS, setting, TARGET, run, error_bound=bound, unknowns=count)
+        if rivals.banded_bytes(len(p.stiffness_harmonics), count) < GROWING_BYTES:
+            band = _solve_band(p, count - 1)
+            yield Contender(BANDED, setting, None, band, unknowns=count)
+
+
+def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | None:
+    """Exponent p of median_s ~ unknowns^p, or None with fewer than three rows to fit.
+
+    Examples
+    --------
+    >>> rows = [{"unknowns": n, "median_s": 1e-6 * n**1.5} for n in (3000, 9000, 30000)]
+    >>> round(fitted_exponent(rows), 6)
+    1.5
+    """
+    kept = [(row["unknowns"], row["median_s"]) for row in rows if row["unknowns"] >= least]
+    if len(kept) < 3:
+        return None
+    x, y = np.log(np.array(kept)).T
+    return float(np.polyfit(x, y, 1)[0])
+
+
 def headlines(rows: Sequence[Row]) -> list[Row]:
     """One line a case: our run time at 1e-6, and how many times longer each rival takes.
 
@@ -422,7 +486,8 @@ def headlines(rows: Sequence[Row]) -> list[Row]:
     Returns
     -------
     list of dict
-        Columns case, ours_us, error, then a factor a rival of `RIVALS` (None where it has none).
+        Columns case, ours_us, error, then a factor a rival of `RIVALS` (None where it has none),
+        and `exponent` of the cost over the unknowns.
     """
     lines = []
     for name in dict.fromkeys(row["case"] for row in rows):
@@ -433,5 +498,6 @@ def headlines(rows: Sequence[Row]) -> list[Row]:
         if ours:
             line |= {"ours_us": 1e6 * ours["median_s"], "error": ours["error"]}
         line |= {key: chosen.get(method, {}).get("times_ours") for key, method in RIVALS.items()}
-        lines.append(line)
+        exponents = (row["exponent"] for row in own if row["exponent"])
+        lines.append(line | {"exponent": next(exponents, None)})
     return lines

@@ -180,6 +180,29 @@ def named_case(name: str) -> Case:
     return CASES[name]()
 
 
+def growing_turn(meshes: int, zeta: float = 0.07) -> HillProblem:
+    """Return a pair whose stiffness dips once in `meshes` mesh periods; ten harmonics a mesh.
+
+    Parameters
+    ----------
+    meshes : int, >= 1
+        Mesh periods in the period: the number of unknowns grows in proportion.
+    zeta : float
+        Damping ratio.
+
+    Notes
+    -----
+    The dip is a Gaussian of 0.1 of the mean and of a quarter mesh period's standard deviation, so
+    its harmonics are known in closed form.
+    """
+    r = np.arange(1, MESH_HARMONICS * meshes + 1)
+    width, depth = 0.25, 0.1
+    dip = depth * width * math.sqrt(2 * math.pi) / meshes
+    harmonics = -dip * np.exp(-2 * (math.pi * width * r / meshes) ** 2).astype(np.complex128)
+    harmonics[meshes - 1 :: meshes] += square_wave(MESH_HARMONICS)
+    return pair(harmonics, zeta=zeta, meshes=meshes)
+
+
 @dataclass(frozen=True, eq=False)
 class Lines:
     """A steady motion given as harmonics z_0..z_N of its deflection [F/k0]."""

@@ -198,7 +198,13 @@ class MeshPair:
 
     @cached_property
     def geometry(self) -> PairGeometry:
-        """Circles of the pair, which must be able to run where its contact ratio is not given."""
+        """Circles of the pair, which must be able to run where its contact ratio is not given.
+
+        Raises
+        ------
+        ArgumentError
+            If data are missing, or the pair cannot run.
+        """
         module = 1e-3 * self.need(
             "module_mm", "contact ratio", "contact_ratio" if self.is_main else ""
         )

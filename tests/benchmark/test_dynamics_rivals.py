@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from gearmon.benchmark import rivals
-from gearmon.benchmark.equations import CASES, named_case, solve_reference
+from gearmon.benchmark.equations import CASES, growing_turn, named_case, solve_reference
+from gearmon.dynamics import steady_state
 from gearmon.errors import ArgumentError
 
 
@@ -129,3 +130,8 @@ def test_unknown_case_is_refused():
         named_case("x")
     with pytest.raises(ArgumentError, match="no rectangle"):
         named_case("pair").relative_stiffness(0.1)
+
+
+def test_growing_turn_grows_in_proportion():
+    sizes = [len(steady_state(growing_turn(meshes)).displacement) for meshes in (4, 16)]
+    assert sizes[1] == pytest.approx(4 * sizes[0], rel=0.2)

@@ -218,7 +218,7 @@ def test_fault_family():
     family = fault_family(
         load_machine(SIGNATURES / "reference_pair.toml"),
         kinds=["crack", "eccentricity"],
-        sizes={"crack": ["5%", "20%"], "eccentricity": ["0.02mm", "40um"]},
+        sizes=["5%", "20%", "20um", "40um"],
         gears=["pinion"],
     )
     figure = family_figure(family)

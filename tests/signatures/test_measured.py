@@ -16,6 +16,7 @@ from reference.synthetic_signals import (
     white,
 )
 
+from gearmon.benchmark.detection_machines import Condition, Setting, draw_machine
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
@@ -380,3 +381,15 @@ def test_simulated_pair_is_measured(seed):
     true = simulated.truth["speed"]["mean_hz"]
     assert measured.found
     assert measured.speed.estimated_hz == pytest.approx(true, rel=1e-3)
+
+
+@pytest.mark.parametrize("seed", [4, 7, 8, 11])
+def test_no_mesh_is_heard_less_with_a_tachometer_than_without(seed):
+    # about the one speed of the pulses few combs of other teeth are left to stand out of
+    drawn = draw_machine(np.random.default_rng([5, seed]), seed, channels=1)
+    taken = drawn.take(Condition(), Setting(seed=seed, duration_s=3.0)).recording
+    alone = measure_signature(taken.vibration(), drawn.machine)
+    with_pulses = measure_signature(taken, drawn.machine)
+    assert alone.found
+    assert with_pulses.track.uncertainty_turns < alone.track.uncertainty_turns
+    assert [m.found for m in with_pulses.meshes] >= [m.found for m in alone.meshes]

@@ -79,10 +79,3 @@ def test_stationary_noise_keeps_the_threshold():
 def test_impossible_requests_are_refused(call, words):
     with pytest.raises(ArgumentError, match=words):
         call(np.random.default_rng(1).normal(size=8192))
-
-
-def test_threshold_is_that_of_so_many_independent_blocks():
-    # of n independent blocks P(coherence > t) = (1 - t)^(n - 1); four shifts make two of them
-    found = cyclic_coherence(np.random.default_rng(1).normal(size=1024), RATE, [10.0], 128)
-    blocks = (1024 - 128) // 32 + 1
-    assert (1 - found.threshold) ** (blocks / 2 - 1) == pytest.approx(0.001)
