@@ -50,12 +50,12 @@ def heard_from(gear: GearEvidence) -> float | None:
     little to touch as they should the loss must be larger in proportion: a simulated rig at 18 and
     44 N/mm did not show 30 % of one tooth in 9 of 12 analyses, where 20 % would be stated; three
     times the load showed it. Below half of that load such teeth depart by themselves as damage
-    does, and only what would be called a fault counts as heard. Of a mesh that is not heard by
-    itself nothing is.
+    does, and only what would be called a fault counts as heard; nor does more beside a single
+    reference where lines may not follow the load. Of a mesh that is not heard by itself nothing is.
     """
     if gear.search is None or not gear.shown:
         return None
-    if gear.loaded < LIMITS.lightly_loaded:
+    if gear.loaded < LIMITS.lightly_loaded or gear.load_unlearned:
         return noticed_from(gear)
     return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
 

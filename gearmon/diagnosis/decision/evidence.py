@@ -105,10 +105,8 @@ class Evidence:
 
     @property
     def load_unlearned(self) -> bool:
-        """Whether levels may change with the load as they like: one reference, a light load."""
-        searched = self.finding.searched if self.finding is not None else ()
-        lightest = min((gear.load for gear in searched), default=np.inf)
-        return self.references == 1 and bool(lightest < LIMITS.alone_load)
+        """Whether levels may change with the load as they like, see `GearEvidence`."""
+        return self.finding is not None and any(g.load_unlearned for g in self.finding.searched)
 
     @property
     def angle_lost(self) -> bool:

@@ -75,12 +75,6 @@ class Limits:
     lightly_loaded : float
         Share of 100 N/mm (`gears.mechanics.load_share`) below which teeth depart by themselves
         as damage would: 50 N/mm press them together by 3.6 um, half a pitch deviation of class 6.
-    alone_load : float
-        The same share, at the largest torque, below which levels call no fault beside a single
-        recording: at two thirds of the torque the stiffness falls with the load, at half of it
-        teeth leave contact, and levels no longer follow the load. Of 110 healthy pairs of
-        simulated drives at 17 to 102 N/mm, at 1.0 to 0.5 of their load, 35 had another path or
-        other levels; of 516 at 100 to 350 N/mm whose stiffness does not depend on the load, one.
     must_notice : float
         Loss of a pair's stiffness that a healthy verdict has to exclude on every gear.
     about : float
@@ -110,7 +104,6 @@ class Limits:
     knocks: float = 0.2
     knock_scatter: float = 3.0
     lightly_loaded: float = 0.5
-    alone_load: float = 1.5
     must_notice: float = 0.4
     about: float = 1.1
 
