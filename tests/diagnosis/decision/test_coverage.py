@@ -19,7 +19,7 @@ from gearmon.signatures.expected.tooth_response import tooth_response
 TEETH, BANDS = 23, 6
 
 
-def gear(mesh_power=1e5, departs=1.0, loaded=1.0):
+def gear(mesh_power=1e5, departs=1.0, loaded=1.0, references=2):
     """A sound gear whose lines depart by some times what noise lets expect."""
     rng = np.random.default_rng(5)
     bands, mesh = [], response().mesh[: BANDS + 1]
@@ -34,7 +34,7 @@ def gear(mesh_power=1e5, departs=1.0, loaded=1.0):
                 deviation=noise,
                 noise=noise,
                 pattern=np.zeros(noise.shape, dtype=complex),
-                known=np.zeros((0, *noise.shape), dtype=complex),
+                known=np.zeros((references if references > 1 else 0, *noise.shape), dtype=complex),
             )
         )
     deviation = GearDeviation(
@@ -76,3 +76,15 @@ def test_of_teeth_that_hardly_touch_only_what_would_be_a_fault_counts_as_heard()
     told = noticed_from(light)
     assert heard_from(light) == told
     assert told is None or told > 2.0 * heard_from(restless)
+
+
+def test_beside_one_reference_of_lightly_loaded_teeth_only_a_fault_counts_as_heard():
+    alone = gear(loaded=1.2, references=1)
+    assert alone.load_unlearned
+    assert heard_from(alone) == noticed_from(alone) > heard_from(gear(loaded=1.2))
+    assert not gear(loaded=2.0, references=1).load_unlearned
+
+
+def test_a_tooth_that_noise_alone_would_not_explain_is_believed_less_beside_one_reference():
+    told = [gear(loaded=1.2, references=n).believes(40.0, 5.0) for n in (1, 2)]
+    assert told[0] < told[1]

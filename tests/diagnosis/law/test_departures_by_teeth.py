@@ -57,6 +57,34 @@ def test_a_tooth_that_no_healthy_pattern_explains_still_stands_out():
     assert damaged.peak > 20.0
 
 
+def beside(searched, others):
+    """The same departure where references depart from one another so."""
+    bands = tuple(
+        replace(one, known=np.array([other.difference.bands[n].rest for other in others]))
+        for n, one in enumerate(searched.difference.bands)
+    )
+    return replace(searched.difference, bands=bands)
+
+
+def test_a_tooth_that_departs_among_the_references_is_expected_to():
+    own, changed = uneven(3)
+    references = [gear(own, seed=seed, height=3.0) for seed in (90, 91, 92)]
+    told = beside(changed, references)
+    assert abs(int(np.argmax(told.expected_by_tooth)) - 7) <= 1
+    assert changed.difference.peak > 2.0 * told.peak
+    damaged = beside(gear(weights(20), seed=3), references)
+    assert int(np.argmax(damaged.by_tooth)) == 20
+    assert damaged.peak > 20.0
+
+
+def test_references_that_depart_alike_all_around_change_nothing():
+    alike = [gear(np.zeros(31), seed=seed) for seed in (90, 91, 92)]
+    damaged = gear(weights(20), seed=3)
+    np.testing.assert_allclose(
+        beside(damaged, alike).by_tooth, damaged.difference.by_tooth, rtol=0.25
+    )
+
+
 def evidence(deviation: GearDeviation) -> GearEvidence:
     return GearEvidence(deviation=deviation, search=None)
 
