@@ -452,7 +452,7 @@ def least_within(
     low, high = 0.0, allowed(first)
     while error_at(high) > wanted and high < LARGEST_SETTING:
         low, high = high, allowed(factor * high)
-    while low == 0.0 and (less := allowed(high / factor)) < high:
+    while low == 0.0 and (less := max(whole, min(allowed(high / factor), high - whole))) < high:
         low, high = (less, high) if error_at(less) > wanted else (low, less)
     while high - low > max(whole, fineness * high):
         middle = allowed(math.sqrt(low * high))

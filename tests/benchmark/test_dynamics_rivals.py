@@ -135,3 +135,7 @@ def test_unknown_case_is_refused():
 def test_growing_turn_grows_in_proportion():
     sizes = [len(steady_state(growing_turn(meshes)).displacement) for meshes in (4, 16)]
     assert sizes[1] == pytest.approx(4 * sizes[0], rel=0.2)
+
+
+def test_steps_that_all_meet_the_error_end_at_the_fewest():
+    assert rivals.least_within(1.0, 20.0, lambda n: 1 / n, 4) == 4
