@@ -45,8 +45,8 @@ _TEETH_SCATTER = 2.0
 _LIGHTER_SCATTER = 5.0
 # Load (`load_share` at the largest torque) below which healthy lines do not follow the load: at
 # two thirds of the torque the stiffness falls with it, at half of it teeth leave contact. Beside a
-# single reference 35 of 110 healthy pairs of simulated drives at 17 to 102 N/mm, 1.0 to 0.5 of
-# their load, had another path or other levels; of 516 at 100 to 350 N/mm whose stiffness does not
+# single reference 22 of 75 healthy pairs of simulated drives at 17 to 102 N/mm, 1.0 to 0.5 of their
+# load, were called faults by their levels; of 423 at 100 to 350 N/mm whose stiffness does not
 # depend on the load, one.
 _LIGHT = 1.5
 # Share of departures that is then held possible at least: where noise hides how teeth depart, one
