@@ -52,7 +52,7 @@ _LIGHT = 1.5
 # Share of departures that is then held possible at least: where noise hides how teeth depart, one
 # of them may still stand out. A healthy pinion at 102 N/mm did, by 5.7 times the noise, at a share
 # of 0.05, and was called a fault.
-_HIDDEN = 0.3
+_HIDDEN = 0.2
 # Healthy departures scatter like noise with a fraction of its degrees of freedom.
 _OVERDISPERSION = 3.0
 # Lines that a band must keep to tell of a meeting with every planet.
