@@ -406,13 +406,14 @@ class GearLaw:
     def _left_out(self) -> list[list[BandDeviation]]:
         """How each reference departs from what the others predict; nothing of one reference."""
         count, found = len(self.patterns), []
+        nothing = np.zeros((0, *self.patterns[0].amplitude.shape), dtype=complex)
         for row in range(count if count > 1 else 0):
             rest = [n for n in range(count) if n != row]
             others = replace(
                 self, patterns=tuple(self.patterns[n] for n in rest), states=self.states[rest]
             )
             predicted = others._predicted(self.states[row])
-            found.append(others._bands(self.patterns[row], *predicted, {}, None))
+            found.append(others._bands(self.patterns[row], *predicted, {}, nothing))
         return found
 
     @cached_property
@@ -519,10 +520,9 @@ class GearLaw:
         known: GearPattern,
         spread: float,
         scales: dict[tuple[int, int], FloatArray],
-        left_out: ComplexArray | None,
+        left_out: ComplexArray,
     ) -> list[BandDeviation]:
         teeth, found = self.wheel.teeth, []
-        no_rows = np.zeros((0, new.channels, 0), dtype=complex)
         harmonics = list(enumerate(mesh_bands(teeth, new.top), start=1))
         for (place, usable), (harmonic, band) in product(
             enumerate(known.usable & new.usable), harmonics
@@ -548,7 +548,7 @@ class GearLaw:
                     deviation=np.sqrt(variance[:, far]),
                     noise=np.sqrt(noise[:, far]),
                     pattern=(pattern / np.sqrt(variance))[:, far],
-                    known=left_out[:, rows, use[far]] if left_out is not None else no_rows,
+                    known=left_out[:, rows, use[far]],
                     scale=float(np.mean(scale)),
                     side=side,
                 )
