@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,13 +20,15 @@ from reference.synthetic_signals import (
 from gearmon.benchmark.detection_machines import Condition, Setting, draw_machine
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
+from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor, load_machine
 from gearmon.signals.orders import order_lines
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.line_plan import line_plan
 from gearmon.signatures.measured.measurement import family_levels, measure_signature
 from gearmon.signatures.speed import mesh_combs
 from gearmon.simulation import simulate
+
+PAIR = Path(__file__).parents[2] / "signatures" / "reference_pair.toml"
 
 RATE, SPEED, DURATION = 4000.0, 24.7, 16.0
 TIME = np.arange(int(DURATION * RATE)) / RATE
@@ -381,6 +384,13 @@ def test_simulated_pair_is_measured(seed):
     true = simulated.truth["speed"]["mean_hz"]
     assert measured.found
     assert measured.speed.estimated_hz == pytest.approx(true, rel=1e-3)
+
+
+def test_pitch_errors_that_alternate_do_not_disown_a_mesh():
+    # a pinion of 26 teeth whose order 13 is as clear as its mesh
+    machine = load_machine(PAIR)
+    made = simulate(machine, (), 5.0, 10_000.0, machine_seed=6, recording_seed=2, load=0.75)
+    assert measure_signature(made, machine).found
 
 
 @pytest.mark.parametrize("seed", [4, 7, 8, 11])

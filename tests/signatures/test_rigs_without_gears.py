@@ -18,14 +18,14 @@ from gearmon.signatures.speed import mesh_combs
 RATE = 12_000.0
 
 
-def spacing_about(samples, rate, speed_hz, *teeth):
+def spacing_about(samples, rate, speed_hz, *teeth, own=()):
     """What `foreign_spacing` says of a pair at a speed."""
     train = kinematics(train_of(teeth, speed_hz=speed_hz))
     track = constant_track(speed_hz, (samples.shape[-1] - 1) / rate)
     spectrum = fine_order_spectrum(samples, rate, track, 1, 8)
     turning = [1.0, teeth[0] / teeth[1]]
     (comb,) = mesh_combs(train, speed_hz)
-    return foreign_spacing(spectrum, comb, turning, [])
+    return foreign_spacing(spectrum, comb, turning, [], own)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -54,6 +54,20 @@ def test_lines_of_a_gear_are_its_own(damaged):
     phases = generator.uniform(0, 6.28, len(orders))
     samples = lines_on(20.0 * time, orders, levels, phases) + white((1, len(time)), seed=1)
     assert spacing_about(samples, RATE, 20.0, 24, 65) is None
+
+
+def test_alternating_pitch_errors_are_a_gears_own_comb_at_half_the_mesh():
+    # errors of the 24 teeth that alternate: order 12 of the pinion, between all mesh harmonics
+    generator = np.random.default_rng(7)
+    time = np.arange(int(8 * RATE)) / RATE
+    orders = np.arange(1, 15) * 12.0
+    levels = np.where(orders % 24 == 0, 1.0, 0.6)
+    phases = generator.uniform(0, 6.28, len(orders))
+    samples = lines_on(20.0 * time, orders, levels, phases) + white((1, len(time)), seed=1)
+    assert spacing_about(samples, RATE, 20.0, 24, 65) == pytest.approx(12.0)
+    # 65 teeth have no such pattern
+    assert spacing_about(samples, RATE, 20.0, 24, 65, own=[24 / 65]) == pytest.approx(12.0)
+    assert spacing_about(samples, RATE, 20.0, 24, 65, own=[1.0, 24 / 65]) is None
 
 
 def test_invented_pairs_are_not_found_on_bearings():

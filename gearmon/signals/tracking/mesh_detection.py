@@ -43,6 +43,8 @@ _LINES = 4
 # those of a bearing that slips are smeared.
 _PARTS, _TIMES, _AVERAGED = 40, (1, 2, 3), (1, 4)
 _RATIOS = np.array([t / n for n in range(2, _PARTS + 1) for t in _TIMES if gcd(n, t) == 1])
+# Sidebands to either side by which a spacing is told.
+_SIDEBANDS = 4
 # Departures of a spacing at which any sideband of the other gear may stand.
 _NEARBY = 0.03
 # Mesh harmonics looked at, and the share of the bins that is highest: a harmonic is clear.
@@ -388,7 +390,7 @@ def sideband_spacing(
         departures = departures[elsewhere | (np.abs(departures) <= near)]
     total = np.zeros(len(departures))
     for k in range(1, len(mesh.groups) + 1):
-        for r in (-4, -3, -2, -1, 1, 2, 3, 4):
+        for r in (*range(-_SIDEBANDS, 0), *range(1, _SIDEBANDS + 1)):
             orders = k * mesh.order + r * spacing * (1 + departures)
             if orders.min() > 0 and orders.max() < top:
                 total += quality[np.rint(orders / bin_order).astype(int)]
@@ -411,7 +413,11 @@ def sideband_spacing(
 
 
 def foreign_spacing(
-    spectrum: FineSpectrum, mesh: MeshComb, turning: Sequence[float], meshing: Sequence[float]
+    spectrum: FineSpectrum,
+    mesh: MeshComb,
+    turning: Sequence[float],
+    meshing: Sequence[float],
+    own: Sequence[float] = (),
 ) -> float | None:
     """Return the spacing of a finer comb to which the lines of a mesh belong, None if to none.
 
@@ -429,6 +435,11 @@ def foreign_spacing(
         Orders at which shafts, gears and planets turn and pass one another.
     meshing : sequence of float
         Orders of the other meshes: lines at their multiples are theirs.
+    own : sequence of float, optional
+        Rotations of gears whose sidebands show them. Pitch errors put the same line of their
+        pattern between all mesh harmonics, so a spacing of so many turns may be theirs, beyond
+        those sidebands: with an even number of teeth errors that alternate are a comb at half the
+        mesh order.
 
     Returns
     -------
@@ -444,7 +455,7 @@ def foreign_spacing(
     """
     quality = spectrum.quality[: int((_HARMONICS + 1) * mesh.order / spectrum.step)]
     found = [
-        _finer_comb(_Lines.of(quality, spectrum, averaged), mesh, turning, meshing)
+        _finer_comb(_Lines.of(quality, spectrum, averaged), mesh, turning, meshing, own)
         for averaged in _AVERAGED
     ]
     return min((spacing for spacing in found if spacing is not None), default=None)
@@ -500,7 +511,11 @@ class _Lines:
 
 
 def _finer_comb(
-    lines: _Lines, mesh: MeshComb, turning: Sequence[float], meshing: Sequence[float]
+    lines: _Lines,
+    mesh: MeshComb,
+    turning: Sequence[float],
+    meshing: Sequence[float],
+    own: Sequence[float],
 ) -> float | None:
     """Coarsest spacing whose lines between those of the mesh are as clear as these."""
     harmonics = np.arange(1.0, _HARMONICS + 1) * mesh.order
@@ -511,6 +526,9 @@ def _finer_comb(
     told_apart = [shaft for shaft in turning if shaft > 2.5 * lines.width]
     tried = mesh.order * _RATIOS
     known = np.any([np.abs(tried - one) <= lines.width for one in (*turning, *meshing)], axis=0)
+    for turns in own:
+        times = tried / turns
+        known |= (np.abs(times - np.rint(times)) <= 1e-6) & (times > _SIDEBANDS + 0.5)
     tried = tried[(tried >= 4 * lines.width) & ~known]
     # the lines of all spacings, one after the other
     sizes = (top / tried).astype(np.intp)

@@ -483,7 +483,7 @@ def _findings(
             found, reason = False, _disowned(spacing)
         if found and not several and seen.visible > 1 and support < _SUPPORTED:
             found, reason = False, _lonely(seen.visible - 1)
-        held = found or (holds and not misled and _spaced(quality, bin_order, comb))
+        held = found or (holds and not misled and bool(_shown(quality, bin_order, comb)))
         chosen = _mesh_lines(plan, mesh, speed.nominal_hz)
         findings.append(
             MeshFinding(
@@ -512,14 +512,18 @@ def _mesh_lines(plan: LinePlan, mesh: Mesh, shaft1_hz: float) -> list[int]:
     return [*own, *np.flatnonzero(shared).tolist()]
 
 
-def _spaced(quality: FloatArray, bin_order: float, comb: MeshComb) -> bool:
-    """Whether sidebands stand at the rotation of a gear, and nowhere else."""
+def _shown(quality: FloatArray, bin_order: float, comb: MeshComb) -> tuple[float, ...]:
+    """Rotations of gears at which sidebands stand; none where they stand elsewhere as well."""
     told = [
         sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE, broken=True)
         for spacing in comb.spacings
     ]
-    support = max(one.support for one in told)
-    return support >= _SUPPORTED and support > max(one.excess for one in told)
+    elsewhere = max(one.excess for one in told)
+    return tuple(
+        spacing
+        for spacing, one in zip(comb.spacings, told, strict=True)
+        if one.support >= _SUPPORTED and one.support > elsewhere
+    )
 
 
 def _support(quality: FloatArray, bin_order: float, comb: MeshComb) -> float:
@@ -539,9 +543,14 @@ def _support(quality: FloatArray, bin_order: float, comb: MeshComb) -> float:
 
 def _foreign(spectrum: FineSpectrum, train: Kinematics, comb: MeshComb) -> float | None:
     """Spacing of what else the lines of a mesh belong to, such as a bearing; None if to nothing."""
-    turning = {line.order for line in train.lines if line.kind in _TURNING}
-    meshing = {mesh.order for mesh in train.meshes if mesh.order != comb.order}
-    return foreign_spacing(spectrum, comb, sorted(turning), sorted(meshing))
+    turning = sorted({line.order for line in train.lines if line.kind in _TURNING})
+    meshing = sorted({mesh.order for mesh in train.meshes if mesh.order != comb.order})
+    spacing = foreign_spacing(spectrum, comb, turning, meshing)
+    if spacing is None:
+        return None
+    # gears that are there have pitch errors of their own
+    own = _shown(spectrum.quality, spectrum.step, comb)
+    return foreign_spacing(spectrum, comb, turning, meshing, own) if own else spacing
 
 
 def _disowned(spacing: float | None) -> str:
