@@ -35,7 +35,7 @@ from gearmon.benchmark.detection_machines import (
 )
 from gearmon.benchmark.timing import task_time
 from gearmon.diagnosis.analysis import analyse, learn
-from gearmon.diagnosis.hypotheses.own_teeth import locate
+from gearmon.diagnosis.hypotheses.own_teeth import aligned, departure_energy
 from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.errors import ArgumentError, GearmonError, check_range
 from gearmon.signals import indicators
@@ -403,7 +403,8 @@ def localised_difference(signature: MeasuredSignature, healthy: MeasuredSignatur
     Returns
     -------
     float
-        -log10 of the probability of the most striking tooth of all gears; 0 if none can be judged.
+        Largest energy over two teeth, over that of the median, of all gears, in decibels; 0 if none
+        can be judged.
     """
     own, known = Profile.of(signature), Profile.of(healthy)
     patterns = {(wheel.stage, wheel.gear): wheel for wheel in known.wheels}
@@ -415,8 +416,9 @@ def localised_difference(signature: MeasuredSignature, healthy: MeasuredSignatur
             continue
         # a pulse on shaft 1 tells where the gears on it stand
         same = own.tacho and known.tacho and abs(wheel.order - 1.0) < 1e-12
-        found = locate(wheel, channels, [other], channels, numbered=same, same_zero=same)
-        best = best if found is None else max(best, -found.log10_probability)
+        new, old = aligned(wheel, channels, other, channels, same_zero=same)
+        if len(new.number):
+            best = max(best, 10.0 * float(np.log10(departure_energy(new, old).max())))
     return best
 
 

@@ -583,14 +583,7 @@ def _own_teeth(own: Profile, rows: tuple[int, ...]) -> tuple[ToothProfile, ...]:
     """Hold every tooth against the others of its gear."""
     looked = [
         # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
-        locate(
-            wheel,
-            rows,
-            (),
-            (),
-            numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12,
-            same_zero=False,
-        )
+        locate(wheel, rows, numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12)
         for wheel in own.wheels
     ]
     return tuple(profile for profile in looked if profile is not None)

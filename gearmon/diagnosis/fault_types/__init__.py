@@ -20,7 +20,6 @@ _OFFERED = {
     "lines": ("machine_lines",),
     "training": (
         "EXAMPLES_BETWEEN",
-        "departure_energy",
         "draw_example",
         "examples",
         "train_kinds",

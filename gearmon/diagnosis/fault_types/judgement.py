@@ -5,9 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from gearmon.diagnosis.fault_types.features import NAMES, FeatureVector, kind_features
+import numpy as np
+
+from gearmon.diagnosis.fault_types.features import (
+    NAMES,
+    FeatureVector,
+    TurnEnergy,
+    kind_features,
+)
 from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
-from gearmon.diagnosis.hypotheses.own_teeth import locate
+from gearmon.diagnosis.hypotheses.own_teeth import aligned, departure_energy
 from gearmon.diagnosis.hypotheses.runout import turn_changes
 from gearmon.diagnosis.law.machine import same_gear
 from gearmon.diagnosis.results import Analysis, ToothProfile
@@ -78,7 +85,7 @@ def analysis_features(analysis: Analysis, reference: Reference) -> FeatureVector
     theirs = [reference.channel_names.index(name) for name in shared]
     wheels = Profile.of(analysis.signature).wheels
     turns = turn_changes(wheels, rows, [p.wheels for p in reference.profiles], theirs)
-    shapes: Sequence[ToothProfile] = analysis.profiles
+    shapes: Sequence[ToothProfile | TurnEnergy] = analysis.profiles
     if analysis.verdict == "fault":
         # the law leaves nothing of a sound machine; of a fault, what the training saw
         shapes = _shapes(wheels, rows, reference, theirs)
@@ -90,14 +97,16 @@ def _shapes(
     rows: Sequence[int],
     reference: Reference,
     theirs: Sequence[int],
-) -> list[ToothProfile]:
+) -> list[TurnEnergy]:
     """Energy of the departure around every gear, found as in the examples of the training."""
-    found = (
-        locate(wheel, rows, healthy, theirs, numbered=False, same_zero=False)
-        for wheel in wheels
-        if (healthy := [one for p in reference.profiles if (one := same_gear(wheel, p))])
-    )
-    return [shape for shape in found if shape is not None]
+    found = []
+    for wheel in wheels:
+        healthy = [one for p in reference.profiles if (one := same_gear(wheel, p))]
+        pairs = [aligned(wheel, rows, one, theirs) for one in healthy]
+        energies = [departure_energy(new, old) for new, old in pairs if len(new.number)]
+        if energies:
+            found.append(TurnEnergy(wheel.stage, wheel.gear, np.mean(energies, axis=0)))
+    return found
 
 
 def features(

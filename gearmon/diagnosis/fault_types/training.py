@@ -29,6 +29,7 @@ from gearmon.diagnosis.fault_types.features import (
     kind_features,
 )
 from gearmon.diagnosis.fault_types.lines import GearLines, MachineLines, machine_lines
+from gearmon.diagnosis.hypotheses.own_teeth import NEAR, departure_energy
 from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
 from gearmon.diagnosis.results import Change
 from gearmon.errors import check_range
@@ -167,9 +168,6 @@ if TYPE_CHECKING:
 
 #: Scatter between healthy recordings that a level is taken to have at least [dB].
 _BETWEEN_DB = 2.0
-#: Teeth over which the energy of a departure is summed, the share of its amplitude by which a
-#: healthy line departs, and sidebands about a mesh harmonic that are left out of half the examples.
-_WINDOW_TEETH, _DEPARTURE, _NEAR = 2.0, 0.1, 3
 _TINY = np.finfo(float).tiny
 #: Points at which a path is drawn; between them it is straight.
 _PATH_POINTS = 384
@@ -456,7 +454,7 @@ def _wheels(
     """Look around the turn of every gear, and at its single sidebands."""
     pairs = [(_pattern(g, view, one), _pattern(g, view, two)) for g in lines.gears]
     kept = [(old, new) for old, new in pairs if len(new.number) > new.teeth]
-    near = _NEAR if rng.uniform() < 0.5 else 0
+    near = NEAR if rng.uniform() < 0.5 else 0
     # what the two recordings do not share beyond their lines fills all of the turn
     floor = log_uniform(rng, 0.003, 0.3)
     shapes = [
@@ -468,48 +466,6 @@ def _wheels(
         return shapes, ()
     turns = turn_changes([new for _, new in kept], rows, [[old for old, _ in kept]], rows)
     return shapes, turns
-
-
-def departure_energy(new: WheelPattern, old: WheelPattern, near: int) -> FloatArray:
-    """Return the energy of a departure around the turn of a gear, by tooth.
-
-    Parameters
-    ----------
-    new, old : WheelPattern
-        Of the new recording and of the healthy one, at the same angle.
-    near : int
-        Sidebands about each mesh harmonic that are left out on both sides.
-
-    Returns
-    -------
-    ndarray of float, shape (teeth,)
-        Over windows of two teeth, median 1.
-
-    Notes
-    -----
-    About each mesh harmonic one complex gain per channel is fitted; the rest is divided by the
-    scatter to expect, that is noise and a tenth of the amplitude. What
-    `gearmon.diagnosis.hypotheses.own_teeth.locate` does with recordings, in a fifth of the time.
-    """
-    teeth, steps = new.teeth, 1 << int(np.ceil(np.log2(4 * new.number.max())))
-    band = (new.number + teeth // 2) // teeth
-    far = ~new.mesh & (np.abs(new.number - band * teeth) > near)
-    member = ((band[:, None] == np.unique(band)) & far[:, None]).astype(float)
-    # a gain fitted to three lines leaves nothing of them
-    member = member[:, member.sum(axis=0) >= 4]
-    power = np.abs(old.amplitude) ** 2 @ member
-    gain = (new.amplitude * old.amplitude.conj()) @ member / np.maximum(power, _TINY)
-    usual = np.abs(new.amplitude) ** 2 @ (member / member.sum(axis=0))
-    rest = new.amplitude * member.sum(axis=1) - (gain @ member.T) * old.amplitude
-    spread = new.variance + old.variance + _DEPARTURE**2 * (usual @ member.T)
-    waveform = np.zeros((len(rest), steps), dtype=np.complex128)
-    waveform[:, new.number] = rest / np.sqrt(spread)
-    energy = np.sum(np.abs(np.fft.ifft(waveform, axis=1)) ** 2, axis=0)
-    ends = np.concatenate([[0.0], np.cumsum(np.tile(energy, 2))])
-    begin = np.arange(teeth) * steps // teeth
-    windows = ends[begin + max(1, round(steps * _WINDOW_TEETH / teeth))] - ends[begin]
-    middle = float(np.median(windows))
-    return np.asarray(windows / middle if middle > 0 else np.ones(teeth))
 
 
 def _raised(energy: FloatArray, share: float) -> FloatArray:

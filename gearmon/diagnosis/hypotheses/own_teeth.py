@@ -1,73 +1,57 @@
-"""Search for the place in a gear's turn where the vibration departs from the healthy pattern.
+"""Search for the place in a gear's turn where its vibration departs, without a law.
 
 A damaged tooth is met once a turn: its response is a short event, spread over many sidebands of
-every mesh harmonic, while what load or mounting change is spread over the turn. So the healthy
-patterns, turned to the same angle and fitted band by band with a complex gain each (the path to the
-sensor), are subtracted from the new one; the rest is whitened, put back into angle, and its energy
-over windows of two teeth compared with their median. A machine's own pitch errors and
-eccentricities cancel, which is why this sees losses that kurtosis and FM4 do not. Without a
-reference the other teeth of the same gear are the reference, and nothing cancels: at a false-alarm
-probability of 1 % (seen: 1 of 52 machines) a loss of 20 % of one pair's stiffness was found in 21
-of 76 recordings of 52 simulated machines, one of 40 % in 52 of 76.
+every mesh harmonic, while what load or mounting change is spread over the turn. So what a gear
+shows, or what a complex gain for each band (the path to the sensor) leaves of it beside a healthy
+recording, is whitened, put back into angle, and its energy over windows of two teeth compared with
+their median. A machine's own pitch errors and eccentricities cancel beside a healthy recording.
+Without one the other teeth of the same gear are the reference, and nothing cancels: at a
+false-alarm probability of 1 % (seen: 1 of 52 machines) a loss of 20 % of one pair's stiffness was
+found in 21 of 76 recordings of 52 simulated machines, one of 40 % in 52 of 76.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
-from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, GearPattern, mesh_bands, turning
+from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, GearPattern, turning
 from gearmon.diagnosis.results import ToothProfile
 from gearmon.signatures.measured.reference import WheelPattern
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
-# Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
-_NEAR = 3
-# A healthy pattern departs from its fit by this share of its amplitude, besides noise: one pattern
-# cannot follow a change of load, several can.
-_DEPARTURE = {1: 0.5, 2: 0.15}
-_DEPARTURE_FROM_THREE = 0.1
+#: Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
+NEAR = 3
+# A healthy pattern departs from its fit by this share of its amplitude, besides noise.
+_DEPARTURE = 0.1
 # Healthy departures are not Gaussian noise: their windows scatter like a fraction of the degrees of
-# freedom that noise of the same spectrum would have. One healthy pattern cannot follow a change of
-# load, several can; the teeth of one gear differ from one another by their pitch errors. Read off
-# simulated healthy machines, and rounded to the safe side. Half of it without a pattern would find
-# 50 instead of 43 of 88 losses of 20 and 40 %, with two false alarms instead of one in 44 machines.
-_OVERDISPERSION = {0: 9.0, 1: 4.5, 2: 3.0}
-_OVERDISPERSION_FROM_THREE = 2.0
+# freedom that noise of the same spectrum would have; the teeth of one gear differ from one another
+# by their pitch errors. Read off simulated healthy machines, and rounded to the safe side: half of
+# it would find 50 instead of 43 of 88 losses of 20 and 40 %, with two false alarms instead of one
+# in 44 machines.
+_OVERDISPERSION = 9.0
 _WINDOW_TEETH = 2.0
-_LEAST_LINES = 8
+_LEAST_LINES, _LEAST_OF_BAND = 8, 4
+_TINY = np.finfo(float).tiny
 
 
-def locate(
-    wheel: WheelPattern,
-    channels: Sequence[int],
-    healthy: Sequence[WheelPattern],
-    healthy_channels: Sequence[int],
-    *,
-    numbered: bool,
-    same_zero: bool,
-) -> ToothProfile | None:
-    """Look for the tooth at which a gear departs from its healthy patterns.
+def locate(wheel: WheelPattern, channels: Sequence[int], *, numbered: bool) -> ToothProfile | None:
+    """Look for the tooth at which a gear departs from its other teeth.
 
     Parameters
     ----------
     wheel : WheelPattern
-        The gear in the new recording.
+        The gear in the recording.
     channels : sequence of int
         Its channels to use.
-    healthy : sequence of WheelPattern
-        The same gear in healthy recordings; empty to compare its teeth with one another.
-    healthy_channels : sequence of int
-        The same channels there.
     numbered : bool
         Whether the recording's angle zero is a tachometer pulse of this gear's own shaft.
-    same_zero : bool
-        Whether that is also true of all healthy recordings: then nothing needs to be aligned.
 
     Returns
     -------
@@ -80,122 +64,137 @@ def locate(
     window of w of z teeth over the median is compared with a gamma law of shape n_eff w / (z v),
     v the overdispersion, and the probability multiplied by z, the number of places.
     """
-    tops = [int(pattern.number.max()) for pattern in (wheel, *healthy) if len(pattern.number)]
-    if not tops or len(tops) < 1 + len(healthy):
-        return None
-    top = min(tops)
-    new = GearPattern.of(wheel, channels, top)
-    bands = mesh_bands(wheel.teeth, top)
-    known = [
-        _turned(GearPattern.of(pattern, healthy_channels, top), new, wheel.teeth, same_zero)
-        for pattern in healthy
-    ]
-    departure, counted = _departure(
-        new, [k.amplitude for k in known], [k.variance for k in known], bands, wheel.teeth
-    )
-    if int(counted.any(axis=0).sum()) < _LEAST_LINES:
-        return None
-    return _profile(wheel, departure, numbered=numbered, patterns=len(healthy))
-
-
-def _turned(known: GearPattern, new: GearPattern, teeth: int, same_zero: bool) -> GearPattern:
-    """Turn a healthy pattern to the angle at which it explains most of the new one."""
-    return known if same_zero else known.turned(turning(known, new, teeth))
-
-
-def _departure(
-    new: GearPattern,
-    known: Sequence[ComplexArray],
-    variances: Sequence[FloatArray],
-    bands: Sequence[IntArray],
-    teeth: int,
-) -> tuple[ComplexArray, NDArray[np.bool_]]:
-    """Whitened departure of the new pattern from the healthy ones, band by band."""
-    result = np.zeros_like(new.amplitude)
-    counted = np.zeros(new.amplitude.shape, dtype=bool)
-    share = _DEPARTURE.get(len(known), _DEPARTURE_FROM_THREE)
-    for number, band in enumerate(bands, start=1):
-        use = band[new.usable[0, band]]
-        if len(use) < 4:
-            continue
-        offset = use - teeth * number
-        for channel in range(new.channels):
-            value = new.amplitude[channel, use]
-            variance = new.variance[channel, use]
-            rest = value
-            if known:
-                # as many healthy patterns as the band's lines can carry, four lines a gain
-                count = max(1, min(len(known), len(use) // 4))
-                basis = np.array([pattern[channel, use] for pattern in known])
-                variance = variance + np.mean([v[channel, use] for v in variances], axis=0)
-                rest = _rest(value, basis, variance, count)
-            spread = variance + share**2 * np.mean(np.abs(value) ** 2)
-            far = np.abs(offset) > _NEAR
-            result[channel, use[far]] = (rest / np.sqrt(spread))[far]
-            counted[channel, use[far]] = True
-    return result, counted
-
-
-def _rest(
-    value: ComplexArray, basis: ComplexArray, variance: FloatArray, count: int
-) -> ComplexArray:
-    """Return what a weighted fit of the `count` most similar healthy patterns leaves of a band."""
-    weight = 1.0 / np.sqrt(variance)
-    weighted = basis * weight
-    similar = np.abs(weighted.conj() @ (value * weight)) ** 2
-    similar /= np.maximum(np.sum(np.abs(weighted) ** 2, axis=1), np.finfo(float).tiny)
-    chosen = np.argsort(similar)[::-1][:count]
-    gain = np.linalg.lstsq(weighted[chosen].T, value * weight, rcond=None)[0]
-    rest: ComplexArray = value - gain @ basis[chosen]
-    return rest
-
-
-def _profile(
-    wheel: WheelPattern, departure: ComplexArray, *, numbered: bool, patterns: int
-) -> ToothProfile:
-    """Energy of the departure over the turn, and how unlikely its peak is."""
-    energy, position = _windowed_energy(departure, wheel.teeth)
-    median = float(np.median(energy))
-    peak = int(np.argmax(energy))
-    ratio = float(energy[peak]) / max(median, np.finfo(float).tiny)
+    departure = _departure(_of_channels(wheel, channels), None, NEAR)
     power = np.sum(np.abs(departure) ** 2, axis=0)
-    effective = float(power.sum() ** 2 / max(float(np.sum(power**2)), np.finfo(float).tiny))
+    if np.count_nonzero(power) < _LEAST_LINES:
+        return None
+    energy = _around(departure, wheel.number, wheel.teeth)
+    place = int(np.argmax(energy)) / len(energy)
+    ratio = float(energy.max())
+    effective = float(power.sum() ** 2 / max(float(np.sum(power**2)), _TINY))
     # channels are not counted: what departs on a healthy machine is heard by all of them
-    overdispersion = _OVERDISPERSION.get(patterns, _OVERDISPERSION_FROM_THREE)
-    shape = max(effective * _WINDOW_TEETH / wheel.teeth / overdispersion, 0.5)
-    by_tooth = np.interp(
-        np.arange(wheel.teeth) / wheel.teeth, position, energy / max(median, 1e-300), period=1.0
-    )
-    place = float(position[peak])
+    shape = max(effective * _WINDOW_TEETH / wheel.teeth / _OVERDISPERSION, 0.5)
     return ToothProfile(
         stage=wheel.stage,
         gear=wheel.gear,
         teeth=wheel.teeth,
         order=wheel.order,
-        energy=by_tooth,
+        energy=_by_tooth(energy, wheel.teeth),
         tooth=round(place * wheel.teeth - CONTACT_CENTRE) % wheel.teeth + 1 if numbered else None,
         position=place,
         ratio=ratio,
         log10_probability=min(0.0, _log10_gamma(shape, ratio) + float(np.log10(wheel.teeth))),
-        against="reference" if patterns else "other teeth",
+        against="other teeth",
     )
 
 
-def _windowed_energy(departure: ComplexArray, teeth: int) -> tuple[FloatArray, FloatArray]:
-    """Energy in windows of two teeth, channels added, and the windows' centres in turns."""
-    top = departure.shape[1]
-    steps = 1 << int(np.ceil(np.log2(4 * top)))
-    padded = np.zeros((departure.shape[0], steps), dtype=complex)
-    padded[:, :top] = departure
-    waveform = np.fft.ifft(padded, axis=1) * steps
-    energy = np.sum(np.abs(waveform) ** 2, axis=0)
+def departure_energy(new: WheelPattern, old: WheelPattern, near: int = NEAR) -> FloatArray:
+    """Return the energy of a departure from a healthy recording around a gear's turn, by tooth.
+
+    Parameters
+    ----------
+    new, old : WheelPattern
+        Of the new recording and of the healthy one, at the same angle: the same lines.
+    near : int
+        Sidebands about each mesh harmonic that are left out on both sides.
+
+    Returns
+    -------
+    ndarray of float, shape (teeth,)
+        Over windows of two teeth, median 1.
+
+    Notes
+    -----
+    About each mesh harmonic one complex gain per channel is fitted; the rest is divided by the
+    scatter to expect, that is noise and a tenth of the amplitude.
+    """
+    energy = _by_tooth(_around(_departure(new, old, near), new.number, new.teeth), new.teeth)
+    middle = float(np.median(energy))
+    return np.asarray(energy / middle if middle > 0 else np.ones(new.teeth))
+
+
+def aligned(
+    new: WheelPattern,
+    channels: Sequence[int],
+    old: WheelPattern,
+    old_channels: Sequence[int],
+    *,
+    same_zero: bool = False,
+) -> tuple[WheelPattern, WheelPattern]:
+    """Return the lines that two recordings share of a gear, the second turned to the first.
+
+    Parameters
+    ----------
+    new, old : WheelPattern
+    channels, old_channels : sequence of int
+        Channels to use, and the same ones in the second.
+    same_zero : bool
+        Whether both count from the same pulse: then nothing needs to be turned.
+    """
+    pairs = [_of_channels(new, channels), _of_channels(old, old_channels)]
+    common = np.intersect1d(new.number, old.number)
+    kept = [np.isin(own.number, common) for own in pairs]
+    one, two = (
+        replace(
+            own,
+            number=own.number[k],
+            mesh=own.mesh[k],
+            amplitude=own.amplitude[:, k],
+            variance=own.variance[:, k],
+        )
+        for own, k in zip(pairs, kept, strict=True)
+    )
+    if same_zero or not len(common):
+        return one, two
+    rows, top = range(len(channels)), int(common[-1])
+    angle = turning(GearPattern.of(two, rows, top), GearPattern.of(one, rows, top), new.teeth)
+    return one, replace(two, amplitude=two.amplitude * np.exp(2j * np.pi * angle * common))
+
+
+def _of_channels(wheel: WheelPattern, channels: Sequence[int]) -> WheelPattern:
+    """Return the lines at the multiples of the rotation, in some channels."""
+    rows, none = list(channels), np.zeros((0, 0, 0))
+    return replace(
+        wheel,
+        amplitude=wheel.amplitude[rows],
+        variance=np.maximum(wheel.variance[rows], _TINY),
+        beside=none.astype(complex),
+        beside_variance=none,
+    )
+
+
+def _departure(new: WheelPattern, old: WheelPattern | None, near: int) -> ComplexArray:
+    """Whitened departure of a gear's lines, 0 where none counts, shape (channels, lines)."""
+    band = (new.number + new.teeth // 2) // new.teeth
+    member = ((band[:, None] == np.unique(band)) & ~new.mesh[:, None]).astype(float)
+    # a gain fitted to three lines leaves nothing of them, and about the mean is no mesh harmonic
+    member = member[:, (member.sum(axis=0) >= _LEAST_OF_BAND) & (np.unique(band) > 0)]
+    usual = np.abs(new.amplitude) ** 2 @ (member / member.sum(axis=0)) @ member.T
+    spread = new.variance + _DEPARTURE**2 * usual
+    rest = new.amplitude
+    if old is not None:
+        power = np.abs(old.amplitude) ** 2 @ member
+        gain = (new.amplitude * old.amplitude.conj()) @ member / np.maximum(power, _TINY)
+        rest = rest - (gain @ member.T) * old.amplitude
+        spread = spread + old.variance
+    counted = (member.sum(axis=1) > 0) & (np.abs(new.number - band * new.teeth) > near)
+    return np.where(counted, rest / np.sqrt(spread), 0.0)
+
+
+def _around(departure: ComplexArray, number: NDArray[np.int64], teeth: int) -> FloatArray:
+    """Energy in windows of two teeth about places of the turn, over that of the median place."""
+    steps = 1 << int(np.ceil(np.log2(4 * number.max(initial=1))))
+    lines = np.zeros((len(departure), steps), dtype=complex)
+    lines[:, number] = departure
+    energy = np.sum(np.abs(np.fft.ifft(lines, axis=1)) ** 2, axis=0)
     width = max(1, round(steps * _WINDOW_TEETH / teeth))
-    window = np.zeros(steps)
-    window[:width] = 1.0 / width
-    smooth = np.fft.irfft(np.fft.rfft(energy) * np.fft.rfft(window), n=steps)
-    centre = (np.arange(steps) - (width - 1) / 2) / steps % 1.0
-    order = np.argsort(centre)
-    return np.maximum(smooth[order], 0.0), centre[order]
+    windows = np.maximum(uniform_filter1d(energy, width, mode="wrap"), 0.0)
+    return np.asarray(windows / max(float(np.median(windows)), _TINY))
+
+
+def _by_tooth(energy: FloatArray, teeth: int) -> FloatArray:
+    """Energies about the places where teeth enter contact."""
+    return np.asarray(energy[np.rint(np.arange(teeth) / teeth * len(energy)).astype(int)])
 
 
 def _log10_gamma(shape: float, ratio: float) -> float:

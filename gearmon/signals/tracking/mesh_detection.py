@@ -544,9 +544,9 @@ def _finer_comb(
         return np.bincount(of[kept], above[kept], len(tried)) / np.maximum(count, 1), count
 
     # most spacings are out already before their neighbours are looked at
-    (off, count), (own, harmonics_on) = mean(between), mean(meshed)
+    (off, count), (on, harmonics_on) = mean(between), mean(meshed)
     told = (count >= _LINES) & (harmonics_on > 0)
-    told &= (off >= _AS_CLEAR * own) & (off * np.sqrt(count) >= _SURE)
+    told &= (off >= _AS_CLEAR * on) & (off * np.sqrt(count) >= _SURE)
     for number in np.flatnonzero(told).tolist():
         mine, spacing = of == number, float(tried[number])
         standing = lines.standing(orders[mine], told_apart, (spacing, mesh.order))

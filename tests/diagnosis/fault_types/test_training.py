@@ -14,7 +14,6 @@ from gearmon.diagnosis.fault_types import (
     NAMES,
     NONE,
     KindClassifier,
-    departure_energy,
     draw_example,
     examples,
     machine_lines,
@@ -22,6 +21,7 @@ from gearmon.diagnosis.fault_types import (
     training_table,
 )
 from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind, rule_probabilities
+from gearmon.diagnosis.hypotheses.own_teeth import departure_energy
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.expected.baseline import expected_signature
