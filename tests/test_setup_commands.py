@@ -10,6 +10,7 @@ from reference.small_gearbox import machine, simulated
 
 import gearmon
 from gearmon.cli import main
+from gearmon.diagnosis.reference_check import CheckedRecording, _missing_loads
 
 TOLD = ["--teeth", "23/57", "--speed", "2960rpm"]
 
@@ -129,3 +130,24 @@ def test_check_asks_for_loads_and_names_the_odd_one():
     told = gearmon.check_reference(gearmon.learn(odd, machine()), machine())
     assert told.headline().startswith("simulated 4 departs from the others as a fault would")
     assert len(told.to_frame()) == 4
+
+
+@pytest.mark.parametrize(
+    ("loads", "said"),
+    [
+        ([1.0], "Add two healthy recordings, one at about half the load"),
+        ([1.0, 1.2, 1.1], "at about half the load: all of these are at one."),
+        ([1.0, 1.3], ""),
+        ([1.0, 4.0, 1.1], "at about 2.1 times the load of the first: none lies near it."),
+    ],
+)
+def test_the_load_that_would_teach_most_is_in_the_middle_of_the_widest_gap(loads, said):
+    """On the scale of logarithms, on which the law of loads is learned."""
+    heard = [
+        CheckedRecording(
+            recording="a", duration_s=4.0, speed_hz=50.0, relative_load=load, strength=None
+        )
+        for load in loads
+    ]
+    assert " ".join(_missing_loads(heard)).find(said) >= 0
+    assert bool(_missing_loads(heard)) == bool(said)
