@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from gearmon.cli import main, parsed
 from gearmon.demos import run_demo
 from gearmon.demos import tractor as demo
 from gearmon.exposure import day, gearbox, measures
+from gearmon.report import exposure_lines
 
 RATE = 400.0
 PLAN = """\
@@ -166,6 +168,18 @@ def test_results_are_like_the_others(farm):
     bands, course = felt.plot()
     assert len(bands.get_lines()) == 6
     assert len(course.get_lines()) == 4
+    drawn = [line.get_ydata() for line in bands.get_lines()]
+    for number in range(3):
+        np.testing.assert_array_equal(drawn[2 * number], felt.weighted_band_ms2[number])
+        np.testing.assert_array_equal(drawn[2 * number + 1], felt.band_ms2[number])
+        assert bands.get_lines()[2 * number].get_linestyle() == "-"
+    told = "\n".join(exposure_lines(felt))
+    for name, said in (
+        ("action_ms2", "A(8) reaches the action"),
+        ("action_vdv", "VDV reaches the action"),
+    ):
+        (hours,) = re.findall(rf"{re.escape(said)} value after (\S+) h", told)
+        assert float(hours) == pytest.approx(felt.times_s()[name] / 3600, rel=5e-3)
     assert "hours of work" in found.plot()[-1].get_xlabel()
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 from reference.small_gearbox import machine, simulated
 
 import gearmon
 from gearmon.cli import main
+from gearmon.diagnosis.reference_check import CheckedRecording, _missing_loads
 
 TOLD = ["--teeth", "23/57", "--speed", "2960rpm"]
 
@@ -64,6 +66,7 @@ def test_init_refuses_what_cannot_be(tmp_path, capsys, words, said):
     [
         ("57/23", "57 teeth drive 23: it speeds up by 2.48; if it slows down, swap them"),
         ("17/570", "a ratio of 33.5 is more than one stage usually has"),
+        ("570/17", "a ratio of 33.5 is more than one stage usually has"),
     ],
 )
 def test_init_says_what_looks_mistaken(tmp_path, capsys, teeth, said):
@@ -86,6 +89,15 @@ def test_init_finds_milliseconds_taken_for_seconds(tmp_path, capsys):
     assert "too slow for my gearbox with a mesh at 1134" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(("rate", "code"), [(2200, 2), (2300, 0)])
+def test_init_wants_twice_the_mesh_frequency(tmp_path, capsys, rate, code):
+    """1134.7 Hz here: below 2269 Hz its first harmonic is not in the recording."""
+    rows = "".join(f"{(row * row) % 17}\n" for row in range(4000))
+    (tmp_path / "new.csv").write_text(f"a1 (m/s2)\n{rows}")
+    assert init(tmp_path, tmp_path / "new.csv", "--sampling-rate", rate, *TOLD) == code
+    assert ("too slow" in capsys.readouterr().err) == (code == 2)
+
+
 def test_check_tells_what_a_reference_covers(shop, capsys):
     words = ["check", str(shop / "healthy.ref"), "--machine", str(shop / "machine.toml")]
     assert main([*words, "--json"]) == 0
@@ -97,7 +109,10 @@ def test_check_tells_what_a_reference_covers(shop, capsys):
     assert {(own["stage"], own["gear"]) for own in told["gears"]} == {(1, "pinion"), (1, "gear")}
     assert not any("fault" in advice for advice in told["advice"])
     assert main(words) == 0
-    assert "pinion of stage 1: a weak tooth is noticed" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    for own in told["gears"]:
+        (share,) = re.findall(rf"{own['gear']} of stage 1: .* noticed from (\S+) % on", said)
+        assert float(share) == pytest.approx(100 * own["noticed_from"], rel=0.06)
     assert main(["check", str(shop), *words[2:]]) == 2
     told = "is a folder, no gearmon reference; make one with gearmon learn"
     assert capsys.readouterr().err == f"gearmon: {shop}: {told}\n"
@@ -115,3 +130,24 @@ def test_check_asks_for_loads_and_names_the_odd_one():
     told = gearmon.check_reference(gearmon.learn(odd, machine()), machine())
     assert told.headline().startswith("simulated 4 departs from the others as a fault would")
     assert len(told.to_frame()) == 4
+
+
+@pytest.mark.parametrize(
+    ("loads", "said"),
+    [
+        ([1.0], "Add two healthy recordings, one at about half the load"),
+        ([1.0, 1.2, 1.1], "at about half the load: all of these are at one."),
+        ([1.0, 1.3], ""),
+        ([1.0, 4.0, 1.1], "at about 2.1 times the load of the first: none lies near it."),
+    ],
+)
+def test_the_load_that_would_teach_most_is_in_the_middle_of_the_widest_gap(loads, said):
+    """On the scale of logarithms, on which the law of loads is learned."""
+    heard = [
+        CheckedRecording(
+            recording="a", duration_s=4.0, speed_hz=50.0, relative_load=load, strength=None
+        )
+        for load in loads
+    ]
+    assert " ".join(_missing_loads(heard)).find(said) >= 0
+    assert bool(_missing_loads(heard)) == bool(said)

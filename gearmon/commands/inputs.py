@@ -116,7 +116,7 @@ def machine_of(path: str, speed_hint_rpm: float | None = None) -> Machine:
         return machine
     check_positive("--speed-hint", speed_hint_rpm, "rpm")
     nearest = min(machine.operating, key=lambda own: abs(own.speed_rpm - speed_hint_rpm))
-    return replace(machine, operating=(replace(nearest, speed_rpm=speed_hint_rpm),))
+    return replace(machine, operating=(replace(nearest, speed_rpm=speed_hint_rpm, share=1.0),))
 
 
 def recordings_named(given: Sequence[str]) -> list[str]:

@@ -284,7 +284,8 @@ def _plot_kind(rows: pd.DataFrame, gears: Sequence[str], ax: Axes) -> None:
     share = rows["mesh_change_ms2" if alike else "sidebands_ms2"] / rows["healthy_ms2"]
     # what is not there at all lies below every level
     levels = 20 * np.log10(share.where(share > 0, 1e-99))
-    sizes = 100 * rows["loss"] if is_loss else rows["size"].map(_length_um)
+    # errors of gears have sizes in um; all else is told by its loss
+    sizes = 100 * rows["loss"] if is_loss else rows["size"].str.removesuffix("um").astype(float)
     for number, gear in enumerate(gears):
         chosen = (rows["member"] == gear) & (levels > _LEAST_DB)
         if not chosen.any():
@@ -313,8 +314,3 @@ def _plot_kind(rows: pd.DataFrame, gears: Sequence[str], ax: Axes) -> None:
     kind = rows["kind"].iloc[0]
     ax.set_title(f"{kind}: change of the mesh lines" if alike else kind)
     ax.grid(True, color="#e3e5e8", linewidth=0.5)
-
-
-def _length_um(text: str) -> float:
-    """Return the size of a fault that is a length [um]."""
-    return 1e3 * float(text[:-2]) if text.endswith("mm") else float(text[:-2])

@@ -6,12 +6,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from reference import small_gearbox
 
 from gearmon.benchmark import run_case, summary_rows
 from gearmon.benchmark.detection import (
     NOTHING,
+    TEXTBOOK,
     _around,
     detection_summary,
+    rises,
     tooth_error,
     with_learning,
 )
@@ -97,6 +100,23 @@ def test_findings_are_counted():
     assert value(found, "interval covers", "loss 0.2") == (0.5, 2)
     assert value(found, "loss error, quartiles", "loss 0.2") == (pytest.approx(0.05), 2)
     assert value(found, "called a tooth", "eccentricity") == (0.5, 2)
+
+
+def test_rises_are_those_of_the_indicators():
+    """Greatest rise over gears and channels, as natural logarithm; back and forth it is a fall."""
+    new, sound = (small_gearbox.analysis(fault) for fault in (small_gearbox.CRACK, ""))
+    (there, _), (back, _) = rises(new, sound), rises(sound, new)
+    for name in ("FM4", "energy ratio", "SER", "kurtosis"):
+        known = TEXTBOOK.get(name, name) if name != "SER" else "SER"
+        grown = [
+            np.log(value / sound.indicators[key][channel])
+            for key, values in new.indicators.items()
+            if key.partition(", ")[0] == known
+            for channel, value in values.items()
+        ]
+        told = next(own for own, of in TEXTBOOK.items() if of == known)
+        assert there[told] == pytest.approx(max(grown))
+        assert back[told] == pytest.approx(-min(grown))
 
 
 def test_learning_is_trained_on_other_machines():

@@ -145,3 +145,12 @@ def test_every_condition_is_heard(bench, kind):
 def test_unknown_condition_is_refused():
     with pytest.raises(ArgumentError, match="rust"):
         Condition(kind="rust")
+
+
+def test_misalignment_takes_its_size_once_a_turn_and_nothing_half_a_turn_later(bench):
+    stage = bench.stages[0]
+    state = Condition(kind="misalignment", stage=1, gear="pinion", size=0.3, seed=4)
+    _, lost = makers.gear_marks(stage, 0, stage.model, state)
+    share = lost / stage.model.wave(np.ones(stage.gears[0].teeth))
+    assert (share.min(), share.max()) == pytest.approx((0.0, 0.3), abs=1e-5)
+    assert share.mean() == pytest.approx(0.15, rel=1e-6)

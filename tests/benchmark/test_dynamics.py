@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
 from gearmon.benchmark import case_figures, rivals, run_case, summary_rows
@@ -16,6 +17,7 @@ from gearmon.benchmark.dynamics import (
     headlines,
     run_dynamics,
 )
+from gearmon.benchmark.equations import growing_turn, square_wave
 from gearmon.benchmark.timing import interleaved
 from gearmon.errors import ArgumentError
 from gearmon.report.plots import save_all
@@ -100,6 +102,26 @@ def test_headlines(rows):
     assert lines["pair"]["solve_ivp"] > 0
     assert lines["pair"]["ours_us"] > 0
     assert lines["pair"]["odeint"] > 0
+
+
+def test_headlines_are_in_microseconds(rows):
+    (line,) = [line for line in headlines(rows) if line["case"] == "pair"]
+    times = {r["method"]: r["median_s"] for r in rows if r["case"] == "pair" and r["at_target"]}
+    assert line["ours_us"] == pytest.approx(1e6 * times["steady_state"])
+    slower = times["SciPy odeint"] / times["steady_state"]
+    assert line["odeint"] == pytest.approx(slower)
+
+
+@pytest.mark.parametrize("meshes", [1, 8])
+def test_a_growing_turn_has_one_gaussian_dip(meshes):
+    """Beside the square wave of the mesh: 0.1 deep, a quarter of a mesh period its deviation."""
+    own = growing_turn(meshes).stiffness_harmonics.copy()
+    own[meshes - 1 :: meshes] -= square_wave(10)
+    phase = np.arange(64 * meshes) / 64
+    found = np.fft.irfft(np.append(0j, own), len(phase), norm="forward")
+    away = phase[:, None] - meshes * np.arange(-9, 10)
+    dip = -0.1 * np.exp(-(away**2) / (2 * 0.25**2)).sum(axis=1)
+    np.testing.assert_allclose(found, dip - dip.mean(), atol=1e-6)
 
 
 def test_fixed_orders_gain_accuracy(rows):

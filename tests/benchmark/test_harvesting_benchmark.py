@@ -20,6 +20,11 @@ def test_tuning_finds_what_time_integration_finds(rows):
     assert min(rows[0]["time_s"], rows[0]["rival_time_s"]) > 0
 
 
+def test_ratios_are_times_of_the_rival_over_ours(rows):
+    for row in rows:
+        assert row["ratio"] == pytest.approx(row["rival_time_s"] / row["time_s"])
+
+
 def test_optimum_is_not_below_brute_force(rows):
     for row in rows[1:]:
         assert row["power_ratio"] > 0.995

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+import sys
 
 import pytest
 
 from gearmon.benchmark import run_case, signals
-from gearmon.benchmark.timing import facts_of_run
+from gearmon.benchmark.timing import Timing, facts_of_run
 from gearmon.errors import ArgumentError
 from gearmon.simulation import simulate
 
@@ -58,6 +59,20 @@ def test_memory_of_a_long_recording(monkeypatch):
     assert row["peak_mib"] > 20  # no Python process with NumPy is smaller
     assert row["ratio"] == pytest.approx(row["peak_mib"] / row["numbers_mib"])
     assert seen == [1.0]
+
+
+def test_peak_memory_counts_what_a_process_takes():
+    """200 MB more are 200 MB more, in units of 1024 bytes as the system counts."""
+    peaks = [
+        signals._peak_memory([sys.executable, "-c", f"held = b'x' * {size}"])[0]
+        for size in (100_000_000, 300_000_000)
+    ]
+    assert peaks[1] - peaks[0] == pytest.approx(2e8, rel=0.01)
+
+
+def test_timings_tell_the_median_and_the_fastest():
+    timing = Timing.of([3.0, 1.0, 8.0])
+    assert timing.columns() == {"median_s": 3.0, "fastest_s": 1.0, "repeats": 3}
 
 
 def test_unknown_case_is_refused():

@@ -294,3 +294,9 @@ def test_map_holds_exact_and_expanded_boundaries():
 def test_bad_arguments(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
+
+
+def test_k_touches_zero_where_the_deepest_dip_reaches_its_mean():
+    """f = 0.2 cos x + 0.1 cos 2x lies between -0.15 at cos x = -1/2 and 0.3."""
+    problem = HillProblem(0.28, 9e3, 8e8, [0.1, 0.05], 1.6e-3, 4e3)
+    assert stability_margin(problem).positive_factor == pytest.approx(1 / 0.15, rel=1e-3)

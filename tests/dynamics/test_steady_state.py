@@ -210,3 +210,19 @@ def test_a_turn_with_a_weak_tooth():
 def test_bad_arguments_are_refused(arguments, words):
     with pytest.raises(ArgumentError, match=words):
         steady_state(published_pair(), **arguments)
+
+
+def test_the_message_tells_of_lost_contact_wherever_there_is_some():
+    """Near resonance, from variations that lose none to those that lose all."""
+    told = []
+    for ratio in (1.0, 2.05, 3.1):
+        for variation in np.geomspace(0.02, 0.5, 16):
+            problem = replace(
+                published_pair(), stiffness_harmonics=np.array([variation / 2]),
+                period_s=2 * math.pi * ratio * math.sqrt(0.28 / 8e8), damping_ns_per_m=2e3,
+            )  # fmt: skip
+            found = steady_state(problem)
+            if found.stable and found.error_bound < 1:
+                assert found.contact_lost == ("teeth lose contact" in found.message)
+                told.append(found.contact_lost)
+    assert 5 < sum(told) < len(told) - 5

@@ -111,6 +111,13 @@ def test_verdicts_heed_the_interval(rms, told):
     assert told in day.headline()
 
 
+def test_a_day_at_the_action_value_is_flagged():
+    at_it = sum_up(plan(8.0), [[felt(axis("z", 0.5))]])
+    assert at_it.doses[0].value == 0.5
+    assert at_it.flagged
+    assert not sum_up(plan(8.0), [[felt(axis("z", 0.499))]]).flagged
+
+
 @given(
     st.lists(st.tuples(st.floats(0.1, 3.0), st.floats(0.1, 4.0)), min_size=1, max_size=5),
     st.randoms(use_true_random=False),

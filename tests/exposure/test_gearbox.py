@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -122,6 +124,63 @@ def test_operating_points_are_ranked_by_what_is_felt():
         by_hand = sum(of_mesh(gain, lines=lines) for gain in GAIN)
         assert point.gears_ms2**2 == pytest.approx(by_hand, rel=0.05)
     assert all(own.damaged_ms2 is None for own in told.points)
+
+
+@cache
+def through_a_slope():
+    """A machine of two speeds, recorded at the first; gains to the hand grow steeply."""
+    points = [{"speed_rpm": rpm, "torque_nm": 120.0, "share": 0.5} for rpm in (2960.0, 2500.0)]
+    known = machine().to_dict() | {"operating": points}
+    time, generator = np.arange(round(RATE * SECONDS)) / RATE, np.random.default_rng(5)
+    healthy = gearmon.expected_signature(known)
+    rows = np.zeros((2, len(time)))
+    for f, a, p in zip(*(healthy[n] for n in ("frequency_hz", "acceleration_ms2", "phase_rad")),
+                       strict=True):  # fmt: skip
+        if f < 4500.0:
+            rows += np.outer(slope(f), a * np.cos(2 * np.pi * f * time + p))
+    rows += 1e-3 * generator.normal(size=rows.shape)
+    lever = Recording(
+        samples=rows, sampling_rate_hz=RATE, channel_names=("x", "y"), units=("m/s2", "m/s2"),
+        origin="lever.csv",
+    )  # fmt: skip
+    return known, lever
+
+
+def slope(frequency, low=0.0, high=np.inf):
+    return np.multiply.outer(GAIN, (np.clip(frequency, low, high) / 1000.0) ** 1.5)
+
+
+def test_other_speeds_and_their_damage_go_through_the_path_as_it_slopes():
+    """Straight on logarithmic scales between the mesh lines that were heard, constant beyond."""
+    (known, lever), fault = through_a_slope(), "wear:1:pinion:all:20%"
+    told = gearmon.gear_share(lever, gearmon.vibration_exposure(lever, "hand"), known, [fault])
+    ends = [
+        float(own)
+        for own in re.findall(r"path is known from (\S+) to (\S+) Hz", told.warnings[0])[0]
+    ]
+    squares = {}
+    for number, rpm in enumerate((2960.0, 2500.0)):
+        for wrong in ((), (fault,)):
+            lines = gearmon.expected_signature(known, wrong, operating=number)
+            f, size = lines["frequency_hz"], lines["acceleration_ms2"] ** 2 / 2
+            squares[rpm, wrong] = float((slope(f, *ends) ** 2 * size * weight(f)).sum())
+    for point in told.points:
+        sound, worn = squares[point.speed_rpm, ()], squares[point.speed_rpm, (fault,)]
+        assert point.gears_ms2**2 == pytest.approx(sound, rel=0.03)
+        assert point.damaged_ms2**2 - point.value_ms2**2 == pytest.approx(worn - sound, rel=0.05)
+
+
+def test_sidebands_count_to_the_third_on_both_sides():
+    time, numbers = np.arange(round(RATE * SECONDS)) / RATE, (-3, -2, -1, 1, 2, 3)
+    places = [(23 + n) * SHAFT_HZ for n in numbers]
+    sizes = 0.3 * np.array(GAIN) * expected()["acceleration_ms2"][0]
+    added = sum(np.cos(2 * np.pi * f * time + n) for n, f in zip(numbers, places, strict=True))
+    lever = replace(recording(), samples=recording().samples + np.outer(sizes, added))
+    felt = gearmon.vibration_exposure(lever, "hand")
+    told = {own.name: own for own in gearmon.gear_share(lever, felt, machine()).lines}
+    for axis, size, share in zip(felt.axes, sizes, told["sidebands of mesh 1"].share, strict=True):
+        by_hand = sum(map(weight, places)) * size**2 / 2
+        assert share * axis.rms_ms2**2 == pytest.approx(by_hand, rel=0.02)
 
 
 def test_without_gear_data_shares_are_told_and_damage_is_refused():

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from statistics import stdev
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -108,6 +111,16 @@ def test_white_noise_has_the_integral_of_the_weighting():
         assert axis.square_scatter == pytest.approx(0.01, abs=0.008)
 
 
+@pytest.mark.parametrize(("seconds", "stretches"), [(12.0, 2), (43.0, 8), (150.0, 20)])
+def test_the_scatter_of_a_mean_is_that_of_its_stretches(seconds, stretches):
+    """Up to twenty of them, of five seconds at least, by the estimate without bias."""
+    found = felt(noise(seconds)[0])
+    squares = np.array_split(found.running_ms2[0] ** 2 / found.axes[0].factor ** 2, stretches)
+    means = [own.mean() for own in squares]
+    expected = stdev(means) / np.sqrt(stretches) / np.mean(means)
+    assert found.axes[0].square_scatter == pytest.approx(expected, rel=1e-9)
+
+
 def test_a_step_leaves_the_energy_of_its_transform():
     """A step of h has |X| = h / (2 pi f): its energy is twice the integral of |W X|^2."""
     step = np.where(time_of(60.0) < 30.0, 0.0, 3.0) + 1e-9 * noise(60.0)[0]
@@ -130,6 +143,40 @@ def test_the_dose_of_a_shock_by_hand():
         "MTVV over rms",
         "VDV over rms T^(1/4)",
     ]
+
+
+@pytest.mark.parametrize(
+    ("name", "most", "of"),
+    [
+        ("crest factor", 9.0, lambda axis: axis.crest_factor),
+        ("MTVV over rms", 1.5, lambda axis: axis.mtvv_ms2 / axis.rms_ms2),
+        ("VDV over rms T^(1/4)", 1.75, lambda axis: axis.vdv / axis.rms_ms2 / 60**0.25),
+    ],
+)
+def test_advice_begins_where_the_standard_says(name, most, of):
+    """ISO 2631-1: 9 (6.2.1), 1.5 and 1.75 (6.3.3), by shocks of growing height beside a sine."""
+    asked = []
+    for height in np.geomspace(0.5, 40.0, 12):
+        found = felt(shock(height=height) + sine(8.0, 0.3))
+        above = of(found.axes[0]) > most
+        assert above == any(told.startswith(f"{name} above {most:g}") for told in found.advice)
+        asked.append(above)
+    assert set(asked) == {True, False}
+
+
+def test_factors_are_those_of_the_standards():
+    """ISO 2631-1: 7.2.3 (seat), 8.2.2 (comfort: backrest, feet); ISO 5349-1 (hand)."""
+    told = {
+        "seat": "Wd 1.4, Wd 1.4, Wk 1",
+        "standing": "Wd 1, Wd 1, Wk 1",
+        "backrest": "Wc 0.8, Wd 0.5, Wd 0.4",
+        "feet": "Wk 0.25, Wk 0.25, Wk 0.4",
+        "building": "Wm 1, Wm 1, Wm 1",
+        "hand": "Wh 1, Wh 1, Wh 1",
+    }
+    for position, axes in POSITIONS.items():
+        assert list(axes) == ["x", "y", "z"]
+        assert ", ".join(f"{name} {k:g}" for name, k in axes.values()) == told[position]
 
 
 @pytest.mark.parametrize("name", ["Wk", "Wd", "Wc", "Wm", "Wh"])
@@ -227,9 +274,18 @@ def test_time_to_the_values_of_the_directive():
     assert set(felt(sine(8.0), position="building").times_s()) == set()
     own = Limits(action_ms2=0.1, limit_ms2=0.2)
     assert felt(sine(8.0), limits=own).times_s()["action_vdv"] is None
-    assert (LIMITS["hand"].action_ms2, LIMITS["hand"].limit_ms2) == (2.5, 5.0)
+    # Directive 2002/44/EC, article 3
+    assert LIMITS["hand"] == Limits(action_ms2=2.5, limit_ms2=5.0)
+    body = Limits(action_ms2=0.5, limit_ms2=1.15, action_vdv=9.1, limit_vdv=21.0)
+    assert LIMITS["seat"] == LIMITS["standing"] == body
     with pytest.raises(GearmonError, match=r"action_ms2 = 2\.0 must not be above"):
         Limits(action_ms2=2.0, limit_ms2=1.0)
+
+
+def test_the_headline_tells_the_time_to_the_action_value_in_hours():
+    found = felt(sine(8.0, 1.0, seconds=300.0))
+    told = float(re.search(r"action value of a day after (\S+) h$", found.headline())[1])
+    assert told == pytest.approx(found.times_s()["action_ms2"] / 3600, rel=5e-3)
 
 
 def test_silence_is_no_exposure():
@@ -301,6 +357,21 @@ def test_what_is_doubtful_is_said():
     assert any(own.startswith("sampled at 256 Hz: nothing above 128 Hz is counted") for own in told)
     assert any(own.startswith("60 s are too short for the statistics of VDV") for own in told)
     assert felt(*noise(240.0)).warnings == ()
+
+
+@pytest.mark.parametrize(("position", "least_s"), [("seat", 227.0), ("building", 108.0)])
+def test_statistics_want_the_duration_of_the_standard(position, least_s):
+    """ISO 2631-1, 5.5: bands from 0.5 Hz want 227 s, those from 1 Hz 108 s."""
+    for seconds in (least_s - 1, least_s + 1):
+        told = felt(*noise(seconds, rate=400.0), rate=400.0, position=position).warnings
+        assert any("too short for the statistics" in own for own in told) == (seconds < least_s)
+
+
+@pytest.mark.parametrize("rate", [390.0, 402.0])
+def test_a_rate_is_doubted_up_to_twice_the_end_of_the_tolerance(rate):
+    """Three third octaves beyond 80 Hz, 10^(2.2) Hz = 158 Hz: ISO 8041-1, table 5."""
+    told = felt(*noise(240.0, rate=0.8 * rate), rate=0.8 * rate).warnings
+    assert any("nothing above" in own for own in told) == (0.8 * rate < 2 * 10**2.2)
 
 
 def test_a_file_is_weighed_from_disk_as_from_memory(tmp_path):

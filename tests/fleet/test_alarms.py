@@ -133,6 +133,15 @@ def test_hooks_are_told_of_their_own_machines_and_classes(tmp_path, rule):
     assert deliver(fleet) == []
 
 
+def test_without_a_rule_two_recordings_raise_an_alarm_and_three_end_it(tmp_path):
+    fleet, stands = made_fleet(tmp_path, ("a",)), []
+    for day, text in enumerate(("fault 0.1", "fault 0.1", "0.1", "0.1", "0.1")):
+        arrive(tmp_path, "a_{}.txt", text, days=day)
+        run_fleet(fleet, at_once)
+        stands.append([own["over"] for own in alarms(fleet)])
+    assert stands == [[], [False], [False], [False], [True]]
+
+
 def test_one_that_begins_earlier_after_a_late_recording_is_the_same_alarm(tmp_path):
     fleet = worn(tmp_path, '[[alarm]]\ncommand = ["true"]')
     deliver(fleet)

@@ -10,6 +10,7 @@ import sqlite3
 import time
 from contextlib import closing
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from reference.fleet_stand_in import (
     said,
     standing_in,
 )
+from scipy.stats import spearmanr
 from scipy.stats import t as student
 
 from gearmon.diagnosis.history import read_history, read_latest
@@ -74,6 +76,25 @@ def test_results_are_parquet_that_pandas_and_others_read(tmp_path):
     assert table["loss"].tolist()[3] == 0.2
     assert dict(table["indicators"][0]) == {"rms, a1": 1.0}
     assert run_fleet(fleet, at_once).results == ()
+
+
+def test_of_several_gears_the_largest_loss_is_told_with_its_interval(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    fleet = made_fleet(tmp_path, ("a",))
+
+    def worn(jobs):
+        for outcome in map(said, jobs):
+            (known,) = outcome.entry.places
+            places = [
+                replace(known, gear=gear, loss=loss, loss_low=loss - 0.02, loss_high=loss + 0.03)
+                for gear, loss in (("pinion", 0.1), ("gear", 0.25))
+            ]
+            yield replace(outcome, entry=replace(outcome.entry, places=tuple(places)))
+
+    arrive(tmp_path, "a_{}.txt", "fault 0.1")
+    run_fleet(fleet, worn)
+    (row,) = pandas.read_parquet(fleet.results).to_dict("records")
+    assert [row[name] for name in ("loss", "loss_low", "loss_high")] == [0.25, 0.23, 0.28]
 
 
 def test_two_files_of_one_machine_and_time_are_said(tmp_path):
@@ -431,6 +452,54 @@ def test_among_machines_alike_the_probability_is_uniform(tmp_path):
     # five machines share their values: a scatter of at most that of 400 draws
     for level in (0.05, 0.2, 0.5, 0.8):
         assert abs(np.mean(found < level) - level) < 4 * np.sqrt(level * (1 - level) / 400)
+
+
+def ranked_by_hand(values, classes, late, early):
+    """Monotonicity, trend and separation, number by number."""
+    usual = {own: np.median(values[classes == own]) for own in set(classes)}
+    course = values - np.array([usual[own] for own in classes])
+    part = [10 * place // len(course) for place in range(len(course))]
+    middle = [np.median(course[np.equal(part, own)]) for own in range(10)]
+    steps = np.sign(np.diff(middle))
+    wins = np.mean([0.5 + 0.5 * np.sign(b - a) for b in course[late] for a in course[early]])
+    trend = spearmanr(course, np.arange(len(course))).statistic
+    return abs(steps.sum()) / 9, abs(trend), abs(2 * wins - 1), wins > 0.5
+
+
+@pytest.mark.parametrize("faults", [(), (5, 9, 11, 14)])
+def test_indicators_are_ranked_by_how_clearly_they_change(tmp_path, faults):
+    """Without a fault the last third is held against the first; levels of classes are taken off."""
+    fleet, seeded = made_fleet(tmp_path, ("a",)), np.random.default_rng(3)
+    classes = np.array(["hay", "maize", "hay"] * 5)
+    level = np.where(classes == "maize", 40.0, 1.0)
+    courses = {
+        "falls": level - 0.3 * np.arange(15) + seeded.normal(size=15),
+        # heavy tails, on one side: neither a mean nor a plain correlation tells their course
+        "rises": level + np.exp(0.4 * np.arange(15) + seeded.normal(size=15)),
+        "stays": level + seeded.normal(size=15),
+    }
+
+    def drawn(jobs):
+        for job in jobs:
+            day = round((job.time_s - datetime(2026, 3, 1, tzinfo=UTC).timestamp()) / 86400)
+            levels = {name: float(course[day]) for name, course in courses.items()}
+            yield replace(said(job), indicators={"rms": levels})
+
+    for day, own in enumerate(classes):
+        text = "fault 0.1" if day in faults else "0.1"
+        arrive(tmp_path, f"a_{{}}_{own}.txt", text, days=day)
+    run_fleet(fleet, drawn)
+    rows = {row["indicator"]: row for row in rank(fleet)}
+    late = np.isin(np.arange(15), faults or range(10, 15))
+    early = ~late if faults else np.arange(15) < 5
+    for name, course in courses.items():
+        row = rows[f"rms, {name}"]
+        *measures, rises = ranked_by_hand(course, classes, late, early)
+        found = [row[key] for key in ("monotonicity", "trend", "separation")]
+        assert found == pytest.approx(measures)
+        assert row["clearness"] == pytest.approx(np.mean(measures))
+        assert (row["rises"], row["recordings"]) == (rises, 15)
+    assert list(rows) == sorted(rows, key=lambda name: -rows[name]["clearness"])
 
 
 @pytest.mark.parametrize(("table", "column", "value"), CELLS)

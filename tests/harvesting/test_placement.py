@@ -15,6 +15,7 @@ from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.placement import survey_expected, survey_measured
 from gearmon.harvesting.request import SensorBudget
 from gearmon.harvesting.response import between, combined, interval_90, scatter_of_mean
+from gearmon.harvesting.vibration import line_numbers
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.recording import Recording
 
@@ -56,6 +57,23 @@ def recording(amplitudes, seed=0, unit="m/s2", seconds=12.0, noise=0.05):
         units=(unit,) * len(names),
         origin=f"r{seed}",
     )
+
+
+def test_the_share_of_lines_weighs_operating_points_by_their_time():
+    """A line in one recording and noise alone in the other, bin by bin."""
+    parts = [
+        recording([0.02], seed=1, seconds=6.0),
+        recording([0.0], seed=2, seconds=6.0, noise=0.2),
+    ]
+    shares, given, whole = (0.9, 0.1), 0.0, 0.0
+    best = survey_measured(machine(), narrow(), parts, shares=shares).best
+    for point, share in zip(best.tuned.duty, shares, strict=True):
+        heard = point.vibration
+        gains = best.tuned.harvester.gains(heard.frequency_hz).power_w
+        power = share * gains * heard.mean_square_m2s4
+        given, whole = given + power[line_numbers(heard) > 0].sum(), whole + power.sum()
+    assert best.line_share == pytest.approx(given / whole)
+    assert 0.01 < best.line_share < 0.99
 
 
 def test_loudest_position_is_first_and_its_power_is_the_bound():

@@ -7,7 +7,7 @@ import pytest
 from gearmon.errors import GearmonError
 from gearmon.harvesting.cantilever import PiezoCantilever
 from gearmon.harvesting.harvester import InertialHarvester
-from gearmon.harvesting.request import built_in, load_harvester
+from gearmon.harvesting.request import SensorBudget, built_in, load_harvester
 
 
 def written(tmp_path, text):
@@ -67,3 +67,15 @@ clearance_mm = 3.0
     assert (beam.length_m, beam.width_m, beam.clearance_m) == pytest.approx((0.03, 0.005, 0.003))
     assert (beam.passive_thickness_m, beam.piezo_thickness_m) == pytest.approx((1.5e-4, 2.5e-4))
     assert (beam.most_tip_mass_kg, beam.tip_gyration_m) == pytest.approx((0.007, 0.004))
+
+
+@pytest.mark.parametrize(("drop", "store"), [(0.6, 3.0), (0.0, 2.0), (1.0, 1.0)])
+def test_a_store_without_regulator_takes_most_at_half_the_open_voltage(drop, store):
+    """Diodes take their share of the voltage that is held, and nothing flows above the peak."""
+    budget, load = SensorBudget(regulator="none", rectifier_drop_v=drop, store_v=store), 1e4
+    held = store + drop
+    # matched, the amplitude is half of that without load
+    for amplitude, share in ((held, 1.0), (2 * held, 0.75), (0.501 * held, 0.0), (0.4 * held, 0.0)):
+        power = amplitude**2 / (2 * load)
+        found = float(budget.rectified_w(power, load))
+        assert found == pytest.approx(power * share * store / held, abs=0.01 * power)

@@ -12,7 +12,9 @@ from hypothesis import strategies as st
 from gearmon.errors import ArgumentError
 from gearmon.harvesting.harvester import InertialHarvester, half_power_band, response_rows
 from gearmon.harvesting.request import built_in
+from gearmon.harvesting.response import evaluate
 from gearmon.harvesting.tuning import bandwidth_against_quality
+from gearmon.harvesting.vibration import vibration_of_lines
 
 
 def inertial(**changes):
@@ -69,3 +71,18 @@ def test_what_has_no_band_is_refused():
         half_power_band(inertial(electrical_damping_ratio=5.0))
     with pytest.raises(ArgumentError, match="quality_factor"):
         bandwidth_against_quality(inertial(), [0.2])
+
+
+def test_the_weight_counts_in_shares_of_limits_as_much_as_motion_does():
+    """Shares are straight in the motion, and begin at what the weight alone takes."""
+    beam, _ = built_in()
+    quiet, soft, loud = (
+        evaluate(beam, vibration_of_lines([200.0], acceleration_ms2=[size]))
+        for size in (1e-9, 0.5, 1.0)
+    )
+    assert quiet.stress_share == pytest.approx(quiet.static_stress_pa / beam.stress_limit_pa)
+    assert quiet.travel_share == pytest.approx(quiet.static_travel_m / beam.clearance_m)
+    assert quiet.stress_share > 0
+    grown = loud.stress_share - quiet.stress_share
+    assert soft.stress_share - quiet.stress_share == pytest.approx(0.5 * grown, rel=1e-6)
+    assert grown > 0

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from matplotlib.container import ErrorbarContainer
 from PIL import Image
 
 from gearmon.harvesting.harvester import InertialHarvester
@@ -66,6 +67,13 @@ def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
     assert positions.get_xlabel() == "mean power over the duty cycle in µW"
     widths = [bar.get_width() for bar in positions.patches]
     assert widths == pytest.approx([1e6 * place.power_w for place in survey.placed])
+    (bars,) = [own for own in positions.containers if isinstance(own, ErrorbarContainer)]
+    ends = [(1e6 * p.power_low_w, 1e6 * p.power_high_w) for p in survey.placed]
+    drawn = bars.lines[2][0].get_segments()
+    known = [pair for pair in zip(drawn, ends, strict=True) if np.isfinite(pair[1]).all()]
+    assert known
+    for segment, end in known:
+        assert segment[:, 0] == pytest.approx(end)
     tuning = figures["-tuning"].axes[0]
     assert tuning.get_ylabel() == "mean power over the duty cycle in µW"
     best = next(line for line in tuning.lines if line.get_marker() == "o")

@@ -1,12 +1,17 @@
 from __future__ import annotations
 
+import base64
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from gearmon.diagnosis.history import Entry, History, Place, history_trends
 from gearmon.report.analysis_plots import kind_figure
+from gearmon.report.charts import history_charts
 from gearmon.report.history_plots import day_figure, history_figure
+from gearmon.report.history_text import history_lines
 from gearmon.report.plots import as_png
 
 
@@ -72,6 +77,27 @@ def test_losses_limit_and_scores_are_drawn():
     assert drawn.vertices[:, 1].min() >= 100 * low.min() - 1e-9
     begin = found.teeth[0].trend.changes[0].time_s / 86400.0
     assert any(np.allclose(line.get_xdata(), begin) for line in upper.lines)
+
+
+def test_words_and_charts_tell_the_loss_in_percent_and_its_rate_a_day():
+    found = history_trends(history(), limit=0.3)
+    (tooth,) = found.shown
+    text = "\n".join(history_lines(found))
+    (rate,) = re.findall(r"rate \+(\S+) % \(\+(\S+) % to \+(\S+) %\) a day", text)
+    assert [float(own) for own in rate] == pytest.approx(
+        [100 * 86400 * own for own in tooth.trend.rate()], abs=0.051
+    )
+    (now,) = re.findall(r"loss of pair stiffness now (\S+) %", text)
+    assert float(now) == pytest.approx(100 * tooth.now[0], abs=0.051)
+    chart = history_charts(found)["charts"][0]
+    assert (chart["name"], chart["limit"]) == ("history-loss", pytest.approx(30.0))
+    estimates, trend = chart["curves"]
+    value, low, high = tooth.trend.at(chart["times"])
+    told = ((estimates, tooth.trend.series.value, tooth.low, tooth.high), (trend, value, low, high))
+    for curve, *rows in told:
+        for name, row in zip(("values", "low", "high"), rows, strict=True):
+            numbers = np.frombuffer(base64.b64decode(curve[name]), dtype="<f4")
+            np.testing.assert_allclose(numbers, 100 * np.asarray(row), rtol=1e-5, atol=1e-5)
 
 
 def test_losses_of_sound_teeth_do_not_fill_the_picture():

@@ -220,3 +220,13 @@ def test_uncertainty_counts_turns_of_the_shaft_it_is_told_for():
     fast = replace(track([0, 1], [0, 20]), uncertainty_turns=1e-3).of_shaft(3.5)
     assert fast.speed_hz == pytest.approx(70.0)
     assert fast.uncertainty_turns == pytest.approx(3.5e-3)
+
+
+def test_a_parabola_through_uneven_knots_is_met_exactly():
+    """Slopes are those of the parabolas through neighbours, however far apart these are."""
+    turns = np.array([0.0, 1.0, 1.5, 3.5, 4.0, 6.0, 6.3, 9.0])
+    track = AngleTrack(
+        time_s=0.1 * turns + 4e-3 * turns**2, turns=turns, method="constant", uncertainty_turns=0.0
+    )
+    inside = np.linspace(1.0, 6.3, 200)
+    np.testing.assert_allclose(track.time_at(inside), 0.1 * inside + 4e-3 * inside**2, rtol=1e-12)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reference.hill_reference import harmonic_balance
+from reference.simulated_machines import planetary
 
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError
@@ -298,3 +299,12 @@ def test_contact_is_lost_at_the_same_mesh_phase_whatever_the_period():
         (warning,) = (w for w in found.header["warnings"] if "lose contact" in w)
         phases.append(float(warning.split("mesh phase ")[1].split(":")[0]))
     assert phases[1] % 1.0 == pytest.approx(phases[0], abs=2e-3)
+
+
+@pytest.mark.parametrize(("gear", "mesh"), [("ring", "planet-ring"), ("sun", "sun-planet")])
+def test_an_error_of_a_set_acts_in_the_mesh_of_its_gear(gear, mesh):
+    """An error all through the turn has its mesh taken by itself: of the ring that of the ring."""
+    found = expected_signature(planetary(), [f"eccentricity:1:{gear}:all:20um"], max_hz=1500.0)
+    assert found.header["stages"][0]["mesh"] == mesh
+    assert gear in set(found["sideband_of"])
+    assert not any("does not act" in own for own in found.header["stages"][0]["warnings"])

@@ -68,6 +68,13 @@ def test_tables(found):
     np.testing.assert_allclose(
         [row["average"] for row in mine], own.average.waveform[0], rtol=1e-6, atol=1e-9
     )
+    told = [row for row in lines if (row["gear"], row["channel"]) == ("pinion", "a1")]
+    amplitude, phase = (
+        np.array([row[name] for row in told]) for name in ("amplitude", "phase_deg")
+    )
+    found_lines = own.average.lines[0, 1:]
+    turned = amplitude * np.exp(1j * np.radians(phase))
+    np.testing.assert_allclose(turned, found_lines, rtol=1e-4, atol=1e-6 * amplitude.max())
     parts = {row["multiple"]: row["part"] for row in lines if row["gear"] == "pinion"}
     assert [parts[n] for n in (1, 2, 3, 22, 23, 24, 25, 46)] == [
         "shaft",

@@ -62,6 +62,25 @@ def test_noise_has_the_wanted_rms_half_of_it_coloured():
     assert power[: len(power) // 50].mean() > 10 * power[len(power) // 2 :].mean()
 
 
+def test_coloured_noise_falls_as_a_low_pass_of_first_order():
+    """White and coloured halves: 1/2 + c / (1 + (f / 0.02)^2), c by the same whole power."""
+    row = noise(np.random.default_rng(1), 1_000_000, 1.0)
+    share = np.fft.rfftfreq(len(row))
+    power, shape = np.abs(np.fft.rfft(row)) ** 2 / len(row), 1 / (1 + (share / 0.02) ** 2)
+    shape[0] = 0.0
+    expected = 0.5 + 0.5 * shape / shape.mean()
+    for low, high in ((0.0, 0.005), (0.015, 0.025), (0.06, 0.1), (0.3, 0.5)):
+        band = (share > low) & (share <= high)
+        assert power[band].mean() == pytest.approx(expected[band].mean(), rel=0.06)
+
+
+def test_unbalance_of_every_shaft_pulls_with_its_own_speed():
+    turns = np.arange(400) / 100.0
+    rows = shaft_lines(1, [1.0, 3.0], turns, np.full(400, 20.0), 1500)
+    sizes = np.sqrt(np.mean(np.abs(np.fft.rfft(rows)) ** 2, axis=0))
+    assert sizes[12] / sizes[4] == pytest.approx(3.0, rel=0.1)
+
+
 def test_shaft_lines_turn_with_their_shafts():
     turns = np.arange(4000) / 100.0
     lines = shaft_lines(1, [1.0, 0.25], turns, np.full(4000, 20.0), 2)

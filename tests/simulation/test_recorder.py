@@ -12,6 +12,7 @@ from reference.simulated_machines import one_pair, planetary, two_stages
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_fault
+from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint
 from gearmon.simulation import Settings, record, simulate
 
@@ -179,15 +180,36 @@ def test_light_load_that_rattles_is_survived():
     assert np.isfinite(recording.samples).all()
 
 
+def amplitude_at(row, frequency_hz, rate):
+    """Of one line that may lie between the bins."""
+    window = np.hanning(len(row))
+    turned = np.exp(-2j * np.pi * frequency_hz * np.arange(len(row)) / rate)
+    return 2 * abs((window * row) @ turned) / window.sum()
+
+
 def test_bearing_tones_and_mains_are_added_on_request():
-    plain = simulate(two_stages(), (), 1.0, 5_000.0, channels=1, **PURE)
-    extra = simulate(
-        two_stages(), (), 1.0, 5_000.0, channels=1, bearing_tones=0.5, mains_hz=50.0, **PURE
+    """Half of the rms on the fundamentals, which slip by 1 %, and a tenth at twice the mains."""
+    rate, machine = 5_000.0, two_stages()
+    plain, tones, mains = (
+        simulate(machine, (), 2.0, rate, channels=1, **PURE, **more).samples[0]
+        for more in ({}, {"bearing_tones": 0.5}, {"mains_hz": 50.0})
     )
-    difference = np.abs(np.fft.rfft(extra.samples[0] - plain.samples[0]))
-    assert difference[100] > 100 * np.median(difference)
-    outer = 0.99 * 25.0 * 4.5 * (1 - 7.94 / 39.04)
-    assert difference[round(outer) - 1 : round(outer) + 2].max() > 100 * np.median(difference)
+    rms = np.sqrt(np.mean(plain**2))
+    lines = [line.order for line in kinematics(machine).lines if line.kind == "bearing"]
+    assert min(abs(own - 4.5 * (1 - 7.94 / 39.04)) for own in lines) < 1e-9
+    for order in lines:
+        for harmonic in (1, 2, 3):
+            told = amplitude_at(tones - plain, 0.99 * 25.0 * order * harmonic, rate)
+            assert told == pytest.approx(0.5 * rms / harmonic, rel=0.15)
+    assert amplitude_at(mains - plain, 100.0, rate) == pytest.approx(0.1 * rms, rel=1e-3)
+    assert np.sqrt(2) * np.std(mains - plain) == pytest.approx(0.1 * rms, rel=1e-3)
+
+
+def test_a_rate_is_refused_below_2_56_times_the_mesh():
+    machine, point = one_pair(), one_pair().operating[0]
+    Settings(sampling_rate_hz=1602.0, slip=0.0).check_against(machine, point)
+    with pytest.raises(ArgumentError, match=r"1598 Hz is too low .* at 625 Hz; .* 160[01] Hz"):
+        Settings(sampling_rate_hz=1598.0, slip=0.0).check_against(machine, point)
 
 
 def test_truth_is_ready_for_json_and_says_what_was_asked():

@@ -13,7 +13,7 @@ from reference.simulated_machines import one_pair, planetary, two_stages
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.mechanics import stage_mechanics
-from gearmon.machine import Machine, OperatingPoint
+from gearmon.machine import Machine, OperatingPoint, load_machine
 from gearmon.simulation.train import build_train
 
 
@@ -126,6 +126,26 @@ def test_crack_of_a_planet_is_on_the_first_and_opens_under_the_sun():
 def test_damage_of_the_sun_is_met_by_every_planet():
     train = build_train(planetary(), [parse_fault("crack:1:sun:3:20%")])
     assert [len(m.stiffness.pulses) for m in train.meshes] == [1, 1, 1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("module", "teeth", "backlash"),
+    [(2.0, (20, 30), 0.10), (2.0, (40, 60), 0.12), (3.0, (40, 93), 0.17), (5.0, (30, 50), 0.21)],
+)
+def test_backlash_is_that_of_the_table(module, teeth, backlash):
+    """ISO/TR 10064-2, table A.1 [mm], for centre distances of 50, 100, 200 and 200 mm."""
+    stage = {"kind": "parallel", "pinion_teeth": teeth[0], "gear_teeth": teeth[1],
+             "module_mm": module, "face_width_mm": 20.0}  # fmt: skip
+    machine = load_machine(operating={"speed_rpm": 1500.0, "torque_nm": 50.0}, stage=stage)
+    assert 1e3 * build_train(machine).meshes[0].backlash_m == pytest.approx(backlash, abs=0.007)
+
+
+def test_every_planet_counts_in_the_mass_of_the_gears():
+    one, three = (build_train(planetary(planets=count)).gear_mass_kg for count in (1, 3))
+    disc = 7850.0 * 20e-3 * math.pi * (0.5 * 1.5e-3 * 40) ** 2
+    sun = 7850.0 * 20e-3 * math.pi * (0.5 * 1.5e-3 * 20) ** 2
+    assert one == pytest.approx(sun + disc)
+    assert three - one == pytest.approx(2 * disc)
 
 
 def test_trains_of_all_kinds_can_be_built():

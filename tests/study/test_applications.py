@@ -13,6 +13,14 @@ def test_sidebands_are_proportional_to_a_small_loss(results):
     np.testing.assert_allclose(levels[1] - levels[0], 20 * np.log10(2), atol=0.1)
 
 
+def test_sidebands_are_told_over_all_mesh_lines_of_the_healthy_pair(results):
+    mesh = np.linalg.norm(results.reference.response.acceleration[1:])
+    for response, level in zip(results.damage.responses, results.damage.levels_db, strict=True):
+        between = np.arange(len(response.acceleration)) % PINION_TEETH > 0
+        share = np.linalg.norm(response.acceleration[between]) / mesh
+        assert level == pytest.approx(20 * np.log10(share), abs=1e-4)
+
+
 def test_mesh_lines_of_a_turn_are_those_of_the_pair(results):
     turn = results.damage.responses[0]
     pair = results.reference.response

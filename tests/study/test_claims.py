@@ -5,12 +5,15 @@ from __future__ import annotations
 import math
 from collections import Counter
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import get_args
 
+import numpy as np
 import pytest
 
 from gearmon.study.claims import (
     CLAIMS,
+    QUANTITIES,
     Evidence,
     Verdict,
     falling,
@@ -18,6 +21,7 @@ from gearmon.study.claims import (
     rising,
     verdict_of,
 )
+from gearmon.study.pair import POINTS_PER_PERIOD, REFERENCE
 
 NOT_REPRODUCED = {"3a", "3b", "6e", "7c", "9b"}
 
@@ -70,6 +74,22 @@ def test_substitution_is_compared_at_no_less_accuracy(results):
         rival, ratio = results.speed.ratio(cost)
         assert rival.error <= cost.error
         assert ratio == pytest.approx(rival.seconds / cost.seconds)
+
+
+def test_change_of_the_last_period_is_over_the_peak_to_peak():
+    """A wave on a mean that moves by a tenth of its amplitude from one period to the next."""
+    phase = np.arange(4 * POINTS_PER_PERIOD) / POINTS_PER_PERIOD
+    wave = 5.0 + np.cos(2 * np.pi * phase) + 0.1 * np.floor(phase)
+    start = SimpleNamespace(motion=SimpleNamespace(displacement_m=wave))
+    assert QUANTITIES["change"](SimpleNamespace(start=start)) == pytest.approx(0.05)
+
+
+def test_contact_is_lost_at_the_resonance_that_is_told(results, findings):
+    """Natural over mesh frequency at the least mass that loses contact, sqrt(k/m) T / 2 pi."""
+    told = {item.quantity: item.ours for item in findings["7c"].evidence}
+    ratio = told["natural over mesh frequency at the least mass that loses contact"]
+    resonant = replace(REFERENCE, mass_kg=results.contact.mass.first).problem()
+    assert ratio == pytest.approx(resonant.frequency_ratio)
 
 
 def test_evidence():

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from gearmon.dynamics import steady_state
+from gearmon.study.experiments import PERIODS, POINTS, dynamic_difference
 from gearmon.study.pair import (
     REFERENCE,
     acceleration_error,
@@ -86,3 +88,15 @@ def test_error_of_the_acceleration_weighs_a_line_by_its_square():
     assert acceleration_error(other, exact) == pytest.approx(share, rel=1e-6)
     # a line that is left out is all in error
     assert acceleration_error(exact.displacement[:1], exact) == pytest.approx(1.0)
+
+
+def test_means_are_no_part_of_the_difference_of_two_motions():
+    """One swings a tenth more than the other, about another mean."""
+    wave = np.sin(2 * np.pi * np.arange(PERIODS * POINTS + 1) / POINTS)
+    one, other = (
+        SimpleNamespace(
+            simulated=SimpleNamespace(displacement_m=z), last_period=slice(-POINTS - 1, -1)
+        )
+        for z in (7.0 + 1.1 * wave, 5.0 + wave)
+    )
+    assert dynamic_difference(one, other) == pytest.approx(0.1)

@@ -242,3 +242,16 @@ def test_gains_do_not_matter_to_single_sidebands(one, two):
 def test_gears_that_the_reference_lacks_are_left_out():
     new = pattern(random_lines())
     assert turn_changes([new], (0,), [[replace(new, gear="gear")]], (0,)) == ()
+
+
+def test_means_weigh_each_change_by_its_scatter_and_one_decibel():
+    """1 / (scatter^2 + 1 dB^2): 1/2 and 1/10 here; most changes are none, so no gain is taken."""
+    still = [Level("a", "residual", 1, k, "pinion", 1, 0.0) for k in range(1, 6)]
+    moved = [("pinion", 6.0, 1.0), ("pinion", 1.0, 3.0)]
+    sides = [
+        Level("a", "sidebands", 1, k, gear, 1, change, scatter)
+        for k, (gear, change, scatter) in enumerate(moved, start=1)
+    ]
+    found = kind_features([*still, *sides])
+    near = found.named(found.row(1, "pinion"))["near_db"]
+    assert near == pytest.approx((6.0 / 2 + 1.0 / 10) / (1 / 2 + 1 / 10))

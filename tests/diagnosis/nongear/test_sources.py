@@ -8,6 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.nongear import harmonic_sources
+from gearmon.diagnosis.nongear.sources import name_lines
+from gearmon.gears.kinematics import kinematics
+from gearmon.machine import load_machine
 from gearmon.signatures.measured.nongear_lines import NonGearLine
 
 WIDTH = 0.005
@@ -68,3 +71,17 @@ def test_every_line_has_one_source(orders, width):
     assert sorted(i for group in found for i in group) == list(range(len(orders)))
     for group in found:
         assert group[0] == min(group, key=lambda i: (orders[i], group.index(i)))
+
+
+def test_sidebands_of_a_bearing_are_named_by_their_side():
+    """Its inner race at a slip of 1 %, with lines one turn below and above the second harmonic."""
+    bearing = {"name": "input", "shaft": 1, "balls": 9, "ball_diameter_mm": 7.94,
+               "pitch_diameter_mm": 39.04}  # fmt: skip
+    stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
+    train = kinematics(load_machine(operating={"speed_rpm": 1500.0}, stage=stage, bearing=bearing))
+    (race,) = [line.order for line in train.lines if "inner race" in line.name]
+    slipped = 0.99 * race
+    heard = lines([slipped, 2 * slipped - 1.0, 2 * slipped, 2 * slipped + 1.0])
+    (found,) = name_lines(heard, train, WIDTH, 100.0)
+    assert list(found.labels.values()) == ["1 x", "2 x - 1 x shaft", "2 x", "2 x + 1 x shaft"]
+    assert found.slip == pytest.approx(-0.01, abs=1e-6)

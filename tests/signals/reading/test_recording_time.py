@@ -37,11 +37,21 @@ def test_rounded_stamps_give_the_rate_of_the_whole_span(write, decimals, error):
 
 @pytest.mark.parametrize(
     ("name", "factor"),
-    [("time_ms", 1e3), ("t [us]", 1e6), ("Zeit (ms)", 1e3), ("Time [µs]", 1e6), ("x [s]", 1.0)],
+    [
+        ("time_ms", 1e3),
+        ("t [us]", 1e6),
+        ("Zeit (ms)", 1e3),
+        ("Time [µs]", 1e6),
+        ("t [ns]", 1e9),
+        ("x [s]", 1.0),
+        ("t [min]", 1 / 60),
+        ("t [h]", 1 / 3600),
+    ],
 )
 def test_units_of_time(write, name, factor):
-    stamps = [f"{index / 2000 * factor:.6f}" for index in range(COUNT)]
-    assert read_recording(write(stamps, name)).sampling_rate_hz == 2000.0
+    stamps = [f"{index / 2000 * factor:.12g}" for index in range(COUNT)]
+    rate = read_recording(write(stamps, name)).sampling_rate_hz
+    assert rate == pytest.approx(2000.0, rel=1e-9)
 
 
 def test_single_precision_stamps(write):

@@ -1,0 +1,129 @@
+"""What the commands that start from a machine file show, and what they hand on."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+from reference.small_gearbox import MACHINE_FILE
+
+import gearmon
+from gearmon.cli import main
+from gearmon.commands.inputs import loss_of, machine_of
+from gearmon.errors import ArgumentError
+from gearmon.signals.recording import Recording
+
+SECOND = """
+[[stage]]
+kind = "parallel"
+pinion_teeth = 19
+gear_teeth = 71
+module_mm = 3.5
+face_width_mm = 40.0
+"""
+POINTS = """
+[[operating]]
+speed_rpm = {}
+torque_nm = {}
+share = 0.5
+"""
+
+
+@pytest.fixture
+def machine(tmp_path):
+    path = tmp_path / "machine.toml"
+    path.write_text(MACHINE_FILE)
+    return path
+
+
+def rows_below(text, heading):
+    """Cells of the table whose head has this column, counted from the right: some are empty."""
+    lines = text.splitlines()
+    start = next(n for n, line in enumerate(lines) if heading in line.split())
+    cells = [line.split() for line in lines[start + 1 :]]
+    end = next((n for n, own in enumerate(cells) if not own or own[0].startswith("(")), len(cells))
+    names = lines[start].split()[::-1]
+    return [dict(zip(names, own[::-1], strict=False)) for own in cells[:end]]
+
+
+def test_the_strongest_lines_are_shown(machine, capsys):
+    crack = "crack:1:pinion:5:20%"
+    assert main(["baseline", str(machine), "--fault", crack, "--max-hz", "4000"]) == 0
+    out = capsys.readouterr().out
+    shown = [float(row["acceleration_ms2"]) for row in rows_below(out, "mesh_harmonic")]
+    lines = gearmon.expected_signature(machine, [crack], max_hz=4000.0)["acceleration_ms2"]
+    assert len(shown) == 30 < len(lines)
+    assert sorted(shown) == pytest.approx(sorted(lines.tolist())[-30:], rel=1e-5)
+
+
+def test_the_largest_multiplier_is_that_of_the_sentence(tmp_path, capsys):
+    """Beyond critical damping both are real: the slower vibration counts."""
+    path = tmp_path / "machine.toml"
+    path.write_text(MACHINE_FILE + "damping_ratio = 1.6\n")
+    assert main(["stability", str(path), "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    told = float(re.search(r"shrink by the factor (\S+) a period", row["says"])[1])
+    assert row["largest_multiplier"] == pytest.approx(told, rel=1e-5)
+
+
+def test_meetings_nearest_to_the_operating_speed_are_shown(tmp_path, capsys):
+    path = tmp_path / "machine.toml"
+    path.write_text(MACHINE_FILE + SECOND)
+    assert main(["modes", str(path), "--harmonics", "40", "--to-rpm", "20000"]) == 0
+    shown = [float(row["speed_rpm"]) for row in rows_below(capsys.readouterr().out, "speed_rpm")]
+    found = gearmon.modes(path, harmonics=40, highest_rpm=20_000.0)
+    driven = [own.speed_rpm for own in found.campbell if own.drives]
+    nearest = sorted(driven, key=lambda rpm: max(rpm / 2960.0, 2960.0 / rpm))[:20]
+    assert len(driven) > 20
+    assert shown == pytest.approx(sorted(nearest), rel=1e-5)
+
+
+def test_a_speed_hint_belongs_to_the_nearest_operating_point(tmp_path):
+    """Its load counts, at the speed that is known better."""
+    path = tmp_path / "machine.toml"
+    stage = MACHINE_FILE[MACHINE_FILE.index("[[stage]]") :]
+    path.write_text(POINTS.format(1000.0, 40.0) + POINTS.format(2960.0, 120.0) + stage)
+    for hint, torque in ((990.0, 40.0), (1900.0, 40.0), (2100.0, 120.0), (3100.0, 120.0)):
+        (point,) = machine_of(str(path), hint).operating
+        assert (point.speed_rpm, point.torque_nm, point.share) == (hint, torque, 1.0)
+    assert len(machine_of(str(path)).operating) == 2
+
+
+def test_a_loss_may_be_all_and_not_nothing():
+    told = {"100%": 1.0, "1": 1.0, "20%": 0.2, "0.5": 0.5, "0.01%": 1e-4}
+    assert {text: loss_of(text, "--limit") for text in told} == pytest.approx(told)
+    for text in ("0", "0%", "100.1%", "-5%", "1.01", "20 percent"):
+        with pytest.raises(ArgumentError, match=f"--limit {text}: must be a loss"):
+            loss_of(text, "--limit")
+
+
+def test_members_of_a_family_are_written_as_far_as_was_asked(machine, tmp_path):
+    words = ["--kind", "crack", "--size", "20%", "--gear", "1:pinion", "--max-hz", "8000"]
+    target = tmp_path / "family.csv"
+    limits = ["--mesh-harmonics", "4", "--sidebands", "2"]
+    assert main(["family", str(machine), *words, *limits, "-o", str(target)]) == 0
+    table = gearmon.read_signature(target).to_frame()
+    assert (table["mesh_harmonic"].min(), table["mesh_harmonic"].max()) == (1, 4)
+    assert (table["sideband"].min(), table["sideband"].max()) == (-2, 2)
+
+
+def test_harvest_hands_on_all_that_recordings_are_given_with(machine, monkeypatch, capsys):
+    handed = {}
+
+    def survey(*given, **options):
+        handed.update(options, recordings=given[2])
+        raise ArgumentError("seen")
+
+    def read(path, **_):
+        return Recording(samples=[[0.0] * 9], sampling_rate_hz=1.0, origin=str(path))
+
+    monkeypatch.setattr("gearmon.harvesting.placement.survey_measured", survey)
+    monkeypatch.setattr("gearmon.signals.recording.read_recording", read)
+    words = ["--share", "0.7", "--share", "0.2", "--share-error", "0.03", "--count", "2"]
+    damaged = ["--degraded", "c.csv", "--degraded", "d.csv"]
+    assert main(["harvest", str(machine), "a.csv", "b.csv", *words, *damaged]) == 2
+    assert "seen" in capsys.readouterr().err
+    assert [own.origin for own in handed["recordings"]] == ["a.csv", "b.csv"]
+    assert [own.origin for own in handed["degraded"]] == ["c.csv", "d.csv"]
+    assert (list(handed["shares"]), handed["share_error"], handed["count"]) == ([0.7, 0.2], 0.03, 2)
