@@ -195,21 +195,8 @@ def order_lines(
     ArgumentError
         If an order is negative, the recording holds too few samples, or no block is left.
     """
-    if len(orders) == 0 or orders.min() < 0:
-        raise ArgumentError("orders: at least one, all >= 0, are needed")
-    halves = _Halves(samples, sampling_rate_hz, track, orders, block_turns, error, left_out)
-    rising, falling, kept = halves.transforms()
-    turns = halves.block_turns
-    starts = halves.first_turn + 0.5 * turns * np.arange(halves.count - 1)
-    shift = phasors(-orders * starts[:, None])[:, None, :]
-    rows = (rising[:-1] + falling[1:] * phasors(-orders * (0.5 * turns))) * shift
-    return OrderLines(
-        orders=orders,
-        amplitude=(rows if not left_out else rows[halves.sound]) * halves.scale,
-        block_turns=turns,
-        first_turn=halves.first_turn,
-        noise=halves.noise(kept),
-    )
+    blocks = OrderBlocks(samples, sampling_rate_hz, track, orders, block_turns, error, left_out)
+    return blocks.lines()
 
 
 def steps_of_block(grid: AngleGrid, block_turns: float) -> int:
@@ -218,8 +205,16 @@ def steps_of_block(grid: AngleGrid, block_turns: float) -> int:
     return min(grid.count, max(8, int(block_turns * grid.per_turn + 1e-6)))
 
 
-class _Halves:
-    """Half blocks of a recording at equal steps of angle, and their transforms."""
+class OrderBlocks:
+    """Half blocks of a recording at equal steps of angle, their transforms and lines.
+
+    Parameters
+    ----------
+    samples, sampling_rate_hz, track, orders, block_turns, error, left_out
+        As of `order_lines`.
+    held : bool
+        Whether `spreading` is to hold all steps, enough of them for the whole band.
+    """
 
     def __init__(
         self,
@@ -230,16 +225,19 @@ class _Halves:
         block_turns: float,
         error: float,
         left_out: Sequence[tuple[int, int]] = (),
+        held: bool = False,
     ) -> None:
+        if len(orders) == 0 or orders.min() < 0:
+            raise ArgumentError("orders: at least one, all >= 0, are needed")
         top, whole = float(orders.max()), rate / float(track.speed_hz.min())
         grid = AngleGrid.of(samples.shape[-1], rate, track, top)
         block = steps_of_block(grid, block_turns)
-        self.orders, self.channels, self.first_turn = orders, len(samples), grid.first_turn
+        self.orders, self.first_turn = orders, grid.first_turn
         self.block_turns, self.count = block / grid.per_turn, 2 * (grid.count - block) // block + 2
         # steps that last no longer than a sample hold the whole band; fewer of them do for lines
         # low in it, and what is folded onto these the kernel has taken out before
         width, room, coarsest = _choice(error, top, whole)
-        least = max(room * top, coarsest * whole)
+        least = max(room * top, whole if held else coarsest * whole)
         self.steps = fast_length(int(np.ceil(self.block_turns * least))) // 2  # of a half
         per_turn = 2 * self.steps / self.block_turns
         kernel = Kernel.of(width, per_turn / (2 * max(top, 1e-3 * per_turn)))
@@ -249,7 +247,10 @@ class _Halves:
         )
         self.beside = np.stack([response / below, response / above])
         self.scale = np.where(orders > 0, 2.0, 1.0) / (self.steps * response)
-        self._spreading = Spreading(samples, rate, track, per_turn, kernel)
+        steps = int(grid.count / grid.per_turn * per_turn + 1e-6)
+        grid = AngleGrid(per_turn=per_turn, first_turn=grid.first_turn, count=steps)
+        spreading = Spreading(samples, rate, track, grid, kernel)
+        self.spreading = spreading.holding() if held else spreading
         starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
         sound = np.ones(self.count - 1, dtype=bool)
         for stretch in left_out:
@@ -262,61 +263,45 @@ class _Halves:
         most = _QUICK_BLOCKS if error >= _QUICK_FROM else _FLOOR_BLOCKS
         every = max(1, len(self.sound) // most)
         self.sampled = self.sound[every - 1 :: every].tolist()
-        self.wanted = {half for block in self.sampled for half in (block, block + 1)}
 
-    def _spread(self, first: int, number: int) -> FloatArray:
-        """Return halves one after the other, shape (channels, halves, steps)."""
-        values = np.empty((self.channels, number * self.steps))
-        self._spreading.spread(self.first_turn + 0.5 * first * self.block_turns, values)
-        return values.reshape(self.channels, number, self.steps)
-
-    def transforms(self) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
-        """Transform all halves under the rising and the falling half of the window.
-
-        Returns
-        -------
-        rising, falling : ndarray of complex, shape (count, channels, lines)
-            The transforms.
-        kept : dict
-            Number of a half whose block tells the noise -> the half, shape (channels, steps).
-        """
+    def lines(self) -> OrderLines:
+        """Return the lines in all blocks that are sound."""
         plan = GriddedPlan(self.steps, 0.5 * self.orders * self.block_turns, self.beside)
-        together = max(1, _STEPS_TOGETHER // self.steps)
+        together, samples = max(1, _STEPS_TOGETHER // self.steps), self.spreading.samples
 
-        def part(first: int) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
-            cut = self._spread(first, min(together, self.count - first))
-            kept = {k: cut[:, k - first].copy() for k in self.wanted if 0 <= k - first < together}
-            rising, falling = (
-                found.reshape(*cut.shape[:2], -1).transpose(1, 0, 2)
-                for found in plan.lines(cut.reshape(-1, self.steps))
-            )
-            return rising, falling, kept
+        def part(first: int) -> ComplexArray:
+            """Transform halves under the rising and the falling half of the window."""
+            number = min(together, self.count - first)
+            cut = self.spreading.steps(first * self.steps, number * self.steps)
+            found = plan.lines(cut.reshape(-1, self.steps))
+            return np.stack(found).reshape(2, len(samples), number, -1)
 
-        found = side_by_side(
-            part, range(0, self.count, together), self.count * self.steps * self.channels
+        parts = side_by_side(part, range(0, self.count, together), samples.size)
+        rising, falling = np.concatenate(parts, axis=2).swapaxes(1, 2)
+        starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
+        shift = phasors(-self.orders * starts[:, None])[:, None, :]
+        rows = rising[:-1] + falling[1:] * phasors(-self.orders * (0.5 * self.block_turns))
+        rows *= shift
+        return OrderLines(
+            orders=self.orders,
+            amplitude=(rows if len(self.sound) == len(rows) else rows[self.sound]) * self.scale,
+            block_turns=self.block_turns,
+            first_turn=self.first_turn,
+            noise=self.noise(),
         )
-        rising, falling = (np.concatenate([one[k] for one in found]) for k in (0, 1))
-        return rising, falling, {k: half for one in found for k, half in one[2].items()}
 
-    def some(self, wanted: Sequence[int]) -> dict[int, FloatArray]:
-        """Return some halves by their numbers, each of shape (channels, steps)."""
-        work = len(wanted) * self.steps * self.channels
-        found = side_by_side(lambda number: self._spread(number, 1)[:, 0], wanted, work)
-        return dict(zip(wanted, found, strict=True))
-
-    def noise(self, kept: dict[int, FloatArray]) -> FloatArray:
-        """Noise power at each line, from the blocks between whose lines it is measured.
+    def noise(self) -> FloatArray:
+        """Noise power at each line, shape (channels, lines), from the blocks between the lines.
 
         The mean of n noise powers follows a gamma law of shape n, whose median over its mean is
         about 1 - 1/(3 n) + 0.02/n^2; half overlapped Hann blocks are worth a twentieth less.
         """
         window, length = hann(2 * self.steps), 4 * self.steps
-        work = len(self.sampled) * length * self.channels
+        work = len(self.sampled) * length * len(self.spreading.samples)
 
         def power(number: int) -> FloatArray:
-            block = np.concatenate([kept[number], kept[number + 1]], axis=-1)
-            block -= block.mean(axis=-1, keepdims=True)
-            return window_powers(block, window, length)
+            block = self.spreading.steps(number * self.steps, 2 * self.steps)
+            return window_powers(block - block.mean(axis=-1, keepdims=True), window, length)
 
         powers = side_by_side(power, self.sampled, work)
         mean: FloatArray = sum(powers, np.zeros(1)) / len(powers)
@@ -547,11 +532,11 @@ class OrderSums:
         """
         if block_turns not in self._noise:
             turns = min(block_turns, 0.25 * float(track.turns[-1] - track.turns[0]))
-            halves = _Halves(
+            blocks = OrderBlocks(
                 self.samples, self.sampling_rate_hz, track, self.orders, turns, _QUICK_ERROR
             )
             # of a wave both of whose sides count, a sliding sum reads half the peak
-            self._noise[block_turns] = 0.25 * halves.noise(halves.some(sorted(halves.wanted)))
+            self._noise[block_turns] = 0.25 * blocks.noise()
         return self._noise[block_turns]
 
     def sliding(self, track: AngleTrack, block_turns: float) -> SlidingLines:

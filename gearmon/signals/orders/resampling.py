@@ -28,7 +28,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -38,6 +38,7 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.spectra.spectrum import fast_length
+from gearmon.signals.threads import side_by_side
 
 #: Share of the sampling rate up to which tones are read; above, they fade towards half the rate.
 READ_UP_TO = 0.45
@@ -54,7 +55,7 @@ _STOPPED = 0.5
 # What is left of a line that would fold [dB]; what passes ripples by as much, a millionth.
 _ATTENUATION_DB = 120.0
 # Steps taken at a time: their weights stay in the cache of a processor core.
-_PIECE = 1 << 12
+_PIECE = 1 << 13
 # Places a step at which a kernel is held: straight lines between them are off by 6e-8 at most, an
 # eighth of the square of their distance times the curvature 4 b / w^2.
 _HELD = 2048
@@ -70,7 +71,7 @@ def resample_to_angle(
     samples: FloatArray,
     sampling_rate_hz: float,
     track: AngleTrack,
-    per_turn: int,
+    per_turn: float,
     first_turn: float,
     count: int,
 ) -> FloatArray:
@@ -90,7 +91,7 @@ def resample_to_angle(
         Sampling rate [Hz].
     track : AngleTrack
         Angle of shaft 1 against time.
-    per_turn : int
+    per_turn : float
         Samples a turn of shaft 1.
     first_turn : float
         Angle of the first sample [turns].
@@ -184,7 +185,7 @@ class AngleGrid:
 
     Parameters
     ----------
-    per_turn : int
+    per_turn : float
         Samples a turn of shaft 1.
     first_turn : float
         Angle of the first sample [turns].
@@ -192,7 +193,7 @@ class AngleGrid:
         Samples in all.
     """
 
-    per_turn: int
+    per_turn: float
     first_turn: float
     count: int
 
@@ -496,28 +497,44 @@ class Spreading:
         Sampling rate [Hz].
     track : AngleTrack
         Angle of shaft 1 against time.
-    per_turn : float
-        Steps a turn, at least as many as samples at the slowest speed.
+    grid : AngleGrid
+        The steps.
     kernel : Kernel
         The kernel.
+    held : ndarray of float, shape (channels, grid.count), optional
+        All steps, where several ask for them.
     """
 
     samples: FloatArray
     sampling_rate_hz: float
     track: AngleTrack
-    per_turn: float
+    grid: AngleGrid
     kernel: Kernel
+    held: FloatArray | None = None
 
-    def spread(self, first_turn: float, out: FloatArray) -> None:
-        """Fill `out`, shape (channels, steps), from the angle `first_turn` [turns] on."""
-        count = out.shape[-1]
-        for first in range(0, count, _PLACED):
-            size = min(_PLACED, count - first)
-            position, steps = self._positions(first_turn + first / self.per_turn, size)
+    def holding(self) -> Spreading:
+        """Return the same with all its steps at hand."""
+        starts, count = range(0, self.grid.count, _PLACED), self.grid.count
+        parts = side_by_side(
+            lambda first: self.steps(first, min(_PLACED, count - first)), starts, self.samples.size
+        )
+        return replace(self, held=np.concatenate(parts, axis=1))
+
+    def steps(self, first: int, count: int) -> FloatArray:
+        """Return so many steps from one on, shape (channels, count)."""
+        if self.held is not None:
+            return self.held[:, first : first + count]
+        out = np.empty((len(self.samples), count))
+        for start in range(0, count, _PLACED):
+            size = min(_PLACED, count - start)
+            turn = self.grid.first_turn + (first + start) / self.grid.per_turn
+            position, steps = self._positions(turn, size)
+            drift = np.gradient(steps) * steps if size > 1 else np.zeros(size)
             for begin in range(0, size, _PIECE):
                 own = slice(begin, min(begin + _PIECE, size))
-                part = out[:, first + own.start : first + own.stop]
-                self._piece(position[own], steps[own], part)
+                part = self._piece(position[own], steps[own], drift[own])
+                out[:, start + own.start : start + own.stop] = part
+        return out
 
     def _positions(self, first_turn: float, count: int) -> tuple[FloatArray, FloatArray]:
         """Places [samples] of equal steps of angle, and steps a sample there.
@@ -527,7 +544,7 @@ class Spreading:
         """
         number = -(-count // _STRIDE)
         stretches = np.arange(number + 1, dtype=np.float64)
-        ends: FloatArray = first_turn + stretches * (_STRIDE / self.per_turn)
+        ends: FloatArray = first_turn + stretches * (_STRIDE / self.grid.per_turn)
         place, slope = self._placed(ends)
         told = np.empty((number, 3))
         np.subtract(place[1:], place[:-1], out=told[:, 0])
@@ -538,11 +555,11 @@ class Spreading:
         slopes = told @ _CUBIC_SLOPE
         knots = self.track.turns
         low, high = np.searchsorted(knots, ends[[0, -1]])
-        inside = (knots[low:high] - first_turn) * (self.per_turn / _STRIDE)
+        inside = (knots[low:high] - first_turn) * (self.grid.per_turn / _STRIDE)
         crossed = np.unique(np.minimum(inside.astype(np.intp), number - 1))
         if len(crossed):
             wanted = (crossed[:, None] * _STRIDE + np.arange(_STRIDE)).reshape(-1)
-            place, slope = self._placed(first_turn + wanted / self.per_turn)
+            place, slope = self._placed(first_turn + wanted / self.grid.per_turn)
             position[crossed], slopes[crossed] = (
                 place.reshape(-1, _STRIDE),
                 slope.reshape(-1, _STRIDE),
@@ -554,22 +571,25 @@ class Spreading:
         """Places [samples] of ascending angles, and samples a step there."""
         time_s, slope = self.track.time_and_slope_at(turns)
         time_s *= self.sampling_rate_hz
-        slope *= self.sampling_rate_hz / self.per_turn
+        slope *= self.sampling_rate_hz / self.grid.per_turn
         return time_s, slope
 
-    def _piece(self, position: FloatArray, steps: FloatArray, out: FloatArray) -> None:
+    def _piece(self, position: FloatArray, steps: FloatArray, drift: FloatArray) -> FloatArray:
         taps = int(np.ceil(self.kernel.width / float(steps.min())))
         first = np.rint(position - 0.5 * (taps - 1))
         begin, away = int(first[0]), first - position
-        # the speed changes by this much a sample: of tap k the angle is a parabola in k, and how
-        # densely samples lie there a straight line
-        drift = np.gradient(steps) * steps if len(steps) > 1 else 0.0 * steps
+        # the speed changes by so much a sample: of tap k the angle is a parabola in k, and how
+        # densely samples lie there its slope
+        parabola = np.empty((3, len(steps)))
+        np.multiply(drift, 0.5, out=parabola[2])
+        np.add(steps, drift * away, out=parabola[1])
+        np.multiply(0.5 * away, parabola[1] + steps, out=parabola[0])
         powers = np.vander(np.arange(float(taps)), 3, increasing=True)
-        density = steps + drift * away
-        steps_away = np.stack([0.5 * away * (density + steps), density, 0.5 * drift])
-        weights = self.kernel.read(powers @ (_HELD * steps_away))
-        weights *= powers[:, :2] @ np.stack([density, drift])
+        weights = self.kernel.read((_HELD * powers) @ parabola)
+        weights *= (powers[:, :2] * [1.0, 2.0]) @ parabola[1:]
         index = (first - begin).astype(np.intp) + np.arange(taps)[:, None]
-        for row, channel in enumerate(self.samples):
-            near = odd_stretch(channel, begin, begin + int(index[-1, -1]) + 1)
-            np.einsum("kn,kn->n", near.take(index, mode="clip"), weights, out=out[row])
+        end = begin + int(index[-1, -1]) + 1
+        near = (
+            odd_stretch(channel, begin, end).take(index, mode="clip") for channel in self.samples
+        )
+        return np.array([np.einsum("kn,kn->n", own, weights) for own in near])
