@@ -28,11 +28,12 @@ read again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
@@ -331,8 +332,6 @@ class GriddedPlan:
     _KERNEL = Kernel(width=8, beta=2.30 * 8)
 
     def __init__(self, steps: int, bins: FloatArray, beside: FloatArray) -> None:
-        from scipy.sparse import csr_array
-
         self.length, self.steps = 2 * steps, steps
         width = self._KERNEL.width
         self._flat = 1 / self._KERNEL.transform((np.arange(steps) - steps / 2) / self.length)
@@ -557,26 +556,15 @@ class OrderSums:
         low, high = float(angle[0]), float(angle[-1])
         hop = min(block_turns, 0.25 * (high - low)) / 4
         count = int((high - low) / hop + 1e-9) + 1
-        # two hops before the first centre and two after the last one
-        edges: FloatArray = low + hop * np.arange(-2.0, count + 2.0)
-        share, sums = _cut(angle, edges)
-        cosine, sine = np.cos(0.5 * np.pi * share), np.sin(0.5 * np.pi * share)
-
-        def block_sums(wave: ComplexArray) -> ComplexArray:
-            # 1/2 + 1/2 cos about the centre, in the two hops before and the two after it
-            plain, near, far = sums(wave), sums(wave * cosine), sums(wave * sine)
-            total: ComplexArray = plain[:-3] + plain[1:-2] + plain[2:-1] + plain[3:]
-            total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
-            return 0.5 * total
-
-        amplitude = self._turned(angle, read, block_sums)
-        steps, middle = np.diff(angle), 0.5 * (angle[1:] + angle[:-1])
-        weight = block_sums(_padded(steps)).real
-        moment = block_sums(_padded(steps * (middle - low))).real
+        middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle)
+        window = _sliding_window((middle - low) / hop, steps, count)
+        weight = window.sum(axis=1)
+        waves = phasors(np.outer(-self.orders, middle)) / read.length
+        found = [window @ ((real + 1j * imag) * waves).T for real, imag in read.sums]
         return SlidingLines(
-            angle=low + moment / weight,
+            angle=low + window @ (middle - low) / weight,
             orders=np.tile(self.orders, len(self.samples)),
-            amplitude=(amplitude / weight[:, None, None]).reshape(count, -1),
+            amplitude=np.concatenate(found, axis=1) / weight[:, None],
         )
 
     def _near(self, track: AngleTrack) -> tuple[FloatArray, Stretches]:
@@ -593,75 +581,18 @@ class OrderSums:
         self._known = track, self._read.angle_in(track)
         return self._known[1], self._read
 
-    def _turned(
-        self,
-        angle: FloatArray,
-        read: Stretches,
-        sums_of: Callable[[ComplexArray], ComplexArray],
-    ) -> ComplexArray:
-        """Return what `sums_of` makes of each line in the angle of a track.
 
-        Parameters
-        ----------
-        angle : ndarray of float
-            That of the track at the edges of the stretches [turns].
-        read : Stretches
-            The sums.
-        sums_of : callable
-            Takes a line, stretch by stretch, each times the angle that it spans, and a zero.
+def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csr_array:
+    """Hann windows four hops long about each hop, over stretches, shape (count, stretches).
 
-        Returns
-        -------
-        ndarray of complex, shape (sums, channels, lines)
-        """
-        middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle) / read.length
-
-        def line(number: int) -> ComplexArray:
-            turn = phasors(-self.orders[number] * middle) * steps
-            found = []
-            for real, imag in read.sums[:, :, number]:
-                wave = _padded(real)
-                wave.imag[:-1] = imag
-                wave[:-1] *= turn
-                found.append(sums_of(wave))
-            return np.stack(found, axis=-1)
-
-        work = 4 * len(self.orders) * len(self.samples) * len(steps)
-        return np.stack(side_by_side(line, range(len(self.orders)), work), axis=-1)
-
-
-def _padded(values: FloatArray) -> ComplexArray:
-    """Return values as complex numbers, and a zero behind them."""
-    padded = np.zeros(len(values) + 1, dtype=np.complex128)
-    padded.real[:-1] = values
-    return padded
-
-
-def _cut(
-    angle: FloatArray, edges: FloatArray
-) -> tuple[FloatArray, Callable[[ComplexArray], ComplexArray]]:
-    """Share stretches out among parts of the angle by where their middles lie.
-
-    Returns
-    -------
-    share : ndarray of float, shape (stretches + 1,)
-        Where each lies in its part, 0 to 1, and a zero.
-    sums : callable
-        Adds up a wave over each part; a zero at its end keeps parts behind the last stretch.
+    The stretches lie at ascending places [hops] and span angles of their own, their weights.
     """
-    middle = 0.5 * (angle[1:] + angle[:-1])
-    first = np.searchsorted(middle, edges)
-    # an edge more has passed from the first stretch behind it on
-    sizes = np.diff(np.concatenate([[0], first, [len(middle)]]))
-    part = np.repeat(np.clip(np.arange(-1, len(edges)), 0, len(edges) - 2), sizes)
-    share = (middle - edges[part]) / (edges[1] - edges[0])
-
-    def sums(wave: ComplexArray) -> ComplexArray:
-        total: ComplexArray = np.add.reduceat(wave, first)[:-1]
-        total[first[:-1] == first[1:]] = 0.0
-        return total
-
-    return np.append(share, 0.0), sums
+    number = np.floor(place).astype(np.intp) + np.arange(-1, 3)[:, None]
+    weight = (0.5 + 0.5 * np.cos(0.5 * np.pi * (place - number))) * steps
+    inside = (number >= 0) & (number < count)
+    stretch = np.broadcast_to(np.arange(len(place)), number.shape)
+    entries = weight[inside], (number[inside], stretch[inside])
+    return csr_array(entries, shape=(count, len(place)))
 
 
 @dataclass(frozen=True, kw_only=True)
