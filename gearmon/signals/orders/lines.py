@@ -559,8 +559,8 @@ class OrderSums:
         middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle)
         window = _sliding_window((middle - low) / hop, steps, count)
         weight = window.sum(axis=1)
-        waves = phasors(np.outer(-self.orders, middle)) / read.length
-        found = [window @ ((real + 1j * imag) * waves).T for real, imag in read.sums]
+        waves = phasors(np.outer(middle, -self.orders)) / read.length
+        found = [window @ (sums * waves) for sums in read.sums]
         return SlidingLines(
             angle=low + window @ (middle - low) / weight,
             orders=np.tile(self.orders, len(self.samples)),
@@ -599,14 +599,14 @@ def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csr_arr
 class Stretches:
     """Sums of samples under waves of each order, stretch by stretch.
 
-    `sums` has shape (channels, 2, lines, stretches), real and imaginary parts; `length` is the
-    samples of a stretch, `slopes` the logarithms of the turns that each was made with, `cycles` the
-    cycles of the highest order in one.
+    `sums` has shape (channels, stretches, lines); `length` is the samples of a stretch, `slopes`
+    the logarithms of the turns that each was made with, `cycles` the cycles of the highest order in
+    one.
     """
 
     edges_s: FloatArray
     length: int
-    sums: FloatArray
+    sums: ComplexArray
     slopes: FloatArray
     cycles: float
 
@@ -625,30 +625,19 @@ class Stretches:
         sizes = np.diff(np.append(shared, count))
         mean = np.add.reduceat(np.diff(track.turns_at(edges_s)), shared) / sizes
         number = np.repeat(np.rint(np.log(mean) / _SPEED_STEP), sizes)
-        sums = np.empty((len(samples), 2, len(orders), count))
-        starts = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [count]])
-        runs = [
-            (first, min(first + _TOGETHER, int(end)))
-            for begin, end in pairwise(starts)
-            for first in range(int(begin), int(end), _TOGETHER)
-        ]
         place = (np.arange(length) - 0.5 * (length - 1)) / length
-        known: dict[float, FloatArray] = {}
+        parts = samples[:, : count * length].reshape(len(samples), count, length)
+        sums = np.empty((len(samples), count, len(orders)), dtype=np.complex128)
 
-        def waves_at(speed: float) -> FloatArray:
-            if speed not in known:
-                wave = 2 * np.pi * np.exp(speed * _SPEED_STEP) * np.outer(orders, place)
-                known[speed] = np.concatenate([np.cos(wave), -np.sin(wave)])
-            return known[speed]
+        def read(own: IntArray) -> None:
+            wave = 2 * np.pi * np.exp(number[own[0]] * _SPEED_STEP) * np.outer(place, orders)
+            for part, out in zip(parts, sums, strict=True):
+                out.real[own] = part[own] @ np.cos(wave)
+                out.imag[own] = part[own] @ -np.sin(wave)
 
-        def read(row: int) -> None:
-            begin, end = runs[row]
-            waves = waves_at(float(number[begin]))
-            for channel, out in zip(samples, sums, strict=True):
-                part = channel[begin * length : end * length].reshape(end - begin, length)
-                np.matmul(waves, part.T, out=out.reshape(len(waves), count)[:, begin:end])
-
-        side_by_side(read, range(len(runs)), samples.size)
+        order, ends = np.argsort(number, kind="stable"), np.cumsum(np.unique_counts(number).counts)
+        alike = np.split(order, np.union1d(ends[:-1], np.arange(_TOGETHER, count, _TOGETHER)))
+        side_by_side(read, alike, samples.size)
         return cls(
             edges_s=edges_s,
             length=length,
