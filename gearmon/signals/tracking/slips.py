@@ -230,12 +230,13 @@ def _led_over(track: AngleTrack, stretch: LostStretch) -> AngleTrack | None:
     time = track.time_at(angle)
     middle, half = time.mean(), np.ptp(time) / 2
     powers = np.vander((time - middle) / half, 2 if one_sided else _DEGREE + 1)
-    # what is behind may be displaced against what is before
-    columns = powers if one_sided else np.column_stack([powers, behind])
-    curve = np.linalg.lstsq(columns, angle, rcond=None)[0]
-    ahead = 0.0 if one_sided else float(curve[-1])
+    ahead = stretch.slipped_turns or 0.0
+    if stretch.slipped_turns is None and not one_sided:
+        columns = np.column_stack([powers, behind])
+        ahead = float(np.linalg.lstsq(columns, angle, rcond=None)[0][-1])
+    curve = np.linalg.lstsq(powers, angle - ahead * behind, rcond=None)[0]
     clock = np.vander((track.time_at(inside) - middle) / half, powers.shape[1])
-    shift = clock @ curve[: powers.shape[1]] - inside
+    shift = clock @ curve - inside
     gaps = shift[[0, -1]] + [0.0, ahead]
     # the end of the recording may be anywhere, the turns beside the stretch may not
     fits = np.abs(gaps[[begin > first, end < last]]).max(initial=0.0) < _KNOTS
