@@ -191,7 +191,7 @@ def test_13_indicators_of_a_long_recording_take_little_memory(tmp_path):
     found = describe_waveform(recording.samples[0])
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert found.kurtosis == pytest.approx(3.0, abs=0.02)
+    assert found["kurtosis"] == pytest.approx(3.0, abs=0.02)
     assert peak < 4_000_000 * 8 / 2
 
 
