@@ -200,12 +200,6 @@ def order_lines(
     return blocks.lines()
 
 
-def steps_of_block(grid: AngleGrid, block_turns: float) -> int:
-    """Return the steps of a block of so many turns, cut to the recording."""
-    # rounded down: the last of the blocks that just fill a recording must not fall off its end
-    return min(grid.count, max(8, int(block_turns * grid.per_turn + 1e-6)))
-
-
 class OrderBlocks:
     """Half blocks of a recording at equal steps of angle, their transforms and lines.
 
@@ -232,7 +226,8 @@ class OrderBlocks:
             raise ArgumentError("orders: at least one, all >= 0, are needed")
         top, whole = float(orders.max()), rate / float(track.speed_hz.min())
         grid = AngleGrid.of(samples.shape[-1], rate, track, top)
-        block = steps_of_block(grid, block_turns)
+        # rounded down: the last of the blocks that just fill a recording must not fall off its end
+        block = min(grid.count, max(8, int(block_turns * grid.per_turn + 1e-6)))
         self.orders, self.first_turn = orders, grid.first_turn
         self.block_turns, self.count = block / grid.per_turn, 2 * (grid.count - block) // block + 2
         # steps that last no longer than a sample hold the whole band; fewer of them do for lines
