@@ -19,13 +19,15 @@ from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.lines import OrderSums
-from gearmon.signals.tracking.phases import coherent_share, lock_track, roughness
+from gearmon.signals.tracking.phases import lock_track, roughness
 from gearmon.signals.tracking.pulses import TachoPulses, learn_spacing, pulses_from_times
 from gearmon.signals.tracking.thresholds import LIMITS
 
 # Knots a turn that an angle track gets; of an encoder's many pulses neighbours are averaged.
 _KNOTS_PER_TURN = 16
 
+# Blocks in which lines are judged [turns]: those that they are locked in.
+_JUDGED_TURNS = 4.0
 # Stiffness that smooths pulses over a block before lines are locked: what they scatter faster than
 # that no line mends. Of a spline through even pulses, half of a wave of 1 / 8^(1/4) rad a turn.
 _STIFF = 8.0
@@ -302,7 +304,7 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
         return Joined(track=known)
     doubt = min(track.uncertainty_turns, jitter)
     joined = replace(track, turns=moved, uncertainty_turns=doubt, indexed=known.indexed)
-    if coherent_share(sums, joined) <= coherent_share(sums, known):
+    if _coherence(sums, joined) <= _coherence(sums, known):
         return Joined(track=known)
     beyond = departure(turns - joined.turns_at(time_s))
     if beyond > 1.0:
@@ -314,6 +316,13 @@ def _beats(place: FloatArray, lag: int) -> bool:
     """Whether edges fall at the same place between two samples turn after turn."""
     steps = place[lag:] - place[:-lag]
     return bool(abs(np.mean(np.exp(2j * np.pi * steps))) > LIMITS.beats)
+
+
+def _coherence(sums: OrderSums, track: AngleTrack) -> float:
+    """Mean over the lines of the share of their power that is phase-coherent, noise included."""
+    amplitude = sums.sliding(track, _JUDGED_TURNS).amplitude
+    power = np.maximum(np.mean(np.abs(amplitude) ** 2, axis=0), np.finfo(float).tiny)
+    return float(np.mean(np.abs(amplitude.mean(axis=0)) ** 2 / power))
 
 
 def _smoothed(x: FloatArray, y: FloatArray, order: int, least: float = 0.0) -> FloatArray:
