@@ -44,6 +44,7 @@ _CLIPPED_SHARE = 1e-3
 # Frames whose levels tell a step or a dropout: their number, and their fewest samples. Silence of
 # 30 to 60 dB over 0.5 % of a recording: about 100, over 1 %: 179 or 180.
 _FRAMES, _FRAME_SAMPLES, _FEWEST_FRAMES = 200, 256, 12
+_SPREAD = np.array([0.84, 0.50, 0.16])
 # A step at once that no load makes [dB], so many times the scatter to either side of it; and how
 # far below its median level a channel is silent [dB]. Sound: steps of 9 and levels of -9 dB at
 # most. A range changed by 6 dB: 0, 10 dB: 53, 12 dB: 166, 20 dB: 175, 40 dB: 180.
@@ -319,8 +320,9 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
         return
     frames = values[: count * length].reshape(count, length)
     # the spread of half of the samples: a spike changes nothing
-    some = frames[:, :: 1 + length // 4096]
-    high, middle, low = np.percentile(some, [84, 50, 16], axis=1)
+    some = np.sort(frames[:, :: 1 + length // 4096], axis=1)
+    # percentiles by rank: twice as quick as between ranks
+    high, middle, low = some[:, np.rint((some.shape[1] - 1) * _SPREAD).astype(int)].T
     for begin, end in _offset_steps(middle, high - low):
         yield BadStretch(
             start=begin * length,

@@ -27,8 +27,6 @@ TM-106043 (1994), NB4; Decker, Handschuh and Zakrajsek, NASA TM-106553 (1994), N
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from gearmon.errors import ArgumentError
@@ -154,23 +152,7 @@ def sideband_level_factor(first_sidebands: FloatArray, average: FloatArray) -> F
     return _ratio(np.sum(first_sidebands, axis=-1), rms(average))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Waveform:
-    """What describes a waveform as it was recorded.
-
-    Parameters
-    ----------
-    rms, peak_to_peak, crest_factor, kurtosis : float
-        As the functions of these names.
-    """
-
-    rms: float
-    peak_to_peak: float
-    crest_factor: float
-    kurtosis: float
-
-
-def describe_waveform(signal: FloatArray) -> Waveform:
+def describe_waveform(signal: FloatArray) -> dict[str, float]:
     """Describe one long signal in two passes, piece by piece.
 
     Parameters
@@ -180,7 +162,8 @@ def describe_waveform(signal: FloatArray) -> Waveform:
 
     Returns
     -------
-    Waveform
+    dict of str to float
+        "rms", "peak to peak", "crest factor" and "kurtosis", as the functions of these names.
     """
     pieces = [signal[start : start + _PIECE] for start in range(0, len(signal), _PIECE)]
     sums = [(piece.sum(), piece.min(), piece.max()) for piece in pieces]
@@ -197,12 +180,12 @@ def describe_waveform(signal: FloatArray) -> Waveform:
         second += float(square.sum())
         fourth += float(square @ square)
     size = float(np.sqrt(second / len(signal))) / scale
-    return Waveform(
-        rms=size,
-        peak_to_peak=high - low,
-        crest_factor=peak / size if size > 0 else 0.0,
-        kurtosis=fourth * len(signal) / second**2 if second > 0 else 0.0,
-    )
+    return {
+        "rms": size,
+        "peak to peak": high - low,
+        "crest factor": peak / size if size > 0 else 0.0,
+        "kurtosis": fourth * len(signal) / second**2 if second > 0 else 0.0,
+    }
 
 
 def _centred(signal: FloatArray) -> FloatArray:

@@ -35,7 +35,11 @@ from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.orders.averages import SynchronousAverage, time_synchronous_average
+from gearmon.signals.orders.averages import (
+    SynchronousAverage,
+    one_turn,
+    time_synchronous_average,
+)
 from gearmon.signals.recording import RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -139,13 +143,21 @@ def gear_signals(
     size = np.abs(spectrum)
     reach = max(1, min(teeth // 2, teeth - 1))
     band = (teeth - reach, teeth + reach)
+
+    def of(chosen: IntArray) -> ComplexArray:
+        """Lines 0 to `top`, those that are not chosen zero."""
+        part = np.zeros((len(mean), top + 1), dtype=complex)
+        part[:, chosen] = spectrum[:, chosen]
+        return part
+
+    within = of(number[(number >= band[0]) & (number <= band[1])])
     return GearSignals(
         wheel=wheel,
-        average=_waveform(spectrum, number, per_turn),
-        residual=_waveform(spectrum, number[~taken], per_turn),
-        difference=_waveform(spectrum, number[~(taken | first)], per_turn),
-        regular=_waveform(spectrum, number[taken | first], per_turn),
-        envelope=_envelope(spectrum, number[(number >= band[0]) & (number <= band[1])], per_turn),
+        average=one_turn(of(number), per_turn),
+        residual=one_turn(of(number[~taken]), per_turn),
+        difference=one_turn(of(number[~(taken | first)]), per_turn),
+        regular=one_turn(of(number[taken | first]), per_turn),
+        envelope=np.abs(np.fft.ifft(within, per_turn, axis=-1, norm="forward")),
         mesh_amplitude=size[:, number[(number % teeth == 0) & (number >= teeth)]],
         fundamental=size[:, teeth],
         first_sidebands=size[:, [teeth - 1, teeth + 1]],
@@ -159,24 +171,6 @@ def gear_signals(
 
 def _listed(number: IntArray) -> tuple[int, ...]:
     return tuple(int(n) for n in number)
-
-
-def _part(spectrum: ComplexArray, chosen: IntArray, size: int) -> ComplexArray:
-    part = np.zeros((len(spectrum), size), dtype=complex)
-    part[:, chosen] = spectrum[:, chosen]
-    return part
-
-
-def _waveform(spectrum: ComplexArray, chosen: IntArray, per_turn: int) -> FloatArray:
-    """One turn of the gear from the chosen multiples of its rotation."""
-    part = _part(spectrum, chosen, per_turn // 2 + 1)
-    result: FloatArray = np.fft.irfft(part, n=per_turn, axis=-1) * per_turn / 2
-    return result
-
-
-def _envelope(spectrum: ComplexArray, chosen: IntArray, per_turn: int) -> FloatArray:
-    part = _part(spectrum, chosen, per_turn)
-    return np.asarray(np.abs(np.fft.ifft(part, axis=-1, norm="forward")), dtype=np.float64)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -179,18 +179,18 @@ def test_indicators_equal_the_sums_written_out(seed, count):
 def test_description_in_pieces_equals_the_formulas(count):
     signal = np.random.default_rng(count).normal(size=count) + 5
     found = describe_waveform(signal)
-    assert found.rms == pytest.approx(float(rms(signal)), rel=1e-9)
-    assert found.peak_to_peak == float(peak_to_peak(signal))
-    assert found.crest_factor == pytest.approx(float(crest_factor(signal)), rel=1e-9)
-    assert found.kurtosis == pytest.approx(float(kurtosis(signal)), rel=1e-9)
+    assert found["rms"] == pytest.approx(float(rms(signal)), rel=1e-9)
+    assert found["peak to peak"] == float(peak_to_peak(signal))
+    assert found["crest factor"] == pytest.approx(float(crest_factor(signal)), rel=1e-9)
+    assert found["kurtosis"] == pytest.approx(float(kurtosis(signal)), rel=1e-9)
 
 
 @pytest.mark.parametrize("factor", [1000.0, 1e-3])
 def test_description_follows_scale(factor):
     one, other = describe_waveform(NOISE[0]), describe_waveform(factor * NOISE[0])
-    assert other.rms == pytest.approx(factor * one.rms, rel=1e-12)
-    assert other.crest_factor == pytest.approx(one.crest_factor, rel=1e-12)
-    assert other.kurtosis == pytest.approx(one.kurtosis, rel=1e-12)
+    assert other["rms"] == pytest.approx(factor * one["rms"], rel=1e-12)
+    assert other["crest factor"] == pytest.approx(one["crest factor"], rel=1e-12)
+    assert other["kurtosis"] == pytest.approx(one["kurtosis"], rel=1e-12)
     first = np.array([0.2, 0.3])
     assert sideband_level_factor(factor * first, factor * NOISE[0]) == pytest.approx(
         sideband_level_factor(first, NOISE[0]), rel=1e-12

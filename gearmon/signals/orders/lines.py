@@ -28,11 +28,12 @@ read again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
@@ -195,31 +196,20 @@ def order_lines(
     ArgumentError
         If an order is negative, the recording holds too few samples, or no block is left.
     """
-    if len(orders) == 0 or orders.min() < 0:
-        raise ArgumentError("orders: at least one, all >= 0, are needed")
-    halves = _Halves(samples, sampling_rate_hz, track, orders, block_turns, error, left_out)
-    rising, falling, kept = halves.transforms()
-    turns = halves.block_turns
-    starts = halves.first_turn + 0.5 * turns * np.arange(halves.count - 1)
-    shift = phasors(-orders * starts[:, None])[:, None, :]
-    rows = (rising[:-1] + falling[1:] * phasors(-orders * (0.5 * turns))) * shift
-    return OrderLines(
-        orders=orders,
-        amplitude=(rows if not left_out else rows[halves.sound]) * halves.scale,
-        block_turns=turns,
-        first_turn=halves.first_turn,
-        noise=halves.noise(kept),
-    )
+    blocks = OrderBlocks(samples, sampling_rate_hz, track, orders, block_turns, error, left_out)
+    return blocks.lines()
 
 
-def steps_of_block(grid: AngleGrid, block_turns: float) -> int:
-    """Return the steps of a block of so many turns, cut to the recording."""
-    # rounded down: the last of the blocks that just fill a recording must not fall off its end
-    return min(grid.count, max(8, int(block_turns * grid.per_turn + 1e-6)))
+class OrderBlocks:
+    """Half blocks of a recording at equal steps of angle, their transforms and lines.
 
-
-class _Halves:
-    """Half blocks of a recording at equal steps of angle, and their transforms."""
+    Parameters
+    ----------
+    samples, sampling_rate_hz, track, orders, block_turns, error, left_out
+        As of `order_lines`.
+    held : bool
+        Whether `spreading` is to hold all steps, enough of them for the whole band.
+    """
 
     def __init__(
         self,
@@ -230,16 +220,20 @@ class _Halves:
         block_turns: float,
         error: float,
         left_out: Sequence[tuple[int, int]] = (),
+        held: bool = False,
     ) -> None:
+        if len(orders) == 0 or orders.min() < 0:
+            raise ArgumentError("orders: at least one, all >= 0, are needed")
         top, whole = float(orders.max()), rate / float(track.speed_hz.min())
         grid = AngleGrid.of(samples.shape[-1], rate, track, top)
-        block = steps_of_block(grid, block_turns)
-        self.orders, self.channels, self.first_turn = orders, len(samples), grid.first_turn
+        # rounded down: the last of the blocks that just fill a recording must not fall off its end
+        block = min(grid.count, max(8, int(block_turns * grid.per_turn + 1e-6)))
+        self.orders, self.first_turn = orders, grid.first_turn
         self.block_turns, self.count = block / grid.per_turn, 2 * (grid.count - block) // block + 2
         # steps that last no longer than a sample hold the whole band; fewer of them do for lines
         # low in it, and what is folded onto these the kernel has taken out before
         width, room, coarsest = _choice(error, top, whole)
-        least = max(room * top, coarsest * whole)
+        least = max(room * top, whole if held else coarsest * whole)
         self.steps = fast_length(int(np.ceil(self.block_turns * least))) // 2  # of a half
         per_turn = 2 * self.steps / self.block_turns
         kernel = Kernel.of(width, per_turn / (2 * max(top, 1e-3 * per_turn)))
@@ -249,7 +243,10 @@ class _Halves:
         )
         self.beside = np.stack([response / below, response / above])
         self.scale = np.where(orders > 0, 2.0, 1.0) / (self.steps * response)
-        self._spreading = Spreading(samples, rate, track, per_turn, kernel)
+        steps = int(grid.count / grid.per_turn * per_turn + 1e-6)
+        grid = AngleGrid(per_turn=per_turn, first_turn=grid.first_turn, count=steps)
+        spreading = Spreading(samples, rate, track, grid, kernel)
+        self.spreading = spreading.holding() if held else spreading
         starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
         sound = np.ones(self.count - 1, dtype=bool)
         for stretch in left_out:
@@ -262,61 +259,45 @@ class _Halves:
         most = _QUICK_BLOCKS if error >= _QUICK_FROM else _FLOOR_BLOCKS
         every = max(1, len(self.sound) // most)
         self.sampled = self.sound[every - 1 :: every].tolist()
-        self.wanted = {half for block in self.sampled for half in (block, block + 1)}
 
-    def _spread(self, first: int, number: int) -> FloatArray:
-        """Return halves one after the other, shape (channels, halves, steps)."""
-        values = np.empty((self.channels, number * self.steps))
-        self._spreading.spread(self.first_turn + 0.5 * first * self.block_turns, values)
-        return values.reshape(self.channels, number, self.steps)
-
-    def transforms(self) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
-        """Transform all halves under the rising and the falling half of the window.
-
-        Returns
-        -------
-        rising, falling : ndarray of complex, shape (count, channels, lines)
-            The transforms.
-        kept : dict
-            Number of a half whose block tells the noise -> the half, shape (channels, steps).
-        """
+    def lines(self) -> OrderLines:
+        """Return the lines in all blocks that are sound."""
         plan = GriddedPlan(self.steps, 0.5 * self.orders * self.block_turns, self.beside)
-        together = max(1, _STEPS_TOGETHER // self.steps)
+        together, samples = max(1, _STEPS_TOGETHER // self.steps), self.spreading.samples
 
-        def part(first: int) -> tuple[ComplexArray, ComplexArray, dict[int, FloatArray]]:
-            cut = self._spread(first, min(together, self.count - first))
-            kept = {k: cut[:, k - first].copy() for k in self.wanted if 0 <= k - first < together}
-            rising, falling = (
-                found.reshape(*cut.shape[:2], -1).transpose(1, 0, 2)
-                for found in plan.lines(cut.reshape(-1, self.steps))
-            )
-            return rising, falling, kept
+        def part(first: int) -> ComplexArray:
+            """Transform halves under the rising and the falling half of the window."""
+            number = min(together, self.count - first)
+            cut = self.spreading.steps(first * self.steps, number * self.steps)
+            found = plan.lines(cut.reshape(-1, self.steps))
+            return np.stack(found).reshape(2, len(samples), number, -1)
 
-        found = side_by_side(
-            part, range(0, self.count, together), self.count * self.steps * self.channels
+        parts = side_by_side(part, range(0, self.count, together), samples.size)
+        rising, falling = np.concatenate(parts, axis=2).swapaxes(1, 2)
+        starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
+        shift = phasors(-self.orders * starts[:, None])[:, None, :]
+        rows = rising[:-1] + falling[1:] * phasors(-self.orders * (0.5 * self.block_turns))
+        rows *= shift
+        return OrderLines(
+            orders=self.orders,
+            amplitude=(rows if len(self.sound) == len(rows) else rows[self.sound]) * self.scale,
+            block_turns=self.block_turns,
+            first_turn=self.first_turn,
+            noise=self.noise(),
         )
-        rising, falling = (np.concatenate([one[k] for one in found]) for k in (0, 1))
-        return rising, falling, {k: half for one in found for k, half in one[2].items()}
 
-    def some(self, wanted: Sequence[int]) -> dict[int, FloatArray]:
-        """Return some halves by their numbers, each of shape (channels, steps)."""
-        work = len(wanted) * self.steps * self.channels
-        found = side_by_side(lambda number: self._spread(number, 1)[:, 0], wanted, work)
-        return dict(zip(wanted, found, strict=True))
-
-    def noise(self, kept: dict[int, FloatArray]) -> FloatArray:
-        """Noise power at each line, from the blocks between whose lines it is measured.
+    def noise(self) -> FloatArray:
+        """Noise power at each line, shape (channels, lines), from the blocks between the lines.
 
         The mean of n noise powers follows a gamma law of shape n, whose median over its mean is
         about 1 - 1/(3 n) + 0.02/n^2; half overlapped Hann blocks are worth a twentieth less.
         """
         window, length = hann(2 * self.steps), 4 * self.steps
-        work = len(self.sampled) * length * self.channels
+        work = len(self.sampled) * length * len(self.spreading.samples)
 
         def power(number: int) -> FloatArray:
-            block = np.concatenate([kept[number], kept[number + 1]], axis=-1)
-            block -= block.mean(axis=-1, keepdims=True)
-            return window_powers(block, window, length)
+            block = self.spreading.steps(number * self.steps, 2 * self.steps)
+            return window_powers(block - block.mean(axis=-1, keepdims=True), window, length)
 
         powers = side_by_side(power, self.sampled, work)
         mean: FloatArray = sum(powers, np.zeros(1)) / len(powers)
@@ -346,8 +327,6 @@ class GriddedPlan:
     _KERNEL = Kernel(width=8, beta=2.30 * 8)
 
     def __init__(self, steps: int, bins: FloatArray, beside: FloatArray) -> None:
-        from scipy.sparse import csr_array
-
         self.length, self.steps = 2 * steps, steps
         width = self._KERNEL.width
         self._flat = 1 / self._KERNEL.transform((np.arange(steps) - steps / 2) / self.length)
@@ -547,11 +526,11 @@ class OrderSums:
         """
         if block_turns not in self._noise:
             turns = min(block_turns, 0.25 * float(track.turns[-1] - track.turns[0]))
-            halves = _Halves(
+            blocks = OrderBlocks(
                 self.samples, self.sampling_rate_hz, track, self.orders, turns, _QUICK_ERROR
             )
             # of a wave both of whose sides count, a sliding sum reads half the peak
-            self._noise[block_turns] = 0.25 * halves.noise(halves.some(sorted(halves.wanted)))
+            self._noise[block_turns] = 0.25 * blocks.noise()
         return self._noise[block_turns]
 
     def sliding(self, track: AngleTrack, block_turns: float) -> SlidingLines:
@@ -572,26 +551,15 @@ class OrderSums:
         low, high = float(angle[0]), float(angle[-1])
         hop = min(block_turns, 0.25 * (high - low)) / 4
         count = int((high - low) / hop + 1e-9) + 1
-        # two hops before the first centre and two after the last one
-        edges: FloatArray = low + hop * np.arange(-2.0, count + 2.0)
-        share, sums = _cut(angle, edges)
-        cosine, sine = np.cos(0.5 * np.pi * share), np.sin(0.5 * np.pi * share)
-
-        def block_sums(wave: ComplexArray) -> ComplexArray:
-            # 1/2 + 1/2 cos about the centre, in the two hops before and the two after it
-            plain, near, far = sums(wave), sums(wave * cosine), sums(wave * sine)
-            total: ComplexArray = plain[:-3] + plain[1:-2] + plain[2:-1] + plain[3:]
-            total += near[2:-1] + far[1:-2] - far[3:] - near[:-3]
-            return 0.5 * total
-
-        amplitude = self._turned(angle, read, block_sums)
-        steps, middle = np.diff(angle), 0.5 * (angle[1:] + angle[:-1])
-        weight = block_sums(_padded(steps)).real
-        moment = block_sums(_padded(steps * (middle - low))).real
+        middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle)
+        window = _sliding_window((middle - low) / hop, steps, count)
+        weight = window.sum(axis=1)
+        waves = phasors(np.outer(middle, -self.orders)) / read.length
+        found = [window @ (sums * waves) for sums in read.sums]
         return SlidingLines(
-            angle=low + moment / weight,
+            angle=low + window @ (middle - low) / weight,
             orders=np.tile(self.orders, len(self.samples)),
-            amplitude=(amplitude / weight[:, None, None]).reshape(count, -1),
+            amplitude=np.concatenate(found, axis=1) / weight[:, None],
         )
 
     def _near(self, track: AngleTrack) -> tuple[FloatArray, Stretches]:
@@ -608,89 +576,32 @@ class OrderSums:
         self._known = track, self._read.angle_in(track)
         return self._known[1], self._read
 
-    def _turned(
-        self,
-        angle: FloatArray,
-        read: Stretches,
-        sums_of: Callable[[ComplexArray], ComplexArray],
-    ) -> ComplexArray:
-        """Return what `sums_of` makes of each line in the angle of a track.
 
-        Parameters
-        ----------
-        angle : ndarray of float
-            That of the track at the edges of the stretches [turns].
-        read : Stretches
-            The sums.
-        sums_of : callable
-            Takes a line, stretch by stretch, each times the angle that it spans, and a zero.
+def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csr_array:
+    """Hann windows four hops long about each hop, over stretches, shape (count, stretches).
 
-        Returns
-        -------
-        ndarray of complex, shape (sums, channels, lines)
-        """
-        middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle) / read.length
-
-        def line(number: int) -> ComplexArray:
-            turn = phasors(-self.orders[number] * middle) * steps
-            found = []
-            for real, imag in read.sums[:, :, number]:
-                wave = _padded(real)
-                wave.imag[:-1] = imag
-                wave[:-1] *= turn
-                found.append(sums_of(wave))
-            return np.stack(found, axis=-1)
-
-        work = 4 * len(self.orders) * len(self.samples) * len(steps)
-        return np.stack(side_by_side(line, range(len(self.orders)), work), axis=-1)
-
-
-def _padded(values: FloatArray) -> ComplexArray:
-    """Return values as complex numbers, and a zero behind them."""
-    padded = np.zeros(len(values) + 1, dtype=np.complex128)
-    padded.real[:-1] = values
-    return padded
-
-
-def _cut(
-    angle: FloatArray, edges: FloatArray
-) -> tuple[FloatArray, Callable[[ComplexArray], ComplexArray]]:
-    """Share stretches out among parts of the angle by where their middles lie.
-
-    Returns
-    -------
-    share : ndarray of float, shape (stretches + 1,)
-        Where each lies in its part, 0 to 1, and a zero.
-    sums : callable
-        Adds up a wave over each part; a zero at its end keeps parts behind the last stretch.
+    The stretches lie at ascending places [hops] and span angles of their own, their weights.
     """
-    middle = 0.5 * (angle[1:] + angle[:-1])
-    first = np.searchsorted(middle, edges)
-    # an edge more has passed from the first stretch behind it on
-    sizes = np.diff(np.concatenate([[0], first, [len(middle)]]))
-    part = np.repeat(np.clip(np.arange(-1, len(edges)), 0, len(edges) - 2), sizes)
-    share = (middle - edges[part]) / (edges[1] - edges[0])
-
-    def sums(wave: ComplexArray) -> ComplexArray:
-        total: ComplexArray = np.add.reduceat(wave, first)[:-1]
-        total[first[:-1] == first[1:]] = 0.0
-        return total
-
-    return np.append(share, 0.0), sums
+    number = np.floor(place).astype(np.intp) + np.arange(-1, 3)[:, None]
+    weight = (0.5 + 0.5 * np.cos(0.5 * np.pi * (place - number))) * steps
+    inside = (number >= 0) & (number < count)
+    stretch = np.broadcast_to(np.arange(len(place)), number.shape)
+    entries = weight[inside], (number[inside], stretch[inside])
+    return csr_array(entries, shape=(count, len(place)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Stretches:
     """Sums of samples under waves of each order, stretch by stretch.
 
-    `sums` has shape (channels, 2, lines, stretches), real and imaginary parts; `length` is the
-    samples of a stretch, `slopes` the logarithms of the turns that each was made with, `cycles` the
-    cycles of the highest order in one.
+    `sums` has shape (channels, stretches, lines); `length` is the samples of a stretch, `slopes`
+    the logarithms of the turns that each was made with, `cycles` the cycles of the highest order in
+    one.
     """
 
     edges_s: FloatArray
     length: int
-    sums: FloatArray
+    sums: ComplexArray
     slopes: FloatArray
     cycles: float
 
@@ -709,30 +620,19 @@ class Stretches:
         sizes = np.diff(np.append(shared, count))
         mean = np.add.reduceat(np.diff(track.turns_at(edges_s)), shared) / sizes
         number = np.repeat(np.rint(np.log(mean) / _SPEED_STEP), sizes)
-        sums = np.empty((len(samples), 2, len(orders), count))
-        starts = np.concatenate([[0], np.flatnonzero(np.diff(number)) + 1, [count]])
-        runs = [
-            (first, min(first + _TOGETHER, int(end)))
-            for begin, end in pairwise(starts)
-            for first in range(int(begin), int(end), _TOGETHER)
-        ]
         place = (np.arange(length) - 0.5 * (length - 1)) / length
-        known: dict[float, FloatArray] = {}
+        parts = samples[:, : count * length].reshape(len(samples), count, length)
+        sums = np.empty((len(samples), count, len(orders)), dtype=np.complex128)
 
-        def waves_at(speed: float) -> FloatArray:
-            if speed not in known:
-                wave = 2 * np.pi * np.exp(speed * _SPEED_STEP) * np.outer(orders, place)
-                known[speed] = np.concatenate([np.cos(wave), -np.sin(wave)])
-            return known[speed]
+        def read(own: IntArray) -> None:
+            wave = 2 * np.pi * np.exp(number[own[0]] * _SPEED_STEP) * np.outer(place, orders)
+            for part, out in zip(parts, sums, strict=True):
+                out.real[own] = part[own] @ np.cos(wave)
+                out.imag[own] = part[own] @ -np.sin(wave)
 
-        def read(row: int) -> None:
-            begin, end = runs[row]
-            waves = waves_at(float(number[begin]))
-            for channel, out in zip(samples, sums, strict=True):
-                part = channel[begin * length : end * length].reshape(end - begin, length)
-                np.matmul(waves, part.T, out=out.reshape(len(waves), count)[:, begin:end])
-
-        side_by_side(read, range(len(runs)), samples.size)
+        order, ends = np.argsort(number, kind="stable"), np.cumsum(np.unique_counts(number).counts)
+        alike = np.split(order, np.union1d(ends[:-1], np.arange(_TOGETHER, count, _TOGETHER)))
+        side_by_side(read, alike, samples.size)
         return cls(
             edges_s=edges_s,
             length=length,

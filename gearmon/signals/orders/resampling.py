@@ -28,8 +28,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -37,16 +37,18 @@ from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.array_types import FloatArray
-from gearmon.signals.spectra.spectrum import fast_length
+from gearmon.signals.threads import side_by_side
 
 #: Share of the sampling rate up to which tones are read; above, they fade towards half the rate.
 READ_UP_TO = 0.45
 # Samples to either side that the low-pass of the doubling reaches, and Kaiser's shape of it: what
-# passes and what is stopped is 110 dB apart between 0.456 and 0.544 of the rate.
+# passes and what is stopped is 110 dB apart between 0.456 and 0.544 of the rate. It keeps the
+# samples; half way between two of them it reads these weights.
 _REACH, _KAISER = 40, 11.16
-# Samples beyond a chunk that its resampling sees: the taper that makes the chunk periodic for its
-# Fourier transform, and the reach of the quintic spline.
-_MARGIN = 256
+_HALF_WAY = np.sinc(np.arange(0.5 - _REACH, _REACH)) * np.kaiser(4 * _REACH + 1, _KAISER)[1::2]
+_HALF_WAY /= _HALF_WAY.sum()
+# Samples beyond a chunk that its quintic spline sees: of its edge 0.43 is left a half sample on.
+_MARGIN = 32
 _CHUNK = 1 << 16
 #: Orders up to this share of the samples a turn pass unchanged, from half of it on none does.
 PASSED = 0.4
@@ -54,7 +56,7 @@ _STOPPED = 0.5
 # What is left of a line that would fold [dB]; what passes ripples by as much, a millionth.
 _ATTENUATION_DB = 120.0
 # Steps taken at a time: their weights stay in the cache of a processor core.
-_PIECE = 1 << 12
+_PIECE = 1 << 13
 # Places a step at which a kernel is held: straight lines between them are off by 6e-8 at most, an
 # eighth of the square of their distance times the curvature 4 b / w^2.
 _HELD = 2048
@@ -70,14 +72,14 @@ def resample_to_angle(
     samples: FloatArray,
     sampling_rate_hz: float,
     track: AngleTrack,
-    per_turn: int,
+    per_turn: float,
     first_turn: float,
     count: int,
 ) -> FloatArray:
     """Sample signals at equal steps of the angle of shaft 1.
 
-    The rate is doubled by a Fourier transform of each chunk before a quintic spline reads it at the
-    wanted instants: relative error of a tone below 1e-6 at 0.1 and below 1e-4 at 0.3 of the
+    The rate is doubled by a low-pass of 80 samples before a quintic spline reads it at the wanted
+    instants: relative error of a tone below 1e-6 at 0.1 and below 1e-4 at 0.3 of the
     sampling rate, 40 samples and more away from the ends; above 0.45 tones fade. Nothing else is
     removed: choose `per_turn` so that no angular step exceeds the time step, or let
     `angular_waveform` take out first what would alias.
@@ -90,7 +92,7 @@ def resample_to_angle(
         Sampling rate [Hz].
     track : AngleTrack
         Angle of shaft 1 against time.
-    per_turn : int
+    per_turn : float
         Samples a turn of shaft 1.
     first_turn : float
         Angle of the first sample [turns].
@@ -121,19 +123,14 @@ def resample_to_angle(
                 f"angle track reaches from sample {position[0]:.1f} to {position[-1]:.1f}, "
                 f"the recording from 0 to {last}"
             )
-        first = int(position[0]) - _MARGIN
-        length = fast_length(int(position[-1]) + 2 + _MARGIN - first)
-        coordinates = 2 * (position - first)[None, :]
+        first, end = int(position[0]) - _MARGIN, int(position[-1]) + 2 + _MARGIN
+        doubled = np.empty(2 * (end - first))
         for row, channel in enumerate(samples):
-            chunk = odd_stretch(channel, first, first + length)
-            level = float(chunk.mean())
-            half = np.fft.rfft((chunk - level) * _taper(length))
-            # zeros between the samples repeat the spectrum
-            repeated = np.concatenate([half, np.conj(half[-2::-1])]) * _doubling(length)
-            weights = np.fft.irfft(repeated, n=2 * length)
-            output[row, start:stop] = level + map_coordinates(
-                weights, coordinates, order=5, mode="mirror", prefilter=False
-            )
+            chunk = odd_stretch(channel, first - _REACH, end + _REACH)
+            doubled[::2] = chunk[_REACH:-_REACH]
+            doubled[1::2] = np.convolve(chunk, _HALF_WAY, "valid")[1:]
+            coordinates = 2 * (position - first)[None, :]
+            map_coordinates(doubled, coordinates, output[row, start:stop], order=5, mode="mirror")
     return output
 
 
@@ -152,39 +149,13 @@ def odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
     return np.where(index == inside, channel[inside], 2.0 * channel[inside] - channel[beyond])
 
 
-def _taper(length: int) -> FloatArray:
-    """Return ones that rise and fall at the ends over half the margin."""
-    distance = np.minimum(np.arange(length), np.arange(length)[::-1]) / (_MARGIN // 2)
-    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(distance, 1.0)))
-
-
-@lru_cache(maxsize=8)
-def _doubling(length: int) -> FloatArray:
-    """Gain that makes a repeated spectrum weights of quintic B-splines, two a sample; read-only.
-
-    It is the transform of the low-pass over that of a quintic B-spline read at its knots.
-    """
-    reach = np.arange(2 * _REACH + 1)
-    # a windowed sinc whose every second value is zero: it keeps the samples
-    side = np.sinc(reach / 2) * np.kaiser(4 * _REACH + 1, _KAISER)[2 * _REACH :]
-    kernel = np.zeros(2 * length)
-    kernel[: len(reach)] = side
-    kernel[-reach[1:]] = side[1:]
-    angle = np.pi * np.arange(length + 1) / length
-    # a quintic B-spline is 66, 26 and 1 over 120 at its knots
-    knots = (66 + 52 * np.cos(angle) + 2 * np.cos(2 * angle)) / 120
-    gain = np.fft.rfft(kernel).real / knots
-    gain.flags.writeable = False
-    return np.asarray(gain, dtype=np.float64)
-
-
 @dataclass(frozen=True, kw_only=True)
 class AngleGrid:
     """Equal steps of angle that cover a recording without losing bandwidth.
 
     Parameters
     ----------
-    per_turn : int
+    per_turn : float
         Samples a turn of shaft 1.
     first_turn : float
         Angle of the first sample [turns].
@@ -192,7 +163,7 @@ class AngleGrid:
         Samples in all.
     """
 
-    per_turn: int
+    per_turn: float
     first_turn: float
     count: int
 
@@ -496,28 +467,44 @@ class Spreading:
         Sampling rate [Hz].
     track : AngleTrack
         Angle of shaft 1 against time.
-    per_turn : float
-        Steps a turn, at least as many as samples at the slowest speed.
+    grid : AngleGrid
+        The steps.
     kernel : Kernel
         The kernel.
+    held : ndarray of float, shape (channels, grid.count), optional
+        All steps, where several ask for them.
     """
 
     samples: FloatArray
     sampling_rate_hz: float
     track: AngleTrack
-    per_turn: float
+    grid: AngleGrid
     kernel: Kernel
+    held: FloatArray | None = None
 
-    def spread(self, first_turn: float, out: FloatArray) -> None:
-        """Fill `out`, shape (channels, steps), from the angle `first_turn` [turns] on."""
-        count = out.shape[-1]
-        for first in range(0, count, _PLACED):
-            size = min(_PLACED, count - first)
-            position, steps = self._positions(first_turn + first / self.per_turn, size)
+    def holding(self) -> Spreading:
+        """Return the same with all its steps at hand."""
+        starts, count = range(0, self.grid.count, _PLACED), self.grid.count
+        parts = side_by_side(
+            lambda first: self.steps(first, min(_PLACED, count - first)), starts, self.samples.size
+        )
+        return replace(self, held=np.concatenate(parts, axis=1))
+
+    def steps(self, first: int, count: int) -> FloatArray:
+        """Return so many steps from one on, shape (channels, count)."""
+        if self.held is not None:
+            return self.held[:, first : first + count]
+        out = np.empty((len(self.samples), count))
+        for start in range(0, count, _PLACED):
+            size = min(_PLACED, count - start)
+            turn = self.grid.first_turn + (first + start) / self.grid.per_turn
+            position, steps = self._positions(turn, size)
+            drift = np.gradient(steps) * steps if size > 1 else np.zeros(size)
             for begin in range(0, size, _PIECE):
                 own = slice(begin, min(begin + _PIECE, size))
-                part = out[:, first + own.start : first + own.stop]
-                self._piece(position[own], steps[own], part)
+                part = self._piece(position[own], steps[own], drift[own])
+                out[:, start + own.start : start + own.stop] = part
+        return out
 
     def _positions(self, first_turn: float, count: int) -> tuple[FloatArray, FloatArray]:
         """Places [samples] of equal steps of angle, and steps a sample there.
@@ -527,7 +514,7 @@ class Spreading:
         """
         number = -(-count // _STRIDE)
         stretches = np.arange(number + 1, dtype=np.float64)
-        ends: FloatArray = first_turn + stretches * (_STRIDE / self.per_turn)
+        ends: FloatArray = first_turn + stretches * (_STRIDE / self.grid.per_turn)
         place, slope = self._placed(ends)
         told = np.empty((number, 3))
         np.subtract(place[1:], place[:-1], out=told[:, 0])
@@ -538,11 +525,11 @@ class Spreading:
         slopes = told @ _CUBIC_SLOPE
         knots = self.track.turns
         low, high = np.searchsorted(knots, ends[[0, -1]])
-        inside = (knots[low:high] - first_turn) * (self.per_turn / _STRIDE)
+        inside = (knots[low:high] - first_turn) * (self.grid.per_turn / _STRIDE)
         crossed = np.unique(np.minimum(inside.astype(np.intp), number - 1))
         if len(crossed):
             wanted = (crossed[:, None] * _STRIDE + np.arange(_STRIDE)).reshape(-1)
-            place, slope = self._placed(first_turn + wanted / self.per_turn)
+            place, slope = self._placed(first_turn + wanted / self.grid.per_turn)
             position[crossed], slopes[crossed] = (
                 place.reshape(-1, _STRIDE),
                 slope.reshape(-1, _STRIDE),
@@ -554,22 +541,25 @@ class Spreading:
         """Places [samples] of ascending angles, and samples a step there."""
         time_s, slope = self.track.time_and_slope_at(turns)
         time_s *= self.sampling_rate_hz
-        slope *= self.sampling_rate_hz / self.per_turn
+        slope *= self.sampling_rate_hz / self.grid.per_turn
         return time_s, slope
 
-    def _piece(self, position: FloatArray, steps: FloatArray, out: FloatArray) -> None:
+    def _piece(self, position: FloatArray, steps: FloatArray, drift: FloatArray) -> FloatArray:
         taps = int(np.ceil(self.kernel.width / float(steps.min())))
         first = np.rint(position - 0.5 * (taps - 1))
         begin, away = int(first[0]), first - position
-        # the speed changes by this much a sample: of tap k the angle is a parabola in k, and how
-        # densely samples lie there a straight line
-        drift = np.gradient(steps) * steps if len(steps) > 1 else 0.0 * steps
+        # the speed changes by so much a sample: of tap k the angle is a parabola in k, and how
+        # densely samples lie there its slope
+        parabola = np.empty((3, len(steps)))
+        np.multiply(drift, 0.5, out=parabola[2])
+        np.add(steps, drift * away, out=parabola[1])
+        np.multiply(0.5 * away, parabola[1] + steps, out=parabola[0])
         powers = np.vander(np.arange(float(taps)), 3, increasing=True)
-        density = steps + drift * away
-        steps_away = np.stack([0.5 * away * (density + steps), density, 0.5 * drift])
-        weights = self.kernel.read(powers @ (_HELD * steps_away))
-        weights *= powers[:, :2] @ np.stack([density, drift])
+        weights = self.kernel.read((_HELD * powers) @ parabola)
+        weights *= (powers[:, :2] * [1.0, 2.0]) @ parabola[1:]
         index = (first - begin).astype(np.intp) + np.arange(taps)[:, None]
-        for row, channel in enumerate(self.samples):
-            near = odd_stretch(channel, begin, begin + int(index[-1, -1]) + 1)
-            np.einsum("kn,kn->n", near.take(index, mode="clip"), weights, out=out[row])
+        end = begin + int(index[-1, -1]) + 1
+        near = (
+            odd_stretch(channel, begin, end).take(index, mode="clip") for channel in self.samples
+        )
+        return np.array([np.einsum("kn,kn->n", own, weights) for own in near])

@@ -42,6 +42,8 @@ _FLOOR_BINS = 384
 MOST_PIECES = 16
 # Reach of the kernel that spreads samples over angle [steps]: a line is read to 0.3 %.
 _QUICK = 4
+# Places between 0 and half a step at which what it takes of a line is computed.
+_SHARES = 4096
 # Power of a Hann window's side lobes over that of its main lobe, with 8 dB to spare: the share not
 # exceeded within so many widths once those of the row before are left out (18 dB an octave).
 _LOBES = ((2.0, 1.0), (4.0, 4e-3), (16.0, 6e-5))
@@ -116,6 +118,7 @@ def fine_order_spectrum(
     track: AngleTrack,
     pieces: int = 1,
     most: int = MOST_PIECES,
+    spreading: Spreading | None = None,
 ) -> FineSpectrum:
     """Spectrum of whole signals against the angle of shaft 1.
 
@@ -131,24 +134,28 @@ def fine_order_spectrum(
         Consecutive pieces whose powers are averaged, >= 1.
     most : int
         Of more pieces only so many are looked at, spread evenly.
+    spreading : Spreading, optional
+        The samples onto steps as many a turn as samples, if they are at hand.
 
     Returns
     -------
     FineSpectrum
         Over orders; Hann window, zero padding to twice the length.
     """
-    grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
-    block, per_turn = grid.count // pieces, float(grid.per_turn)
-    kernel = Kernel.of(_QUICK, 1.3)
-    spreading = Spreading(samples, sampling_rate_hz, track, per_turn, kernel)
+    if spreading is None:
+        grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
+        kernel = Kernel.of(_QUICK, 1.3)
+        spreading = Spreading(samples, sampling_rate_hz, track, grid, kernel)
+    per_turn, block = spreading.grid.per_turn, spreading.grid.count // pieces
+    # it falls so smoothly that straight lines between these are right to 1e-6
+    places = np.linspace(0.0, 0.5, _SHARES)
+    shares = spreading.kernel.transform(places) ** 2
 
     def part(piece: int) -> FloatArray:
-        values = np.empty((samples.shape[0], block))
-        spreading.spread(grid.first_turn + piece * block / per_turn, values)
-        return values
+        return spreading.steps(piece * block, block)
 
     def share(orders: FloatArray) -> FloatArray:
-        return kernel.transform(orders / per_turn) ** 2
+        return np.interp(orders, places * per_turn, shares)
 
     return _of_pieces(part, block, (pieces, most), per_turn, share)
 

@@ -46,7 +46,8 @@ from gearmon.signals.threads import cores
 
 _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
 # pandas 3.1 misses the nearest float in one of seven numbers of 17 digits with " +" before them.
-_BLANK_AND_PLUS = re.compile(rb"[ \t\v\f]\+")
+# The sign stands first here: it is rare, and looked for ten times as fast as blanks are.
+_BLANK_AND_PLUS = re.compile(rb"\+(?<=[ \t\v\f]\+)")
 _BLANK_LINES = re.compile(rb"\n{2,}")
 # QUOTE_MINIMAL and QUOTE_NONE of the csv module.
 _QUOTES: Literal[0] = 0
@@ -100,6 +101,9 @@ def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
     if not bare:
         return np.empty((0, dialect.columns))
     values = _parsed(bare, dialect, gaps=False)
+    # in a single column a blank line may stand for a missing number
+    if values is None and dialect.columns > 1 and (b"\n\n" in bare or bare.startswith(b"\n")):
+        return parse_rows(_BLANK_LINES.sub(b"\n", bare).lstrip(b"\n"), dialect)
     if values is not None:
         return values if np.isfinite(values.min()) and np.isfinite(values.max()) else None
     if dialect.columns == 1 or dialect.separator == " ":
@@ -134,8 +138,7 @@ def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
 def _bare(text: bytes, dialect: Dialect) -> bytes:
     """Return the text as pandas reads it well.
 
-    That is without blank lines, separators at line ends, exponents with a d, and blanks before a
-    plus.
+    That is without separators at line ends, exponents with a d, and blanks before a plus.
     """
     separator = dialect.separator.encode()
     if b"d" in text or b"D" in text:
@@ -144,9 +147,6 @@ def _bare(text: bytes, dialect: Dialect) -> bytes:
         blanks = rb"[ \v\f]+" if separator == b"\t" else rb"[ \t\v\f]+"
         begins = re.escape(separator or b"\n")
         text = re.sub(rb"(?m)(^|%b)%b(?=\+)" % (begins, blanks), rb"\1", text)
-    # in a single column a blank line may stand for a missing number
-    if dialect.columns > 1 and (b"\n\n" in text or text.startswith(b"\n")):
-        text = _BLANK_LINES.sub(b"\n", text).lstrip(b"\n")
     while dialect.trailing and separator + b"\n" in text:
         text = text.replace(separator + b"\n", b"\n")
     return text

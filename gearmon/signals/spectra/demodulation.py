@@ -62,23 +62,20 @@ FLOOR_DB = 200.0
 
 @dataclass(frozen=True, kw_only=True)
 class Envelope:
-    """Complex envelope of one band: signal = Re[values exp(2 pi i centre t)] within the band.
+    """Complex envelope of one band: signal = Re[values exp(2 pi i low t)] within the band.
 
     Parameters
     ----------
     values : ndarray of complex, shape (channels, m)
-        Modulus is the amplitude (peak), angle the phase against the centre.
+        Modulus is the amplitude (peak), angle the phase against the lower edge.
     rate : float
         Samples per unit of time or angle.
-    centre : float
-        Frequency that was shifted to zero, per unit of time or angle.
     low, high : float
-        Edges of the band.
+        Edges of the band, per unit of time or angle; the lower one is what was shifted to zero.
     """
 
     values: ComplexArray
     rate: float
-    centre: float
     low: float
     high: float
 
@@ -124,17 +121,13 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
     lines = (2.0 / count) * transform(signals, count)[:, first : last + 1]
     if first == 0:
         lines[:, 0] *= 0.5  # the mean has no conjugate to be folded in
-    middle = (first + last) // 2  # what is shifted to zero
-    length = fast_length(2 * (last - middle) + 2)
-    shifted = np.zeros((len(signals), length), dtype=np.complex128)
-    shifted[:, : last - middle + 1] = lines[:, middle - first :]
-    shifted[:, first - middle :] = lines[:, : middle - first]
-    values = ifft(shifted, axis=-1, norm="forward", overwrite_x=True)
+    # the lowest line is shifted to zero
+    length = fast_length(last - first + 2)
+    values = ifft(lines, length, axis=-1, norm="forward")
     return Envelope(
         # of a record that was padded the padding is left out again
         values=values[:, : -(-length * samples_in // count)],
         rate=length * rate / count,
-        centre=middle * rate / count,
         low=first * rate / count,
         high=last * rate / count,
     )

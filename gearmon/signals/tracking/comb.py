@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_array
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.array_types import FloatArray, IntArray
@@ -32,8 +33,6 @@ _MANY_BLOCKS = 400
 _MOVES, _SPACING = 24, 12
 # Spectra kept for judging whether a mesh is there; more would only take memory.
 _KEPT_BLOCKS = 80
-# Lines of a comb that are looked up together, and blocks in which they are.
-_ROWS, _BLOCKS = 12, 4
 # Lines of two combs are the same if they are nearer than this share of their frequency.
 _SAME_LINE = 1e-3
 
@@ -357,32 +356,22 @@ class _Blocks:
         kept = np.arange(stride if count >= 4 else 0, count, step)
         scores = np.empty((count, len(ratio)))
         quality = np.empty((len(kept), bins), dtype=np.float32)
-        total = count * len(self.samples) * self.length
-        lines = np.outer(comb.orders, ratio) / self.bin_hz
+        row_of = {number: row for row, number in enumerate(kept.tolist())}
+        bin_of = np.outer(ratio, comb.orders) / self.bin_hz
         steady = bool(np.all(middle_hz == middle_hz[0]))
+        same = _picking(bin_of * middle_hz[0], comb.weights, bins) if steady else None
 
-        def nearest_to(speed_hz: float) -> IntArray:
-            return np.minimum(np.rint(lines * speed_hz).astype(np.int64), bins)
+        def scan_block(number: int) -> None:
+            part = self.samples[:, starts[number] : starts[number] + self.size]
+            own = line_quality(part, self.length, bins)
+            picked = same
+            if picked is None:
+                picked = _picking(bin_of * middle_hz[number], comb.weights, bins)
+            scores[number] = picked @ own
+            if number in row_of:
+                quality[row_of[number]] = own
 
-        same = nearest_to(float(middle_hz[0])) if steady else None
-
-        def scan_blocks(first: int) -> None:
-            rows = np.arange(first, min(first + _BLOCKS, count))
-            # the last one stands for what lies beyond the band: nothing
-            own = np.zeros((bins + 1, len(rows)))
-            for column, row in enumerate(rows):
-                part = self.samples[:, starts[row] : starts[row] + self.size]
-                own[:-1, column] = line_quality(part, self.length, bins)
-            if same is not None:
-                scores[rows] = weighted_sum(own, same, comb.weights).T
-            else:
-                for column, row in enumerate(rows):
-                    nearest = nearest_to(middle_hz[row])
-                    scores[row] = weighted_sum(own[:, column], nearest, comb.weights)
-            begin, end = np.searchsorted(kept, rows[[0, -1]] + [0, 1])
-            quality[begin:end] = own[:-1].T[kept[begin:end] - first]
-
-        side_by_side(scan_blocks, range(0, count, _BLOCKS), total)
+        side_by_side(scan_block, range(count), count * len(self.samples) * self.length)
         return SpeedScan(
             centre_s=self.centre_s,
             middle_hz=middle_hz,
@@ -397,27 +386,27 @@ class _Blocks:
         )
 
 
-def weighted_sum(values: FloatArray, index: IntArray, weights: FloatArray) -> FloatArray:
-    """Sum of values picked by each row of an index, weighted row by row.
+def _picking(places: FloatArray, weights: FloatArray, bins: int) -> csr_array:
+    """Weights of the bins nearest to the lines of each candidate, none beyond the last one.
 
     Parameters
     ----------
-    values : ndarray of float, shape (n,) or (n, columns)
-    index : ndarray of int, shape (rows, candidates)
-    weights : ndarray of float, shape (rows,)
+    places : ndarray of float, shape (candidates, lines)
+        Places of the lines [bins].
+    weights : ndarray of float, shape (lines,)
+    bins : int
 
     Returns
     -------
-    ndarray of float, shape (candidates,) or (candidates, columns)
+    csr_array, shape (candidates, bins)
     """
-    total = np.zeros((index.shape[1], *values.shape[1:]))
-    flat = total.reshape(-1)
-    # some rows at a time stay in the cache of a processor core
-    for first in range(0, len(index), _ROWS):
-        rows = slice(first, first + _ROWS)
-        taken = values.take(index[rows], axis=0)
-        flat += weights[rows] @ taken.reshape(len(taken), -1)
-    return total
+    nearest = np.rint(places).astype(np.int32).ravel()
+    entries = np.tile(weights, len(places))
+    if nearest.max() >= bins:
+        entries[nearest >= bins] = 0.0
+        nearest = np.minimum(nearest, bins - 1)
+    ends = len(weights) * np.arange(len(places) + 1)
+    return csr_array((entries, nearest, ends), shape=(len(places), bins))
 
 
 def line_quality(block: FloatArray, length: int, bins: int) -> FloatArray:

@@ -305,10 +305,8 @@ def unwarp(
     top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
     grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
     # what spreading takes of an order it takes of the noise there as well
-    read = np.empty((samples.shape[0], grid.count))
-    per_turn = float(grid.per_turn)
-    kernel = Kernel.of(4, 1.3)
-    Spreading(samples, sampling_rate_hz, track, per_turn, kernel).spread(grid.first_turn, read)
+    spreading = Spreading(samples, sampling_rate_hz, track, grid, Kernel.of(4, 1.3))
+    read = spreading.steps(0, grid.count)
     scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, reach, _UNWARP_TURNS)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
     ends = track.turns[[0, -1]]

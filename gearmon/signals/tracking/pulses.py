@@ -13,7 +13,7 @@ pulse from an uneven one; the spacing is learned.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -124,7 +124,7 @@ def find_pulses(
             f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
             f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
         )
-    return _repaired_pulses(raw, per_turn)
+    return repair(raw, per_turn)
 
 
 def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
@@ -139,37 +139,6 @@ def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
     before = ups[np.searchsorted(ups, known[rises])]
     height = waveform[before]
     return np.asarray(before + (middle - height) / (waveform[before + 1] - height))
-
-
-def _repaired_pulses(raw: FloatArray, per_turn: int | None) -> TachoPulses:
-    """Fill in and leave out pulses up to the limit, refuse beyond it.
-
-    Parameters
-    ----------
-    raw : ndarray of float, shape (pulses,)
-        Times as they were found [s], ascending.
-    per_turn : int, optional
-        Pulses a turn, if known: the spacing of several is learned.
-
-    Raises
-    ------
-    RecordingError
-        If more than 2 % have to be repaired, or it is unclear how.
-    """
-    found = repair(raw, 1 if per_turn is None or is_even(raw, per_turn) else per_turn)
-    if found.missing + found.extra > max(2, LIMITS.repairable * len(found.time_s)):
-        raise RecordingError(
-            f"tacho channel: {found.missing} pulses missing and {found.extra} too many among "
-            f"{len(found.time_s)}; at most 2 % can be repaired. Check the sensor, or leave the "
-            "tacho out"
-        )
-    if found.unclear_s is not None:
-        raise RecordingError(
-            f"tacho channel: pulses about {found.unclear_s:.4g} s come at times that fit no steady "
-            "or slowly changing speed, and it is unclear which are missing or too many. Check the "
-            "sensor, or leave the tacho out"
-        )
-    return TachoPulses(time_s=found.time_s, missing=found.missing, extra=found.extra)
 
 
 def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
@@ -198,43 +167,28 @@ def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPu
         raise RecordingError(
             f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
         )
-    return _repaired_pulses(TachoPulses(time_s=times).time_s, per_turn)
+    return repair(TachoPulses(time_s=times).time_s, per_turn)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Repaired:
-    """A train of pulses after its repair.
-
-    Parameters
-    ----------
-    time_s : ndarray of float, shape (pulses,)
-        Times of the pulses [s], ascending.
-    missing, extra : int
-        Pulses that were filled in and left out; one at a wrong time counts as both.
-    unclear_s : float, optional
-        Time [s] near which it cannot be told which pulses are missing or extra.
-    """
-
-    time_s: FloatArray
-    missing: int = 0
-    extra: int = 0
-    unclear_s: float | None = None
-
-
-def repair(time_s: FloatArray, per_turn: int = 1) -> Repaired:
-    """Fill in missing pulses and leave out extra ones.
+def repair(time_s: FloatArray, per_turn: int | None = None) -> TachoPulses:
+    """Fill in missing pulses and leave out extra ones, up to 2 %.
 
     Parameters
     ----------
     time_s : ndarray of float, shape (pulses,)
-        Times of the pulses [s], ascending; at least four.
-    per_turn : int
-        Pulses a turn, unevenly spaced; 1 for even ones, however many there are.
+        Times of the pulses as they were found [s], ascending; at least four.
+    per_turn : int, optional
+        Pulses a turn, if known: where they are not even their spacing is learned.
 
     Returns
     -------
-    Repaired
-        Pulses that are sound keep their times.
+    TachoPulses
+        Pulses that are sound keep their times; one at a wrong time counts as missing and extra.
+
+    Raises
+    ------
+    RecordingError
+        If more than 2 % have to be repaired, or it is unclear how.
 
     Notes
     -----
@@ -246,20 +200,33 @@ def repair(time_s: FloatArray, per_turn: int = 1) -> Repaired:
     from the parabola of the next three. Where more than four repairs come within eight intervals,
     or pulses are still off, it is unclear what is right.
     """
+    per_turn = 1 if per_turn is None or is_even(time_s, per_turn) else per_turn
     if len(time_s) < 3 * per_turn + 1 or (per_turn == 1 and _sound(time_s)):
-        return Repaired(time_s=time_s)
+        return TachoPulses(time_s=time_s)
     start, gaps = _repeating(time_s, per_turn)
     ahead = _walk(time_s[start:], gaps, per_turn)
     # the same backwards, for what lies before; it begins with the turns that begin the other
     both = 3 * per_turn + 1
     behind = _walk(-time_s[: start + both][::-1], gaps[::-1], per_turn)
+    if per_turn > 1 and not behind.places and not ahead.places:
+        return TachoPulses(time_s=time_s)
     times = np.array([-t for t in reversed(behind.time_s[both:])] + ahead.time_s)
     filled = np.array(behind.filled[both:][::-1] + ahead.filled)
-    if per_turn > 1 and not behind.places and not ahead.places:
-        return Repaired(time_s=time_s)
-    found = _settled(times, filled, behind.extra + ahead.extra, per_turn)
-    crowded = ahead.crowded_s if ahead.crowded_s is not None else behind.crowded_s
-    return found if crowded is None else replace(found, unclear_s=crowded)
+    times, missing, more, unclear_s = _settled(times, filled, per_turn)
+    extra = behind.extra + ahead.extra + more
+    if missing + extra > max(2, LIMITS.repairable * len(times)):
+        raise RecordingError(
+            f"tacho channel: {missing} pulses missing and {extra} too many among {len(times)}; at "
+            "most 2 % can be repaired. Check the sensor, or leave the tacho out"
+        )
+    unclear = [own for own in (ahead.crowded_s, behind.crowded_s, unclear_s) if own is not None]
+    if unclear:
+        raise RecordingError(
+            f"tacho channel: pulses about {unclear[0]:.4g} s come at times that fit no steady "
+            "or slowly changing speed, and it is unclear which are missing or too many. Check the "
+            "sensor, or leave the tacho out"
+        )
+    return TachoPulses(time_s=times, missing=missing, extra=extra)
 
 
 def _sound(time_s: FloatArray) -> bool:
@@ -331,9 +298,14 @@ def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
     return walk
 
 
-def _settled(time_s: FloatArray, filled: BoolArray, extra: int, per_turn: int) -> Repaired:
-    """Put pulses that were filled in or are off onto the cubic through their neighbours."""
-    missing = int(filled.sum())
+def _settled(
+    time_s: FloatArray, filled: BoolArray, per_turn: int
+) -> tuple[FloatArray, int, int, float | None]:
+    """Put pulses that were filled in or are off onto the cubic through their neighbours.
+
+    Returns the times, how many were missing and extra, and where it is unclear which.
+    """
+    missing, extra = int(filled.sum()), 0
     time_s = np.where(filled, _expected(time_s, per_turn), time_s)
     wrong = np.flatnonzero(filled)
     for _ in range(_ROUNDS):
@@ -342,7 +314,7 @@ def _settled(time_s: FloatArray, filled: BoolArray, extra: int, per_turn: int) -
         expected = _expected(time_s, per_turn)
         wrong = _misplaced(time_s, expected)
         if not len(wrong):
-            return Repaired(time_s=time_s, missing=missing, extra=extra)
+            return time_s, missing, extra, None
         extra += len(wrong)
         if len(wrong) == 1 and wrong[0] in (0, len(time_s) - 1):
             time_s = np.delete(time_s, wrong)
@@ -350,8 +322,7 @@ def _settled(time_s: FloatArray, filled: BoolArray, extra: int, per_turn: int) -
         missing += len(wrong)
         time_s = time_s.copy()
         time_s[wrong] = expected[wrong]
-    unclear_s = float(time_s[min(int(wrong[0]), len(time_s) - 1)])
-    return Repaired(time_s=time_s, missing=missing, extra=extra, unclear_s=unclear_s)
+    return time_s, missing, extra, float(time_s[min(int(wrong[0]), len(time_s) - 1)])
 
 
 def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:

@@ -12,7 +12,7 @@ each by its own delay, and the angle by their mean. That mean is about as large 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -36,8 +36,6 @@ _ABOUT_TURNS, _DELAY_TURNS = 30.0, 8.0
 # 9 turns best: 0.3 mesh periods in nine cases of ten, where the speed wanders by 0.5 %.
 _WIDER, _BESIDE, _DEGREE = 3.0, 6.0, 3
 _KNOTS = 0.25  # distance of the knots over it
-# Displacements that are tried, nearest to the cubic's first.
-_TRIED = 5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,21 +196,17 @@ def mend_slips(
     Notes
     -----
     A shaft has inertia: its angle over a lost stretch is a cubic through the turns to either side,
-    displaced on one of them by what makes the lines agree. Which of the displacements that do, one
-    for each mesh period, is right is told by the lines within the stretch.
+    displaced on one of them by what fits best. That is right to some part of a mesh period, spread
+    over all blocks of the stretch; the phases of the lines within it tell the rest.
     """
     for stretch in check.lost:
-        if stretch.harmless or stretch.turns > LIMITS.mendable_turns:
-            continue
-        for led in _led_over(sums, track, stretch):
-            try:
+        led = None if stretch.harmless else _led_over(track, stretch)
+        if led is not None:
+            with suppress(ArgumentError):  # a wrong way can lead to one that turns back
                 other = lock_track(sums, led)
-            except ArgumentError:  # the wrong way can lead to one that turns back
-                continue
-            found = check_slips(sums, other)
-            if _lost_turns(found) < _lost_turns(check):
-                track, check = other, found
-                break
+                found = check_slips(sums, other)
+                if _lost_turns(found) < _lost_turns(check):
+                    track, check = other, found
     return track, check
 
 
@@ -220,57 +214,34 @@ def _lost_turns(check: SlipCheck) -> float:
     return sum(stretch.turns for stretch in check.lost if not stretch.harmless)
 
 
-def _led_over(sums: OrderSums, track: AngleTrack, stretch: LostStretch) -> Iterator[AngleTrack]:
-    """Yield the track, led over a lost stretch in one way after the other."""
+def _led_over(track: AngleTrack, stretch: LostStretch) -> AngleTrack | None:
+    """Return the track, led over a lost stretch; None if that is too long or not smooth."""
     first, last = track.turns[[0, -1]]
     begin, end = track.turns_at(np.array([stretch.start_s, stretch.end_s]))
     begin, end = max(begin - _WIDER, first), min(end + _WIDER, last)
     beside = _KNOTS * np.arange(1.0, _BESIDE / _KNOTS)
     angle = np.concatenate([begin - beside[::-1], end + beside])
     angle = angle[(angle > first) & (angle < last)]
-    if len(angle) < len(beside):
-        return
+    if stretch.turns > LIMITS.mendable_turns or len(angle) < len(beside):
+        return None
     behind = angle > end
     inside = np.linspace(begin, end, 1 + int(np.ceil((end - begin) / _KNOTS)))
     one_sided = behind.all() or not behind.any()
     time = track.time_at(angle)
     middle, half = time.mean(), np.ptp(time) / 2
     powers = np.vander((time - middle) / half, 2 if one_sided else _DEGREE + 1)
+    ahead = stretch.slipped_turns or 0.0
+    if stretch.slipped_turns is None and not one_sided:
+        columns = np.column_stack([powers, behind])
+        ahead = float(np.linalg.lstsq(columns, angle, rcond=None)[0][-1])
+    curve = np.linalg.lstsq(powers, angle - ahead * behind, rcond=None)[0]
     clock = np.vander((track.time_at(inside) - middle) / half, powers.shape[1])
-    for ahead in [0.0] if one_sided else _displacements(sums, track, powers, angle, behind):
-        curve = np.linalg.lstsq(powers, angle - ahead * behind, rcond=None)[0]
-        shift = clock @ curve - inside
-        gaps = shift[[0, -1]] + [0.0, ahead]
-        # the end of the recording may be anywhere, the turns beside the stretch may not
-        fits = np.abs(gaps[[begin > first, end < last]]).max(initial=0.0) < _KNOTS
-        if fits and np.all(np.diff(inside + shift) > 0):
-            yield _displaced(track, inside, shift, ahead)
-
-
-def _displacements(
-    sums: OrderSums, track: AngleTrack, powers: FloatArray, angle: FloatArray, behind: BoolArray
-) -> list[float]:
-    """By how much the angle may be ahead after a stretch, the likeliest first [turns]."""
-    near = float(np.linalg.lstsq(np.column_stack([powers, behind]), angle, rcond=None)[0][-1])
-    lines = sums.sliding(track, _BLOCK_TURNS)
-    low, high = float(lines.angle[0]), float(lines.angle[-1])
-    ends = float(angle[~behind].max()), float(angle[behind].min())
-    turned, order, sure = _turned(lines, (low, *ends, high))
-    if not sure.any():
-        return [near]
-    step = 0.05 / float(order.max())
-    reach = _TRIED / 2 / float(order.min())
-    tried = near + step * np.arange(-round(reach / step), round(reach / step) + 1)
-    likely = phasors(turned + np.outer(tried, order)).real @ sure
-    tops = 1 + np.flatnonzero((likely[1:-1] > likely[:-2]) & (likely[1:-1] >= likely[2:]))
-    tops = tops[likely[tops] > likely.max() - LIMITS.told]
-    return sorted(tried[tops].tolist(), key=lambda ahead: abs(ahead - near))[:_TRIED]
-
-
-def _displaced(
-    track: AngleTrack, inside: FloatArray, shift: FloatArray, ahead: float
-) -> AngleTrack:
-    """Return the track, shifted in a stretch as given and after it by what it is ahead."""
+    shift = clock @ curve - inside
+    gaps = shift[[0, -1]] + [0.0, ahead]
+    # the end of the recording may be anywhere, the turns beside the stretch may not
+    fits = np.abs(gaps[[begin > first, end < last]]).max(initial=0.0) < _KNOTS
+    if not fits or np.any(np.diff(inside + shift) <= 0):
+        return None
     before, after = track.turns < inside[0] - _KNOTS, track.turns > inside[-1] + _KNOTS
     return replace(
         track,

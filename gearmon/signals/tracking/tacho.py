@@ -273,11 +273,21 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     """
     rate, jitter = sums.sampling_rate_hz, known.uncertainty_turns
     sample = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0])) / rate
-    pulses = _Pulses(time_s=time_s, turns=turns, jitter=jitter, sample=sample, rate=rate)
     enough = len(turns) >= LIMITS.pulses and turns[-1] - turns[0] >= LIMITS.turns
-    if not enough or pulses.scatter * float(sums.orders.max()) < LIMITS.floor_cycles:
+    # an edge is somewhere between two samples
+    scatter = max(jitter, sample / math.sqrt(12))
+    if not enough or scatter * float(sums.orders.max()) < LIMITS.floor_cycles:
         return Joined(track=known)
-    course = pulses.course()
+    count = min(LIMITS.mean_of, len(turns) // 4)
+    allowed = 0.5 * sample + LIMITS.mean_deviations * jitter / math.sqrt(count)
+
+    def departure(beside: FloatArray) -> float:
+        """By how much means of pulses lie beside an angle, over what they may."""
+        means = np.convolve(beside, np.full(count, 1.0 / count), "valid")
+        return float(np.max(np.abs(means)) / allowed)
+
+    a_turn = (len(turns) - 1) / float(turns[-1] - turns[0])
+    course = _smoothed(turns, time_s, 2, _STIFF * a_turn**4)
     if np.any(np.diff(course) <= 0):
         return Joined(track=known)
     try:
@@ -285,63 +295,27 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     except ArgumentError:  # lines that would turn the shaft back
         return Joined(track=known)
     beside = turns - track.turns_at(time_s)
-    moved = track.turns + np.interp(track.turns, turns - beside, pulses.drift(course, beside))
+    drift = np.full(len(beside), beside.mean())
+    beats = jitter < sample and _beats(rate * course, max(1, round(a_turn)))
+    if not beats or departure(beside - drift) > 1.0:
+        drift = _smoothed(turns, beside, 1)
+    moved = track.turns + np.interp(track.turns, turns - beside, drift)
     if not np.isfinite(track.uncertainty_turns) or np.any(np.diff(moved) <= 0):
         return Joined(track=known)
-    doubt = min(track.uncertainty_turns, known.uncertainty_turns)
+    doubt = min(track.uncertainty_turns, jitter)
     joined = replace(track, turns=moved, uncertainty_turns=doubt, indexed=known.indexed)
     if _coherence(sums, joined) <= _coherence(sums, known):
         return Joined(track=known)
-    beyond = pulses.departure(turns - joined.turns_at(time_s))
+    beyond = departure(turns - joined.turns_at(time_s))
     if beyond > 1.0:
         return Joined(track=known, beyond=beyond)
     return Joined(track=joined, used=True, beyond=beyond)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Pulses:
-    """Pulses, their jitter and the length of a sample [turns], and the sampling rate [Hz]."""
-
-    time_s: FloatArray
-    turns: FloatArray
-    jitter: float
-    sample: float
-    rate: float
-
-    @property
-    def scatter(self) -> float:
-        """Standard deviation of a pulse [turns]; an edge is somewhere between two samples."""
-        return max(self.jitter, self.sample / math.sqrt(12))
-
-    @property
-    def a_turn(self) -> float:
-        return (len(self.turns) - 1) / float(self.turns[-1] - self.turns[0])
-
-    def course(self) -> FloatArray:
-        """Return the times of the pulses [s] as a smooth course of the speed has them."""
-        return _smoothed(self.turns, self.time_s, 2, _STIFF * self.a_turn**4)
-
-    def drift(self, course: FloatArray, beside: FloatArray) -> FloatArray:
-        """Return what of the distance between pulses and lines is no scatter [turns]."""
-        mean = np.full(len(beside), beside.mean())
-        if self._beats(course) and self.departure(beside - mean) <= 1.0:
-            return mean
-        return _smoothed(self.turns, beside, 1)
-
-    def _beats(self, course: FloatArray) -> bool:
-        """Whether edges fall at the same place between two samples turn after turn."""
-        lag = max(1, round(self.a_turn))
-        samples = self.rate * (course[lag:] - course[:-lag])
-        return (
-            self.jitter < self.sample and abs(np.mean(np.exp(2j * np.pi * samples))) > LIMITS.beats
-        )
-
-    def departure(self, beside: FloatArray) -> float:
-        """By how much means of pulses lie beside an angle, over what they may."""
-        count = min(LIMITS.mean_of, len(beside) // 4)
-        means = np.convolve(beside, np.full(count, 1.0 / count), "valid")
-        allowed = 0.5 * self.sample + LIMITS.mean_deviations * self.jitter / np.sqrt(count)
-        return float(np.max(np.abs(means)) / allowed)
+def _beats(place: FloatArray, lag: int) -> bool:
+    """Whether edges fall at the same place between two samples turn after turn."""
+    steps = place[lag:] - place[:-lag]
+    return bool(abs(np.mean(np.exp(2j * np.pi * steps))) > LIMITS.beats)
 
 
 def _coherence(sums: OrderSums, track: AngleTrack) -> float:

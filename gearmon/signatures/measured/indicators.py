@@ -207,12 +207,9 @@ def waveform_indicators(samples: FloatArray, channel_names: tuple[str, ...]) -> 
     dict
         "rms", "peak to peak", "crest factor" and "kurtosis".
     """
-    rows = {
-        name: indicators.describe_waveform(channel)
-        for name, channel in zip(channel_names, samples, strict=True)
-    }
+    rows = [indicators.describe_waveform(channel) for channel in samples]
     return {
-        label: {name: getattr(row, label.replace(" ", "_")) for name, row in rows.items()}
+        label: {name: row[label] for name, row in zip(channel_names, rows, strict=True)}
         for label in ("rms", "peak to peak", "crest factor", "kurtosis")
     }
 

@@ -16,7 +16,8 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
-from gearmon.signals.orders.lines import OrderLines, order_lines, without_knocks
+from gearmon.signals.orders.lines import OrderBlocks, OrderLines, without_knocks
+from gearmon.signals.orders.resampling import Spreading
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra.spectrum import power_density
@@ -44,6 +45,8 @@ from gearmon.signatures.tracking import track_recording
 LEAKAGE = 1e-4
 #: Pieces of a long recording in which lines of other origin are looked for.
 PIECES_HEARD = 8
+# Samples up to which all steps of angle are held: 16 MB.
+_HELD_SAMPLES = 1 << 21
 # Mesh periods over which phases hold an angle alone: a speed 1 % off that on both sides slips by a
 # quarter of one.
 _HELD_PERIODS = 25.0
@@ -226,13 +229,12 @@ def measure_signature(
     piece = samples[:, start:stop]
     plan = _plan(train, rate, part, tracking.plan_hz)
     block_turns = _block_turns(float(part.turns[-1] - part.turns[0]), train)
-
-    def planned() -> OrderLines:
-        gaps, orders = vibration.left_out or (), plan.orders
-        return order_lines(samples, rate, track, orders, block_turns, error=LEAKAGE, left_out=gaps)
-
+    # the lines and the spectrum of the whole recording are made of one and the same steps of angle
+    gaps, held = vibration.left_out or (), not vibration.left_out and samples.size <= _HELD_SAMPLES
+    blocks = OrderBlocks(samples, rate, track, plan.orders, block_turns, LEAKAGE, gaps, held)
+    steps = blocks.spreading if held else None
     lines, (spectrum, foreign) = at_once(
-        planned, lambda: _others(piece, rate, part, train), samples.size
+        blocks.lines, lambda: _others(piece, rate, part, train, steps), samples.size
     )
     for wheel in plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
@@ -350,12 +352,16 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
 
 
 def _others(
-    samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics
+    samples: FloatArray,
+    rate: float,
+    track: AngleTrack,
+    train: Kinematics,
+    steps: Spreading | None,
 ) -> tuple[FineSpectrum, NonGearLines]:
     """Fine spectrum, and lines of other origin."""
     # at most some millions of points: the test needs the resolution of seconds, not of hours
     pieces = max(1, samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD)
+    spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD, steps)
     return spectrum, nongear_lines(samples, rate, track, train, spectrum)
 
 

@@ -14,6 +14,7 @@ from gearmon.signals.orders import (
     fine_spectrum,
 )
 from gearmon.signals.orders import spectra as module
+from gearmon.signals.orders.lines import OrderBlocks
 
 RATE, DURATION, SPEED = 4000.0, 6.0, 20.0
 TIME = np.arange(round(RATE * DURATION)) / RATE
@@ -36,6 +37,21 @@ def test_line_reads_its_squared_amplitude_against_angle(order):
     spectrum = fine_order_spectrum(lines_on(angle(TIME), order, 0.7), RATE, TRACK)
     # half a bin of twice padded Hann costs at most 0.14 dB, twice that with its curvature
     assert highest(spectrum, order)[0] == pytest.approx(0.49, rel=0.08)
+
+
+@pytest.mark.parametrize("order", [3.3, 17.123, 61.2, 88.8])
+def test_steps_of_order_lines_serve_the_spectrum_as_well(order):
+    samples = lines_on(angle(TIME), order, 0.7) + white((1, len(TIME)), 0.1, seed=5)
+    orders = np.array([order, order + 1.0])
+    few, held = (
+        OrderBlocks(samples, RATE, TRACK, orders, 20.0, 1e-4, held=held) for held in (False, True)
+    )
+    shared = fine_order_spectrum(samples, RATE, TRACK, spreading=held.spreading)
+    assert highest(shared, order)[0] == pytest.approx(0.49, rel=0.08)
+    alone = fine_order_spectrum(samples, RATE, TRACK)
+    assert np.median(shared.floor) == pytest.approx(np.median(alone.floor), rel=0.03)
+    np.testing.assert_allclose(held.lines().amplitude, few.lines().amplitude, atol=1e-3)
+    np.testing.assert_allclose(held.noise(), few.noise(), rtol=0.3)
 
 
 @pytest.mark.parametrize("hertz", [50.0, 333.3, 1500.0])

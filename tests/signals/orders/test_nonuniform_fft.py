@@ -8,15 +8,14 @@ from reference.synthetic_signals import track_of, wandering_turns, white
 
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import resampling
-from gearmon.signals.orders.resampling import Kernel, Spreading
+from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
 
 RATE = 2000.0
 
 
 def spread_of(samples, track, per_turn, kernel, first_turn, count):
-    out = np.empty((len(samples), count))
-    Spreading(samples, RATE, track, per_turn, kernel).spread(first_turn, out)
-    return out
+    grid = AngleGrid(per_turn=per_turn, first_turn=first_turn, count=count)
+    return Spreading(samples, RATE, track, grid, kernel).steps(0, count)
 
 
 @pytest.mark.parametrize(("width", "bound"), [(4, 3e-3), (6, 6e-5), (8, 1e-6)])
@@ -92,9 +91,10 @@ def test_steps_stand_where_the_track_has_them(knots):
         uncertainty_turns=0.0,
     )
     per_turn = 90.0
-    grid = Spreading(white((1, 8000), seed=1), RATE, track, per_turn, Kernel.of(8, 1.5))
+    grid = AngleGrid(per_turn=per_turn, first_turn=0.0, count=7001)
+    spreading = Spreading(white((1, 8000), seed=1), RATE, track, grid, Kernel.of(8, 1.5))
     for first, count in ((0.0, 7001), (33.3, 5), (21.7, 16)):
-        position, steps = grid._positions(first, count)
+        position, steps = spreading._positions(first, count)
         time_s, slope = track.time_and_slope_at(first + np.arange(count) / per_turn)
         np.testing.assert_allclose(position, RATE * time_s, rtol=0, atol=1e-8)
         np.testing.assert_allclose(steps, per_turn / (RATE * slope), rtol=1e-8)

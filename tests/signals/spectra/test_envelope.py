@@ -51,7 +51,7 @@ def test_a_band_from_zero_keeps_the_mean():
     signal = 1.5 + np.cos(2 * np.pi * 40.0 * TIME + 0.3)
     found = band_envelope(signal, RATE, 0.0, 100.0)
     time = np.arange(found.values.shape[-1]) / found.rate
-    back = (found.values[0] * np.exp(2j * np.pi * found.centre * time)).real
+    back = (found.values[0] * np.exp(2j * np.pi * found.low * time)).real
     np.testing.assert_allclose(back, 1.5 + np.cos(2 * np.pi * 40.0 * time + 0.3), atol=1e-10)
 
 

@@ -215,15 +215,6 @@ def test_path_of_many_moves_is_the_best_of_all_steps_one_by_one():
     np.testing.assert_array_equal(comb.best_path(scores, reach), path[::-1])
 
 
-def test_columns_are_summed_as_if_each_were_alone():
-    values, index = white((50, 3), seed=5), np.random.default_rng(5).integers(0, 50, (30, 8))
-    weights = np.linspace(0.1, 1.0, 30)
-    found = comb.weighted_sum(values, index, weights)
-    for column, own in zip(values.T, found.T, strict=True):
-        np.testing.assert_allclose(own, comb.weighted_sum(column, index, weights), rtol=1e-12)
-        np.testing.assert_allclose(own, weights @ column[index], rtol=1e-12)
-
-
 def test_blocks_of_a_long_recording_stand_end_to_end(monkeypatch):
     time = np.arange(int(20.0 * RATE)) / RATE
     turns = wandering_turns(time, 24.8, 0.004, 2)
