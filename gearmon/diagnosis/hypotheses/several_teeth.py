@@ -392,7 +392,8 @@ def second_tooth(
             by_ringing[number] += log_likelihood(band, *told)
     small = max(_CLEAR, _SHARE_OF_FIRST * log_first)
     beside = max(_CLEAR_OF_NEIGHBOUR, _SHARE_OF_NEIGHBOUR * log_first)
-    asked = np.where(np.abs(distance) > 1, np.where(size > SIZES[0], _CLEAR_IF_LARGE, small), beside)
+    farther = np.where(size > SIZES[0], _CLEAR_IF_LARGE, small)
+    asked = np.where(np.abs(distance) > 1, farther, beside)
     total = log_mean(by_ringing) - asked - float(np.log(teeth * len(SIZES)))
     best = int(np.argmax(total.max(axis=0)))
     return SecondTooth(

@@ -56,6 +56,9 @@ from gearmon.signals.spectra.spectrum import (
 #: Samples of the envelope that a band keeps at least: fewer make a kurtosis meaningless.
 LEAST_SAMPLES = 32
 _PIECE = 1 << 14
+# Samples of an envelope over the lines of its band. Two tones of one band beat at up to its width
+# B; sampled at B the modulus would fold from B/2 on.
+_OVERSAMPLED = 4
 #: Spectral lines this far below the strongest are taken as that: the logarithm of zero is none.
 FLOOR_DB = 200.0
 
@@ -100,7 +103,8 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
     Returns
     -------
     Envelope
-        At a rate of at least the width of the band.
+        At a rate of four times the width of the band or a little more: its modulus reaches beyond
+        that width, lines of what beats in the band and their harmonics.
 
     Raises
     ------
@@ -122,7 +126,7 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
     if first == 0:
         lines[:, 0] *= 0.5  # the mean has no conjugate to be folded in
     # the lowest line is shifted to zero
-    length = fast_length(last - first + 2)
+    length = fast_length(_OVERSAMPLED * (last - first + 1))
     values = ifft(lines, length, axis=-1, norm="forward")
     return Envelope(
         # of a record that was padded the padding is left out again

@@ -32,7 +32,7 @@ def test_envelope_equals_the_hilbert_transform():
     expected = np.abs(hilbert(filtered))
     found = band_envelope(signal, RATE, 100, 355)
     step = COUNT // found.values.shape[-1]
-    assert step == 4
+    assert step == 1
     np.testing.assert_allclose(found.amplitude[0], expected[::step], atol=1e-10)
 
 
@@ -64,6 +64,16 @@ def test_envelope_spectrum_reads_the_depth():
     assert found.resolution_hz == pytest.approx(1.5 * RATE / COUNT)
     assert found.values[0, line] == pytest.approx(2.5 * 0.3, rel=1e-3)
     assert found.frequency_hz[-1] <= 100.0
+
+
+@pytest.mark.parametrize("beat_hz", [20.0, 45.0, 70.0, 95.0])
+def test_beats_up_to_the_width_of_the_band_stand_where_they_are(beat_hz):
+    # |1 + a e^{iwt}| = 1 + a cos(wt) + O(a^2)
+    signal = np.cos(2 * np.pi * 152.0 * TIME) + 0.05 * np.cos(2 * np.pi * (152.0 + beat_hz) * TIME)
+    found = envelope_spectrum(signal, RATE, 150.0, 250.0)
+    line = int(np.argmax(found.values[0]))
+    assert found.frequency_hz[line] == pytest.approx(beat_hz, abs=found.resolution_hz / 2)
+    assert found.values[0, line] == pytest.approx(0.05, rel=0.02)
 
 
 @pytest.mark.parametrize(
