@@ -300,7 +300,8 @@ class LeastResidual:
         self.sum = np.zeros_like(self.rest)
         self.orders = 0
         self.residual = _length(self.rest)
-        self._least = UNIT_ROUNDOFF * self.residual
+        # what rounding leaves cannot be taken out by more directions, which only would grow
+        self._least = 8 * UNIT_ROUNDOFF * self.residual
         self._stalled = False
 
     def extend(self, target: float) -> bool:

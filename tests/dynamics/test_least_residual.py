@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from reference.hill_cases import scaled_problem
 
+from gearmon.dynamics import steady_state
 from gearmon.dynamics.fourier import Modulation, rms
 from gearmon.dynamics.mesh_equations import LeastResidual
 
@@ -53,3 +54,16 @@ def test_the_number_of_orders_is_limited():
     space, _ = space_of(scaled_problem(4.0, 0.005, [0.1, 0.05j]), 20, most=3)
     assert not space.extend(1e-12)
     assert space.orders == 3
+
+
+def test_directions_do_not_grow_where_rounding_is_left():
+    # beside a stiffness that hardly varies; once they grew beyond all numbers
+    c = [
+        -0.00018536126090865583 + 7.840086461792987e-05j,
+        6.419297375842089e-06 + 1.496100177266749e-06j,
+        3.7894736009424002e-06 + 8.767545993469313e-06j,
+    ]
+    r = steady_state(scaled_problem(43.946821818426784, 0.5752567034856342, c), 1e-13)
+    assert r.method == "msm least residual"
+    assert r.order < 20
+    assert r.error_bound < 1e-11
