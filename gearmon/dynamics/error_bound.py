@@ -212,7 +212,8 @@ def peak(zeta: Real | float) -> Real:
 
 
 def _stiffness(x: Real, zeta: Real) -> Real:
-    return np.asarray(np.hypot(1 - x**2, 2 * zeta * x))
+    square = x * x
+    return np.asarray(np.sqrt((1 - square) ** 2 + 4 * zeta * zeta * square))
 
 
 def energy_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> Real:
