@@ -97,6 +97,19 @@ def test_of_many_machines_the_worst_are_shown_and_all_on_demand(tmp_path):
         assert Answer(own, "/?all=1").text.count("<tr>") == 231
 
 
+def test_of_faults_the_largest_loss_is_first(tmp_path):
+    fleet = made_fleet(tmp_path, ["a", "b", "c"])
+    for name, loss in (("a", 0.1), ("b", 0.3), ("c", 0.2)):
+        for day in range(8):
+            arrive(tmp_path, name + "_{}.txt", f"fault {loss}", days=day)
+    run_fleet(fleet, at_once)
+    with served(fleet) as own:
+        text = Answer(own, "/").text
+    table = text[text.index("<tbody") :]
+    places = [table.index(f"/machine?name={name}") for name in "bca"]
+    assert places == sorted(places)
+
+
 def test_a_machine_has_a_page_with_its_history(address):
     page = Answer(address, "/machine?name=b")
     assert "wear, stage 1, pinion" in page.text
