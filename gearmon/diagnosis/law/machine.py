@@ -31,6 +31,8 @@ _LINES, _BROADBAND = (0.06, 0.6), (0.15, 0.6)
 _WORTH, _LEAST_SCALE = 4.0, 1.0
 #: Squares of standardised deviations are cut off here, lest one line decide for all.
 MOST_SQUARE = 25.0
+# Levels above their noise that tell the gain of a channel, at least.
+_LEAST_TOLD = 5
 # Median of a squared standard normal variable.
 _MEDIAN = 0.4549
 
@@ -89,25 +91,31 @@ def level_deviation(
         That of the recording.
     told : ndarray of bool, shape (channels, levels), optional
         Whether the level stands above its noise. One that does not, and yet lies above what was
-        expected, tells of the noise and of nothing else: it is left out (NaN).
+        expected, tells of the noise and of nothing else: it is left out (NaN). Nor does such a
+        level tell the gain, where enough others do: that of a short recording is the higher for it.
     broadband : bool
         Whether these are levels of the broadband spectrum.
     """
     scatter, slope = _BROADBAND if broadband else _LINES
 
     def departure(
-        level: FloatArray, error: FloatArray, rows: Sequence[int], at: FloatArray
+        level: FloatArray,
+        error: FloatArray,
+        rows: Sequence[int],
+        at: FloatArray,
+        gauge: NDArray[np.bool_] | None = None,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Gain, rest and variance, predicted from some of the references."""
+        """Gain, told by all levels or some, rest and variance, predicted from some references."""
         kriging = Kriging.of(states[rows], at, scatter, slope)
         mean = np.tensordot(kriging.weights, known_db[rows], 1)
         variance = error**2 + np.tensordot(kriging.weights**2, known_error_db[rows] ** 2, 1)
-        gain = _median(level - mean)
+        gain = _median(np.where(True if gauge is None else gauge, level - mean, np.nan))
         return gain, level - mean - gain[:, None], variance + _DB**2 * kriging.spread
 
     every = list(range(len(known_db)))
     scale = _scale(known_db, known_error_db, states, departure)
-    gain, rest, variance = departure(level_db, error_db, every, state)
+    enough = None if told is None else told | (told.sum(axis=1) < _LEAST_TOLD)[:, None]
+    gain, rest, variance = departure(level_db, error_db, every, state, enough)
     expected = level_db - rest
     if told is not None:
         rest = np.where(told | (rest < 0.0), rest, np.nan)

@@ -65,6 +65,18 @@ def test_a_level_that_noise_raised_tells_nothing_and_one_that_fell_does():
     assert found.rest_db[0, 1] == pytest.approx(-20.0)
 
 
+def test_noise_of_a_short_recording_does_not_pass_for_a_gain():
+    # twelve of twenty levels are noise, which has risen by 2 dB with the shorter average
+    known, new = np.zeros((1, 1, 20)), np.zeros((1, 20))
+    new[0, 8:] = 2.0
+    told = np.arange(20)[None] < 8
+    found = held(new, known, told=told)
+    assert found.gain_db == pytest.approx([0.0])
+    assert found.mean_square() == 0.0
+    # where hardly any stands above its noise, noise has to tell it
+    assert held(new, known, told=np.arange(20)[None] < 3).gain_db == pytest.approx([2.0])
+
+
 def families(harmonics=8):
     return [
         Family(kind=kind, stage=1, gear=gear, harmonic=k, spacing=1.0, shaft=1, lines=(k,))
