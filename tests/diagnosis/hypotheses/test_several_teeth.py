@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference.gear_departures import TEETH, complex_noise, gear, weights
 
+from gearmon import analyse, read_recording, simulate
 from gearmon.diagnosis.hypotheses.several_teeth import (
     SHARES,
     Band,
@@ -19,6 +20,7 @@ from gearmon.diagnosis.hypotheses.several_teeth import (
     second_tooth,
     weighted,
 )
+from gearmon.machine import Machine, OperatingPoint, ParallelStage
 
 
 @pytest.mark.parametrize("height", [2.0, 10.0, 300.0])
@@ -199,3 +201,17 @@ def test_what_repeats_is_the_autocorrelation_at_whole_teeth():
 
 def test_gears_of_hardly_any_teeth_are_not_judged():
     assert second_tooth([], [], 0, np.ones(5), 10.0) is None
+
+
+def test_what_one_tooth_leaves_behind_is_no_second_one():
+    # README's pair on a machine whose path makes the power of the lines come and go
+    stage = ParallelStage(pinion_teeth=23, gear_teeth=57, module_mm=2.5, face_width_mm=28.0)
+    point = OperatingPoint(speed_rpm=1480.0, torque_nm=120.0)
+    machine = Machine(name="conveyor drive", operating=(point,), stages=(stage,))
+
+    def recorded(recording_seed, load, *faults):
+        seeds = {"machine_seed": 46, "recording_seed": recording_seed}
+        return read_recording(simulate(machine, faults, **seeds, channels=2, load=load))
+
+    found = analyse(recorded(4620, 0.9, "crack:1:pinion:5:20%"), machine, [recorded(4601, 0.7)])
+    assert [(flag.kind, flag.gear) for flag in found.flags] == [("tooth damage", "pinion")]
