@@ -12,7 +12,7 @@ import pytest
 from gearmon import demos
 from gearmon.cli import COMMANDS, main, parsed
 from gearmon.commands.inputs import output_files
-from gearmon.dynamics import stability_map
+from gearmon.dynamics import tongues
 from gearmon.gears.faults import ERROR_KINDS, KINDS
 
 NAMES = [command.name for command in COMMANDS]
@@ -63,7 +63,7 @@ def test_the_example_runs(shop, tmp_path, monkeypatch, capsys, name):
     for known, original in FILES.items():
         (tmp_path / known).symlink_to(shop / original)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(stability_map, "MOST_TONGUES", 0)  # they take most of a minute
+    monkeypatch.setattr(tongues, "MOST_TONGUES", 0)  # they take most of a minute
     words = example_in(help_of(capsys, name))[1:]
     # a shell finds files by their pattern; what is written must not be what is read
     words = [found for word in words for found in (sorted(glob.glob(word)) or [word])]

@@ -247,7 +247,7 @@ def stability(arguments: argparse.Namespace) -> int:
     result: dict[str, Any] = {"machine": machine.name, "rows": rows}
 
     def charts() -> dict[str, Any]:
-        from gearmon.dynamics.stability_map import stability_map_of
+        from gearmon.dynamics.tongues import stability_map_of
         from gearmon.report.expected_plots import stability_figure
 
         drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}

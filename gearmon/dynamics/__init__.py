@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from gearmon.dynamics.free_vibration import transient as transient
     from gearmon.dynamics.multiple_scales import expand as expand
     from gearmon.dynamics.stability import stability_chart as stability_chart
-    from gearmon.dynamics.time_domain import integrate as integrate
+    from gearmon.dynamics.system import integrate as integrate
     from gearmon.dynamics.tongues import combination_tongues as combination_tongues
 
 _OFFERED = {
@@ -38,7 +38,7 @@ _OFFERED = {
     "free_vibration": ("transient",),
     "multiple_scales": ("expand",),
     "stability": ("stability_chart",),
-    "time_domain": ("integrate",),
+    "system": ("integrate",),
     "tongues": ("combination_tongues",),
 }
 

@@ -9,7 +9,7 @@ from typing import Literal, get_args, overload
 import numpy as np
 
 from gearmon.dynamics import direct, floquet
-from gearmon.dynamics.band_system import counting
+from gearmon.dynamics.direct import counting
 from gearmon.dynamics.fourier import Complex
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.mesh_equations import (

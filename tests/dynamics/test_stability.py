@@ -19,8 +19,7 @@ from gearmon.dynamics.stability import (
     stability_chart,
     stability_margin,
 )
-from gearmon.dynamics.stability_map import stability_map, stability_map_of
-from gearmon.dynamics.tongues import tongue_edges
+from gearmon.dynamics.tongues import stability_map, stability_map_of, tongue_edges
 from gearmon.errors import ArgumentError
 
 COSINE = FourierShape(np.array([0.5]))

@@ -13,7 +13,7 @@ from reference.small_gearbox import machine, recording
 
 from gearmon import report
 from gearmon.dynamics.stability import FourierShape
-from gearmon.dynamics.stability_map import stability_map
+from gearmon.dynamics.tongues import stability_map
 from gearmon.errors import ArgumentError
 from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 from gearmon.machine import load_machine

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearmon.dynamics.stability import FourierShape
-from gearmon.dynamics.stability_map import stability_map
+from gearmon.dynamics.tongues import stability_map
 from gearmon.report.expected_plots import stability_figure
 
 COSINE = FourierShape(np.array([0.5]))
