@@ -18,7 +18,7 @@ import numpy as np
 
 from gearmon.benchmark.detection_machines import Condition, Setting, draw_machine
 from gearmon.diagnosis.analysis import evidence_against
-from gearmon.diagnosis.decision.calibration import situation, table_of
+from gearmon.diagnosis.decision.thresholds import situation, table_of
 from gearmon.errors import GearmonError
 from gearmon.files import write_atomically
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -47,7 +47,7 @@ def healthy_strengths(number: int, seed: int = SEED) -> Iterator[tuple[str, floa
     Yields
     ------
     str, float
-        Situation, see `diagnosis.decision.calibration.situation`, and strength of the evidence.
+        Situation, see `diagnosis.decision.thresholds.situation`, and strength of the evidence.
     """
     rng = np.random.default_rng([seed, number])
     drawn = draw_machine(rng, number)

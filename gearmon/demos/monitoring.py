@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gearmon.demos import Demo, Steps, given_file, told
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.decision import LIMITS
-from gearmon.diagnosis.fault_types.judgement import analysis_features
+from gearmon.diagnosis.fault_types.judgement import analysis_features, judge_kind
 from gearmon.diagnosis.fault_types.training import train_kinds
 from gearmon.diagnosis.history import (
     History,
@@ -29,7 +29,6 @@ from gearmon.diagnosis.history import (
     history_trends,
     read_history,
 )
-from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind
 from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.decision.calibration import false_alarm_probability
-from gearmon.diagnosis.decision.coverage import heard_from, noticed_from
 from gearmon.diagnosis.decision.evidence import (
     Evidence,
     broadband_strength,
     decide,
+    heard_from,
+    noticed_from,
     tooth_strength,
 )
 from gearmon.diagnosis.decision.flags import Flagging, own_teeth_flags
-from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
 from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, reason
 from gearmon.diagnosis.fault_types.features import kind_features
 from gearmon.diagnosis.hypotheses.changed_path import path_change

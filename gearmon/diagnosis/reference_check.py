@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.decision.coverage import noticed_from
-from gearmon.diagnosis.decision.evidence import Evidence
+from gearmon.diagnosis.decision.evidence import Evidence, noticed_from
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.hypotheses.tooth_damage import find_tooth
 from gearmon.diagnosis.law import HealthyMachine

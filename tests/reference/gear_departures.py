@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from gearmon.diagnosis.hypotheses.tooth_search import search_gear
+from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law import GearDeviation, GearLaw, turned_alike
 from gearmon.diagnosis.law.gear_lines import BandDeviation
 from gearmon.machine import Machine, OperatingPoint, ParallelStage

@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearmon.diagnosis.decision.calibration import false_alarm_probability
 from gearmon.diagnosis.decision.evidence import (
     Evidence,
     noise_rose,
     rare_strength,
 )
-from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
 from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
-from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
+from gearmon.diagnosis.fault_types.judgement import KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
 from gearmon.diagnosis.results import Change, Flag, ToothProfile

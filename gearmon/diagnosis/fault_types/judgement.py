@@ -1,19 +1,26 @@
-"""The kind of a fault that an analysis called, by rules or by a trained classifier."""
+"""The kind of a fault, judged by physical rules or by a trained classifier, with its reasons.
+
+The rules need no training. Each weighs, in decibels, what speaks for a kind against what it cannot
+explain: one tooth is a short event, eccentricity ends after the first sideband, wear leaves the
+sidebands alone. Their probabilities order the kinds; only a trained classifier's are calibrated.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from gearmon.diagnosis.fault_types.features import (
+    KINDS,
     NAMES,
+    NONE,
     FeatureVector,
     TurnEnergy,
     kind_features,
 )
-from gearmon.diagnosis.hypotheses.fault_kinds import KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.own_teeth import aligned, departure_energy
 from gearmon.diagnosis.hypotheses.runout import turn_changes
 from gearmon.diagnosis.law.machine import same_gear
@@ -25,6 +32,244 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
+    from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
+
+#: Change that healthy machines reach now and then [dB].
+USUAL_DB = 2.0
+#: Highest energy over the median that the teeth of a healthy gear reach now and then [dB].
+USUAL_PEAK_DB = 6.0
+#: Decibels of evidence that make a kind e times as probable, by the rules.
+_SOFTNESS_DB = 2.5
+#: Most that speaks for a kind of teeth [dB].
+_SURE_DB = 12.0
+#: Decibels that speak against a smooth change for each by which farther lines changed; and by which
+#: its fourth to sixth sidebands stay behind the first.
+_ROUGH, _DECAY_DB = 4.0, 6.0
+#: Kinds that show in the mesh and not in the turn of one of its gears.
+_OF_A_MESH = ("wear",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class KindJudgement:
+    """What kind of fault the evidence is most like.
+
+    Parameters
+    ----------
+    kind : str
+        One of `kind_faults.KINDS`.
+    stage : int or None
+        Stage, from 1; None for "none of these".
+    gear : str or None
+        Gear; None where the evidence singles out none, as with wear.
+    probability : float
+        Of the kind, given the evidence: calibrated on simulated machines if a classifier judged.
+    probabilities : mapping of str to float
+        Of every kind.
+    method : {"rules", "classifier"}
+        Who judged.
+    evidence : tuple of str
+        Sentences with the numbers that the judgement rests on.
+    """
+
+    kind: str
+    stage: int | None
+    gear: str | None
+    probability: float
+    probabilities: Mapping[str, float]
+    method: str
+    evidence: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        return {
+            "kind": self.kind,
+            "stage": self.stage,
+            "gear": self.gear,
+            "probability": self.probability,
+            "probabilities": dict(self.probabilities),
+            "method": self.method,
+            "evidence": list(self.evidence),
+        }
+
+
+def judge_kind(
+    features: FeatureVector,
+    classifier: KindClassifier | None = None,
+    *,
+    stage: int | None = None,
+    gear: str | None = None,
+    spread: DepartureSpread | None = None,
+) -> KindJudgement:
+    """Judge the kind of a fault.
+
+    Parameters
+    ----------
+    features : FeatureVector
+        See `fault_types.features.kind_features`.
+    classifier : KindClassifier, optional
+        Trained by `fault_types.training.train_kinds` on this machine; by default the rules judge.
+    stage, gear : int, str, optional
+        Gear that was found damaged by other means; by default the one with the most evidence.
+    spread : DepartureSpread, optional
+        How far the departure of that gear is one tooth's; the rules then rest on it. A classifier
+        has not seen such numbers and passes over it.
+
+    Returns
+    -------
+    KindJudgement
+
+    Raises
+    ------
+    ArgumentError
+        If that gear was not looked at, or the classifier was trained on other features.
+    """
+    row = features.row(stage, gear)
+    if classifier is None:
+        probabilities = rule_probabilities(features.named(row), spread)
+    else:
+        values = features.values[row : row + 1]
+        if classifier.n_features_in_ != values.shape[1]:
+            raise ArgumentError(
+                f"the classifier was trained on {classifier.n_features_in_} features, not on "
+                f"{values.shape[1]}; train it anew"
+            )
+        shares = classifier.predict_proba(values)[0].tolist()
+        probabilities = dict(zip(map(str, classifier.classes_.tolist()), shares, strict=True))
+    kind = max(probabilities, key=lambda name: probabilities[name])
+    own_stage, own_gear = features.gears[row]
+    single = own_gear if own_gear and kind not in (*_OF_A_MESH, NONE) else None
+    return KindJudgement(
+        kind=kind,
+        stage=None if kind == NONE else own_stage,
+        gear=single,
+        probability=probabilities[kind],
+        probabilities=probabilities,
+        method="rules" if classifier is None else "classifier",
+        evidence=_evidence(kind, features.gears[row], features.named(row)),
+    )
+
+
+def rule_probabilities(
+    row: Mapping[str, float], spread: DepartureSpread | None = None
+) -> dict[str, float]:
+    """Weigh the kinds by rules.
+
+    Parameters
+    ----------
+    row : mapping of str to float
+        One row of features by name.
+    spread : DepartureSpread, optional
+        How far the departure of this gear is that of one tooth, see `several_teeth`.
+
+    Returns
+    -------
+    dict of str to float
+        Of every kind of `KINDS`; they sum to 1.
+    """
+    weights = _of_teeth(row, spread) | _of_lines(row, spread is not None)
+    values = np.array([weights[kind] for kind in KINDS]) / _SOFTNESS_DB
+    shares = np.exp(values - values.max())
+    return dict(zip(KINDS, (shares / shares.sum()).tolist(), strict=True))
+
+
+def _of_teeth(row: Mapping[str, float], spread: DepartureSpread | None) -> dict[str, float]:
+    """Return what speaks for damage of one tooth, and of several [dB]."""
+    if spread is None:
+        peak = min(row["peak_db"] - USUAL_PEAK_DB, 12.0)
+        # in a short turn two teeth are a large share: spread over half of the teeth is no event
+        wide = 4.0 * max(row["teeth_involved"] - 3.0, 0.0)
+        alone = row["peaks"] <= 1
+        return {
+            "tooth damage": peak - (0.0 if alone else 5.0) - wide,
+            "several teeth": peak - (5.0 if alone else 0.0) - 0.5 * wide,
+        }
+    one = min(max(spread.one_tooth, 1e-9), 1.0 - 1e-9)
+    odds_db = 10.0 * float(np.log10(one / (1.0 - one)))
+    share = spread.teeth_involved / len(spread.by_tooth)
+    height = min(row["peak_db"] - USUAL_PEAK_DB, 5.0)
+    return {
+        "tooth damage": float(np.clip(odds_db, -_SURE_DB, _SURE_DB)),
+        "several teeth": min(-odds_db, 6.0) + 2.0 * height + 16.0 * (0.5 - share),
+    }
+
+
+def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
+    """Return for other kinds what speaks for each less what it leaves unexplained [dB].
+
+    Parameters
+    ----------
+    row : mapping of str to float
+    seen : bool
+        Whether it is known by other means how far one tooth is the cause.
+    """
+    far, known = row["far_db"], row["turns_known"] > 0
+    # where single sidebands are not known the nearest are taken to lead, the farther ones to follow
+    once, twice = row["once_db"], row["twice_db"] if known else row["near_db"] - 3.0
+    thrice = row["thrice_db"] if known else far
+    several = row["several_db"] if known else far
+    event = 0.0 if seen else max(min(row["peak_db"] - USUAL_PEAK_DB, 12.0), 0.0)
+    wide = 0.0 if seen else 2.0 * max(row["teeth_involved"] - 3.0, 0.0)
+    beyond = max(far, several, 0.0)
+    # what changes smoothly over the turn does not reach the farther lines
+    rough = _ROUGH * max(far - USUAL_DB, 0.0)
+    mesh = row["mesh_rms_db"] - USUAL_DB
+    return {
+        "distributed pitting": min(3.0 * (far - USUAL_DB), _SURE_DB) - event + wide
+        if far > USUAL_DB
+        else far - USUAL_DB,
+        "wear": mesh - max(once, twice, beyond, 0.0) - event,
+        "eccentricity": once
+        - USUAL_DB
+        - 1.5 * max(several - max(once - _DECAY_DB, 0.0), 0.0)
+        - rough
+        - event
+        - max(twice - once + 3.0, 0.0),
+        "misalignment": twice - USUAL_DB - max(once, thrice, 0.0) - rough - event,
+        "looseness": min(twice, thrice, several)
+        - USUAL_DB
+        - 0.7 * max(far, 0.0)
+        + 0.3 * max(row["shaft_near_db"], 0.0),
+        NONE: 0.0,
+    }
+
+
+def _evidence(kind: str, gear: tuple[int, str], row: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the numbers that matter for a kind, in words."""
+    stage, name = gear
+    whose = f"the {name} of stage {stage}" if name else f"stage {stage}"
+    teeth = 2 ** row["teeth_involved"]
+    event = (
+        f"the departure around the turn of {whose} is {row['peak_db']:.1f} dB above its median at "
+        f"its highest, {100 * row['top_share']:.0f} % of the excess within four teeth "
+        f"({row['peaks']:.0f} separate peaks, {teeth:.1f} teeth involved)"
+    )
+    sides = (
+        f"sidebands of {whose} changed by {row['once_db']:+.1f} dB one turn away from the mesh "
+        f"harmonics, {row['twice_db']:+.1f} dB two turns, {row['several_db']:+.1f} dB four to six "
+        f"turns, {row['far_db']:+.1f} dB farther away"
+    )
+    mesh = (
+        f"mesh harmonics of stage {stage} changed by {row['mesh_db']:+.1f} dB in the mean and by "
+        f"{row['mesh_slope_db']:+.1f} dB per octave"
+    )
+    both = (
+        f"gears of other stages on the same shaft: sidebands changed by {row['shaft_near_db']:+.1f}"
+        " dB"
+    )
+    askew = (
+        f"what changes once a turn of {whose} may also be a gear that stands askew on its shaft: "
+        "measure runout and face of the gear"
+    )
+    told = {
+        "tooth damage": (event, sides),
+        "several teeth": (event, sides),
+        "distributed pitting": (sides, event),
+        "wear": (mesh, sides),
+        "eccentricity": (sides, askew),
+        "misalignment": (sides, mesh),
+        "looseness": (sides, both),
+    }
+    return told.get(kind, (sides, event, mesh))
 
 
 def kind_of_analysis(

@@ -1,17 +1,162 @@
-"""From a loss of stiffness to what could be measured on the tooth: crack depth, pitted area."""
+"""How much stiffness a damaged tooth has lost, how surely, and what could be measured on it.
+
+A mesh harmonic is what the pulses of z equal teeth add up to, and damage changes one of these in
+proportion. At the mesh harmonic itself what it adds is loss / z of the healthy line there,
+whatever the form of the pulse, the resonances of the teeth and the path to the sensor: these are
+the same for both. It is told by the sidebands around, since an event that rings for a short while
+has a smooth spectrum. The teeth's response corrects the ratio for what stiffness does in the square
+and for load that the damaged pair sheds. Where that correction is large, the line is not what the
+pulses make of it in the first place, and tells little.
+
+The size that the search finds most likely, which takes the path's mean power from the mesh lines,
+is the prior: it is all that is known where the path rings too long, where noise hides the
+sidebands, and in planetary sets.
+
+What could be measured, crack depth or pitted area, follows from the loss by the teeth's stiffness.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.diagnosis.hypotheses.tooth_match import (
+    DECAY_S,
+    LOSSES,
+    SearchedGear,
+    event_delays,
+    ringing,
+)
+from gearmon.diagnosis.law.gear_lines import BandDeviation
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import size_for_loss
 from gearmon.gears.faults import Fault
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 from gearmon.machine import Machine
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+# Losses that are told apart; the last is the largest there is.
+_FINE = np.geomspace(LOSSES[0], 0.95, 200)
+# Standard deviations of the logarithm of a loss: by the search alone (0.34 and 0.42 on two kinds of
+# simulated machines); what all lines have in common, above all the load that this tooth carries by
+# its own pitch error; and of a mesh harmonic, whose line flank errors make as well, and that of the
+# response over the logarithm of its correction. With droop and run-in of the pairs' stiffness drawn
+# at random the response is 0.1 off at the first harmonics, where that logarithm is 0.05, and 0.5
+# where it is 0.45; of a Student's law a part. Set on losses of 10 to 40 % on 84 machines of both
+# kinds; of 139 losses of 20 % on 76 others, intervals of a factor of 2.1 hold 91 %.
+_SEARCHED, _COMMON, _LINE, _RESPONSE = 0.35, 0.16, 0.2, 0.2
+# Share of a departure's mean square that is noise at least: no event is all of it.
+_MISFIT = 0.03
+# Freedom of Student's law for a mesh harmonic: some are those of another cause.
+_FREEDOM = 4.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class LossEstimate:
+    """Loss of stiffness of a tooth pair.
+
+    Parameters
+    ----------
+    loss : float
+        Median of what the recording leaves possible.
+    low, high : float
+        5 and 95 per cent points of it.
+    """
+
+    loss: float
+    low: float
+    high: float
+
+
+def loss_estimate(gear: SearchedGear, speed_hz: float) -> LossEstimate:
+    """Estimate the loss of the most likely tooth of a gear.
+
+    Parameters
+    ----------
+    gear : SearchedGear
+        The gear to blame.
+    speed_hz : float
+        Speed of shaft 1 [Hz].
+
+    Returns
+    -------
+    LossEstimate
+        Of the likelihood over the logarithm of the loss.
+    """
+    steps, fine = np.log(LOSSES), np.log(_FINE)
+    likely = _blurred(gear.match.log_likelihood[:, gear.match.best], steps, _SEARCHED)
+    total = np.interp(fine, steps, np.log(likely))
+    size = np.log(gear.response.mesh_growth(_FINE))
+    for told, variance in _at_harmonics(gear, speed_hz):
+        total -= 0.5 * (_FREEDOM + 1.0) * np.log1p((told - size) ** 2 / (_FREEDOM * variance))
+    chance = _blurred(total, fine, _COMMON)
+    share = np.cumsum(chance) - 0.5 * chance
+    low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], share / chance.sum(), fine)).tolist()
+    return LossEstimate(loss=middle, low=low, high=high)
+
+
+def _blurred(logarithm: FloatArray, steps: FloatArray, deviation: float) -> FloatArray:
+    """Likelihood by its logarithm over even steps, once the steps are that unsure."""
+    blur = np.exp(-0.5 * ((steps[:, None] - steps) / deviation) ** 2)
+    return np.asarray((blur / blur.sum(axis=0)) @ np.exp(logarithm - logarithm.max()))
+
+
+def _at_harmonics(gear: SearchedGear, speed_hz: float) -> Iterator[tuple[float, float]]:
+    """Logarithm of the size of the damage by each mesh harmonic, and its variance."""
+    difference, response = gear.difference, gear.response
+    if difference.mesh_lines is None:
+        return
+    last = min(len(response.mesh), difference.mesh_lines.shape[1]) - 1
+    rotation_hz, teeth = difference.order * speed_hz, difference.teeth
+    entry_s = gear.match.best / (teeth * rotation_hz)
+    delay = np.concatenate([event_delays(response, rotation_hz, tau) for tau in DECAY_S]) + entry_s
+    for band in difference.bands:
+        k = band.harmonic
+        if k > last or response.mesh[k] == 0:
+            continue
+        mesh, line = difference.mesh_lines[:, k], teeth * response.lines[k * teeth]
+        value, variance = _at_mesh(band, k * teeth, rotation_hz, delay)
+        # more than `mesh_power` is heard where the mesh of another stage stands on the same line
+        alone = np.abs(mesh) ** 2 <= 1.001 * difference.mesh_power[:, k]
+        heard = alone & (np.abs(value * mesh) > 0)
+        if line == 0 or not heard.any():
+            continue
+        expected = line / response.mesh[k]
+        value, mesh = value[heard], mesh[heard]
+        weight = np.abs(value) ** 2 / variance[heard]
+        size = np.log(np.abs(teeth * value / (mesh * expected)))
+        unsure = _RESPONSE * float(np.abs(np.log(expected)))
+        mean = float(np.average(size, weights=weight))
+        yield mean, float(1.0 / weight.sum() + _LINE**2 + unsure**2)
+
+
+def _at_mesh(
+    band: BandDeviation, number: int, rotation_hz: float, delay: FloatArray
+) -> tuple[ComplexArray, FloatArray]:
+    """Line that an event adds at a mesh harmonic in each channel, by its sidebands; its variance.
+
+    The event is a sum of random impulses at the given delays, of the power that the band has.
+    """
+    lines = ringing(np.append(band.number, number)[None] * rotation_hz, delay)[0]
+    white = lines[:-1] / band.deviation[:, :, None]
+    energy = np.abs(band.rest) ** 2
+    power = np.maximum(np.mean((energy - 1.0) * band.deviation**2, axis=1), 0.0)
+    noise = np.maximum(1.0, _MISFIT * energy.mean(axis=1))
+    over = noise / np.maximum(power, 1e-9 * np.mean(band.deviation**2, axis=1))
+    turned = white.conj().swapaxes(1, 2)
+    inverse = np.linalg.inv(turned @ white + over[:, None, None] * np.eye(len(delay)))
+    value = (inverse @ turned @ band.rest[:, :, None])[:, :, 0] @ lines[-1]
+    variance = noise * np.einsum("i,cij,j->c", lines[-1], inverse, lines[-1].conj()).real
+    return np.where(power > 0, value, 0.0), variance
+
 
 #: What is measured for each kind of damage: unit in which `gears.faults` takes it, unit in words,
 #: and what it is.

@@ -33,8 +33,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.hypotheses.tooth_match import log_mean
-from gearmon.diagnosis.hypotheses.tooth_search import SearchedGear
+from gearmon.diagnosis.hypotheses.tooth_match import SearchedGear, log_mean
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

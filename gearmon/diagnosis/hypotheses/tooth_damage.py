@@ -11,10 +11,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.diagnosis.hypotheses.loss_size import LossEstimate, loss_estimate
-from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, ToothMatch
-from gearmon.diagnosis.hypotheses.tooth_search import (
+from gearmon.diagnosis.hypotheses.damage_size import LossEstimate, loss_estimate
+from gearmon.diagnosis.hypotheses.tooth_match import (
+    LOSSES,
     SearchedGear,
+    ToothMatch,
     most_likely,
     search_gear,
     share_lines,

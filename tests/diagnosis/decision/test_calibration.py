@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.decision.calibration import (
+from gearmon.diagnosis.decision.thresholds import (
     FAR,
     SHARES,
     false_alarm_probability,

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from reference.gear_departures import complex_noise
 
-from gearmon.diagnosis.decision.coverage import heard_from, noticed_from
+from gearmon.diagnosis.decision.evidence import heard_from, noticed_from
 from gearmon.diagnosis.decision.thresholds import LIMITS
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
-from gearmon.diagnosis.hypotheses.tooth_search import search_gear
+from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law import GearDeviation
 from gearmon.diagnosis.law.gear_lines import BandDeviation
 from gearmon.machine import Machine, OperatingPoint, ParallelStage

@@ -13,9 +13,9 @@ from gearmon.diagnosis.decision.evidence import decide
 from gearmon.diagnosis.decision.flags import Flagging, own_teeth_flags, sentences
 from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, reason
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
+from gearmon.diagnosis.fault_types.judgement import rule_probabilities
 from gearmon.diagnosis.hypotheses.changed_path import PathChange
-from gearmon.diagnosis.hypotheses.fault_kinds import rule_probabilities
-from gearmon.diagnosis.hypotheses.loss_size import LossEstimate
+from gearmon.diagnosis.hypotheses.damage_size import LossEstimate
 from gearmon.diagnosis.hypotheses.runout import TurnChange, runout_growth
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding

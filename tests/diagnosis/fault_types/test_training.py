@@ -20,7 +20,7 @@ from gearmon.diagnosis.fault_types import (
     train_kinds,
     training_table,
 )
-from gearmon.diagnosis.hypotheses.fault_kinds import judge_kind, rule_probabilities
+from gearmon.diagnosis.fault_types.judgement import judge_kind, rule_probabilities
 from gearmon.diagnosis.hypotheses.own_teeth import departure_energy
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gearmon.diagnosis.hypotheses.loss_size import loss_estimate
+from gearmon.diagnosis.hypotheses.damage_size import loss_estimate
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES
 
 

@@ -5,10 +5,10 @@ import pytest
 from reference.gear_departures import complex_noise
 
 import gearmon
-from gearmon.diagnosis.decision.coverage import noticed_from
-from gearmon.diagnosis.hypotheses.loss_size import loss_estimate
+from gearmon.diagnosis.decision.evidence import noticed_from
+from gearmon.diagnosis.hypotheses.damage_size import loss_estimate
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard
-from gearmon.diagnosis.hypotheses.tooth_search import search_gear
+from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law import GearDeviation
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation
 from gearmon.gears.kinematics import kinematics

@@ -9,15 +9,18 @@ import numpy as np
 import pytest
 from reference.gear_departures import held_against
 
-from gearmon.diagnosis.hypotheses.loss_size import loss_estimate
+from gearmon.diagnosis.hypotheses.damage_size import loss_estimate
 from gearmon.diagnosis.hypotheses.tooth_damage import (
     losses_by_tooth,
     mesh_shown,
     own_mesh_power,
 )
-from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, log_mean, match_teeth, path_power
-from gearmon.diagnosis.hypotheses.tooth_search import (
+from gearmon.diagnosis.hypotheses.tooth_match import (
+    LOSSES,
+    log_mean,
+    match_teeth,
     most_likely,
+    path_power,
     search_gear,
     share_lines,
 )
