@@ -17,8 +17,8 @@ from typing import NoReturn
 
 from gearmon import __version__
 from gearmon.commands import fleet, machines, recordings, setup, signals
+from gearmon.commands.command import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed
 from gearmon.commands.inputs import check_names, outputs_claimed, recordings_named
-from gearmon.commands.output import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed
 from gearmon.errors import GearmonError, nearest_name
 from gearmon.signals.threads import cores
 from gearmon.terminal import progress_line

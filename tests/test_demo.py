@@ -8,7 +8,7 @@ import pytest
 from reference.small_gearbox import as_json
 
 from gearmon.cli import main
-from gearmon.commands.output import as_json as written_as_json
+from gearmon.commands.command import as_json as written_as_json
 from gearmon.demos import run_demo
 from gearmon.demos.monitoring import FAULT
 from gearmon.errors import ArgumentError

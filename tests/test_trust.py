@@ -23,7 +23,7 @@ from scipy.io import savemat
 import gearmon.signals.recording
 from gearmon import cli
 from gearmon.cli import COMMANDS, main
-from gearmon.commands.output import judged
+from gearmon.commands.command import judged
 from gearmon.errors import GearmonError
 from gearmon.files import protecting, table_cell, write_atomically
 from gearmon.report.wording import rows_as_csv

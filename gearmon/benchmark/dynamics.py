@@ -25,18 +25,6 @@ from typing import Any
 import numpy as np
 
 from gearmon.benchmark import jobs, rivals
-from gearmon.benchmark.contenders import (
-    COMPILED,
-    CUT_OFF,
-    NOT_INSTALLED,
-    OURS,
-    SETS_AT_ONCE,
-    TARGET,
-    Contender,
-    Row,
-    measured,
-    with_ratios,
-)
 from gearmon.benchmark.equations import (
     CASES,
     FORCE_N,
@@ -52,6 +40,18 @@ from gearmon.benchmark.equations import (
     named_case,
     solve_reference,
     square_wave,
+)
+from gearmon.benchmark.rivals import (
+    COMPILED,
+    CUT_OFF,
+    NOT_INSTALLED,
+    OURS,
+    SETS_AT_ONCE,
+    TARGET,
+    Contender,
+    Row,
+    measured,
+    with_ratios,
 )
 from gearmon.benchmark.timing import task_time
 from gearmon.dynamics import HillProblem, steady_state

@@ -21,7 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark.contenders import (
+from gearmon.benchmark.equations import Case, Complex, Real, folded, pair, solve_reference
+from gearmon.benchmark.rivals import (
     CHART,
     COMPILED,
     FAMILY,
@@ -29,11 +30,12 @@ from gearmon.benchmark.contenders import (
     TARGET,
     Contender,
     Row,
+    least_within,
     measured,
+    numba_is_installed,
+    rk4_step,
     with_ratios,
 )
-from gearmon.benchmark.equations import Case, Complex, Real, folded, pair, solve_reference
-from gearmon.benchmark.rivals import least_within, numba_is_installed, rk4_step
 from gearmon.dynamics.stability import FourierShape, stability_chart
 from gearmon.machine import load_machine
 from gearmon.signatures.expected.contact_motion import fourier_sums

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import argument, command
-from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, complain, finish
+from gearmon.commands.command import BAD_INPUT, DONE, FLAGGED, argument, command, complain, finish
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.report.wording import counted, printable, table_lines
 from gearmon.terminal import progress_line

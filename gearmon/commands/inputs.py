@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.output import complain
+from gearmon.commands.command import complain
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import check_output, protecting
 from gearmon.signals.threads import THREADS, cores

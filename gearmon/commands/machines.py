@@ -6,9 +6,18 @@ import argparse
 import math
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import MACHINE, SAMPLING_RATE, TACHO, argument, command, fault
+from gearmon.commands.command import (
+    DONE,
+    MACHINE,
+    SAMPLING_RATE,
+    TACHO,
+    argument,
+    command,
+    fault,
+    finish,
+    show,
+)
 from gearmon.commands.inputs import machine_of, recording_of
-from gearmon.commands.output import DONE, finish, show
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import table_lines
 from gearmon.terminal import followed

@@ -9,9 +9,18 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import REFERENCE, argument, command, recordings
+from gearmon.commands.command import (
+    DONE,
+    REFERENCE,
+    argument,
+    command,
+    finish,
+    judged,
+    recordings,
+    show,
+    write_table,
+)
 from gearmon.commands.inputs import each_of, loss_of, machine_of, recording_of
-from gearmon.commands.output import DONE, finish, judged, show, write_table
 from gearmon.errors import ArgumentError, check_range
 from gearmon.report.wording import gear_text, percent, printable
 from gearmon.terminal import followed, part_of

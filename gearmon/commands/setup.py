@@ -12,9 +12,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import OF_MACHINE, SAMPLING_RATE, argument, command
+from gearmon.commands.command import (
+    DONE,
+    OF_MACHINE,
+    SAMPLING_RATE,
+    argument,
+    command,
+    finish,
+    show,
+)
 from gearmon.commands.inputs import machine_of
-from gearmon.commands.output import DONE, finish, show
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 from gearmon.units import is_unit

@@ -8,9 +8,20 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import SAMPLING_RATE, TACHO, argument, command, fault, recordings
+from gearmon.commands.command import (
+    BAD_INPUT,
+    DONE,
+    FLAGGED,
+    SAMPLING_RATE,
+    TACHO,
+    Rows,
+    argument,
+    command,
+    fault,
+    finish,
+    recordings,
+)
 from gearmon.commands.inputs import channel_of, each_of, machine_of, recording_of
-from gearmon.commands.output import BAD_INPUT, DONE, FLAGGED, Rows, finish
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 

@@ -243,7 +243,7 @@ class DayExposure(Result):
         A(8) and VDV as they grow [m/s2, m/s^1.75], by their names.
     """
 
-    picture: ClassVar[str] = "exposure_plots.day_exposure_figure"
+    picture: ClassVar[str] = "survey_plots.day_exposure_figure"
 
     plan: str
     position: str

@@ -102,7 +102,7 @@ class GearShare(Result):
     warnings : tuple of str
     """
 
-    picture: ClassVar[str] = "exposure_plots.gear_share_figure"
+    picture: ClassVar[str] = "survey_plots.gear_share_figure"
 
     recording: str
     machine: str

@@ -179,7 +179,7 @@ class Exposure(Result):
     ('0.194', 'hand')
     """
 
-    picture: ClassVar[str] = "exposure_plots.exposure_figure"
+    picture: ClassVar[str] = "survey_plots.exposure_figure"
 
     recording: str
     position: str

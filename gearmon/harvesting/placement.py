@@ -266,7 +266,7 @@ class Survey(Result):
         if only one was asked for.
     """
 
-    picture = "harvest_plots.harvest_figures"
+    picture = "survey_plots.harvest_figures"
 
     machine: str
     origin: str

@@ -29,9 +29,9 @@ from gearmon.signals.tracking.phases import (
     lock_track,
     unwarp,
 )
-from gearmon.signals.tracking.pulses import find_pulses
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
 from gearmon.signals.tracking.tacho import (
+    find_pulses,
     join,
     pulse_angles,
     pulses_per_turn,

@@ -20,8 +20,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.simulation.contact import Drive, ShaftMotion, ToothMesh, random_wander
-from gearmon.simulation.settings import Settings, stream
-from gearmon.simulation.train import Train, build_train
+from gearmon.simulation.train import Settings, Train, build_train, stream
 from gearmon.simulation.vibration import (
     BEARING_SLIP,
     Integration,

@@ -18,8 +18,7 @@ from scipy.fft import next_fast_len
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH
 from gearmon.simulation.contact import Drive, contact_course
 from gearmon.simulation.integrate import SUBSTEPS, MeshForces, integrate
-from gearmon.simulation.settings import Settings, stream
-from gearmon.simulation.train import Train
+from gearmon.simulation.train import Settings, Train, stream
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

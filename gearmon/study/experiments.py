@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark.contenders import Contender, measured
 from gearmon.benchmark.equations import Case, Lines, as_lines, solve_reference
-from gearmon.benchmark.rivals import PlainOscillator, integrate
+from gearmon.benchmark.rivals import Contender, PlainOscillator, integrate, measured
 from gearmon.benchmark.timing import facts_of_run
 from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import fast_length, rms, samples

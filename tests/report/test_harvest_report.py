@@ -13,8 +13,8 @@ from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.placement import survey_measured
 from gearmon.harvesting.request import built_in
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
-from gearmon.report.harvest_plots import harvest_figures
 from gearmon.report.plots import save_all
+from gearmon.report.survey_plots import harvest_figures
 from gearmon.report.survey_text import harvest_lines, spoken_time
 from gearmon.signals.recording import Recording
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
 from gearmon.simulation.contact import ShaftMotion, random_wander
-from gearmon.simulation.settings import stream
+from gearmon.simulation.train import stream
 
 
 def wander(deviation=0.005, seed=0):

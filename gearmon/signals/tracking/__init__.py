@@ -1,7 +1,7 @@
 """Speed and angle of shaft 1: from a tachometer, from the lines of the vibration, or from both.
 
-With a tachometer `pulses` finds its pulses and mends their train, and `tacho` lets the phases of
-the mesh lines tell the angle between them. Without one `comb` finds the speed that puts known
+With a tachometer `tacho` finds its pulses and mends their train, and lets the phases of the mesh
+lines tell the angle between them. Without one `comb` finds the speed that puts known
 orders onto the lines of the spectrum, steady or changing, `phases` makes an angle of it, `slips`
 tells where that is lost; `mesh_detection` judges whether the mesh is there at all.
 
@@ -27,11 +27,13 @@ _OFFERED = {
         "sideband_spacing",
     ),
     "phases": ("coherent_share", "follow_lines", "integrate_speed", "lock_track"),
-    "pulses": ("TachoPulses", "find_pulses", "pulses_from_times"),
     "slips": ("LEAST_TURNS", "SlipCheck", "check_slips"),
     "tacho": (
+        "TachoPulses",
+        "find_pulses",
         "join",
         "pulse_angles",
+        "pulses_from_times",
         "pulses_per_turn",
         "track_from_pulse_times",
         "track_from_pulses",

@@ -1,4 +1,11 @@
-"""Angle of a shaft from the pulses of a tachometer, alone or with the phases of order lines.
+"""Pulses of a tachometer, and the angle of its shaft: by them alone or with phases of order lines.
+
+A train of pulses is followed from where it repeats best, forwards and backwards: each is expected
+where the last turns put it. What fits is kept, what is missing is filled in, what is left over is
+left out. Where repairs crowd, or the train is not even after its repair, nothing is decided: the
+caller refuses. Painted stripes, bolt heads and zebra tapes with a joint give several pulses a turn,
+unevenly spaced, whose intervals repeat from turn to turn. What repeats tells a missing or an extra
+pulse from an uneven one; the spacing is learned.
 
 Pulses count the turns and tell where angle zero is, but each comes as late as the sampling and the
 mark let it: half a sample is 0.03 mesh periods of a gear of 30 teeth at 25 Hz and 12 kHz. The lines
@@ -10,18 +17,429 @@ where the pulses are in the mean; what the pulses say of the drift beyond their 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import maximum_filter1d, median_filter
 
-from gearmon.errors import ArgumentError, RecordingError, check_positive
+from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.array_types import FloatArray
+from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.tracking.phases import lock_track, roughness
-from gearmon.signals.tracking.pulses import TachoPulses, learn_spacing, pulses_from_times
 from gearmon.signals.tracking.thresholds import LIMITS
+
+# Intervals on either side whose median tells what is typical.
+_NEIGHBOURS = 7
+# Repairs one after the other, the last of which must find nothing.
+_ROUNDS = 8
+# Repairs within so many intervals, more than which are too many.
+_CROWD, _WITHIN = 4, 8
+# Fewer pulses have no neighbours on both sides to be judged by.
+_FEWEST_JUDGED = 5
+# Turns from which the spacing is first learned.
+_FIRST_TURNS = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class TachoPulses:
+    """Times of the pulses of a tachometer.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (pulses,)
+        Edges [s], ascending, missing ones filled in, extra ones left out.
+    missing, extra : int
+        Pulses that were filled in and left out.
+
+    Raises
+    ------
+    RecordingError
+        If these are no times of pulses: they do not ascend (a waveform, perhaps), or are not
+        finite.
+    """
+
+    time_s: FloatArray
+    missing: int = 0
+    extra: int = 0
+
+    def __post_init__(self) -> None:
+        """Check the times."""
+        times = self.time_s
+        if times.ndim != 1:
+            raise RecordingError(
+                f"pulse times: an array of shape {times.shape}; a row of times is needed"
+            )
+        if not np.all(np.isfinite(times)):
+            place = int(np.argmin(np.isfinite(times)))
+            raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
+        falls = np.flatnonzero(np.diff(times) <= 0)
+        if len(falls):
+            first = int(falls[0])
+            raise RecordingError(
+                f"pulse times: pulse {first + 2} at {times[first + 1]:g} s does not come after "
+                f"pulse {first + 1} at {times[first]:g} s, nor do {len(falls) - 1} others after "
+                "theirs; if this is the waveform of a tachometer, give it to find_pulses with its "
+                "sampling rate"
+            )
+
+
+def find_pulses(
+    waveform: FloatArray,
+    sampling_rate_hz: float,
+    per_turn: int | None = None,
+    hysteresis: float = 0.1,
+) -> TachoPulses:
+    """Find the rising edges of a tachometer waveform.
+
+    The threshold is half way between the extremes, with a hysteresis on either side; edges are
+    interpolated between samples. Missing pulses are filled in and extra ones left out; of several
+    pulses a turn the spacing is learned first, so that uneven ones are left alone.
+
+    Parameters
+    ----------
+    waveform : ndarray of float, shape (n,)
+        The channel, any unit.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    per_turn : int, optional
+        Pulses a turn, if known.
+    hysteresis : float
+        Part of the distance between the extremes that the waveform must pass the threshold by,
+        on either side, before a next edge counts; in [0.001, 0.45].
+
+    Returns
+    -------
+    TachoPulses
+
+    Raises
+    ------
+    RecordingError
+        If there are fewer than four pulses, or more than 2 % have to be repaired.
+    ArgumentError
+        If the hysteresis is out of its range.
+    """
+    check_range("hysteresis", hysteresis, 1e-3, 0.45)
+    low, high = float(np.min(waveform)), float(np.max(waveform))
+    raw = _edges(waveform, 0.5 * (low + high), hysteresis * (high - low)) / sampling_rate_hz
+    if len(raw) < LIMITS.fewest_pulses:
+        times = len(waveform) > LIMITS.fewest_pulses and bool(np.all(np.diff(waveform) > 0))
+        rise = "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
+        hint = rise if times else ""
+        raise RecordingError(
+            f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
+            f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
+        )
+    return repair(raw, per_turn)
+
+
+def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
+    """Fractional samples at which the waveform rises through the middle, with hysteresis."""
+    state = np.zeros(len(waveform), dtype=np.int8)
+    state[waveform > middle + margin] = 1
+    state[waveform < middle - margin] = -1
+    known = np.flatnonzero(state)
+    rises = np.flatnonzero((state[known[1:]] == 1) & (state[known[:-1]] == -1))
+    # of each rise the first sample above the middle, and how far before it
+    ups = np.flatnonzero((waveform[:-1] <= middle) & (waveform[1:] > middle))
+    before = ups[np.searchsorted(ups, known[rises])]
+    height = waveform[before]
+    return np.asarray(before + (middle - height) / (waveform[before + 1] - height))
+
+
+def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
+    """Take pulses whose times were measured already, as a counter board gives them.
+
+    Parameters
+    ----------
+    time_s : array_like of float, shape (pulses,)
+        Times of the pulses [s], ascending.
+    per_turn : int, optional
+        Pulses a turn, if known.
+
+    Returns
+    -------
+    TachoPulses
+        Repaired as those of a waveform.
+
+    Raises
+    ------
+    RecordingError
+        If these are no times of pulses (they do not ascend: a waveform, perhaps), there are fewer
+        than four, or more than 2 % have to be repaired.
+    """
+    times = np.asarray(time_s, dtype=np.float64)
+    if times.ndim != 1 or len(times) < LIMITS.fewest_pulses:
+        raise RecordingError(
+            f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
+        )
+    return repair(TachoPulses(time_s=times).time_s, per_turn)
+
+
+def repair(time_s: FloatArray, per_turn: int | None = None) -> TachoPulses:
+    """Fill in missing pulses and leave out extra ones, up to 2 %.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (pulses,)
+        Times of the pulses as they were found [s], ascending; at least four.
+    per_turn : int, optional
+        Pulses a turn, if known: where they are not even their spacing is learned.
+
+    Returns
+    -------
+    TachoPulses
+        Pulses that are sound keep their times; one at a wrong time counts as missing and extra.
+
+    Raises
+    ------
+    RecordingError
+        If more than 2 % have to be repaired, or it is unclear how.
+
+    Notes
+    -----
+    The spacing is first learned from the few consecutive turns whose intervals repeat best; each
+    next pulse is then expected where the duration of the last turns puts it. One that comes within
+    0.35 of the smaller interval beside its place is taken for it. What is filled in, and what then
+    departs from the cubic through its neighbours by 0.08 of the smaller interval and eight robust
+    standard deviations, is put onto that cubic; the outermost pulses are left out if they depart
+    from the parabola of the next three. Where more than four repairs come within eight intervals,
+    or pulses are still off, it is unclear what is right.
+    """
+    per_turn = 1 if per_turn is None or is_even(time_s, per_turn) else per_turn
+    if len(time_s) < 3 * per_turn + 1 or (per_turn == 1 and _sound(time_s)):
+        return TachoPulses(time_s=time_s)
+    start, gaps = _repeating(time_s, per_turn)
+    ahead = _walk(time_s[start:], gaps, per_turn)
+    # the same backwards, for what lies before; it begins with the turns that begin the other
+    both = 3 * per_turn + 1
+    behind = _walk(-time_s[: start + both][::-1], gaps[::-1], per_turn)
+    if per_turn > 1 and not behind.places and not ahead.places:
+        return TachoPulses(time_s=time_s)
+    times = np.array([-t for t in reversed(behind.time_s[both:])] + ahead.time_s)
+    filled = np.array(behind.filled[both:][::-1] + ahead.filled)
+    times, missing, more, unclear_s = _settled(times, filled, per_turn)
+    extra = behind.extra + ahead.extra + more
+    if missing + extra > max(2, LIMITS.repairable * len(times)):
+        raise RecordingError(
+            f"tacho channel: {missing} pulses missing and {extra} too many among {len(times)}; at "
+            "most 2 % can be repaired. Check the sensor, or leave the tacho out"
+        )
+    unclear = [own for own in (ahead.crowded_s, behind.crowded_s, unclear_s) if own is not None]
+    if unclear:
+        raise RecordingError(
+            f"tacho channel: pulses about {unclear[0]:.4g} s come at times that fit no steady "
+            "or slowly changing speed, and it is unclear which are missing or too many. Check the "
+            "sensor, or leave the tacho out"
+        )
+    return TachoPulses(time_s=times, missing=missing, extra=extra)
+
+
+def _sound(time_s: FloatArray) -> bool:
+    """Whether no interval and no place of an even train is out of the ordinary."""
+    interval = np.diff(time_s)
+    half = min(2 * _NEIGHBOURS + 1, len(interval)) // 2
+    ratio = interval / median_filter(interval, 2 * half + 1, mode="mirror")
+    usual = bool(np.all((ratio > LIMITS.short) & (ratio < LIMITS.long)))
+    return usual and not len(_misplaced(time_s, _expected(time_s, 1)))
+
+
+def _repeating(time_s: FloatArray, per_turn: int) -> tuple[int, FloatArray]:
+    """Where intervals repeat best from turn to turn, and the shares of a turn that they take."""
+    # of a short train not all turns need be sound
+    turns = int(np.clip((len(time_s) - 1) // per_turn // 3, 3, _FIRST_TURNS))
+    interval = np.diff(time_s)
+    change = np.abs(np.log(interval[per_turn:] / interval[:-per_turn]))
+    width = (turns - 1) * per_turn
+    total = np.convolve(change, np.ones(width), "valid")
+    start = int(np.argmin(total))
+    chosen = interval[start : start + turns * per_turn].reshape(turns, per_turn)
+    shares = np.median(chosen / chosen.sum(axis=1, keepdims=True), axis=0)
+    return start, shares / shares.sum()
+
+
+@dataclass
+class _Walk:
+    """A train as far as it was followed: its pulses, which were filled in, where it was mended."""
+
+    time_s: list[float]
+    filled: list[bool]
+    extra: int = 0
+    places: list[int] = field(default_factory=list)
+    crowded_s: float | None = None
+
+    def mend(self) -> None:
+        """Remember a repair behind the last pulse, and where too many of them come together."""
+        self.places.append(len(self.time_s))
+        crowded = (
+            len(self.places) > _CROWD and self.places[-1] - self.places[-1 - _CROWD] <= _WITHIN
+        )
+        if crowded and self.crowded_s is None:
+            self.crowded_s = abs(self.time_s[-1])
+
+
+def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
+    """Follow a train whose first three turns are sound; pulse 0 is followed by the first gap."""
+    index = 3 * per_turn + 1
+    walk = _Walk(time_s=time_s[:index].tolist(), filled=[False] * index)
+    found = walk.time_s
+    limit = max(10, int(LIMITS.hopeless * len(time_s)))
+    following = np.append(np.diff(time_s), np.inf)
+    while index < len(time_s) and len(walk.places) <= limit:
+        step = (len(found) - 1) % per_turn
+        # the middle of three: one pulse at a wrong time does not count
+        turn = sorted(found[-k] - found[-k - per_turn] for k in (1, 2, 3))[1]
+        reach = LIMITS.early_or_late * turn * min(gaps[step], gaps[(step + 1) % per_turn])
+        late = time_s[index] - (found[-1] + gaps[step] * turn)
+        if late < -reach or (late <= reach and abs(late + following[index]) < abs(late)):
+            walk.extra += 1
+            walk.mend()
+            index += 1
+            continue
+        if late > reach:
+            walk.mend()
+        found.append(found[-1] + gaps[step] * turn if late > reach else float(time_s[index]))
+        walk.filled.append(late > reach)
+        index += late <= reach
+    return walk
+
+
+def _settled(
+    time_s: FloatArray, filled: BoolArray, per_turn: int
+) -> tuple[FloatArray, int, int, float | None]:
+    """Put pulses that were filled in or are off onto the cubic through their neighbours.
+
+    Returns the times, how many were missing and extra, and where it is unclear which.
+    """
+    missing, extra = int(filled.sum()), 0
+    time_s = np.where(filled, _expected(time_s, per_turn), time_s)
+    wrong = np.flatnonzero(filled)
+    for _ in range(_ROUNDS):
+        if np.any(np.diff(time_s) <= 0):
+            break
+        expected = _expected(time_s, per_turn)
+        wrong = _misplaced(time_s, expected)
+        if not len(wrong):
+            return time_s, missing, extra, None
+        extra += len(wrong)
+        if len(wrong) == 1 and wrong[0] in (0, len(time_s) - 1):
+            time_s = np.delete(time_s, wrong)
+            continue
+        missing += len(wrong)
+        time_s = time_s.copy()
+        time_s[wrong] = expected[wrong]
+    return time_s, missing, extra, float(time_s[min(int(wrong[0]), len(time_s) - 1)])
+
+
+def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:
+    """Where the two pulses before and the two after want each; the outermost the next three."""
+    number = np.arange(len(time_s))
+    angle = number // per_turn + learn_spacing(time_s, per_turn)[number % per_turn]
+    expected = time_s.copy()
+    if len(time_s) < _FEWEST_JUDGED:
+        return expected
+    for own, away in (
+        (number[2:-2], (-2, -1, 1, 2)),
+        (number[:2], (1, 2, 3)),
+        (number[-2:], (-1, -2, -3)),
+    ):
+        expected[own] = _curve_at(
+            angle[own], [angle[own + k] for k in away], [time_s[own + k] for k in away]
+        )
+    return expected
+
+
+def _misplaced(time_s: FloatArray, expected: FloatArray) -> IntArray:
+    """Return the pulses farthest off where they are expected, those at the ends last."""
+    interval = np.diff(time_s)
+    beside = np.minimum(np.append(interval, np.inf), np.insert(interval, 0, np.inf))
+    off = np.abs(time_s - expected) / beside
+    spread = float(np.median(off[2:-2])) / 0.6745 if len(off) > _FEWEST_JUDGED else 0.0
+    limit = min(max(LIMITS.off, LIMITS.deviations * spread), LIMITS.early_or_late)
+    # a pulse that is off makes its neighbours appear so
+    inner = off[2:-2]
+    wrong = 2 + np.flatnonzero((inner > limit) & (inner == maximum_filter1d(inner, 5)))
+    if len(wrong):
+        return wrong
+    # the parabola beyond an end errs three times as much as the cubic between neighbours
+    far = max(LIMITS.off, 3 * LIMITS.deviations * spread)
+    ends = (1, len(off) - 2, 0, len(off) - 1)
+    return np.array([end for end in ends if off[end] > far][:1], dtype=np.int64)
+
+
+def is_even(time_s: FloatArray, per_turn: int) -> bool:
+    """Tell whether the intervals of a turn are alike, judged where they repeat best.
+
+    Of fewer than three turns it is asked whether most intervals are like the next one.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (pulses,)
+        Times of the pulses [s], ascending.
+    per_turn : int
+        Pulses a turn.
+    """
+    if per_turn < 2:
+        return True
+    if len(time_s) < 3 * per_turn + 1:
+        # too few turns to see intervals repeat
+        ratio = np.diff(np.log(np.diff(time_s)))
+        return bool(np.median(np.abs(ratio)) < 2 * LIMITS.even)
+    _, shares = _repeating(time_s, per_turn)
+    return bool(np.max(np.abs(shares * per_turn - 1)) < LIMITS.even)
+
+
+def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
+    """Learn at which angles of its turn the pulses of a sequence come.
+
+    Parameters
+    ----------
+    time_s : ndarray of float, shape (pulses,)
+        Times of the pulses [s], complete and ascending.
+    per_turn : int
+        Pulses a turn.
+
+    Returns
+    -------
+    ndarray of float, shape (per_turn,)
+        Angles of the first `per_turn` pulses [turns], 0 for the first; ascending, below 1.
+
+    Notes
+    -----
+    Pulses a turn apart are exactly a turn apart, whatever the spacing: the cubic through the first
+    pulse of four turns gives the angle at the times of the others; the median over all turns is
+    taken. A speed that pulsates once a turn is taken for spacing: no tachometer can tell them
+    apart.
+    """
+    if per_turn == 1:
+        return np.zeros(1)
+    turns = len(time_s) // per_turn
+    table = time_s[: turns * per_turn].reshape(turns, per_turn)
+    first = table[:, 0]
+    if turns < 4:
+        length = np.diff(first)[:, None]
+        return np.asarray(np.median((table[:-1] - first[:-1, None]) / length, axis=0))
+    # the angles -1, 0, 1, 2 of the same pulse
+    four = [part[:, None] for part in (first[:-3], first[1:-2], first[2:-1], first[3:])]
+    angle = _curve_at(table[1:-2], four, [np.float64(k) for k in (-1, 0, 1, 2)])
+    return np.asarray(np.median(angle, axis=0))
+
+
+def _curve_at(
+    x: FloatArray, nodes: Sequence[FloatArray], values: Sequence[FloatArray | np.float64]
+) -> FloatArray:
+    """Return Lagrange's polynomial through the values at some nodes."""
+    curve = np.zeros(x.shape)
+    for own, value in zip(nodes, values, strict=True):
+        weight = np.ones(x.shape)
+        for other in nodes:
+            if other is not own:
+                weight *= (x - other) / (own - other)
+        curve += weight * value
+    return curve
+
 
 # Knots a turn that an angle track gets; of an encoder's many pulses neighbours are averaged.
 _KNOTS_PER_TURN = 16

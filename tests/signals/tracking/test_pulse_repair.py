@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
 from gearmon.signals.tracking import pulses_from_times
-from gearmon.signals.tracking.pulses import repair
+from gearmon.signals.tracking.tacho import repair
 
 LIMIT = 0.02
 REFUSED = "Check the sensor"

@@ -16,7 +16,7 @@ from gearmon.signals.tracking import (
     track_from_pulse_times,
     track_from_pulses,
 )
-from gearmon.signals.tracking.pulses import learn_spacing, repair
+from gearmon.signals.tracking.tacho import learn_spacing, repair
 
 RATE, DURATION = 20_000.0, 10.0
 TIME = np.arange(int(RATE * DURATION)) / RATE
