@@ -37,8 +37,8 @@ STEPS_PER_PERIOD = 24
 STEPS_PER_FAST_PERIOD = 10
 #: Share of the sampling rate up to which a natural frequency counts as carried.
 CARRIED_SHARE = 0.6
-#: Time constants of the slowest transient in the run-in of a chunk: e^-14 = 1e-6.
-RUN_IN_CONSTANTS = 14.0
+#: Time constants of the slowest transient in the run-in of a chunk: e^-15 = 3e-7.
+RUN_IN_CONSTANTS = 15.0
 #: Cells of the fine grid per sample, and per period of the fastest natural frequency.
 CELLS_PER_SAMPLE, CELLS_PER_PERIOD = 8, 6
 #: Steps of one mesh that are held in memory at a time, and cells whose means are taken together.
@@ -259,7 +259,6 @@ def _stage_forces(
     fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
     step_s = _longest_step_s(np.append(frequencies_hz, fastest_hz), grid.rate_hz)
     run_in_s = RUN_IN_CONSTANTS / train.system.decay_rate
-    run_in = math.ceil(run_in_s / (SUBSTEPS * step_s))
     in_memory = STEPS_PER_BLOCK // len(train.meshes) * step_s
     per_block = max(1, min(grid.cells, int(in_memory / grid.cell_s)))
     forces = np.zeros((len(train.carrier_orders), grid.cells))
@@ -269,6 +268,8 @@ def _stage_forces(
         last = min(first + per_block, grid.cells)
         span = (before_s, grid.edge_s(last))
         course = contact_course(train.meshes, drive, span, step_s)
+        # pieces end at events too: most are shorter than the longest
+        run_in = math.ceil(run_in_s * course.pieces / (span[1] - span[0]))
         share = _share(progress, first / grid.cells, (last - first) / grid.cells)
         result = integrate(train.system, course, run_in=run_in, start=state, progress=share)
         means, carried = triangle_means(
