@@ -103,13 +103,21 @@ def fits_schema() -> Callable[[str, dict[str, Any]], None]:
     jsonschema.Draft202012Validator.check_schema(schema)
 
     def fits(command: str, answer: dict[str, Any]) -> None:
-        own = schema | {"$ref": f"#/$defs/{command}"}
-        jsonschema.validate(answer, own)
+        own = jsonschema.Draft202012Validator(schema | {"$ref": f"#/$defs/{command}"})
+        own.validate(answer)
+        few = _first_of_lists(answer)
+        assert own.is_valid(few)
         for name in schema["$defs"][command]["required"]:
-            with pytest.raises(jsonschema.ValidationError):
-                jsonschema.validate({key: answer[key] for key in answer if key != name}, own)
+            assert not own.is_valid({key: few[key] for key in few if key != name})
 
     return fits
+
+
+def _first_of_lists(value: Any) -> Any:
+    """Leave one entry of every list: what it lacks is found without looking at the others."""
+    if isinstance(value, dict):
+        return {key: _first_of_lists(entry) for key, entry in value.items()}
+    return [_first_of_lists(entry) for entry in value[:1]] if isinstance(value, list) else value
 
 
 @pytest.fixture(scope="session")

@@ -135,8 +135,9 @@ SETTINGS = {
 #: Standard deviation of stated shares.
 SHARE_ERROR = 0.05
 #: Stretches of 4000 s that are taken for the long run: its mean is then known to 1/15 of what a day
-#: of 300 s tells; with a single one a quarter of a day's scatter counts against the interval.
-DRAWS = 16
+#: of 300 s tells; with a single one a quarter of a day's scatter counts against the interval. Of a
+#: day of 60 s four are as many.
+DRAWS, DRAWS_OF_A_MINUTE = 16, 4
 
 
 def heard(rng, seconds, wander, memory_s, noise, *, line_hz=310.0, rate=2000.0):
@@ -202,15 +203,19 @@ class Days:
             list(SETTINGS).index(setting),
         )
         # what each operating point is in the long run
+        draws = DRAWS if self.setting.seconds > 60 else DRAWS_OF_A_MINUTE
         self.long = [
-            [self.stretch(np.random.default_rng([20, draw]), line_hz) for draw in range(DRAWS)]
+            [
+                self.stretch(np.random.default_rng([20, draw]), line_hz, draws)
+                for draw in range(draws)
+            ]
             for line_hz, _ in self.setting.points
         ]
 
-    def stretch(self, rng, line_hz):
+    def stretch(self, rng, line_hz, draws):
         shaking = vibration_of_samples(self.day(rng, line_hz, 4000.0), self.rate)
         kept = (shaking.frequency_hz > 20.0) & (shaking.frequency_hz < 240.0)
-        return OperatingShare(vibration=shaking.only(kept), share=1 / DRAWS)
+        return OperatingShare(vibration=shaking.only(kept), share=1 / draws)
 
     def survey(self, seed) -> tuple[Survey, list[float]]:
         """Survey one day, and say what share of all time each operating point really has."""

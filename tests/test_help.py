@@ -14,6 +14,7 @@ from gearmon.cli import COMMANDS, main, parsed
 from gearmon.commands.inputs import output_files
 from gearmon.dynamics import tongues
 from gearmon.gears.faults import ERROR_KINDS, KINDS
+from gearmon.harvesting import tuning
 
 NAMES = [command.name for command in COMMANDS]
 # Files that examples name, and those that stand for them.
@@ -64,6 +65,7 @@ def test_the_example_runs(shop, tmp_path, monkeypatch, capsys, name):
         (tmp_path / known).symlink_to(shop / original)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(tongues, "MOST_TONGUES", 0)  # they take most of a minute
+    monkeypatch.setattr(tuning, "MOST_STEPS", 10)  # near the best is enough
     words = example_in(help_of(capsys, name))[1:]
     # a shell finds files by their pattern; what is written must not be what is read
     words = [found for word in words for found in (sorted(glob.glob(word)) or [word])]

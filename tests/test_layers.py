@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -76,10 +77,16 @@ def modules():
 MODULES = modules()
 
 
-def imports(name, path, tree=None):
-    """Every module that a module imports, at whatever level; relative names made absolute."""
+@cache
+def tree(name):
+    """The source of a module."""
+    return ast.parse(MODULES[name].read_text(encoding="utf-8"))
+
+
+def imports(name, path, nodes):
+    """Every module that is imported in these nodes of a module; relative names made absolute."""
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    for node in ast.walk(tree or ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -118,14 +125,18 @@ def room(module):
     return parts[1] if len(parts) > 1 else parts[0]
 
 
-EDGES = {
-    name: {target for target in imports(name, path) if target.split(".")[0] == "gearmon"}
-    for name, path in MODULES.items()
-}
-LIBRARIES = {
-    name: {target for target in imports(name, path) if target.split(".")[0] != "gearmon"}
-    for name, path in MODULES.items()
-}
+@cache
+def imported():
+    """What every module imports, at whatever level."""
+    return {name: set(imports(name, path, ast.walk(tree(name)))) for name, path in MODULES.items()}
+
+
+@cache
+def edges():
+    """What every module imports of the package."""
+    return {
+        name: {t for t in own if t.split(".")[0] == "gearmon"} for name, own in imported().items()
+    }
 
 
 def test_package_was_found():
@@ -136,7 +147,7 @@ def test_package_was_found():
 def test_arrows_point_downwards_only(module):
     here = room(module)
     assert here in ALLOWED, f"{here} has no place in the house: enter it in ALLOWED"
-    for target in EDGES[module]:
+    for target in edges()[module]:
         there = room(target)
         if there == here or target == "gearmon":  # the version stands in the package itself
             continue
@@ -144,8 +155,8 @@ def test_arrows_point_downwards_only(module):
 
 
 def test_package_itself_gives_its_version_only():
-    for name, path in MODULES.items():
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for name in MODULES:
+        for node in ast.walk(tree(name)):
             if isinstance(node, ast.ImportFrom) and node.level == 0 and node.module == "gearmon":
                 names = {alias.name for alias in node.names}
                 objects = {n for n in names if f"gearmon.{n}" not in MODULES}
@@ -153,16 +164,16 @@ def test_package_itself_gives_its_version_only():
 
 
 def test_nobody_imports_the_command_line():
-    callers = {name for name, targets in EDGES.items() if any(room(t) == "cli" for t in targets)}
+    callers = {name for name, targets in edges().items() if any(room(t) == "cli" for t in targets)}
     assert {room(name) for name in callers} <= {"__main__", "cli"}
 
 
 def test_gears_and_dynamics_do_not_know_each_other():
     assert not any(
-        room(t) == "dynamics" for n, ts in EDGES.items() if room(n) == "gears" for t in ts
+        room(t) == "dynamics" for n, ts in edges().items() if room(n) == "gears" for t in ts
     )
     assert not any(
-        room(t) == "gears" for n, ts in EDGES.items() if room(n) == "dynamics" for t in ts
+        room(t) == "gears" for n, ts in edges().items() if room(n) == "dynamics" for t in ts
     )
 
 
@@ -170,7 +181,7 @@ def test_gears_and_dynamics_do_not_know_each_other():
 def test_libraries_are_loaded_by_their_owners_only(library):
     strangers = {
         (name, library)
-        for name, targets in LIBRARIES.items()
+        for name, targets in imported().items()
         if any(f"{target}.".startswith(f"{library}.") for target in targets)
         and not OWNED[library](name)
     }
@@ -183,9 +194,8 @@ def test_heavy_libraries_are_imported_inside_functions():
             continue
         if name in ("gearmon.benchmark.plots", "gearmon.study.plots"):
             continue
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        top = ast.Module(body=list(_at_import(tree.body)), type_ignores=[])
-        for target in imports(name, path, top):
+        top = ast.Module(body=list(_at_import(tree(name).body)), type_ignores=[])
+        for target in imports(name, path, ast.walk(top)):
             assert target not in DERIVED, f"{name} imports {target} at its top"
             if name in DERIVED and target.split(".")[0] == DERIVED[name]:
                 continue
@@ -197,34 +207,34 @@ def _at_import(body):
     for node in body:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
             continue
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            yield from node.orelse
-        else:
-            yield node
+        yield from node.orelse if _is_for_type_checkers(node) else [node]
 
 
-class _AtRunTime(ast.NodeTransformer):
-    """Drops what only type checkers read."""
-
-    def visit_If(self, node):
-        self.generic_visit(node)
-        return node.orelse if "TYPE_CHECKING" in ast.unparse(node.test) else node
+def _is_for_type_checkers(node):
+    return isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)
 
 
+def _at_run_time(node):
+    """All nodes below one, without what only type checkers read."""
+    waiting = [node]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        waiting.extend(node.orelse if _is_for_type_checkers(node) else ast.iter_child_nodes(node))
+
+
+@cache
 def loads(name):
     """Modules of the package that a module imports when it runs, at whatever level."""
-    tree = _AtRunTime().visit(ast.parse(MODULES[name].read_text(encoding="utf-8")))
-    return {t for t in imports(name, MODULES[name], tree) if t in MODULES and t != "gearmon"}
-
-
-LOADS = {name: loads(name) for name in MODULES}
+    found = imports(name, MODULES[name], _at_run_time(tree(name)))
+    return {t for t in found if t in MODULES and t != "gearmon"}
 
 
 def reachable(start):
     """All modules that a module loads, by way of others too."""
     found, waiting = set(), [start]
     while waiting:
-        new = LOADS[waiting.pop()] - found
+        new = loads(waiting.pop()) - found
         found |= new
         waiting.extend(new)
     return found
@@ -258,4 +268,4 @@ def test_rooms_have_names_of_their_own():
 )
 def test_every_kind_of_import_is_seen(code, found):
     path = PACKAGE / "signals" / "angle.py"
-    assert set(imports("gearmon.signals.angle", path, ast.parse(code))) == found
+    assert set(imports("gearmon.signals.angle", path, ast.walk(ast.parse(code)))) == found

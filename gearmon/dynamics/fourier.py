@@ -59,6 +59,19 @@ def with_zero_mean(harmonics: Complex, count: int | None = None) -> Complex:
     return np.concatenate([np.zeros((*kept.shape[:-1], 1), dtype=complex), kept], axis=-1)
 
 
+def turning(angle: Real, lines: Real) -> Complex:
+    """Return e^{i angle n} of evenly spaced lines n, shape (*angle.shape, lines).
+
+    Each is the product of a coarse and a fine turn: far fewer exponentials are taken than returned.
+    """
+    count = math.isqrt(len(lines)) + 1
+    step = 1j * (lines[1] - lines[0] if len(lines) > 1 else 0.0)
+    fine = np.exp(angle[..., None] * (step * np.arange(count)))
+    coarse = np.exp(angle[..., None] * (1j * lines[::count]))
+    both: Complex = coarse[..., None] * fine[..., None, :]
+    return both.reshape(*angle.shape, coarse.shape[-1] * count)[..., : len(lines)]
+
+
 class Modulation:
     """Multiplication by phi(x) = sum_j (c_j e^{ijx} + conjugate), for one size of spectrum.
 

@@ -41,7 +41,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics.amplitude_equations import AmplitudeEquations, amplitude_equations
-from gearmon.dynamics.fourier import Complex, Real
+from gearmon.dynamics.fourier import Complex, Real, turning
 from gearmon.dynamics.hill import KINDS, HillProblem, check_kind
 from gearmon.errors import ArgumentError, check_finite
 from gearmon.result import Result
@@ -164,16 +164,15 @@ class Motion(Result):
     def _values(self, time: Real, derivative: int) -> Real:
         """Differentiate the displacement at a few times."""
         e = self.equations
-        turning = np.exp(1j * e.problem.angular_frequency * np.multiply.outer(time, e.lines))
-        moved = turning @ self._shapes[derivative]
+        moved = turning(e.problem.angular_frequency * time, e.lines) @ self._shapes[derivative]
         z = (moved[:, :2] * self.amplitudes(time)).sum(axis=1) + moved[:, 2]
         return np.asarray(z.real, dtype=np.float64)
 
     def _mesh_force(self, time: Real) -> Real:
         p = self.equations.problem
-        n = np.arange(1, len(p.stiffness_harmonics) + 1)
-        turning = np.exp(1j * p.angular_frequency * np.multiply.outer(time, n))
-        stiffness = p.stiffness_n_per_m * (1 + 2 * (turning @ p.stiffness_harmonics).real)
+        n = np.arange(1.0, len(p.stiffness_harmonics) + 1)
+        phi = 2 * (turning(p.angular_frequency * time, n) @ p.stiffness_harmonics).real
+        stiffness = p.stiffness_n_per_m * (1 + phi)
         force: Real = stiffness * self._values(time, 0)
         force += p.damping_ns_per_m * self._values(time, 1)
         return force

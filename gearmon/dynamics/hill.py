@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics import floquet
-from gearmon.dynamics.fourier import Complex, Curve, Modulation, Real
+from gearmon.dynamics.fourier import Complex, Curve, Modulation, Real, turning
 from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
 from gearmon.result import Result
 
@@ -295,7 +295,7 @@ class PeriodicVibration(Result, ABC):
         """
         half: Complex = getattr(self, check_kind(kind))
         turns = np.asarray(time_s, dtype=float) / self._period_s
-        phase = np.exp(2j * math.pi * (turns % 1.0)[..., None] * np.arange(1, len(half)))
+        phase = turning(2 * math.pi * (turns % 1.0), np.arange(1.0, len(half)))
         return np.asarray(half[0].real + 2 * (phase @ half[1:]).real, dtype=np.float64)
 
 

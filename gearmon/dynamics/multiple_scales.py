@@ -41,7 +41,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -370,25 +370,37 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
     widest = max(map(abs, steps), default=0)
     # the best paths to every line after every step: the rest of a path has the same factor
     kept = {n: [Path((n,), (), (gain[n],), f * gain[n])] for n, f in force.items() if f != 0}
-    for k in range(1, order + 1):
-        reach = widest * (order - k)
+    reaches = (widest * (order - k) for k in range(1, order + 1))
+    near = [range(max(-highest, line - r), min(highest, line + r) + 1) for r in reaches]
+    came = {n: [n - j for j in steps if j or own[n]] for n in range(-highest, highest + 1)}
+    if most is None and _most_paths(kept, near, came) > MOST_PATHS:
+        raise ArgumentError(
+            f"line {line} has more than {MOST_PATHS} terms at order {order}: ask for the "
+            "largest with most=20"
+        )
+    for lines in near:
         found: dict[int, list[Path]] = {}
-        for n in range(max(-highest, line - reach), min(highest, line + reach) + 1):
+        for n in lines:
             longer = [
-                path.extended(n, j, (x if j else own[n]) * gain[n], gain[n])
-                for j, x in steps.items()
-                for path in kept.get(n - j, ())
-                if j or own[n]
+                path.extended(n, n - m, (steps[n - m] if n - m else own[n]) * gain[n], gain[n])
+                for m in came[n]
+                for path in kept.get(m, ())
             ]
-            if most is None and len(longer) > MOST_PATHS:
-                raise ArgumentError(
-                    f"line {line} has more than {MOST_PATHS} terms at order {order}: ask for the "
-                    "largest with most=20"
-                )
             if longer:
                 found[n] = longer if most is None else heapq.nsmallest(most, longer, key=_order)
         kept = found
     return sorted(kept.get(line, []), key=_order)[:most]
+
+
+def _most_paths(
+    first: Iterable[int], near: Sequence[Iterable[int]], came: Mapping[int, Sequence[int]]
+) -> int:
+    """Return the largest number of paths to one line after any step, without making them."""
+    ways, largest = dict.fromkeys(first, 1), 0
+    for lines in near:
+        ways = {n: sum(ways.get(m, 0) for m in came[n]) for n in lines}
+        largest = max(largest, *ways.values())
+    return largest
 
 
 def _by_line(half: Complex) -> dict[int, complex]:

@@ -18,7 +18,7 @@ from itertools import product
 import numpy as np
 from numpy.polynomial.legendre import legint, legvander
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import roots_legendre, spherical_jn
+from scipy.special import roots_legendre
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -72,20 +72,37 @@ def distinct(edges: ArrayLike, apart: float) -> FloatArray:
 def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
     """Return the spherical Bessel functions j_0 ... j_{count-1} at `x`, shape (count, *x.shape).
 
-    Where |x| is above the order by recurrence upwards, which is stable there: a run over all orders
-    at once, where SciPy begins anew for each.
+    Orders below |x| by recurrence upwards, those above by the ratio of neighbours; either is stable
+    there, and one run gives all orders, where SciPy begins anew for each.
     """
+    size = np.abs(x)
+    ratios = _bessel_ratios(count, x)
     total = np.empty((count, *x.shape))
-    large = np.abs(x) > count
-    small = x[~large]
-    # SciPy's are not numbers where 1/x overflows
-    total[:, ~large] = spherical_jn(np.arange(count)[:, None], small * (np.abs(small) > 1e-30))
-    high = x[large]
-    upwards = [np.cos(high) / high, np.sin(high) / high]
-    for n in range(count - 1):
-        upwards.append((2 * n + 1) / high * upwards[-1] - upwards[-2])
-    total[:, large] = upwards[1:]
+    total[0] = np.sinc(x / np.pi)
+    inverse = 1 / np.where(size < 1, 1.0, x)
+    before = np.cos(x) * inverse
+    for n in range(1, count):
+        upwards = (2 * n - 1) * inverse * total[n - 1] - before
+        total[n] = np.where(n < size, upwards, ratios[n] * total[n - 1])
+        before = total[n - 1]
     return total
+
+
+def _bessel_ratios(count: int, x: FloatArray) -> FloatArray:
+    """Return j_n/j_{n-1} for the orders n from |x| on, shape (count, *x.shape).
+
+    A continued fraction, from an order downwards where its rest no longer matters: the rest is
+    forgotten within a number of orders that grows with the cube root of x.
+    """
+    size, ratios = np.abs(x), np.zeros((count, *x.shape))
+    if size.min(initial=np.inf) >= count:
+        return ratios
+    ratio = np.zeros(x.shape)
+    for n in range(count + math.ceil(7 * math.cbrt(count)), 0, -1):
+        ratio = np.where(n < size, 0.0, x / (2 * n + 1 - x * ratio))
+        if n < count:
+            ratios[n] = ratio
+    return ratios
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,8 +36,8 @@ STEPS_PER_PERIOD = 24
 STEPS_PER_FAST_PERIOD = 10
 #: Share of the sampling rate up to which a natural frequency counts as carried.
 CARRIED_SHARE = 0.6
-#: Time constants of the slowest transient in the run-in of a chunk: e^-14 = 1e-6.
-RUN_IN_CONSTANTS = 14.0
+#: Time constants of the slowest transient in the run-in of a chunk: e^-15 = 3e-7.
+RUN_IN_CONSTANTS = 15.0
 #: Cells of the fine grid per sample, and per period of the fastest natural frequency.
 CELLS_PER_SAMPLE, CELLS_PER_PERIOD = 8, 6
 #: Steps of one mesh that are held in memory at a time, and cells whose means are taken together.
@@ -133,22 +133,27 @@ def _moments(rows: list[Floats32], steps_s: FloatArray, edges_s: FloatArray) -> 
     `rows` are impulses of the steps and forces at their ends. The shape is (2, meshes, cells).
     Between steps and cells both are cubics at most: two Gauss points are exact.
     """
-    inside = steps_s[np.searchsorted(steps_s, edges_s[0]) : np.searchsorted(steps_s, edges_s[-1])]
-    grid = np.unique(np.concatenate([edges_s, inside]))
-    half, middle = 0.5 * np.diff(grid), 0.5 * (grid[1:] + grid[:-1])
-    cell = np.searchsorted(edges_s, middle) - 1
-    step = np.clip(np.searchsorted(steps_s, middle) - 1, 0, len(steps_s) - 2)
+    first, last = np.searchsorted(steps_s, [edges_s[0], edges_s[-1]])
+    both = np.concatenate([edges_s, steps_s[first:last]])
+    order = np.argsort(both, kind="stable")  # two sorted runs: they are only merged
+    grid, new_cell = both[order], order < len(edges_s)
+    real = np.flatnonzero(np.diff(grid))  # an edge may be the beginning of a step as well
+    half, middle = 0.5 * np.diff(grid)[real], 0.5 * (grid[1:] + grid[:-1])[real]
+    cell = np.cumsum(new_cell)[real] - 1
+    step = np.clip(first - 1 + np.cumsum(~new_cell)[real], 0, len(steps_s) - 2)
     begin, length = steps_s[step], np.diff(steps_s)[step]
+    places = [middle - half / math.sqrt(3), middle + half / math.sqrt(3)]
+    shares = [(place - begin) / length for place in places]
+    begun = edges_s[cell]
     total = np.zeros((2, len(rows[0]), len(edges_s) - 1))
     for mesh, known in enumerate(zip(*rows, strict=True)):
         impulse, start, end = (row[step].astype(np.float64) for row in known)
         mean = impulse / length
         bend, twist = 6 * mean - 4 * start - 2 * end, 3 * (start + end - 2 * mean)
-        for place in (middle - half / math.sqrt(3), middle + half / math.sqrt(3)):
-            x = (place - begin) / length
-            force = half * (start + x * (bend + x * twist))
-            total[0, mesh] += np.bincount(cell, force)
-            total[1, mesh] += np.bincount(cell, force * (place - edges_s[cell]))
+        forces = [half * (start + x * (bend + x * twist)) for x in shares]
+        moments = [force * (place - begun) for force, place in zip(forces, places, strict=True)]
+        total[0, mesh] = np.bincount(cell, forces[0] + forces[1])
+        total[1, mesh] = np.bincount(cell, moments[0] + moments[1])
     return total
 
 
@@ -258,7 +263,6 @@ def _stage_forces(
     fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
     step_s = _longest_step_s(np.append(frequencies_hz, fastest_hz), grid.rate_hz)
     run_in_s = RUN_IN_CONSTANTS / train.system.decay_rate
-    run_in = math.ceil(run_in_s / (SUBSTEPS * step_s))
     in_memory = STEPS_PER_BLOCK // len(train.meshes) * step_s
     per_block = max(1, min(grid.cells, int(in_memory / grid.cell_s)))
     forces = np.zeros((len(train.carrier_orders), grid.cells))
@@ -268,6 +272,8 @@ def _stage_forces(
         last = min(first + per_block, grid.cells)
         span = (before_s, grid.edge_s(last))
         course = contact_course(train.meshes, drive, span, step_s)
+        # pieces end at events too: most are shorter than the longest
+        run_in = math.ceil(run_in_s * course.pieces / (span[1] - span[0]))
         share = _share(progress, first / grid.cells, (last - first) / grid.cells)
         result = integrate(train.system, course, run_in=run_in, start=state, progress=share)
         means, carried = triangle_means(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from reference.small_gearbox import MACHINE_FILE
 
 from gearmon.benchmark import signals
 from gearmon.errors import ArgumentError
@@ -19,6 +20,8 @@ def rows(monkeypatch):
     monkeypatch.setenv(signals.PYSDKIT.variable, "")
     monkeypatch.setattr(signals, "find_spec", lambda _: None)
     monkeypatch.setattr(signals, "simulate", shortly)
+    # simulated faster than the example
+    monkeypatch.setattr(signals, "example_machine", lambda: MACHINE_FILE)
     steps = [
         signals._spectra(16_384, 1),
         signals._kurtogram(1 << 15, 1),

@@ -6,6 +6,7 @@ import json
 import sys
 
 import pytest
+from reference.small_gearbox import MACHINE_FILE
 
 from gearmon.benchmark import run_case, signals
 from gearmon.benchmark.timing import Timing, facts_of_run
@@ -19,8 +20,15 @@ def test_facts_of_run():
     assert facts["cores"] >= 1
 
 
+@pytest.fixture
+def quick_machine(monkeypatch):
+    """A gearbox that is simulated faster than the example."""
+    monkeypatch.setattr(signals, "example_machine", lambda: MACHINE_FILE)
+
+
+@pytest.mark.usefixtures("quick_machine")
 def test_analysis_against_reading(monkeypatch):
-    monkeypatch.setattr(signals, "WHOLE_S", 4.0)
+    monkeypatch.setattr(signals, "WHOLE_S", 2.0)
     seen = []
     rows = signals.analysis_against_reading(repeats=1, progress=seen.append)
     assert [row["process"] for row in rows] == ["analyse", "pandas.read_csv"]
@@ -40,6 +48,7 @@ def test_analysis_against_reading(monkeypatch):
     json.dumps(rows, allow_nan=False)
 
 
+@pytest.mark.usefixtures("quick_machine")
 def test_memory_of_a_long_recording(monkeypatch):
     def shortly(machine, **settings):
         return simulate(machine, **(settings | {"duration_s": 1.0}))

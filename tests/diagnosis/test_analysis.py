@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -459,13 +460,20 @@ def test_a_tooth_that_few_lines_tell_of_is_no_knock():
     assert (told.flags[0].stage, told.flags[0].gear) == (1, "pinion")
 
 
+@cache
+def tractor():
+    """Six seconds of a sensor on a tractor as they are simulated, and what a sound one teaches."""
+    known = load_machine("signatures/tractor_pto.toml")
+    driven = partial(simulate, known, duration_s=6.0, channels=1)
+    return known, driven, learn([driven(recording_seed=1)], known)
+
+
 @pytest.mark.parametrize(("gear", "loss"), [("pinion", 60), ("pinion", 90), ("gear", 90)])
 def test_a_broken_tooth_fills_all_orders_of_its_gear_and_is_still_found(gear, loss):
     # its lines drown the mesh, and suit the lower of the machine's two speeds as well
-    tractor, own = load_machine("signatures/tractor_pto.toml"), {"duration_s": 6.0, "channels": 1}
-    healthy = learn([simulate(tractor, recording_seed=1, **own)], tractor)
-    broken = simulate(tractor, f"crack:1:{gear}:5:{loss}%", recording_seed=5, **own)
-    told = analyse(broken, tractor, healthy)
+    known, driven, healthy = tractor()
+    broken = driven(f"crack:1:{gear}:5:{loss}%", recording_seed=5)
+    told = analyse(broken, known, healthy)
     assert told.verdict == "fault"
     assert [(flag.kind, flag.gear) for flag in told.flags[:1]] == [("tooth damage", gear)]
     assert told.score > 10

@@ -10,7 +10,18 @@ from gearmon.dynamics.fourier import (
     rms,
     samples,
     supremum,
+    turning,
 )
+
+
+@pytest.mark.parametrize("lines", [np.arange(1.0, 200), np.arange(-7.5, 8), np.array([3.0]), []])
+@pytest.mark.parametrize("angle", [0.3, [], [[0.0, 1.0, -2.0], [3.0, 6.2, 0.1]]])
+def test_turning_is_the_exponential_of_every_line(lines, angle):
+    lines, angle = np.asarray(lines, dtype=float), np.asarray(angle, dtype=float)
+    expected = np.exp(1j * angle[..., None] * lines)
+    found = turning(angle, lines)
+    assert found.shape == expected.shape
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
 @given(st.integers(1, 200_000))

@@ -92,14 +92,14 @@ def test_loudest_position_is_first_and_its_power_is_the_bound():
 
 def test_shares_weigh_the_operating_points():
     loud, quiet = recording([1.0]), recording([0.1], 1)
-    whole = survey_measured(machine(), harvester(), [loud, quiet], shares=[0.5, 0.5]).best.power_w
-    part = survey_measured(machine(), harvester(), [loud, quiet], shares=[0.25, 0.75]).best.power_w
+    whole = survey_measured(machine(), narrow(), [loud, quiet], shares=[0.5, 0.5]).best.power_w
+    part = survey_measured(machine(), narrow(), [loud, quiet], shares=[0.25, 0.75]).best.power_w
     assert part / whole == pytest.approx((0.25 + 0.0075) / (0.5 + 0.005), rel=0.01)
 
 
 def test_position_that_is_good_only_with_damage_is_marked():
     sound, damaged = recording([0.05, 0.5]), recording([1.0, 0.55], 1)
-    found = survey_measured(machine(), harvester(), [sound], degraded=[damaged])
+    found = survey_measured(machine(), narrow(), [sound], degraded=[damaged])
     marks = {p.position.name: p.good_only_when_damaged for p in found.placed}
     assert marks == {"a1": True, "a2": False}
     assert [p.position.name for p in found.placed] == ["a2", "a1"]
@@ -205,18 +205,18 @@ def test_what_does_not_fit_is_refused(build, words):
 
 
 def test_expected_survey_uses_the_duty_cycle():
-    found = survey_expected(machine(), harvester(), path_gain=0.05, faults=["crack:1:pinion:5:20%"])
+    found = survey_expected(machine(), narrow(), path_gain=0.05, faults=["crack:1:pinion:5:20%"])
     assert [p.share for p in found.best.position.healthy] == [0.6, 0.4]
     assert found.best.tuned_degraded is not None
     assert found.best.power_w > 0
-    louder = survey_expected(machine(), harvester(), path_gain=0.1)
+    louder = survey_expected(machine(), narrow(), path_gain=0.1)
     assert louder.best.power_w == pytest.approx(4 * found.best.power_w, rel=1e-2)
     json.dumps(found.to_dict(), allow_nan=False)
 
 
 def test_best_for_the_damaged_gear_is_told():
     sound, damaged = recording([0.5]), recording([0.6], 1)
-    found = survey_measured(machine(), harvester(), [sound], degraded=[damaged], count=2)
+    found = survey_measured(machine(), narrow(), [sound], degraded=[damaged], count=2)
     values = found.to_dict()
     assert values["best_when_damaged"]["power_w"] == pytest.approx(
         1.44 * values["best"]["power_w"], rel=0.01
@@ -228,9 +228,7 @@ def test_best_for_the_damaged_gear_is_told():
 
 
 def test_too_loud_a_mesh_names_the_path_gain_that_would_be_within():
-    tight = InertialHarvester(
-        mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=1500.0, clearance_m=1e-9
-    )
+    tight = replace(narrow(), clearance_m=1e-9)
     with pytest.raises(ArgumentError, match=r"path gain of .* would be within") as caught:
         survey_expected(machine(), tight, path_gain=0.5)
     gain = float(str(caught.value).split("a path gain of ")[-1].split()[0])

@@ -246,20 +246,23 @@ class PiecewiseMotion:
 
     def lines(self, highest: int, kind: str = "displacement") -> Complex:
         """Fourier coefficients 0..highest, by Gauss's rule on every piece, shape (highest+1,)."""
-        p, orders = self.problem, np.arange(highest + 1)
+        p, count = self.problem, math.isqrt(highest) + 1
         x, weights = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         ends = np.cumsum(p.durations_s)
         # radians that the free vibration and the highest line turn by in a second
         rate = math.sqrt(p.stiffness_n_per_m.max() / p.mass_kg) + 2 * math.pi * highest / ends[-1]
-        total: Complex = np.zeros(highest + 1, dtype=complex)
+        total: Complex = np.zeros((count, count), dtype=complex)
         for end, length in zip(ends, p.durations_s, strict=True):
             edges = np.linspace(end - length, end, math.ceil(length * rate / PANEL) + 1)
             half = np.diff(edges)[:, None] / 2
             # Gauss points never touch the jumps
             at = (edges[:-1, None] + half * (1 + x)).ravel() + p.start_s
             values = self.at(at, kind) * (half * weights).ravel()
-            total += values @ np.exp(-2j * math.pi * np.mod(at[:, None] / ends[-1], 1.0) * orders)
-        return total / ends[-1]
+            # line count a + b turns by the product of what lines count a and b turn by
+            turn = -2j * math.pi * np.mod(at[:, None] / ends[-1], 1.0)
+            few = np.exp(turn * np.arange(count))
+            total += np.exp(turn * count * np.arange(count)).T @ (values[:, None] * few)
+        return total.ravel()[: highest + 1] / ends[-1]
 
 
 def solve_exactly(problem: PiecewiseProblem) -> PiecewiseMotion:

@@ -9,6 +9,7 @@ import pytest
 from matplotlib.container import ErrorbarContainer
 from PIL import Image
 
+from gearmon.harvesting import tuning
 from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.placement import survey_measured
 from gearmon.harvesting.request import built_in
@@ -43,9 +44,11 @@ def survey(request):
     )
     inertial = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=100.0, highest_hz=1500.0)
     harvester = inertial if request.param == "inertial" else built_in()[0]
-    return survey_measured(
-        machine, harvester, [recorded([0.5, 1.0, 0.0])], degraded=[recorded([1.0, 1.0, 0.3])]
-    )
+    given = [recorded([0.5, 1.0, 0.0])], [recorded([1.0, 1.0, 0.3])]
+    with pytest.MonkeyPatch.context() as patch:
+        # near the best is enough to be drawn
+        patch.setattr(tuning, "MOST_STEPS", 10)
+        return survey_measured(machine, harvester, given[0], degraded=given[1])
 
 
 def test_four_pictures_are_written(survey, tmp_path):
