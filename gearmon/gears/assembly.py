@@ -69,6 +69,11 @@ _DAMPED = (
     "shafts, bearings and supports that tell no damper have "
     f"{ELASTIC_DAMPING_S:g} s of damping over stiffness"
 )
+#: Of a beam of unit length between deflection and tilt at both ends: stiffness over E I, what the
+#: shear adds to it, and mass.
+_BENT = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
+_SHEARED = np.array([[0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 0, 0], [0, -1, 0, 1]])
+_CARRIED = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
 _PAIR, _SPREAD = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
 
 
@@ -514,23 +519,11 @@ def _section(own: ShaftSection) -> tuple[float, float, float, float, float]:
 
 def _beam(bend: float, shear: float, length: float) -> FloatArray:
     """Stiffness of a Timoshenko beam between deflection and tilt at both ends."""
-    phi, b = shear / length**2, length
-    rows = [
-        [12, 6 * b, -12, 6 * b],
-        [6 * b, (4 + phi) * b**2, -6 * b, (2 - phi) * b**2],
-        [-12, -6 * b, 12, -6 * b],
-        [6 * b, (2 - phi) * b**2, -6 * b, (4 + phi) * b**2],
-    ]
-    return bend / (length**3 * (1 + phi)) * np.array(rows)
+    phi, arms = shear / length**2, np.array([1.0, length, 1.0, length])
+    return bend / (length**3 * (1 + phi)) * np.outer(arms, arms) * (_BENT + phi * _SHEARED)
 
 
 def _beam_mass(length: float) -> FloatArray:
     """Consistent mass of a beam of unit mass a length."""
-    b = length
-    rows = [
-        [156, 22 * b, 54, -13 * b],
-        [22 * b, 4 * b**2, 13 * b, -3 * b**2],
-        [54, 13 * b, 156, -22 * b],
-        [-13 * b, -3 * b**2, -22 * b, 4 * b**2],
-    ]
-    return b / 420 * np.array(rows)
+    arms = np.array([1.0, length, 1.0, length])
+    return np.asarray(length / 420 * np.outer(arms, arms) * _CARRIED)

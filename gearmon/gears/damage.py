@@ -344,8 +344,8 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
         If the stage has no such gear or the gear no such tooth.
     """
     acting, notes = [], []
-    stage_gears = {m.name for p in mesh_pairs(pair.stage, pair.number) for m in p.members}
-    own = {member.name for member in pair.members}
+    stage_gears = {name for other in mesh_pairs(pair.stage, pair.number) for name in other.names}
+    own = pair.names
     for fault in faults:
         if fault.gear not in stage_gears:
             pair.member(fault.gear)
@@ -395,8 +395,8 @@ def gear_losses(
     # the contact of the half-duty forms is a nominal one, on which the true one is laid
     pitch = pair.pitch_phase * length / pair.contact_ratio if _needs_pitch(faults) else 0.0
     found: tuple[dict[int, Losses], dict[int, Losses]] = {}, {}
-    for index, (member, losses) in enumerate(zip(pair.members, found, strict=True)):
-        hurt = [fault for fault in faults if fault.gear == member.name and fault.tooth is not None]
+    for index, (name, losses) in enumerate(zip(pair.names, found, strict=True)):
+        hurt = [fault for fault in faults if fault.gear == name and fault.tooth is not None]
         for tooth in sorted({fault.tooth or 0 for fault in hurt}):
             own = [fault for fault in hurt if fault.tooth == tooth]
             parts = [loss_in_contact(fault, length, pitch) for fault in own if fault.is_loss]
@@ -417,8 +417,8 @@ def worn_losses(
 ) -> tuple[Losses, Losses]:
     """Return the loss by wear in mm of all teeth of each gear; see `gear_losses`."""
     found = []
-    for index, member in enumerate(pair.members):
-        worn = [f for f in faults if f.kind == "wear" and f.gear == member.name and not f.is_loss]
+    for index, name in enumerate(pair.names):
+        worn = [f for f in faults if f.kind == "wear" and f.gear == name and not f.is_loss]
         found.append(_measured(pair, index, worn, length, teeth) if worn else ())
     return found[0], found[1]
 

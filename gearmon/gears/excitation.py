@@ -324,7 +324,7 @@ def displacement_excitation(
     ArgumentError
         If a gear has no such tooth.
     """
-    names = [member.name for member in pair.members]
+    names = pair.names
     found: list[TurningError | FlankError] = []
     notes: list[str] = []
     for error in errors:

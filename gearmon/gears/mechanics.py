@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 
 from gearmon.errors import ArgumentError, check_range
@@ -72,8 +72,8 @@ class StageMechanics:
     torque_nm: float | None
     mesh_frequency_hz: float
     base_radii_m: tuple[float, float] | None
-    assumptions: tuple[str, ...] = field(default=())
-    warnings: tuple[str, ...] = field(default=())
+    assumptions: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def contact_ratio(self) -> float:
@@ -235,11 +235,15 @@ def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
     circles, members = pair.geometry, pair.members
     one, two = sorted((0, 1), key=lambda index: members[index].teeth)
     means = [a + b for a, b in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)]
+    bores = [
+        member.bore_m if member.rim_m is None else 2 * (root - member.rim_m)
+        for member, root in zip(members, circles.root_radii_m, strict=True)
+    ]
     mass = reduced_mass_per_width(
         (members[one].teeth, members[two].teeth),
         (means[one], means[two]),
         2 * circles.base_radii_m[one],
-        (_inner_diameter(pair, one), _inner_diameter(pair, two)),
+        (bores[one], bores[two]),
         (pair.stage.density_kgm3, pair.stage.density_kgm3),
     )
     load, alpha = pair.specific_load(force_n), pair.method_b(force_n).mesh_alpha
@@ -249,14 +253,6 @@ def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
         speed_rpm=resonance_speed_rpm(members[one].teeth, alpha, mass),
         margin=resonance_margin(LOW_LOAD_N_PER_MM if load is None else load),
     )
-
-
-def _inner_diameter(pair: MeshPair, index: int) -> float:
-    """Return d_i of the standard [m]: inside of the rim, or the bore."""
-    member = pair.members[index]
-    if member.rim_m is None:
-        return member.bore_m
-    return 2 * (pair.geometry.root_radii_m[index] - member.rim_m)
 
 
 def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
@@ -359,14 +355,9 @@ def disc_body(pair: MeshPair, purpose: str, instead: str) -> tuple[float, float]
         width = 1e-3 * pair.need("face_width_mm", purpose, instead)
         pair.need("module_mm", purpose, instead)
         return width, pair.stage.density_kgm3
-    width = 1e-3 * (pair.stage.face_width_mm or 1e3)
-    yielding = [
-        times * radius**2 / _disc(main, index, width)[1]
-        for index, (times, radius) in enumerate(
-            zip((main.planets, 1), main.base_radii_m, strict=True)
-        )
-    ]
-    return width, known * sum(yielding)
+    width, (one, two) = 1e-3 * (pair.stage.face_width_mm or 1e3), main.base_radii_m
+    yielding = main.planets * one**2 / _disc(main, 0, width)[1] + two**2 / _disc(main, 1, width)[1]
+    return width, known * yielding
 
 
 def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:

@@ -618,10 +618,9 @@ def _moving(
     pair: MeshPair, errors: Iterable[GearError], force_n: float | None
 ) -> tuple[list[GearError], list[str]]:
     """Return the errors that modulate the stiffness, and notes on those that cannot."""
-    own = [member.name for member in pair.members]
     moving, notes = [], []
     for error in errors:
-        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in own:
+        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in pair.names:
             continue
         if error.kind == "misalignment":
             missing = "the static tooth force is not known" if force_n is None else ""

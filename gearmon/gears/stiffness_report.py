@@ -14,14 +14,7 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
-from gearmon.gears.faults import (
-    LEVELS,
-    Fault,
-    faults_of,
-    flank_level,
-    flank_share,
-    size_text,
-)
+from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share, size_text
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import ComplexArray, FloatArray
@@ -29,7 +22,7 @@ from gearmon.gears.stiffness import MeshStiffness, StiffnessForm, mesh_stiffness
 from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_outline import TeethPicture, teeth_picture
 from gearmon.gears.tooth_pairs import PotentialEnergy, ToothPair, teeth_of
-from gearmon.result import Result
+from gearmon.result import Result, channel_rows
 
 #: The four forms, each with its variants: the duty of the rectangle is eps_a - 1, or one half.
 FOUR_FORMS: dict[str, tuple[str, ...]] = {
@@ -105,22 +98,19 @@ class FormComparison(Result):
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the curves: one row a phase, one column a form, in N/m."""
-        columns = {_column(curve.name): curve.stiffness_n_per_m for curve in self.curves}
-        return [
-            {"stage": self.stage, "mesh_phase": float(phase)}
-            | {name: float(values[i]) for name, values in columns.items()}
-            for i, phase in enumerate(self.phase)
-        ]
+        values = [curve.stiffness_n_per_m for curve in self.curves]
+        rows = channel_rows("mesh_phase", self.phase, values, list(map(_column, self.curves)))
+        return [{"stage": self.stage} | row for row in rows]
 
     def line_rows(self) -> list[dict[str, Any]]:
         """Return the spectra: one row a mesh harmonic, amplitudes in N/m."""
-        count = len(self.curves[0].lines)
-        hertz = self.mesh_frequency_hz
+        hertz, columns = self.mesh_frequency_hz, list(map(_column, self.curves))
+        amplitudes = np.transpose([curve.amplitudes_n_per_m for curve in self.curves]).tolist()
         return [
-            {"stage": self.stage, "mesh_harmonic": n + 1}
-            | ({} if hertz is None else {"frequency_hz": (n + 1) * hertz})
-            | {_column(curve.name): float(curve.amplitudes_n_per_m[n]) for curve in self.curves}
-            for n in range(count)
+            {"stage": self.stage, "mesh_harmonic": n}
+            | ({} if hertz is None else {"frequency_hz": n * hertz})
+            | dict(zip(columns, row, strict=True))
+            for n, row in enumerate(amplitudes, start=1)
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -212,8 +202,8 @@ def _running(machine: Any, stage: int, mesh: int = 0) -> tuple[float | None, flo
     return mechanics.force_n, mechanics.mesh_frequency_hz
 
 
-def _column(name: str) -> str:
-    return f"{name.replace('-', '_')}_n_per_m"
+def _column(curve: FormCurve) -> str:
+    return f"{curve.name.replace('-', '_')}_n_per_m"
 
 
 @dataclass(frozen=True)
@@ -309,17 +299,10 @@ class StageStiffness:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the table: one row a phase, stiffness in N/m."""
-        one, two = self.healthy.at(self.phase), self.damaged.at(self.phase)
-        return [
-            {
-                "stage": self.stage,
-                "mesh": self.mesh,
-                "mesh_phase": float(phase),
-                "healthy_n_per_m": float(a),
-                "damaged_n_per_m": float(b),
-            }
-            for phase, a, b in zip(self.phase, one, two, strict=True)
-        ]
+        both = [mesh.at(self.phase) for mesh in (self.healthy, self.damaged)]
+        names = ("healthy_n_per_m", "damaged_n_per_m")
+        rows = channel_rows("mesh_phase", self.phase, both, names)
+        return [{"stage": self.stage, "mesh": self.mesh} | row for row in rows]
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the table and the picture in built-in types."""
@@ -403,12 +386,10 @@ def stiffness_report(
     known = faults_of(faults, errors=False, stages=last)
     if stage is not None:
         check_range("stage", stage, 1, last)
-    numbers = range(1, last + 1) if stage is None else [stage]
     stages = []
-    for number in numbers:
-        pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
+    for number in range(1, last + 1) if stage is None else [stage]:
         own = tuple(fault for fault in known if fault.stage == number)
-        for mesh, pair in enumerate(pairs):
+        for mesh, pair in enumerate(mesh_pairs(machine.stages[number - 1], number, machine.path)):
             # overrides of a planetary stage are meant for sun and planet
             if pair.is_main or pair.stage.module_mm is not None:
                 stages.append(_mesh(machine, pair, mesh, own, form, points_per_mesh))
@@ -488,7 +469,7 @@ def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness, points: int) -> 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
     if teeth is None:
         return FaultLoss(fault)
-    index = [member.name for member in pair.members].index(fault.gear)
+    index = pair.names.index(fault.gear)
     loss = stiffness_loss(fault, teeth, index)
     if not fault.is_loss:
         size = size_text(fault.kind, fault.size, fault.unit, fault.shape) or "whole tooth"
@@ -512,7 +493,7 @@ def _curve(
     """Return the curve of the first fault that has a size; without faults that of a root crack."""
     if teeth is None:
         return None
-    names = [member.name for member in pair.members]
+    names = pair.names
     for fault in (entry.sized for entry in losses if entry.sized is not None):
         return size_curve(fault, teeth, names.index(fault.gear))
     if losses:

@@ -114,7 +114,7 @@ class PairsInMesh(ABC):
             for what the two miss there.
         """
         one, two = losses
-        names, z = [member.name for member in pair.members], pair.teeth
+        names, z = pair.names, pair.teeth
         parts = (
             (names[0], z[0], self._terms(one, {}, z)),
             (names[1], z[1], self._terms({}, two, z)),
