@@ -100,6 +100,10 @@ def drive_train(
     return _Assembly(machine, point or machine.operating[0], form).finished()
 
 
+#: Sections of a shaft, and where they begin and end [m].
+_Sections = tuple[list[ShaftSection], FloatArray]
+
+
 @dataclass(frozen=True, eq=False)
 class _Line:
     """A shaft: where something sits on it [m], and how it moves there, shape (places, 3, width)."""
@@ -177,7 +181,7 @@ class _Assembly:
 
     # shafts
 
-    def sections(self, number: int) -> tuple[list[ShaftSection], FloatArray]:
+    def sections(self, number: int) -> _Sections:
         """Sections of a shaft, and where they begin and end [m]."""
         found = [own for own in self.machine.sections if own.shaft == number]
         if not found and len(self.gears(number)) == 2:
@@ -231,7 +235,7 @@ class _Assembly:
             row[2] = self.free(f"shaft {number} at {1e3 * place:g} mm: rotation", True)
         self.held(number, line, bearings, bends)
         if sections:
-            self.twisted(number, line, sections, ends, bends)
+            self.twisted(number, line, (sections, ends), bends)
         else:
             self.notes.append(f"shaft {number} is rigid: it has no [[shaft]] section")
         for place, disc in discs:
@@ -262,10 +266,8 @@ class _Assembly:
         discs = [own for own in self.machine.discs if own.shaft == number]
         usual = np.linspace(0.0, length, len(bearings)).tolist()
         end = {1: 0.0, self.machine.shaft_count: length}.get(number, 0.5 * length)
-        return (
-            [(_told_m(own, place), own) for own, place in zip(bearings, usual, strict=True)],
-            [(_told_m(own, end), own) for own in discs],
-        )
+        places = [(_told_m(own, place), own) for own, place in zip(bearings, usual, strict=True)]
+        return places, [(_told_m(own, end), own) for own in discs]
 
     def held(
         self, number: int, line: _Line, bearings: list[tuple[float, Bearing]], bends: bool
@@ -302,21 +304,13 @@ class _Assembly:
         cosine = math.cos(math.radians(bearing.contact_angle_deg))
         root = bearing.balls**2 * 1e-3 * bearing.ball_diameter_mm * load_n * cosine**5
         found = BALL_BEARING * float(np.cbrt(root))
-        told = (
-            f"bearing {bearing.name}: {found:.3g} N/m, a ball bearing's by Hertz at {load_n:.4g} N"
-        )
-        self.notes.append(told)
+        source = f"a ball bearing's by Hertz at {load_n:.4g} N"
+        self.notes.append(f"bearing {bearing.name}: {found:.3g} N/m, {source}")
         return found
 
-    def twisted(
-        self,
-        number: int,
-        line: _Line,
-        sections: Sequence[ShaftSection],
-        ends: FloatArray,
-        bends: bool,
-    ) -> None:
+    def twisted(self, number: int, line: _Line, along: _Sections, bends: bool) -> None:
         """Add the stiffness and mass of a shaft's sections."""
+        sections, ends = along
         beam, mass = np.zeros((2, 2 * len(line.at), 2 * len(line.at)))
         waves = math.inf
         for i, length in enumerate(np.diff(line.at)):
@@ -429,13 +423,9 @@ class _Assembly:
         inner = self.pairs[i][0]
         cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
         radius = inner.geometry.centre_distance_m
-        pins = np.stack(
-            [
-                cos * carrier[0] + sin * carrier[1],
-                -sin * carrier[0] + cos * carrier[1] + radius * carrier[2],
-            ],
-            axis=1,
-        )
+        radial = cos * carrier[0] + sin * carrier[1]
+        tangential = -sin * carrier[0] + cos * carrier[1] + radius * carrier[2]
+        pins = np.stack([radial, tangential], axis=1)
         on_pins = [own for own in self.machine.bearings if own.planet_stage == i + 1]
         force = self.forces[i]
         load = 2 * force * math.sin(_push(inner)) / max(1, len(on_pins)) if force else 0.0
