@@ -222,8 +222,8 @@ def _broken(fault: Fault, pair: ToothPair, index: int) -> Losses:
     if share > 0.99 or begin + share > 1 + 1e-9:
         lost = "more than" if begin + share > 1 + 1e-9 else "all of"
         raise ArgumentError(
-            f"fault {fault}: {lost} the face width of {width:g} mm is broken off; for a whole tooth "
-            f"write missing:{fault.stage}:{fault.gear}:{fault.tooth}"
+            f"fault {fault}: {lost} the face width of {width:g} mm is broken off; for a whole "
+            f"tooth write missing:{fault.stage}:{fault.gear}:{fault.tooth}"
         )
     if fault.shape.height is not None:
         broken = tooth.radius_below_tip(1e-3 * fault.shape.height)

@@ -19,7 +19,7 @@ from gearmon.gears.iso6336 import (
 )
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.stiffness import MeshStiffness, StiffnessForm, mesh_stiffness
+from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 
 #: Damping ratio of a mesh where none is given; 0.03 to 0.17 were measured
@@ -104,7 +104,7 @@ def stage_mechanics(
     *,
     faults: Iterable[Fault] = (),
     errors: Iterable[GearError] = (),
-    form: str | StiffnessForm = "parabolic",
+    form: AnyForm = "parabolic",
     mesh: int = 0,
 ) -> StageMechanics:
     """Return stiffness, mass, damping and force of a mesh at an operating point.

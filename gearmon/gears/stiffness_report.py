@@ -6,6 +6,7 @@ a healthy mesh: curves over mesh periods, and their lines.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -18,10 +19,10 @@ from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_sh
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import ComplexArray, FloatArray
-from gearmon.gears.stiffness import MeshStiffness, StiffnessForm, mesh_stiffness
+from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_outline import TeethPicture, teeth_picture
-from gearmon.gears.tooth_pairs import PotentialEnergy, ToothPair, teeth_of
+from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 from gearmon.result import Result, channel_rows
 
 #: The four forms, each with its variants: the duty of the rectangle is eps_a - 1, or one half.
@@ -138,7 +139,7 @@ def compare_forms(
     machine: Any,
     stage: int = 1,
     *,
-    forms: Iterable[tuple[str, str | StiffnessForm | PotentialEnergy]] | None = None,
+    forms: Iterable[tuple[str, AnyForm]] | None = None,
     mesh_periods: int = 2,
     points_per_mesh: int = 200,
     harmonics: int = 20,
@@ -178,7 +179,7 @@ def compare_forms(
     force, hertz = _running(machine, stage)
     phase = np.arange(mesh_periods * points_per_mesh + 1) / points_per_mesh
 
-    def curve(group: str, form: str | StiffnessForm | PotentialEnergy) -> FormCurve:
+    def curve(group: str, form: AnyForm) -> FormCurve:
         found = mesh_stiffness(pair, (), form, force_n=force)
         name = form if isinstance(form, str) else form.name
         return FormCurve(group, name, found, found.at(phase), found.mesh_harmonics(harmonics))
@@ -355,7 +356,7 @@ def stiffness_report(
     machine: Any,
     faults: Iterable[Fault | str] = (),
     *,
-    form: str | StiffnessForm | PotentialEnergy = "potential-energy",
+    form: AnyForm = "potential-energy",
     stage: int | None = None,
     points_per_mesh: int = 200,
 ) -> StiffnessReport:
@@ -408,10 +409,9 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
         Gear of the damaged tooth.
     points : int
     """
-    most = largest_size(fault, pair.teeth[index])
     if fault.unit == "level":
         raise ArgumentError(f"fault {fault}: a level is no size to draw; give a share of the flank")
-    sizes = np.linspace(0.0, most, points)
+    sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), points)
     losses = [stiffness_loss(replace(fault, size=size), pair, index) for size in sizes.tolist()]
     mean, greatest = np.array([(loss.mean, loss.greatest) for loss in losses]).T
     return SizeCurve(fault.kind, fault.gear, fault.unit, sizes, mean, greatest, fault.size)
@@ -422,11 +422,11 @@ def _mesh(
     pair: MeshPair,
     mesh: int,
     faults: tuple[Fault, ...],
-    form: str | StiffnessForm | PotentialEnergy,
+    form: AnyForm,
     points: int,
 ) -> StageStiffness:
     number = pair.number or 1
-    force, _ = _running(machine, number, mesh)
+    force = _running(machine, number, mesh)[0]
     healthy = mesh_stiffness(pair, (), form, force_n=force)
     damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)
@@ -458,12 +458,12 @@ def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
 
 
 def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness, points: int) -> FloatArray:
-    low, meshes = 0.0, 1.0
-    teeth = [entry.fault.tooth for entry in losses if entry.fault.tooth is not None]
-    if teeth:
-        # the tooth before and the tooth after show what is sound
-        low, meshes = float(teeth[0] - 2), np.ceil(mesh.total_contact_ratio) + 2
-    return np.asarray(low + np.arange(int(meshes * points) + 1) / points)
+    tooth = next((entry.fault.tooth for entry in losses if entry.fault.tooth is not None), None)
+    if tooth is None:
+        return np.arange(points + 1) / points
+    # the tooth before and the tooth after show what is sound
+    meshes = math.ceil(mesh.total_contact_ratio) + 2
+    return tooth - 2 + np.arange(meshes * points + 1) / points
 
 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
@@ -473,15 +473,15 @@ def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultL
     loss = stiffness_loss(fault, teeth, index)
     if not fault.is_loss:
         size = size_text(fault.kind, fault.size, fault.unit, fault.shape) or "whole tooth"
+        sized = None if fault.unit == "tooth" else fault
         if fault.unit == "level":
-            share = flank_share(fault.size, fault.unit)
-            return FaultLoss(fault, loss, size, replace(fault, unit="flank", size=share))
-        return FaultLoss(fault, loss, size, None if fault.unit == "tooth" else fault)
-    unit = MEASURED_UNITS.get(fault.kind)
-    if unit is None:
+            sized = replace(fault, unit="flank", size=flank_share(fault.size, fault.unit))
+        return FaultLoss(fault, loss, size, sized)
+    if fault.kind not in MEASURED_UNITS:
         return FaultLoss(fault, loss)
     try:
-        found = size_for_loss(replace(fault, unit=unit, size=0.0), loss.mean, teeth, index)
+        sized = replace(fault, unit=MEASURED_UNITS[fault.kind], size=0.0)
+        found = size_for_loss(sized, loss.mean, teeth, index)
     except ArgumentError:
         return FaultLoss(fault, loss, "out of reach")
     return FaultLoss(fault, loss, f"{found.size:.3g}{found.unit}", found)
@@ -491,14 +491,13 @@ def _curve(
     losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair | None
 ) -> SizeCurve | None:
     """Return the curve of the first fault that has a size; without faults that of a root crack."""
-    if teeth is None:
+    fault = next((entry.sized for entry in losses if entry.sized is not None), None)
+    if teeth is None or (losses and fault is None):
         return None
-    names = pair.names
-    for fault in (entry.sized for entry in losses if entry.sized is not None):
-        return size_curve(fault, teeth, names.index(fault.gear))
-    if losses:
-        return None
-    crack = Fault(kind="crack", stage=pair.number or 1, gear=names[0], tooth=1, size=0.0, unit="mm")
+    if fault is not None:
+        return size_curve(fault, teeth, pair.names.index(fault.gear))
+    gear, number = pair.first.name, pair.number or 1
+    crack = Fault(kind="crack", stage=number, gear=gear, tooth=1, size=0.0, unit="mm")
     return replace(size_curve(crack, teeth, 0), marked=None)
 
 

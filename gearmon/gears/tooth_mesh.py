@@ -113,12 +113,12 @@ class PairsInMesh(ABC):
             One for each gear with damaged teeth and, where damaged teeth of both gears meet, one
             for what the two miss there.
         """
-        one, two = losses
-        names, z = pair.names, pair.teeth
+        (one, two), z = losses, pair.teeth
+        both = self._terms(one, two, z) if one and two else ()
         parts = (
-            (names[0], z[0], self._terms(one, {}, z)),
-            (names[1], z[1], self._terms({}, two, z)),
-            (" and ".join(names), math.lcm(*z), self._terms(one, two, z) if one and two else ()),
+            (pair.first.name, z[0], self._terms(one, {}, z)),
+            (pair.second.name, z[1], self._terms({}, two, z)),
+            (" and ".join(pair.names), math.lcm(*z), both),
         )
         return [
             PulseTrain(gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=terms)
@@ -139,7 +139,7 @@ class PairsInMesh(ABC):
             near = self._near(first, teeth[0]), self._near(second, teeth[1])
             entries = near[0] | near[1]
             if one and two:
-                met = {meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near)}
+                met = (meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near))
                 entries = {place for place in met if place is not None}
             for entry in sorted(entries):
                 states = self._states(entry, first, second, teeth)
@@ -311,8 +311,7 @@ class TeethInMesh(PairsInMesh):
             rows = np.flatnonzero((present == pattern[:, None]).all(axis=0))
             who = np.flatnonzero(pattern)
             chosen = np.ix_(who, rows)
-            own = bodies[who][:, :, rows]
-            loads[chosen] = self._solve(phase[rows], total[chosen], own, who)
+            loads[chosen] = self._solve(phase[rows], total[chosen], bodies[who][:, :, rows], who)
         return loads
 
     def _ratio(self, state: PairState, phase: FloatArray) -> FloatArray:
@@ -336,8 +335,8 @@ class TeethInMesh(PairsInMesh):
         for i in range(len(who)):
             matrix[..., i, i] = total[i]
             for j in range(i):
-                apart, both = int(who[i] - who[j]), (own[j], own[i])
-                shared = self.pair.coupling(apart, bodies[[j, i]], both)
+                both = own[j], own[i]
+                shared = self.pair.coupling(int(who[i] - who[j]), bodies[[j, i]], both)
                 matrix[..., i, j] = matrix[..., j, i] = shared
         ones = np.ones((*phase.shape, len(who), 1))
         return np.moveaxis(np.linalg.solve(matrix, ones)[..., 0], -1, 0)
@@ -365,9 +364,8 @@ def _face_parts(one: GearLosses, two: GearLosses) -> list[tuple[float, float]]:
 
 
 def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
-    found = {}
-    for tooth, parts in losses.items():
-        own = tuple(p for p in parts if p.face_start <= low and p.face_end >= high)
-        if own:
-            found[tooth] = own
-    return found
+    inside = {
+        tooth: tuple(p for p in parts if p.face_start <= low and p.face_end >= high)
+        for tooth, parts in losses.items()
+    }
+    return {tooth: parts for tooth, parts in inside.items() if parts}
