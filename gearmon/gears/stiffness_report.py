@@ -418,12 +418,7 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
 
 
 def _mesh(
-    machine: Any,
-    pair: MeshPair,
-    mesh: int,
-    faults: tuple[Fault, ...],
-    form: AnyForm,
-    points: int,
+    machine: Any, pair: MeshPair, mesh: int, faults: tuple[Fault, ...], form: AnyForm, points: int
 ) -> StageStiffness:
     number = pair.number or 1
     force = _running(machine, number, mesh)[0]
