@@ -340,20 +340,14 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
     own = pair.names
     for fault in faults:
         if fault.gear not in stage_gears:
-            pair.member(fault.gear)
-            continue
-        teeth = pair.member(fault.gear).teeth if fault.gear in own else math.inf
+            pair.member(fault.gear)  # refuses it
         # the flank of a planet that meets the ring is not the one that is hurt
         far = fault.gear == "planet" and pair.second.internal
         if fault.gear not in own or (far and fault.kind in ("crack", *BANDS)):
             why = ": there it is pressed shut" if far and fault.kind == "crack" else ""
             notes.append(f"fault {fault} does not act in the {pair.name} mesh{why}")
-        elif fault.tooth is not None and fault.tooth > teeth:
-            raise ArgumentError(
-                f"fault {fault}: tooth {fault.tooth} does not exist, the {fault.gear} of "
-                f"{pair.where} has {teeth} teeth"
-            )
         else:
+            pair.check_tooth(f"fault {fault}", fault.gear, fault.tooth)
             acting.append(fault)
     if pair.given("contact_ratio") is not None and _needs_pitch(acting):
         notes.append(

@@ -163,13 +163,8 @@ def error_of(
     ArgumentError
         If the gear has no such tooth.
     """
-    teeth = pair.teeth[index]
-    if error.tooth is not None and error.tooth > teeth:
-        raise ArgumentError(
-            f"error {error}: tooth {error.tooth} does not exist, the {error.gear} of {pair.where} "
-            f"has {teeth} teeth"
-        )
-    size, length = error.size_m, pair.contact_ratio
+    pair.check_tooth(f"error {error}", error.gear, error.tooth)
+    teeth, size, length = pair.teeth[index], error.size_m, pair.contact_ratio
     if error.kind in WHOLE_KINDS:
         return TurningError(error.gear, teeth, error.kind, size, error.phase_rad, free_gap_m)
     power = 0 if error.kind == "pitch" else 2

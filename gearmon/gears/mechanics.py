@@ -293,17 +293,16 @@ def equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
     known = pair.given("equivalent_mass_kg")
     if known is not None:
         return known
-    times = (pair.planets if pair.first.name == "sun" else 1, 1)
-    yielding = 0.0
+    instead, yielding, solid = "equivalent_mass_kg" if pair.is_main else "", 0.0, []
     for index, member in enumerate(pair.members):
         if member.internal:
             notes.append("the ring is taken as rigid and heavy: its inertia is not counted")
             continue
-        instead = "equivalent_mass_kg" if pair.is_main else ""
+        times = pair.planets if member.name == "sun" else 1
         inertia = gear_disc(pair, index, "equivalent mass", instead)[1]
-        yielding += times[index] * pair.base_radii_m[index] ** 2 / inertia
-    discs = [m.name for m in pair.members if not (m.bore_m or m.internal)]
-    solid = [name for name in discs if not _told(pair, name)[1]]
+        yielding += times * pair.base_radii_m[index] ** 2 / inertia
+        if not member.bore_m and not _told(pair, member.name)[1]:
+            solid.append(member.name)
     if solid:
         notes.append(f"{' and '.join(solid)} taken as solid discs: no bore diameter is given")
     return 1 / yielding
@@ -369,11 +368,6 @@ def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
     if member.internal:
         usual = RING_RIM * circles.normal_module_m
         outer, bore = root + (usual if member.rim_m is None else member.rim_m), outer
-    elif bore >= root:
-        raise ArgumentError(
-            f"{pair.where}: bore_diameter_{member.name}_mm={1e3 * member.bore_m:g} must be less "
-            f"than the root diameter {2e3 * root:.5g} mm"
-        )
     volume, second = (
         math.pi * (width_m * (outer**n - bore**n) - _web(member, root, bore, width_m, n))
         for n in (2, 4)

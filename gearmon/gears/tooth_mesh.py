@@ -57,13 +57,13 @@ class PairsInMesh(ABC):
 
     @property
     @abstractmethod
-    def length(self) -> float:
-        """Length of the contact of a pair [mesh periods]."""
+    def corners(self) -> FloatArray:
+        """Phases of the contact, from end to end, where what a sound pair carries is not smooth."""
 
     @property
-    @abstractmethod
-    def corners(self) -> FloatArray:
-        """Phases of the contact at which what a sound pair carries is not smooth."""
+    def length(self) -> float:
+        """Length of the contact of a pair [mesh periods]."""
+        return float(self.corners[-1])
 
     @abstractmethod
     def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
@@ -217,11 +217,6 @@ class CurvePairs(PairsInMesh):
     pulse: Pulse
 
     @property
-    def length(self) -> float:
-        """Length of the contact of a pair [mesh periods]."""
-        return self.pulse.length
-
-    @property
     def corners(self) -> FloatArray:
         """Limits of the pieces of the curve."""
         return self.pulse.edges
@@ -259,15 +254,10 @@ class TeethInMesh(PairsInMesh):
     pair: ToothPair
     force_n: float | None = None
 
-    @property
-    def length(self) -> float:
-        """Length of the contact of a pair [mesh periods]."""
-        return self.pair.contact_ratio
-
     @cached_property
     def corners(self) -> FloatArray:
         """Where another pair enters or leaves."""
-        return contact_zones(self.length)[0]
+        return contact_zones(self.pair.contact_ratio)[0]
 
     @cached_property
     def reach(self) -> int:
