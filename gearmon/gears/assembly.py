@@ -129,13 +129,10 @@ class _Assembly:
         self.mass = np.zeros((width, width))
         self.springs: list[Spring] = []
         self.planets: list[Planets] = []
-        train = kinematics(machine)
-        self.forces = [
-            static_force(pairs[0], point, train.shaft(i).order)[0]
-            if point.torque_nm or pairs[0].stage.force_n
-            else None
-            for i, pairs in enumerate(self.pairs, 1)
-        ]
+        self.forces: list[float | None] = []
+        for (pair, *_), shaft in zip(self.pairs, kinematics(machine).shafts, strict=False):
+            known = point.torque_nm or pair.stage.force_n
+            self.forces.append(static_force(pair, point, shaft.order)[0] if known else None)
         lines = [self.shaft(number) for number in shafts]
         places = [line.rows[-1 if line is lines[-1] else 0, 2] for line in lines]
         self.torques = tuple(int(row.argmax()) for row in places)
@@ -168,6 +165,10 @@ class _Assembly:
         self.turning.append(turning)
         return row
 
+    def across(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Return the rows of new coordinates along x and y."""
+        return self.free(f"{name}: x"), self.free(f"{name}: y")
+
     def inertia(self, rows: FloatArray, values: npt.ArrayLike) -> None:
         """Add masses, one to each row, or a matrix of them."""
         given = np.asarray(values, dtype=np.float64)
@@ -192,8 +193,7 @@ class _Assembly:
         """Return a section that lets two gears on a shaft twist against each other."""
         gears = [(self.pairs[i][0], member) for i, member in self.gears(number)]
         bores = [getattr(pair.stage, f"bore_diameter_{member}_mm", None) for pair, member in gears]
-        diameter = min(filter(None, bores), default=0.0)
-        source = "the bore of its gear"
+        diameter, source = min(filter(None, bores), default=0.0), "the bore of its gear"
         if not diameter:
             diameter = 1e3 * SHAFT_OVER_GEAR * min(_diameter_m(*own) for own in gears)
             source = f"{SHAFT_OVER_GEAR:g} of the smaller gear on it"
@@ -254,8 +254,7 @@ class _Assembly:
         told = getattr(self.machine.stages[stage], f"position_{member}_mm")
         if told is not None:
             return 1e-3 * float(told)
-        is_driven = member == self.machine.stages[stage].on_shafts[1]
-        both = self.gears(stage + 1 + is_driven)
+        both = self.gears(stage + 1 + self.machine.stages[stage].on_shafts.index(member))
         return length * (both.index((stage, member)) + 1) / (len(both) + 1)
 
     def standing(
@@ -283,10 +282,9 @@ class _Assembly:
         if bends:
             for place, row in zip(line.at, line.rows, strict=True):
                 if np.abs(place - np.array(stiff or [np.inf])).min() > 1e-9:
-                    where = f"shaft {number} at {1e3 * place:g} mm"
-                    row[:2] = self.free(f"{where}: x"), self.free(f"{where}: y")
+                    row[:2] = self.across(f"shaft {number} at {1e3 * place:g} mm")
         elif bearings and not stiff:
-            line.rows[:, :2] = self.free(f"shaft {number}: x"), self.free(f"shaft {number}: y")
+            line.rows[:, :2] = self.across(f"shaft {number}")
         else:
             self.notes.append(f"shaft {number} does not move across its axis: no bearing yields")
         for at, own, stiffness in springs:
@@ -362,12 +360,8 @@ class _Assembly:
 
     def planetary(self, i: int, stage: PlanetaryStage, lines: Sequence[_Line], sense: int) -> None:
         inner, outer = self.pairs[i]
-        rows = {
-            member: self.on(lines, i, member)
-            if member in stage.on_shafts
-            else self.fixed(i + 1, stage)
-            for member in ("sun", "ring", "carrier")
-        }
+        rows = {member: self.on(lines, i, member) for member in stage.on_shafts}
+        rows[stage.fixed] = self.fixed(i + 1, stage)
         self.gear(inner, 0, rows["sun"])
         self.gear(outer, 1, rows["ring"])
         self.carrier(inner, rows["carrier"])
@@ -392,7 +386,7 @@ class _Assembly:
         """Return how the fixed member of a planetary set moves, and add what holds it."""
         rows, name = np.zeros((3, len(self.mass))), f"{stage.fixed} {number}"
         if stage.fixed_support_n_per_m is not None:
-            rows[:2] = self.free(f"{name}: x"), self.free(f"{name}: y")
+            rows[:2] = self.across(name)
             self.spring(f"support of {name}", rows[:2], stage.fixed_support_n_per_m)
         if stage.fixed_torsion_nm_per_rad is not None:
             rows[2] = self.free(f"{name}: rotation", True)

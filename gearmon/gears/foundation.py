@@ -223,10 +223,9 @@ class Foundation:
     def warnings(self) -> tuple[str, ...]:
         """What lies outside the range of the fit."""
         ratio, angle, name = self.radius_ratio, self.root_angle_rad, self.tooth.name
-        told = (
-            (f"body of the {name} has R_f/r_bore = {ratio:.3g}", ratio, RADIUS_RATIOS),
-            (f"teeth of the {name} have a half root angle of {angle:.4f} rad", angle, ROOT_ANGLES),
-        )
+        body = f"body of the {name} has R_f/r_bore = {ratio:.3g}"
+        teeth = f"teeth of the {name} have a half root angle of {angle:.4f} rad"
+        told = (body, ratio, RADIUS_RATIOS), (teeth, angle, ROOT_ANGLES)
         return tuple(
             f"the {what}, outside the range {low:g} to {high:g} of the fillet-foundation fit"
             for what, value, (low, high) in told

@@ -606,12 +606,9 @@ def _with_tips(pair: PairGeometry) -> PairGeometry:
 
 def _path(pair: PairGeometry, tip_radii_m: Two) -> Two:
     """Return the roll lengths [m] on the first gear between which tips so high make contact."""
-    one, two = (
-        math.sqrt(max(tip**2 - base**2, 0.0))
-        for tip, base in zip(tip_radii_m, pair.base_radii_m, strict=True)
-    )
-    sign, tangent = pair.sign(1), math.tan(pair.working_pressure_angle_rad)
-    length = (pair.base_radii_m[0] + sign * pair.base_radii_m[1]) * tangent
+    sign, bases = pair.sign(1), pair.base_radii_m
+    one, two = _both(lambda i: math.sqrt(max(tip_radii_m[i] ** 2 - bases[i] ** 2, 0.0)))
+    length = (bases[0] + sign * bases[1]) * math.tan(pair.working_pressure_angle_rad)
     return length - sign * two, one
 
 
@@ -627,18 +624,16 @@ def normal_section(pair: PairGeometry) -> PairGeometry:
     """
     cosine = math.cos(pair.base_helix_angle_rad)
     share = cosine**2 * math.cos(pair.helix_angle_rad)
-    first, second = (
-        replace(gear, teeth=cast(int, gear.teeth / share), virtual=True) for gear in pair.gears
+    one, two = (
+        replace(own, teeth=cast(int, own.teeth / share), virtual=True) for own in pair.gears
     )
     working = math.asin(math.sin(pair.working_pressure_angle_rad) * cosine)
     section = replace(
-        pair, gears=(first, second), helix_angle_rad=0.0, working_pressure_angle_rad=working
+        pair, gears=(one, two), helix_angle_rad=0.0, working_pressure_angle_rad=working
     )
-    one, two = section.working_radii_m
-    tips = _both(
-        lambda i: section.reference_radii_m[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i]
-    )
-    centres = abs(one + pair.sign(1) * two)
+    (first, second), circles = section.working_radii_m, section.reference_radii_m
+    tips = _both(lambda i: circles[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i])
+    centres = abs(first + pair.sign(1) * second)
     path = _path(section, tips)
     return replace(section, centre_distance_m=centres, tip_radii_m=tips, path_m=path)
 
@@ -654,12 +649,10 @@ def check_pair(pair: PairGeometry) -> PairGeometry:
     warnings = [*pair.warnings, *_check_backlash(pair)]
     warnings += [*_check_tip(pair, 0), *_check_tip(pair, 1)]
     _check_contact_ratio(pair)
-    for index in (0, 1):
-        _check_clearance(pair, index)
-    warnings += [
-        *_check_root(pair, 0),
-        *(_check_ring(pair) if pair.internal else _check_root(pair, 1)),
-    ]
+    _check_clearance(pair, 0)
+    _check_clearance(pair, 1)
+    warnings += _check_root(pair, 0)
+    warnings += _check_ring(pair) if pair.internal else _check_root(pair, 1)
     return replace(pair, warnings=tuple(warnings))
 
 
@@ -692,12 +685,8 @@ def trim_ring(pair: PairGeometry) -> PairGeometry:
         f"the tips of the {ring.name} are taken as relieved by {trim:.3f} modules, for they would "
         f"touch the fillet of the {planet.name}; {cure} would say so"
     )
-    return replace(
-        pair,
-        tip_radii_m=(pair.tip_radii_m[0], least),
-        path_m=(pair.form_rolls_m[0], pair.path_m[1]),
-        warnings=(*pair.warnings, note),
-    )
+    tips, path = (pair.tip_radii_m[0], least), (pair.form_rolls_m[0], pair.path_m[1])
+    return replace(pair, tip_radii_m=tips, path_m=path, warnings=(*pair.warnings, note))
 
 
 def _check_backlash(pair: PairGeometry) -> Iterator[str]:

@@ -453,14 +453,11 @@ def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
     >>> planetary_speeds(stage)["carrier"]
     Fraction(1, 6)
     """
-    weights = {
-        "sun": stage.sun_teeth,
-        "ring": stage.ring_teeth,
-        "carrier": -(stage.sun_teeth + stage.ring_teeth),
-    }
+    sun, ring = stage.sun_teeth, stage.ring_teeth
+    weights = {"sun": sun, "ring": ring, "carrier": -(sun + ring)}
     speeds = {stage.fixed: Fraction(0), stage.driving: Fraction(1)}
     speeds[stage.driven] = Fraction(-weights[stage.driving], weights[stage.driven])
-    spin = Fraction(-stage.sun_teeth, stage.planet_teeth) * (speeds["sun"] - speeds["carrier"])
+    spin = Fraction(-sun, stage.planet_teeth) * (speeds["sun"] - speeds["carrier"])
     speeds["planet"] = spin + speeds["carrier"]
     return speeds
 
@@ -566,11 +563,9 @@ def _pair_lines(mesh: Mesh, name: str, teeth: int, other_teeth: int) -> list[Lin
     With a common factor g of the tooth counts a tooth meets only every g-th tooth of the other
     wheel: f_mesh / g. The same two teeth meet again after lcm(z1, z2) mesh periods.
     """
-    common = math.gcd(teeth, other_teeth)
-    return [
-        Line("assembly phase", name, mesh.exact / common, stage=mesh.stage),
-        Line("hunting tooth", name, mesh.exact / math.lcm(teeth, other_teeth), stage=mesh.stage),
-    ]
+    common, least = math.gcd(teeth, other_teeth), math.lcm(teeth, other_teeth)
+    periods = (("assembly phase", common), ("hunting tooth", least))
+    return [Line(kind, name, mesh.exact / count, stage=mesh.stage) for kind, count in periods]
 
 
 def _bearing_lines(

@@ -9,7 +9,6 @@ from functools import lru_cache
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import Fault, GearError, faults_of
-from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.iso6336 import (
     LOW_LOAD_N_PER_MM,
     Resonance,
@@ -368,19 +367,14 @@ def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
     if member.internal:
         usual = RING_RIM * circles.normal_module_m
         outer, bore = root + (usual if member.rim_m is None else member.rim_m), outer
+    # what a web lacks of a solid disc, from the bore to the rim
+    lacking, rim = 0.0, bore
+    if member.web_m is not None and member.rim_m is not None and not member.internal:
+        lacking, rim = max(width_m - member.web_m, 0.0), root - member.rim_m
     volume, second = (
-        math.pi * (width_m * (outer**n - bore**n) - _web(member, root, bore, width_m, n))
-        for n in (2, 4)
+        math.pi * (width_m * (outer**n - bore**n) - lacking * (rim**n - bore**n)) for n in (2, 4)
     )
     return volume, 0.5 * second
-
-
-def _web(member: GearTeeth, root_m: float, bore_m: float, width_m: float, power: int) -> float:
-    """Return what a web lacks of a solid disc, as width times that power of radius."""
-    if member.web_m is None or member.rim_m is None or member.internal:
-        return 0.0
-    inner = root_m - member.rim_m
-    return max(width_m - member.web_m, 0.0) * (inner**power - bore_m**power)
 
 
 def mesh_damping(pair: MeshPair, root: float, notes: list[str]) -> tuple[float, float]:

@@ -72,11 +72,8 @@ class Parabolic:
 
     def pulse(self, contact_ratio: float) -> Pulse:
         """Return the stiffness of one pair over its contact, in units of its maximum."""
-        return Pulse.of(
-            [0.0, contact_ratio],
-            lambda t: 1 - self.curvature * (2 * t / contact_ratio - 1) ** 2,
-            points=3,
-        )
+        edges, q = [0.0, contact_ratio], self.curvature
+        return Pulse.of(edges, lambda t: 1 - q * (2 * t / contact_ratio - 1) ** 2, points=3)
 
     def outline(self, contact_ratio: float) -> Pulse:
         """Return the pulse whose sum has the peaks that count: of a Fourier sum, its rectangle."""

@@ -497,11 +497,8 @@ def tooth_of(
     gear = pair.gears[index]
     if pair.face_width_m is None:
         raise ArgumentError("face_width_m is missing: the stiffness of a tooth needs it")
-    roll, base, root_m = (
-        pair.form_rolls_m[index],
-        pair.base_radii_m[index],
-        pair.root_radii_m[index],
-    )
+    roll, base = pair.form_rolls_m[index], pair.base_radii_m[index]
+    root_m = pair.root_radii_m[index]
     if pair.sign(index) < 0:
         # the involute of a ring does not end before a fillet has room in the space
         half = pair.rack(index).base_half_angle(-gear.teeth, gear.profile_shift)

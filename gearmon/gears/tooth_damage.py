@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -422,8 +422,8 @@ def _crack(fault: Fault, tooth: Tooth) -> RootCrack:
 
 def _spall(fault: Fault, tooth: Tooth) -> list[Hole]:
     shape = fault.shape
-    if shape.length is None or shape.depth is None:
-        raise ArgumentError(f"fault {fault}: a spall needs width x length x depth")
+    assert shape.length is not None  # no fault is made without
+    assert shape.depth is not None
     width, start = 1e-3 * fault.size, 1e-3 * (shape.start or 0.0)
     if start + width > tooth.face_width_m * (1 + 1e-9):
         raise ArgumentError(
@@ -434,16 +434,9 @@ def _spall(fault: Fault, tooth: Tooth) -> list[Hole]:
     half = 0.5e-3 * shape.length
     if not tooth.height(tooth.start) < middle < tooth.height(tooth.tip):
         raise ArgumentError(f"fault {fault}: at={shape.at:g} mm lies outside the flank")
-    return [
-        Hole(
-            low_m=middle - half,
-            high_m=middle + half,
-            width_m=width,
-            depth_m=1e-3 * shape.depth,
-            start=start / tooth.face_width_m,
-            is_touched=False,
-        )
-    ]
+    low, high, begin = middle - half, middle + half, start / tooth.face_width_m
+    flat = Hole(low_m=low, high_m=high, width_m=width, depth_m=1e-3 * shape.depth, start=begin)
+    return [replace(flat, is_touched=False)]
 
 
 def _pits(fault: Fault, tooth: Tooth) -> list[Hole]:
@@ -465,16 +458,11 @@ def _pits(fault: Fault, tooth: Tooth) -> list[Hole]:
             f"flank of the {tooth.name}; give a smaller radius"
         )
     fills = [min(fill, filled - fill * i) for i in range(len(rows))]
+    parts = [(row, fill * tooth.face_width_m) for row, fill in zip(rows, fills, strict=True)]
     return [
-        Hole(
-            low_m=row - radius,
-            high_m=row + radius,
-            width_m=part * tooth.face_width_m,
-            depth_m=depth,
-            round=True,
-        )
-        for row, part in zip(rows, fills, strict=True)
-        if part > 1e-12
+        Hole(low_m=row - radius, high_m=row + radius, width_m=width, depth_m=depth, round=True)
+        for row, width in parts
+        if width > 1e-12 * tooth.face_width_m
     ]
 
 

@@ -261,11 +261,8 @@ class ToothPair:
     def parted(self, lost: float) -> ToothPair:
         """Return the same teeth at the centre distance at which so much contact ratio is lost."""
         step = lost * self.base_pitch_m
-        moved = replace(
-            self,
-            line_m=self.line_m + self.second.sign * step,
-            path_m=(self.path_m[0] + step, self.path_m[1]),
-        )
+        line, path = self.line_m + self.second.sign * step, (self.path_m[0] + step, self.path_m[1])
+        moved = replace(self, line_m=line, path_m=path)
         # the teeth themselves are the same
         moved.__dict__["sound"] = self.sound
         moved.__dict__["foundations"] = self.foundations
@@ -403,11 +400,8 @@ class ToothPair:
     def _touching(self, beams: Beams, angles: list[FloatArray]) -> FloatArray | float:
         """Return the length of the line of contact: the face width less pits [m]."""
         width = self.first.face_width_m
-        missing = sum(
-            beam.damage.missing_width_m(beam.tooth.height(angle))
-            for beam, angle in zip(beams, angles, strict=True)
-            if beam.damage.holes
-        )
+        pitted = [both for both in zip(beams, angles, strict=True) if both[0].damage.holes]
+        missing = sum(own.damage.missing_width_m(own.tooth.height(angle)) for own, angle in pitted)
         return width - np.minimum(missing, LARGEST_WIDTH * width)
 
 

@@ -290,9 +290,8 @@ def _machine(source: MachineSource) -> Machine:
 def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
     tables = read_tables(source, "operating", single=True)
     if not tables:
-        raise source.error(
-            "", "lacks an operating point; write [operating] with speed_rpm = 1460.0"
-        )
+        told = "lacks an operating point; write [operating] with speed_rpm = 1460.0"
+        raise source.error("", told)
     without = [label for label, table in tables if "share" not in table]
     if 0 < len(without) < len(tables):
         told = f"{without[0]} lacks share; give it to every point or to none"
@@ -387,11 +386,8 @@ def read_part(source: MachineSource, part: type[_Part], label: str, table: dict[
     """
     described = {field.name: field for field in dataclasses.fields(part)}  # type: ignore[arg-type]
     refuse_unknown_keys(source, table, tuple(described), label)
-    missing = [
-        name
-        for name, field in described.items()
-        if field.default is dataclasses.MISSING and name not in table
-    ]
+    needed = [name for name, own in described.items() if own.default is dataclasses.MISSING]
+    missing = [name for name in needed if name not in table]
     if missing:
         example = f"{missing[0]} = {described[missing[0]].metadata['rule'].example}"
         lacks = " and ".join(missing)

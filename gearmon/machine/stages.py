@@ -413,12 +413,11 @@ class PlanetaryStage(StageData):
     @property
     def notes(self) -> tuple[str, ...]:
         """What is unusual about the teeth, in words."""
-        notes = []
-        if self.tooth_deviation:
+        notes, more = [], self.tooth_deviation
+        if more:
+            told = f"{abs(more)} {'more' if more > 0 else 'less'} than sun + 2 planet"
             notes.append(
-                f"ring_teeth = {self.ring_teeth} is {abs(self.tooth_deviation)} "
-                f"{'more' if self.tooth_deviation > 0 else 'less'} than sun + 2 planet: "
-                "possible with profile shift only"
+                f"ring_teeth = {self.ring_teeth} is {told}: possible with profile shift only"
             )
         if not self.equally_spaced:
             notes.append(
@@ -440,11 +439,9 @@ class PlanetaryStage(StageData):
 
     def _check_teeth(self) -> None:
         if abs(self.tooth_deviation) > LARGEST_TOOTH_DEVIATION:
+            near = f"within {LARGEST_TOOTH_DEVIATION} teeth of sun + 2 planet"
             matching = self.sun_teeth + 2 * self.planet_teeth
-            reason = (
-                f"must lie within {LARGEST_TOOTH_DEVIATION} teeth of sun + 2 planet = {matching} "
-                "(stepped or double planets are not covered)"
-            )
+            reason = f"must lie {near} = {matching} (stepped or double planets are not covered)"
             raise FieldError("ring_teeth", reason, self.ring_teeth)
         # neighbours touch when the chord between their axes falls below their reference diameter
         chord = (self.sun_teeth + self.planet_teeth) * math.sin(math.pi / max(self.planets, 2))

@@ -407,11 +407,10 @@ def solved_start(
     """
     kept = steady.problem.stiffness_harmonics[:FREE_HARMONICS]
     unforced = replace(steady.problem, force_n=0.0, stiffness_harmonics=kept)
-    displacement, velocity = (-float(steady.at(0.0, kind)) for kind in ("displacement", "velocity"))
+    kinds = ("displacement", "velocity")
+    displacement, velocity = (-float(steady.at(0.0, kind)) for kind in kinds)
     free = transient(unforced, displacement, velocity, FREE_ORDER)
-    z, v = (
-        steady.at(time_s, kind) + free.at(time_s, kind) for kind in ("displacement", "velocity")
-    )
+    z, v = (steady.at(time_s, kind) + free.at(time_s, kind) for kind in kinds)
     return motion(parameters, modulation, time_s, z, v)
 
 

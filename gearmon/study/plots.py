@@ -356,10 +356,8 @@ def _draw_contact(results: StudyResults) -> Figure:
     study, figure = results.contact, _sheet(7.4)
     ((of_mass, of_damping), (of_variation, both)) = figure.subplots(2, 2)
     _least_force(of_mass, study.mass, 1.0, "mass at the reference damping", "equivalent mass in kg")
-    _least_force(
-        of_damping, study.damping, MILLI, "damping at 3 kg", "mesh damping in kN s/m, mass 3 kg"
-    )
-    eps = "stiffness variation eps, mass 3 kg"
+    damping, eps = "mesh damping in kN s/m, mass 3 kg", "stiffness variation eps, mass 3 kg"
+    _least_force(of_damping, study.damping, MILLI, "damping at 3 kg", damping)
     _least_force(of_variation, study.variation, 1.0, "variation at 3 kg", eps)
     of_mass.axvspan(0.2, 3.0, color=LIGHT_GREY, alpha=0.6, lw=0)
     of_mass.text(0.23, -1.9, "masses of\nthe study", fontsize=8)
