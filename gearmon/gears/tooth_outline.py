@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,9 +95,6 @@ class _Frame:
         half, height = (np.concatenate([a, b[::-1]]) for a, b in zip(one, other, strict=True))
         return self.place(half, height)
 
-    def turned(self, angle: float) -> _Frame:
-        return _Frame(self.centre, self.across * cmath.exp(1j * angle))
-
 
 def teeth_picture(
     pair: ToothPair, faults: Sequence[Fault] = (), phase: float | None = None
@@ -169,7 +166,9 @@ def _outline(tooth: Tooth, frame: _Frame) -> FloatArray:
     half, height = half_profile(tooth)
     ends, pitch = ((-half, height), (half, height)), tooth.sign * 2 * math.pi / tooth.teeth
     # teeth one after the other across the tooth in the middle
-    return np.concatenate([frame.turned(-k * pitch).between(*ends) for k in range(-2, 3)])
+    turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
+    placed = (replace(frame, across=frame.across * turn) for turn in turns)
+    return np.concatenate([own.between(*ends) for own in placed])
 
 
 def _cracks(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,14 +139,12 @@ class PotentialEnergy:
     has_foundation: bool = True
     is_coupled: bool = True
 
+    #: Name under which the form is chosen.
+    name: ClassVar[str] = POTENTIAL_ENERGY
+
     def __post_init__(self) -> None:
         check_word("root=", self.root, ROOTS)
         check_word("contact=", self.contact, CONTACTS)
-
-    @property
-    def name(self) -> str:
-        """Name under which the form is chosen."""
-        return POTENTIAL_ENERGY
 
 
 #: The form with its usual choices.
