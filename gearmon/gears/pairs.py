@@ -93,6 +93,14 @@ class MeshPair:
     def check_tooth(self, what: str, gear: str, tooth: int | None) -> None:
         """Refuse what is said of a tooth that a gear of this mesh does not have.
 
+        Parameters
+        ----------
+        what : str
+            For the message: what is said of it.
+        gear : str
+        tooth : int or None
+            None for all teeth.
+
         Raises
         ------
         ArgumentError
