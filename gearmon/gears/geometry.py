@@ -765,9 +765,11 @@ def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:
     start = pair.path_m[0] if index == 0 else pair.line_m - pair.path_m[1]
     short = (pair.form_rolls_m[index] - start) / pair.normal_module_m
     least, shift = rack.least_shift(gear.teeth), gear.profile_shift
+    undercut = shift < least - 1e-9
+    if short <= 1e-6 and not undercut:
+        return
     given = f"profile_shift_{gear.name}={shift:g}"
     cure = f"give at least {least:.4f}, or {rack.least_teeth(shift)} teeth"
-    undercut = shift < least - 1e-9
     if short > 1e-6:
         where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of the"
         if undercut:

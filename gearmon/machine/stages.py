@@ -107,8 +107,10 @@ class StageData:
         if self.module_mm is not None:
             reference = teeth * self.module_mm / math.cos(math.radians(self.helix_angle_deg))
             for which, given, heights in (("tip", tip, (-1, 4)), ("root", root, (-4, 1))):
+                if given is None:
+                    continue
                 ends = sorted(reference + 2 * sign * self.module_mm * own for own in heights)
-                if given is not None and not ends[0] <= given <= ends[1]:
+                if not ends[0] <= given <= ends[1]:
                     reason = (
                         f"must lie in [{ends[0]:.5g}, {ends[1]:.5g}] mm for these teeth and this "
                         f"module (reference diameter {reference:.5g} mm)"

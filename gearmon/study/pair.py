@@ -323,12 +323,14 @@ def simulate(
     """
     from scipy.integrate import solve_ivp
 
-    p, period, state, end = parameters, parameters.period_s, np.zeros(2), float(time_s[-1])
+    period, state, end = parameters.period_s, np.zeros(2), float(time_s[-1])
+    mass, force, stiffness = parameters.mass_kg, parameters.force_n, parameters.stiffness_n_per_m
+    damping = parameters.damping_ns_per_m
 
     def slope(time: float, state: FloatArray, low: float, high: float) -> tuple[float, float]:
         phase = min(max(time / period, low), high) % 1.0
-        restoring = p.stiffness_n_per_m * (1 + float(modulation(np.asarray(phase)))) * state[0]
-        return state[1], (p.force_n - p.damping_ns_per_m * state[1] - restoring) / p.mass_kg
+        restoring = stiffness * (1 + float(modulation(np.asarray(phase)))) * state[0]
+        return state[1], (force - damping * state[1] - restoring) / mass
 
     scale = parameters.static_deflection_m * np.array([1.0, 2 * np.pi / period])
     found = np.zeros((2, len(time_s)))
