@@ -69,6 +69,11 @@ _DAMPED = (
     "shafts, bearings and supports that tell no damper have "
     f"{ELASTIC_DAMPING_S:g} s of damping over stiffness"
 )
+#: Of a beam of unit length between deflection and tilt at both ends: stiffness over E I, what the
+#: shear adds to it, and mass.
+_BENT = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]])
+_SHEARED = np.array([[0, 0, 0, 0], [0, 1, 0, -1], [0, 0, 0, 0], [0, -1, 0, 1]])
+_CARRIED = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]])
 _PAIR, _SPREAD = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
 
 
@@ -93,6 +98,10 @@ def drive_train(
         If the machine lacks data, with the key to add.
     """
     return _Assembly(machine, point or machine.operating[0], form).finished()
+
+
+#: Sections of a shaft, and where they begin and end [m].
+_Sections = tuple[list[ShaftSection], FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,13 +129,10 @@ class _Assembly:
         self.mass = np.zeros((width, width))
         self.springs: list[Spring] = []
         self.planets: list[Planets] = []
-        train = kinematics(machine)
-        self.forces = [
-            static_force(pairs[0], point, train.shaft(i).order)[0]
-            if point.torque_nm or pairs[0].stage.force_n
-            else None
-            for i, pairs in enumerate(self.pairs, 1)
-        ]
+        self.forces: list[float | None] = []
+        for (pair, *_), shaft in zip(self.pairs, kinematics(machine).shafts, strict=False):
+            known = point.torque_nm or pair.stage.force_n
+            self.forces.append(static_force(pair, point, shaft.order)[0] if known else None)
         lines = [self.shaft(number) for number in shafts]
         places = [line.rows[-1 if line is lines[-1] else 0, 2] for line in lines]
         self.torques = tuple(int(row.argmax()) for row in places)
@@ -159,6 +165,10 @@ class _Assembly:
         self.turning.append(turning)
         return row
 
+    def across(self, name: str) -> tuple[FloatArray, FloatArray]:
+        """Return the rows of new coordinates along x and y."""
+        return self.free(f"{name}: x"), self.free(f"{name}: y")
+
     def inertia(self, rows: FloatArray, values: npt.ArrayLike) -> None:
         """Add masses, one to each row, or a matrix of them."""
         given = np.asarray(values, dtype=np.float64)
@@ -172,7 +182,7 @@ class _Assembly:
 
     # shafts
 
-    def sections(self, number: int) -> tuple[list[ShaftSection], FloatArray]:
+    def sections(self, number: int) -> _Sections:
         """Sections of a shaft, and where they begin and end [m]."""
         found = [own for own in self.machine.sections if own.shaft == number]
         if not found and len(self.gears(number)) == 2:
@@ -183,8 +193,7 @@ class _Assembly:
         """Return a section that lets two gears on a shaft twist against each other."""
         gears = [(self.pairs[i][0], member) for i, member in self.gears(number)]
         bores = [getattr(pair.stage, f"bore_diameter_{member}_mm", None) for pair, member in gears]
-        diameter = min(filter(None, bores), default=0.0)
-        source = "the bore of its gear"
+        diameter, source = min(filter(None, bores), default=0.0), "the bore of its gear"
         if not diameter:
             diameter = 1e3 * SHAFT_OVER_GEAR * min(_diameter_m(*own) for own in gears)
             source = f"{SHAFT_OVER_GEAR:g} of the smaller gear on it"
@@ -226,7 +235,7 @@ class _Assembly:
             row[2] = self.free(f"shaft {number} at {1e3 * place:g} mm: rotation", True)
         self.held(number, line, bearings, bends)
         if sections:
-            self.twisted(number, line, sections, ends, bends)
+            self.twisted(number, line, (sections, ends), bends)
         else:
             self.notes.append(f"shaft {number} is rigid: it has no [[shaft]] section")
         for place, disc in discs:
@@ -245,8 +254,7 @@ class _Assembly:
         told = getattr(self.machine.stages[stage], f"position_{member}_mm")
         if told is not None:
             return 1e-3 * float(told)
-        is_driven = member == self.machine.stages[stage].on_shafts[1]
-        both = self.gears(stage + 1 + is_driven)
+        both = self.gears(stage + 1 + self.machine.stages[stage].on_shafts.index(member))
         return length * (both.index((stage, member)) + 1) / (len(both) + 1)
 
     def standing(
@@ -257,10 +265,8 @@ class _Assembly:
         discs = [own for own in self.machine.discs if own.shaft == number]
         usual = np.linspace(0.0, length, len(bearings)).tolist()
         end = {1: 0.0, self.machine.shaft_count: length}.get(number, 0.5 * length)
-        return (
-            [(_told_m(own, place), own) for own, place in zip(bearings, usual, strict=True)],
-            [(_told_m(own, end), own) for own in discs],
-        )
+        places = [(_told_m(own, place), own) for own, place in zip(bearings, usual, strict=True)]
+        return places, [(_told_m(own, end), own) for own in discs]
 
     def held(
         self, number: int, line: _Line, bearings: list[tuple[float, Bearing]], bends: bool
@@ -276,10 +282,9 @@ class _Assembly:
         if bends:
             for place, row in zip(line.at, line.rows, strict=True):
                 if np.abs(place - np.array(stiff or [np.inf])).min() > 1e-9:
-                    where = f"shaft {number} at {1e3 * place:g} mm"
-                    row[:2] = self.free(f"{where}: x"), self.free(f"{where}: y")
+                    row[:2] = self.across(f"shaft {number} at {1e3 * place:g} mm")
         elif bearings and not stiff:
-            line.rows[:, :2] = self.free(f"shaft {number}: x"), self.free(f"shaft {number}: y")
+            line.rows[:, :2] = self.across(f"shaft {number}")
         else:
             self.notes.append(f"shaft {number} does not move across its axis: no bearing yields")
         for at, own, stiffness in springs:
@@ -297,21 +302,13 @@ class _Assembly:
         cosine = math.cos(math.radians(bearing.contact_angle_deg))
         root = bearing.balls**2 * 1e-3 * bearing.ball_diameter_mm * load_n * cosine**5
         found = BALL_BEARING * float(np.cbrt(root))
-        told = (
-            f"bearing {bearing.name}: {found:.3g} N/m, a ball bearing's by Hertz at {load_n:.4g} N"
-        )
-        self.notes.append(told)
+        source = f"a ball bearing's by Hertz at {load_n:.4g} N"
+        self.notes.append(f"bearing {bearing.name}: {found:.3g} N/m, {source}")
         return found
 
-    def twisted(
-        self,
-        number: int,
-        line: _Line,
-        sections: Sequence[ShaftSection],
-        ends: FloatArray,
-        bends: bool,
-    ) -> None:
+    def twisted(self, number: int, line: _Line, along: _Sections, bends: bool) -> None:
         """Add the stiffness and mass of a shaft's sections."""
+        sections, ends = along
         beam, mass = np.zeros((2, 2 * len(line.at), 2 * len(line.at)))
         waves = math.inf
         for i, length in enumerate(np.diff(line.at)):
@@ -363,12 +360,8 @@ class _Assembly:
 
     def planetary(self, i: int, stage: PlanetaryStage, lines: Sequence[_Line], sense: int) -> None:
         inner, outer = self.pairs[i]
-        rows = {
-            member: self.on(lines, i, member)
-            if member in stage.on_shafts
-            else self.fixed(i + 1, stage)
-            for member in ("sun", "ring", "carrier")
-        }
+        rows = {member: self.on(lines, i, member) for member in stage.on_shafts}
+        rows[stage.fixed] = self.fixed(i + 1, stage)
         self.gear(inner, 0, rows["sun"])
         self.gear(outer, 1, rows["ring"])
         self.carrier(inner, rows["carrier"])
@@ -393,7 +386,7 @@ class _Assembly:
         """Return how the fixed member of a planetary set moves, and add what holds it."""
         rows, name = np.zeros((3, len(self.mass))), f"{stage.fixed} {number}"
         if stage.fixed_support_n_per_m is not None:
-            rows[:2] = self.free(f"{name}: x"), self.free(f"{name}: y")
+            rows[:2] = self.across(name)
             self.spring(f"support of {name}", rows[:2], stage.fixed_support_n_per_m)
         if stage.fixed_torsion_nm_per_rad is not None:
             rows[2] = self.free(f"{name}: rotation", True)
@@ -424,13 +417,9 @@ class _Assembly:
         inner = self.pairs[i][0]
         cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
         radius = inner.geometry.centre_distance_m
-        pins = np.stack(
-            [
-                cos * carrier[0] + sin * carrier[1],
-                -sin * carrier[0] + cos * carrier[1] + radius * carrier[2],
-            ],
-            axis=1,
-        )
+        radial = cos * carrier[0] + sin * carrier[1]
+        tangential = -sin * carrier[0] + cos * carrier[1] + radius * carrier[2]
+        pins = np.stack([radial, tangential], axis=1)
         on_pins = [own for own in self.machine.bearings if own.planet_stage == i + 1]
         force = self.forces[i]
         load = 2 * force * math.sin(_push(inner)) / max(1, len(on_pins)) if force else 0.0
@@ -514,23 +503,11 @@ def _section(own: ShaftSection) -> tuple[float, float, float, float, float]:
 
 def _beam(bend: float, shear: float, length: float) -> FloatArray:
     """Stiffness of a Timoshenko beam between deflection and tilt at both ends."""
-    phi, b = shear / length**2, length
-    rows = [
-        [12, 6 * b, -12, 6 * b],
-        [6 * b, (4 + phi) * b**2, -6 * b, (2 - phi) * b**2],
-        [-12, -6 * b, 12, -6 * b],
-        [6 * b, (2 - phi) * b**2, -6 * b, (4 + phi) * b**2],
-    ]
-    return bend / (length**3 * (1 + phi)) * np.array(rows)
+    phi, arms = shear / length**2, np.array([1.0, length, 1.0, length])
+    return bend / (length**3 * (1 + phi)) * np.outer(arms, arms) * (_BENT + phi * _SHEARED)
 
 
 def _beam_mass(length: float) -> FloatArray:
     """Consistent mass of a beam of unit mass a length."""
-    b = length
-    rows = [
-        [156, 22 * b, 54, -13 * b],
-        [22 * b, 4 * b**2, 13 * b, -3 * b**2],
-        [54, 13 * b, 156, -22 * b],
-        [-13 * b, -3 * b**2, -22 * b, 4 * b**2],
-    ]
-    return b / 420 * np.array(rows)
+    arms = np.array([1.0, length, 1.0, length])
+    return np.asarray(length / 420 * np.outer(arms, arms) * _CARRIED)

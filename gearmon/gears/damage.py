@@ -155,8 +155,8 @@ def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
     else:
         losses = measured_losses([fault], pair, index)
     mean, greatest = _mean_loss(losses, pair)
-    middle = lost_share(losses, np.array([0.5 * pair.contact_ratio]))
-    return PairLoss(mean=mean, greatest=greatest, at_middle=float(middle[0]))
+    middle = lost_share(losses, np.array(0.5 * pair.contact_ratio))
+    return PairLoss(mean=mean, greatest=greatest, at_middle=float(middle))
 
 
 def _mean_loss(losses: Losses, pair: ToothPair) -> tuple[float, float]:
@@ -216,21 +216,15 @@ def _loss_of_size(fault: Fault, size: float, pair: ToothPair, index: int) -> flo
 
 def _broken(fault: Fault, pair: ToothPair, index: int) -> Losses:
     """Return the loss of a broken-off part of the tooth."""
-    tooth, end = pair.teeth[index], pair.contact_ratio
+    tooth, start, end = pair.teeth[index], 0.0, pair.contact_ratio
     width = 1e3 * tooth.face_width_m
-    begin = (fault.shape.start or 0.0) / width
-    share = fault.size / width
-    if begin + share > 1 + 1e-9:
+    begin, share = (fault.shape.start or 0.0) / width, fault.size / width
+    if share > 0.99 or begin + share > 1 + 1e-9:
+        lost = "more than" if begin + share > 1 + 1e-9 else "all of"
         raise ArgumentError(
-            f"fault {fault}: more than the face width of {width:g} mm is broken off; a whole tooth "
-            f"is written missing:{fault.stage}:{fault.gear}:{fault.tooth}"
+            f"fault {fault}: {lost} the face width of {width:g} mm is broken off; for a whole "
+            f"tooth write missing:{fault.stage}:{fault.gear}:{fault.tooth}"
         )
-    if share > 0.99:
-        raise ArgumentError(
-            f"fault {fault}: the whole face width is broken off; write "
-            f"missing:{fault.stage}:{fault.gear}:{fault.tooth}"
-        )
-    start = 0.0
     if fault.shape.height is not None:
         broken = tooth.radius_below_tip(1e-3 * fault.shape.height)
         angle = tooth.angle_at_radius(max(broken, tooth.base_radius_m))
@@ -321,13 +315,11 @@ def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothD
         depth = float(crack.at(middle)[0])
         whole = replace(crack, depth_m=depth, far_depth_m=None, extent=1.0, start=0.0)
         crack = whole if depth else None
-    holes = []
-    for hole in damage.holes:
-        inside = hole.start <= middle[0] <= hole.start + hole.width_m / width
-        if hole.round:
-            holes.append(hole)
-        elif inside:
-            holes.append(replace(hole, width_m=width, start=0.0))
+    holes = (
+        hole if hole.round else replace(hole, width_m=width, start=0.0)
+        for hole in damage.holes
+        if hole.round or hole.start <= middle[0] <= hole.start + hole.width_m / width
+    )
     return replace(damage, crack=crack, holes=tuple(holes))
 
 
@@ -344,26 +336,18 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
         If the stage has no such gear or the gear no such tooth.
     """
     acting, notes = [], []
-    stage_gears = {m.name for p in mesh_pairs(pair.stage, pair.number) for m in p.members}
-    own = {member.name for member in pair.members}
+    stage_gears = {name for other in mesh_pairs(pair.stage, pair.number) for name in other.names}
+    own = pair.names
     for fault in faults:
         if fault.gear not in stage_gears:
-            pair.member(fault.gear)
-            continue
-        teeth = pair.member(fault.gear).teeth if fault.gear in own else math.inf
+            pair.member(fault.gear)  # refuses it
         # the flank of a planet that meets the ring is not the one that is hurt
         far = fault.gear == "planet" and pair.second.internal
         if fault.gear not in own or (far and fault.kind in ("crack", *BANDS)):
-            why = (
-                ": there it is pressed shut" if fault.gear in own and fault.kind == "crack" else ""
-            )
+            why = ": there it is pressed shut" if far and fault.kind == "crack" else ""
             notes.append(f"fault {fault} does not act in the {pair.name} mesh{why}")
-        elif fault.tooth is not None and fault.tooth > teeth:
-            raise ArgumentError(
-                f"fault {fault}: tooth {fault.tooth} does not exist, the {fault.gear} of "
-                f"{pair.where} has {teeth} teeth"
-            )
         else:
+            pair.check_tooth(f"fault {fault}", fault.gear, fault.tooth)
             acting.append(fault)
     if pair.given("contact_ratio") is not None and _needs_pitch(acting):
         notes.append(
@@ -395,8 +379,8 @@ def gear_losses(
     # the contact of the half-duty forms is a nominal one, on which the true one is laid
     pitch = pair.pitch_phase * length / pair.contact_ratio if _needs_pitch(faults) else 0.0
     found: tuple[dict[int, Losses], dict[int, Losses]] = {}, {}
-    for index, (member, losses) in enumerate(zip(pair.members, found, strict=True)):
-        hurt = [fault for fault in faults if fault.gear == member.name and fault.tooth is not None]
+    for index, (name, losses) in enumerate(zip(pair.names, found, strict=True)):
+        hurt = [fault for fault in faults if fault.gear == name and fault.tooth is not None]
         for tooth in sorted({fault.tooth or 0 for fault in hurt}):
             own = [fault for fault in hurt if fault.tooth == tooth]
             parts = [loss_in_contact(fault, length, pitch) for fault in own if fault.is_loss]
@@ -417,8 +401,8 @@ def worn_losses(
 ) -> tuple[Losses, Losses]:
     """Return the loss by wear in mm of all teeth of each gear; see `gear_losses`."""
     found = []
-    for index, member in enumerate(pair.members):
-        worn = [f for f in faults if f.kind == "wear" and f.gear == member.name and not f.is_loss]
+    for index, name in enumerate(pair.names):
+        worn = [f for f in faults if f.kind == "wear" and f.gear == name and not f.is_loss]
         found.append(_measured(pair, index, worn, length, teeth) if worn else ())
     return found[0], found[1]
 

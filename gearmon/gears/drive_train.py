@@ -167,10 +167,12 @@ class DriveTrain:
 
         Rigid-body motions have 0. Coordinates without mass follow those that have it.
         """
-        carried = self._carried_by_mass()
-        squares, shapes = eigh(
-            carried.T @ self.stiffness @ carried, carried.T @ self.mass @ carried
-        )
+        stiffness, heavy = self.stiffness, np.diag(self.mass) > 0
+        carried = np.zeros((len(heavy), int(heavy.sum())))
+        carried[heavy] = np.eye(carried.shape[1])
+        light = np.linalg.pinv(stiffness[~heavy][:, ~heavy], hermitian=True)
+        carried[~heavy] = -light @ stiffness[~heavy][:, heavy]
+        squares, shapes = eigh(carried.T @ stiffness @ carried, carried.T @ self.mass @ carried)
         squares[squares < RIGID * squares[-1]] = 0.0
         return np.asarray(squares), np.asarray(carried @ shapes)
 
@@ -179,15 +181,6 @@ class DriveTrain:
         """The modes without rigid-body motions."""
         squares, shapes = self.modes
         return squares[squares > 0], shapes[:, squares > 0]
-
-    def _carried_by_mass(self) -> FloatArray:
-        """Return how all coordinates follow those that have mass, shape (n, m)."""
-        heavy = np.diag(self.mass) > 0
-        carried = np.zeros((len(heavy), int(heavy.sum())))
-        carried[heavy] = np.eye(carried.shape[1])
-        light = self.stiffness[~heavy][:, ~heavy]
-        carried[~heavy] = -np.linalg.pinv(light, hermitian=True) @ self.stiffness[~heavy][:, heavy]
-        return carried
 
     def load(self, forces_n: Mapping[int, float]) -> FloatArray:
         """Return the torques on shafts that load meshes statically, shape (n,).

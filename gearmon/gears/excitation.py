@@ -163,16 +163,10 @@ def error_of(
     ArgumentError
         If the gear has no such tooth.
     """
-    teeth = pair.teeth[index]
-    if error.tooth is not None and error.tooth > teeth:
-        raise ArgumentError(
-            f"error {error}: tooth {error.tooth} does not exist, the {error.gear} of {pair.where} "
-            f"has {teeth} teeth"
-        )
-    size, length = error.size_m, pair.contact_ratio
+    pair.check_tooth(f"error {error}", error.gear, error.tooth)
+    teeth, size, length = pair.teeth[index], error.size_m, pair.contact_ratio
     if error.kind in WHOLE_KINDS:
         return TurningError(error.gear, teeth, error.kind, size, error.phase_rad, free_gap_m)
-
     power = 0 if error.kind == "pitch" else 2
     # a contact that is nominal, as that of the half-duty forms, may be longer
     edges = [0.0, math.ceil(length) + 1.0]
@@ -188,8 +182,7 @@ def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[TurningErr
     """
     gear, number = fault.gear, pair.teeth[index]
     if fault.kind == "wear":
-        size = 1e-3 * fault.size
-        return [TurningError(gear, number, "wear", size)] if size else []
+        return [TurningError(gear, number, "wear", 1e-3 * fault.size)] if fault.size else []
     if fault.kind not in ("spall", "missing"):
         return []
     teeth = teeth_of(pair)
@@ -252,29 +245,24 @@ class Excitation:
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return e [m] at mesh phases, any shape; positive where material is missing."""
         x = np.asarray(phase, dtype=np.float64)
-        total = np.zeros(x.shape)
-        for error in self.errors:
-            if isinstance(error, TurningError):
-                total += error.at(x)
+        turning = (error.at(x) for error in self.errors if isinstance(error, TurningError))
+        total = sum(turning, np.zeros(x.shape))
         if self._forces:
             stiffness = replace(self.stiffness, modulations=()).at(x)
             # without any load nothing is transmitted either
-            total += sum(force.at(x) for force in self._forces) / np.where(
-                stiffness > 0, stiffness, 1
-            )
+            carried = np.where(stiffness > 0, stiffness, 1)
+            total = total + sum(force.at(x) for force in self._forces) / carried
         return total
 
     @cached_property
     def _forces(self) -> list[PulseTrain]:
         """sum_i k_i e_i [N] of every flank error: the force that would close all its gaps."""
-        found = []
+        found, healthy = [], self.stiffness.healthy
+        periods = [train.period_mesh for train in self.stiffness.pulses]
         for error in self.errors:
             if isinstance(error, FlankError):
-                period = math.lcm(
-                    error.period_mesh, *(train.period_mesh for train in self.stiffness.pulses)
-                )
+                period = math.lcm(error.period_mesh, *periods)
                 terms = tuple(self._closing(error, period))
-                healthy = self.stiffness.healthy
                 found.append(replace(healthy, gear=error.gear, period_mesh=period, terms=terms))
         return found
 
@@ -324,7 +312,7 @@ def displacement_excitation(
     ArgumentError
         If a gear has no such tooth.
     """
-    names = [member.name for member in pair.members]
+    names = pair.names
     found: list[TurningError | FlankError] = []
     notes: list[str] = []
     for error in errors:

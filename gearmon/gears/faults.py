@@ -135,11 +135,8 @@ class FaultShape:
     def options(self, kind: str) -> str:
         """Return the dimensions as they are written after a size."""
         given = [(key, getattr(self, _field(key))) for key in KIND_OPTIONS.get(kind, ())]
-        return "".join(
-            f",{key}={value}" if isinstance(value, str) else f",{key}={value:g}"
-            for key, value in given
-            if value is not None
-        )
+        texts = [(key, own if isinstance(own, str | None) else f"{own:g}") for key, own in given]
+        return "".join(f",{key}={text}" for key, text in texts if text is not None)
 
 
 #: Nothing given beyond the size.
@@ -172,10 +169,7 @@ def parse_size(kind: str, text: str) -> tuple[float, str, FaultShape]:
     (1.5, 'mm')
     """
     head, *options = [part.strip() for part in text.split(",")]
-    shape: dict[str, Any] = {}
-    for option in options:
-        key, value = _option(kind, option)
-        shape[_field(key)] = value
+    shape: dict[str, Any] = dict(_option(kind, option) for option in options)
     names = [name for name, _, _ in LEVELS.values()]
     if kind == "pitting" and head in names:
         return float(names.index(head) + 1), "level", FaultShape(**shape)
@@ -242,8 +236,7 @@ def flank_level(share: float) -> int | None:
     >>> flank_level(0.2), flank_level(0.01)
     (2, None)
     """
-    found = [number for number, (_, low, _) in LEVELS.items() if share >= low]
-    return max(found) if found else None
+    return max((n for n, (_, low, _) in LEVELS.items() if share >= low), default=None)
 
 
 def _check_loss(size: float, unit: str) -> None:
@@ -293,11 +286,9 @@ def _option(kind: str, text: str) -> tuple[str, float | str]:
         hint = f"; did you mean {near}?" if near else ""
         names = ", ".join(known) if known else "none"
         raise ArgumentError(f"dimension {text!r} of a {kind} is not known: {names}{hint}")
-    if key == "limit":
-        return key, value
-    number = re.sub(r"(mm|deg)$", "", value).strip()
     try:
-        return key, float(number)
+        number = re.sub(r"(mm|deg)$", "", value).strip()
+        return _field(key), value if key == "limit" else float(number)
     except ValueError:
         raise ArgumentError(f"dimension {text!r} of a {kind} is not a number") from None
 
@@ -307,7 +298,29 @@ def _field(key: str) -> str:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fault:
+class _OnGear:
+    """What is wrong with a gear, and where; fields as of `Fault`."""
+
+    kind: str
+    stage: int
+    gear: str
+    tooth: int | None
+
+    def __post_init__(self) -> None:
+        what, kinds = ("error", ERROR_KINDS) if isinstance(self, GearError) else ("fault", KINDS)
+        check_word(f"{what} kind ", self.kind, kinds)
+        check_word("gear ", self.gear, GEARS)
+        for name, number in (("stage", self.stage), ("tooth", self.tooth)):
+            if number is not None and (number != int(number) or number < 1):
+                raise ArgumentError(f"{what} {name}={number} must be a whole number >= 1")
+
+    @property
+    def _place(self) -> str:
+        return f"{self.kind}:{self.stage}:{self.gear}:{'all' if self.tooth is None else self.tooth}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault(_OnGear):
     """One fault of one tooth, or of all teeth of a gear.
 
     Parameters
@@ -342,20 +355,15 @@ class Fault:
     0.2
     """
 
-    kind: str
-    stage: int
-    gear: str
-    tooth: int | None
     size: float
     unit: str = ""
     shape: FaultShape = PLAIN
 
     def __post_init__(self) -> None:
-        check_word("fault kind ", self.kind, KINDS)
-        check_word("gear ", self.gear, GEARS)
-        if self.stage != int(self.stage) or self.stage < 1:
-            raise ArgumentError(f"fault stage={self.stage} must be a whole number >= 1")
-        self._check_tooth()
+        super().__post_init__()
+        if (self.tooth is None) != (self.kind == "wear"):
+            wanted = "'all'" if self.kind == "wear" else "one tooth number"
+            raise ArgumentError(f"fault {self.kind}: TOOTH must be {wanted}")
         check_size(self.kind, self.size, self.unit, self.shape)
 
     @property
@@ -381,17 +389,8 @@ class Fault:
 
     def __str__(self) -> str:
         """Return the fault in the form that `parse_fault` reads."""
-        tooth = "all" if self.tooth is None else self.tooth
         size = size_text(self.kind, self.size, self.unit, self.shape)
-        place = f"{self.kind}:{self.stage}:{self.gear}:{tooth}"
-        return f"{place}:{size}" if size else place
-
-    def _check_tooth(self) -> None:
-        if (self.tooth is None) != (self.kind == "wear"):
-            wanted = "'all'" if self.kind == "wear" else "one tooth number"
-            raise ArgumentError(f"fault {self.kind}: TOOTH must be {wanted}")
-        if self.tooth is not None and (self.tooth != int(self.tooth) or self.tooth < 1):
-            raise ArgumentError(f"fault tooth={self.tooth} must be a whole number >= 1")
+        return f"{self._place}:{size}" if size else self._place
 
 
 def parse_fault(text: str) -> Fault:
@@ -423,9 +422,8 @@ def parse_fault(text: str) -> Fault:
         number, unit, shape = parse_size(kind, size)
     except ArgumentError as error:
         raise ArgumentError(f"fault {text!r}: {error}; {SYNTAX}") from None
-    return Fault(
-        kind=kind, stage=stage, gear=gear, tooth=tooth, size=number, unit=unit, shape=shape
-    )
+    where: dict[str, Any] = {"kind": kind, "stage": stage, "gear": gear, "tooth": tooth}
+    return Fault(**where, size=number, unit=unit, shape=shape)
 
 
 def faults_of(given: object, *, errors: bool, stages: int | None = None) -> tuple[Any, ...]:
@@ -475,7 +473,6 @@ def _parts(
     if len(parts) != 5:
         raise ArgumentError(f"{what} {text!r} has {len(parts)} parts and not 5: {syntax}")
     check_word(f"{what} kind ", parts[0], kinds)
-    check_word("gear ", parts[2], GEARS)
     numbers: list[int | None] = []
     for name, word in (("STAGE", parts[1]), ("TOOTH", parts[3])):
         is_all = name == "TOOTH" and word == "all"
@@ -490,7 +487,7 @@ def _parts(
 
 
 @dataclass(frozen=True, kw_only=True)
-class GearError:
+class GearError(_OnGear):
     """An error of manufacture or mounting of one gear.
 
     Parameters
@@ -513,20 +510,12 @@ class GearError:
         If a value has no meaning.
     """
 
-    kind: str
-    stage: int
-    gear: str
-    tooth: int | None
     size_m: float
     phase_rad: float = 0.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_finite("size_m", self.size_m, "m")
-        check_word("error kind ", self.kind, ERROR_KINDS)
-        if self.stage < 1:
-            raise ArgumentError(f"error stage={self.stage} must be >= 1")
-        if self.tooth is not None and self.tooth < 1:
-            raise ArgumentError(f"error tooth={self.tooth} must be >= 1")
         if self.kind in WHOLE_KINDS and self.tooth is not None:
             raise ArgumentError(f"error {self.kind} is of the whole gear: TOOTH must be 'all'")
         if self.kind == "pitch" and self.tooth is None:
@@ -534,8 +523,7 @@ class GearError:
 
     def __str__(self) -> str:
         """Return the error in the form that `parse_error` reads."""
-        tooth = "all" if self.tooth is None else self.tooth
-        return f"{self.kind}:{self.stage}:{self.gear}:{tooth}:{1e6 * self.size_m:g}um"
+        return f"{self._place}:{1e6 * self.size_m:g}um"
 
 
 def parse_fault_or_error(text: str) -> Fault | GearError:

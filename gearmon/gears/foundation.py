@@ -223,10 +223,9 @@ class Foundation:
     def warnings(self) -> tuple[str, ...]:
         """What lies outside the range of the fit."""
         ratio, angle, name = self.radius_ratio, self.root_angle_rad, self.tooth.name
-        told = (
-            (f"body of the {name} has R_f/r_bore = {ratio:.3g}", ratio, RADIUS_RATIOS),
-            (f"teeth of the {name} have a half root angle of {angle:.4f} rad", angle, ROOT_ANGLES),
-        )
+        body = f"body of the {name} has R_f/r_bore = {ratio:.3g}"
+        teeth = f"teeth of the {name} have a half root angle of {angle:.4f} rad"
+        told = (body, ratio, RADIUS_RATIOS), (teeth, angle, ROOT_ANGLES)
         return tuple(
             f"the {what}, outside the range {low:g} to {high:g} of the fillet-foundation fit"
             for what, value, (low, high) in told
@@ -299,11 +298,9 @@ class RingBody:
     @cached_property
     def root_angle_rad(self) -> float:
         """Half the angle of the loaded arc on the root circle."""
-        part = self.tooth.root_part
-        if part is None:
-            start = self.tooth.start
-            height, half = self.tooth.height(start), self.tooth.half_thickness(start)
-        else:
+        tooth, part = self.tooth, self.tooth.root_part
+        height, half = tooth.height(tooth.start), tooth.half_thickness(tooth.start)
+        if part is not None:
             height, half = part.at(np.array(where_tangent(part.at, ARC_TANGENT)))
         return math.atan2(float(half), -float(height))
 
@@ -316,17 +313,16 @@ class RingBody:
     def warnings(self) -> tuple[str, ...]:
         """What is taken for granted of the body."""
         name = self.tooth.name
-        found = [
+        held = (
             f"the {name} is taken as held all round its outer diameter of "
             f"{2e3 * self.tooth.bore_radius_m:.5g} mm: one that floats or stands on few bolts "
             f"yields more"
-        ]
-        if self.rim_modules < THIN_RIM - 1e-9:
-            found.append(
-                f"the rim of the {name} is {self.rim_modules:.3g} modules thick, below "
-                f"{THIN_RIM:g}: how the ring is held matters much"
-            )
-        return tuple(found)
+        )
+        thin = (
+            f"the rim of the {name} is {self.rim_modules:.3g} modules thick, below {THIN_RIM:g}: "
+            f"how the ring is held matters much"
+        )
+        return (held, thin) if self.rim_modules < THIN_RIM - 1e-9 else (held,)
 
     def compliance(self, angle: FloatArray) -> FloatArray:
         """Return the compliance [m/N] for contacts at profile angles `angle`."""

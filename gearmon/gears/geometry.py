@@ -11,7 +11,7 @@ contact ratio below 1) are refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import cast
@@ -447,10 +447,10 @@ class PairGeometry:
             If the circle lies inside the base circle, where there is no involute.
         """
         base = self.base_radii_m[index]
-        if radius_m < base * (1 - 1e-12):
-            name = self.gears[index].name
-            raise ArgumentError(f"radius_m={radius_m} of the {name} must be >= base radius {base}")
         gear, sign = self.gears[index], self.sign(index)
+        if radius_m < base * (1 - 1e-12):
+            told = f"radius_m={radius_m} of the {gear.name} must be >= base radius {base}"
+            raise ArgumentError(told)
         half_angle = self.rack(index).base_half_angle(sign * gear.teeth, gear.profile_shift)
         here = involute(math.acos(min(1.0, base / radius_m)))
         return 2 * radius_m * sign * (half_angle - here)
@@ -606,12 +606,9 @@ def _with_tips(pair: PairGeometry) -> PairGeometry:
 
 def _path(pair: PairGeometry, tip_radii_m: Two) -> Two:
     """Return the roll lengths [m] on the first gear between which tips so high make contact."""
-    one, two = (
-        math.sqrt(max(tip**2 - base**2, 0.0))
-        for tip, base in zip(tip_radii_m, pair.base_radii_m, strict=True)
-    )
-    sign, tangent = pair.sign(1), math.tan(pair.working_pressure_angle_rad)
-    length = (pair.base_radii_m[0] + sign * pair.base_radii_m[1]) * tangent
+    sign, bases = pair.sign(1), pair.base_radii_m
+    one, two = _both(lambda i: math.sqrt(max(tip_radii_m[i] ** 2 - bases[i] ** 2, 0.0)))
+    length = (bases[0] + sign * bases[1]) * math.tan(pair.working_pressure_angle_rad)
     return length - sign * two, one
 
 
@@ -627,25 +624,18 @@ def normal_section(pair: PairGeometry) -> PairGeometry:
     """
     cosine = math.cos(pair.base_helix_angle_rad)
     share = cosine**2 * math.cos(pair.helix_angle_rad)
-    first, second = (
-        replace(gear, teeth=cast(int, gear.teeth / share), virtual=True) for gear in pair.gears
+    one, two = (
+        replace(own, teeth=cast(int, own.teeth / share), virtual=True) for own in pair.gears
     )
+    working = math.asin(math.sin(pair.working_pressure_angle_rad) * cosine)
     section = replace(
-        pair,
-        gears=(first, second),
-        helix_angle_rad=0.0,
-        working_pressure_angle_rad=math.asin(math.sin(pair.working_pressure_angle_rad) * cosine),
+        pair, gears=(one, two), helix_angle_rad=0.0, working_pressure_angle_rad=working
     )
-    one, two = section.working_radii_m
-    tips = _both(
-        lambda i: section.reference_radii_m[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i]
-    )
-    return replace(
-        section,
-        centre_distance_m=abs(one + pair.sign(1) * two),
-        tip_radii_m=tips,
-        path_m=_path(section, tips),
-    )
+    (first, second), circles = section.working_radii_m, section.reference_radii_m
+    tips = _both(lambda i: circles[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i])
+    centres = abs(first + pair.sign(1) * second)
+    path = _path(section, tips)
+    return replace(section, centre_distance_m=centres, tip_radii_m=tips, path_m=path)
 
 
 def check_pair(pair: PairGeometry) -> PairGeometry:
@@ -657,14 +647,12 @@ def check_pair(pair: PairGeometry) -> PairGeometry:
         If the pair cannot run, with the number that offends and what would cure it.
     """
     warnings = [*pair.warnings, *_check_backlash(pair)]
-    warnings += [note for index in (0, 1) for note in _check_tip(pair, index)]
+    warnings += [*_check_tip(pair, 0), *_check_tip(pair, 1)]
     _check_contact_ratio(pair)
-    for index in (0, 1):
-        _check_clearance(pair, index)
-    for index in (0,) if pair.internal else (0, 1):
-        warnings += _check_root(pair, index)
-    if pair.internal:
-        warnings += _check_ring(pair)
+    _check_clearance(pair, 0)
+    _check_clearance(pair, 1)
+    warnings += _check_root(pair, 0)
+    warnings += _check_ring(pair) if pair.internal else _check_root(pair, 1)
     return replace(pair, warnings=tuple(warnings))
 
 
@@ -682,31 +670,26 @@ def trim_ring(pair: PairGeometry) -> PairGeometry:
     if not pair.internal:
         return pair
     planet, ring = pair.gears
-    base, offset = pair.base_radii_m[1], pair.line_m
-    least = math.hypot(base, pair.form_rolls_m[0] + offset)
+    least = math.hypot(pair.base_radii_m[1], pair.form_rolls_m[0] + pair.line_m)
     trim = (least - pair.tip_radii_m[1]) / pair.normal_module_m
     if trim <= 1e-9:
         return pair
+    cure = f"tip_factor_{ring.name} <= {ring.tip_factor - trim:.3f}"
     if trim > LARGEST_RING_TRIM:
         raise ArgumentError(
             f"tip_factor_{ring.name}={ring.tip_factor:g}: the tips of the {ring.name} reach "
             f"{trim:.3g} modules below the involute of the {planet.name} (interference); give "
-            f"tip_factor_{ring.name} <= {ring.tip_factor - trim:.3f}"
+            f"{cure}"
         )
     note = (
         f"the tips of the {ring.name} are taken as relieved by {trim:.3f} modules, for they would "
-        f"touch the fillet of the {planet.name}; tip_factor_{ring.name} <= "
-        f"{ring.tip_factor - trim:.3f} would say so"
+        f"touch the fillet of the {planet.name}; {cure} would say so"
     )
-    return replace(
-        pair,
-        tip_radii_m=(pair.tip_radii_m[0], least),
-        path_m=(pair.form_rolls_m[0], pair.path_m[1]),
-        warnings=(*pair.warnings, note),
-    )
+    tips, path = (pair.tip_radii_m[0], least), (pair.form_rolls_m[0], pair.path_m[1])
+    return replace(pair, tip_radii_m=tips, path_m=path, warnings=(*pair.warnings, note))
 
 
-def _check_backlash(pair: PairGeometry) -> list[str]:
+def _check_backlash(pair: PairGeometry) -> Iterator[str]:
     first, second = pair.gears
     inv = involute(pair.working_pressure_angle_rad) - involute(pair.transverse_pressure_angle_rad)
     tight = inv * _total(pair) / (2 * math.tan(pair.normal_pressure_angle_rad))
@@ -718,14 +701,13 @@ def _check_backlash(pair: PairGeometry) -> list[str]:
             f"profile_shift_{second.name} = {given:g}, but this distance takes {tight:.4f} at most"
         )
     if given < tight - 0.2:
-        return [
+        yield (
             f"profile shifts sum to {given:g} where the centre distance {distance:.5g} mm has room "
             f"for {tight:.3f}: the pair has much backlash"
-        ]
-    return []
+        )
 
 
-def _check_tip(pair: PairGeometry, index: int) -> list[str]:
+def _check_tip(pair: PairGeometry, index: int) -> Iterator[str]:
     gear = pair.gears[index]
     if pair.tip_radii_m[index] < pair.base_radii_m[index]:
         raise ArgumentError(
@@ -743,26 +725,22 @@ def _check_tip(pair: PairGeometry, index: int) -> list[str]:
             f"{gear.tip_factor:g}; reduce either"
         )
     if modules < SHARP_TIP:
-        return [f"the teeth of the {gear.name} are sharp: tip thickness {modules:.3f} modules"]
-    return []
+        yield f"the teeth of the {gear.name} are sharp: tip thickness {modules:.3f} modules"
 
 
 def _check_contact_ratio(pair: PairGeometry) -> None:
-    transverse = pair.transverse_contact_ratio
     # a helical pair whose face width is not known cannot be judged by its total
-    helical = pair.helix_angle_rad > 0
-    if helical and pair.face_width_m is None:
+    if pair.helix_angle_rad > 0 and pair.face_width_m is None:
         return
-    ratio = pair.total_contact_ratio if helical else transverse
-    if ratio >= 1 and transverse > 0:
-        return
-    first, second = pair.gears
-    name = "total contact ratio" if helical else "contact ratio"
-    raise ArgumentError(
-        f"{name} {ratio:.4f} is below 1: no pair would carry for a while; reduce the "
-        f"centre distance ({1e3 * pair.centre_distance_m:.5g} mm) or the profile shifts, or raise "
-        f"tip_factor_{first.name} or tip_factor_{second.name}"
-    )
+    ratio = pair.total_contact_ratio
+    if ratio < 1 or pair.transverse_contact_ratio <= 0:
+        first, second = pair.gears
+        raise ArgumentError(
+            f"{'total ' if pair.helix_angle_rad else ''}contact ratio {ratio:.4f} is below 1: no "
+            f"pair would carry for a while; reduce the centre distance "
+            f"({1e3 * pair.centre_distance_m:.5g} mm) or the profile shifts, or raise "
+            f"tip_factor_{first.name} or tip_factor_{second.name}"
+        )
 
 
 def _check_clearance(pair: PairGeometry, index: int) -> None:
@@ -781,42 +759,40 @@ def _check_clearance(pair: PairGeometry, index: int) -> None:
         )
 
 
-def _check_root(pair: PairGeometry, index: int) -> list[str]:
+def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:
     """Contact must stay on the involute of an external gear."""
-    gear, mate = pair.gears[index], pair.gears[1 - index]
+    gear, mate, rack = pair.gears[index], pair.gears[1 - index], pair.rack(index)
     start = pair.path_m[0] if index == 0 else pair.line_m - pair.path_m[1]
-    form = pair.form_rolls_m[index]
-    least = pair.rack(index).least_shift(gear.teeth)
-    undercut = gear.profile_shift < least - 1e-9
-    short = (form - start) / pair.normal_module_m
+    short = (pair.form_rolls_m[index] - start) / pair.normal_module_m
+    least, shift = rack.least_shift(gear.teeth), gear.profile_shift
+    undercut = shift < least - 1e-9
+    if short <= 1e-6 and not undercut:
+        return
+    given = f"profile_shift_{gear.name}={shift:g}"
+    cure = f"give at least {least:.4f}, or {rack.least_teeth(shift)} teeth"
     if short > 1e-6:
-        where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of"
+        where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of the"
         if undercut:
             raise ArgumentError(
-                f"{where} the {gear.name}, whose {gear.teeth} teeth are undercut at "
-                f"profile_shift_{gear.name}={gear.profile_shift:g}; give at least {least:.4f}, or "
-                f"{pair.rack(index).least_teeth(gear.profile_shift)} teeth"
+                f"{where} {gear.name}, whose {gear.teeth} teeth are undercut at {given}; {cure}"
             )
         raise ArgumentError(
-            f"{where} the {gear.name} (interference); reduce tip_factor_{mate.name}="
+            f"{where} {gear.name} (interference); reduce tip_factor_{mate.name}="
             f"{mate.tip_factor:g} or raise root_factor_{gear.name}={gear.root_factor:g}"
         )
-    if not undercut:
-        return []
-    if gear.profile_shift < least - TOLERATED_UNDERCUT:
+    if shift < least - TOLERATED_UNDERCUT:
         raise ArgumentError(
-            f"the {gear.teeth} teeth of the {gear.name} are undercut at "
-            f"profile_shift_{gear.name}={gear.profile_shift:g}, beyond the practical limit of "
-            f"{least - TOLERATED_UNDERCUT:.4f}; give at least {least:.4f}, or "
-            f"{pair.rack(index).least_teeth(gear.profile_shift)} teeth"
+            f"the {gear.teeth} teeth of the {gear.name} are undercut at {given}, beyond the "
+            f"practical limit of {least - TOLERATED_UNDERCUT:.4f}; {cure}"
         )
-    return [
-        f"the {gear.teeth} teeth of the {gear.name} are undercut below the path of contact: "
-        f"profile_shift_{gear.name}={gear.profile_shift:g} where {least:.4f} would avoid it"
-    ]
+    if undercut:
+        yield (
+            f"the {gear.teeth} teeth of the {gear.name} are undercut below the path of contact: "
+            f"{given} where {least:.4f} would avoid it"
+        )
 
 
-def _check_ring(pair: PairGeometry) -> list[str]:
+def _check_ring(pair: PairGeometry) -> Iterator[str]:
     planet, ring = pair.gears
     end = math.hypot(pair.base_radii_m[1], pair.path_m[1] + pair.line_m)
     if end > pair.root_radii_m[1]:
@@ -835,33 +811,29 @@ def _check_ring(pair: PairGeometry) -> list[str]:
         )
     room = _radial_passage(pair)
     if room < 0:
-        return [
+        yield (
             f"the {planet.name} cannot be put into the {ring.name} radially, only along its axis: "
             f"tips would collide by {-math.degrees(room):.3g} deg"
-        ]
-    return []
+        )
 
 
 def _tip_passage(pair: PairGeometry) -> float:
     """Angle [rad] by which the tips of the inner gear miss those of the ring where they cross."""
-    inner, outer = pair.tip_radii_m
-    a = pair.centre_distance_m
+    (inner, outer), a = pair.tip_radii_m, pair.centre_distance_m
     reach = (outer**2 - inner**2 - a**2) / (2 * a * inner)
     if reach >= 1:
         return math.inf
     at_inner = math.acos(reach)
     at_outer = math.acos((a**2 + outer**2 - inner**2) / (2 * a * outer))
-    tips = _tip_angles(pair)
-    working = involute(pair.working_pressure_angle_rad)
-    teeth = pair.gears[0].teeth / pair.gears[1].teeth
-    return (at_inner + tips[0] - working) * teeth + working - tips[1] - at_outer
+    ahead, behind = _tip_angles(pair)
+    return (at_inner + ahead) * pair.gears[0].teeth / pair.gears[1].teeth - behind - at_outer
 
 
 def _tip_angles(pair: PairGeometry) -> Two:
-    """Return the involute functions of the pressure angles at the tips."""
-    return _both(
-        lambda i: involute(math.acos(min(1.0, pair.base_radii_m[i] / pair.tip_radii_m[i])))
-    )
+    """Return the angles from the pitch points of the flanks to their tips, about the centres."""
+    working = involute(pair.working_pressure_angle_rad)
+    cosines = _both(lambda i: min(1.0, pair.base_radii_m[i] / pair.tip_radii_m[i]))
+    return _both(lambda i: involute(math.acos(cosines[i])) - working)
 
 
 def _radial_passage(pair: PairGeometry) -> float:
@@ -870,15 +842,12 @@ def _radial_passage(pair: PairGeometry) -> float:
     Where a tip of the one passes a tip of the other at the same distance from the line of
     centres, at the angle at which that is tightest.
     """
-    tips = _tip_angles(pair)
+    (ahead, behind), radii = _tip_angles(pair), pair.tip_radii_m[1] / pair.tip_radii_m[0]
     ratio = pair.gears[1].teeth / pair.gears[0].teeth
-    inner, outer = pair.tip_radii_m
     # y of both tips is equal, and so is its rate as the gears roll: sin^2 of both angles follows
-    radii = outer / inner
     if radii >= ratio:
         return math.inf
     square = (ratio**2 - radii**2) / (ratio**2 - 1)
     at_inner = math.asin(math.sqrt(min(1.0, square)))
     at_outer = math.asin(min(1.0, math.sin(at_inner) / radii))
-    working = involute(pair.working_pressure_angle_rad)
-    return at_inner + tips[0] - working - ratio * (at_outer + tips[1] - working)
+    return at_inner + ahead - ratio * (at_outer + behind)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.geometry import GearTeeth
@@ -49,17 +50,14 @@ class Body:
         return 1 + math.log(web) / (5 * math.exp(max(self.rim_factor, LEAST_RIM) / 5))
 
     @property
-    def limits(self) -> tuple[str, ...]:
+    def limits(self) -> Iterator[str]:
         """What lies outside the range of C_R, in words."""
-        notes = []
-        if not WEB_RATIOS[0] <= self.web_ratio <= WEB_RATIOS[1]:
-            notes.append(
-                f"web ratio b_s/b = {self.web_ratio:.4g} is outside {WEB_RATIOS[0]} ... "
-                f"{WEB_RATIOS[1]}: the nearer end is used"
-            )
+        low, high = WEB_RATIOS
+        if not low <= self.web_ratio <= high:
+            told = f"web ratio b_s/b = {self.web_ratio:.4g} is outside {low} ... {high}"
+            yield f"{told}: the nearer end is used"
         if self.rim_factor < LEAST_RIM:
-            notes.append(f"rim s_R/m_n = {self.rim_factor:.4g} is below 1: 1 is used")
-        return tuple(notes)
+            yield f"rim s_R/m_n = {self.rim_factor:.4g} is below 1: 1 is used"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,7 +118,7 @@ class MethodB:
     mesh_alpha: float
     mesh_beta: float
     virtual_teeth: tuple[float, float]
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
 
     def mean_n_per_m(self, face_width_m: float) -> float:
         """Return the mean mesh stiffness c_gamma_alpha b [N/m]."""
@@ -194,13 +192,18 @@ def method_b(
     share = math.cos(base) ** 2 * math.cos(helix_angle_rad)
     virtual = first.teeth / share, math.inf if second.internal else second.teeth / share
     theoretical = _theoretical(first, second, virtual)
-    rack = _rack_factor(first, second, pressure_angle_rad)
+    angle = 1 - 0.02 * (20 - math.degrees(pressure_angle_rad))
+    rack = 0.5 * sum((1 + 0.5 * (1.2 - gear.root_factor)) * angle for gear in (first, second))
     blank = 1.0 if web is None else web.factor
     load = _load_factor(load_n_per_mm)
-    pair = _pair_modulus(first, second) / MODULUS_STEEL_PA
-    single = theoretical * CORRECTION_MEASURED * blank * rack * math.cos(helix_angle_rad) * pair
+    moduli = first.elastic_modulus_pa, second.elastic_modulus_pa
+    check_positive("elastic_modulus_pa", min(moduli), "Pa")
+    modulus = 2 * math.prod(moduli) / sum(moduli) / MODULUS_STEEL_PA
+    single = theoretical * CORRECTION_MEASURED * blank * rack * math.cos(helix_angle_rad) * modulus
     single *= load
     mesh = single * (0.75 * contact_ratio + 0.25)
+    limits = [*_limits(first, second, contact_ratio, helix_angle_rad, load_n_per_mm)]
+    limits += web.limits if web else ()
     return MethodB(
         theoretical=theoretical,
         correction=CORRECTION_MEASURED,
@@ -212,10 +215,7 @@ def method_b(
         mesh_alpha=mesh,
         mesh_beta=0.85 * mesh,
         virtual_teeth=virtual,
-        warnings=(
-            *_limits(first, second, contact_ratio, helix_angle_rad, load_n_per_mm),
-            *(f"{METHOD}: {note}" for note in (web.limits if web else ())),
-        ),
+        warnings=tuple(f"{METHOD}: {note}" for note in limits),
     )
 
 
@@ -294,14 +294,12 @@ def resonance_margin(load_n_per_mm: float) -> float:
 def _ordered(one: GearTeeth, other: GearTeeth) -> tuple[GearTeeth, GearTeeth]:
     if one.internal and other.internal:
         raise ArgumentError("internal gears do not mesh with each other: one must be external")
-    if one.internal or other.internal:
-        return (other, one) if one.internal else (one, other)
     # equal teeth: the standard's range has x1 >= x2
-    return (other, one) if _rank(other) < _rank(one) else (one, other)
-
-
-def _rank(gear: GearTeeth) -> tuple[float, ...]:
-    return gear.teeth, -gear.profile_shift, gear.root_factor, gear.elastic_modulus_pa
+    ranks = [
+        (own.internal, own.teeth, -own.profile_shift, own.root_factor, own.elastic_modulus_pa)
+        for own in (one, other)
+    ]
+    return (other, one) if ranks[1] < ranks[0] else (one, other)
 
 
 def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, float]) -> float:
@@ -317,11 +315,6 @@ def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, floa
     return 1 / compliance
 
 
-def _rack_factor(first: GearTeeth, second: GearTeeth, alpha: float) -> float:
-    angle = 1 - 0.02 * (20 - math.degrees(alpha))
-    return 0.5 * sum((1 + 0.5 * (1.2 - gear.root_factor)) * angle for gear in (first, second))
-
-
 def _load_factor(load_n_per_mm: float | None) -> float:
     if load_n_per_mm is None or load_n_per_mm >= LOW_LOAD_N_PER_MM:
         return 1.0
@@ -329,28 +322,20 @@ def _load_factor(load_n_per_mm: float | None) -> float:
     return math.sqrt(math.sqrt(load_n_per_mm / LOW_LOAD_N_PER_MM))
 
 
-def _pair_modulus(first: GearTeeth, second: GearTeeth) -> float:
-    one, two = first.elastic_modulus_pa, second.elastic_modulus_pa
-    check_positive("elastic_modulus_pa", min(one, two), "Pa")
-    return 2 * one * two / (one + two)
-
-
 def _limits(
     first: GearTeeth, second: GearTeeth, eps: float, beta: float, load: float | None
-) -> tuple[str, ...]:
+) -> Iterator[str]:
     x1, x2 = first.profile_shift, second.profile_shift
-    notes = []
     if abs(math.degrees(beta)) > 30:
-        notes.append(f"helix angle {abs(math.degrees(beta)):.4g} deg is above 30 deg")
+        yield f"helix angle {abs(math.degrees(beta)):.4g} deg is above 30 deg"
     if eps < 1.2:
         spur = "up to 10 % less stiff" if beta == 0 else "not covered"
-        notes.append(f"contact ratio {eps:.4g} is below 1.2: {spur}")
+        yield f"contact ratio {eps:.4g} is below 1.2: {spur}"
     if x1 < x2 and not second.internal:
-        notes.append(f"profile shift {x1:g} of the smaller gear is below {x2:g} of the larger")
+        yield f"profile shift {x1:g} of the smaller gear is below {x2:g} of the larger"
     if not -0.5 <= x1 + x2 <= 2:
-        notes.append(f"sum of profile shifts {x1 + x2:g} is outside -0.5 ... 2")
+        yield f"sum of profile shifts {x1 + x2:g} is outside -0.5 ... 2"
     if load is not None and load < LOW_LOAD_N_PER_MM:
-        notes.append(f"load {load:.4g} N/mm is below 100 N/mm: low-load branch")
+        yield f"load {load:.4g} N/mm is below 100 N/mm: low-load branch"
     if load is not None and load > 1600:
-        notes.append(f"load {load:.4g} N/mm is above 1600 N/mm")
-    return tuple(f"{METHOD}: {note}" for note in notes)
+        yield f"load {load:.4g} N/mm is above 1600 N/mm"

@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from itertools import combinations
+from itertools import combinations, pairwise
 from typing import TypeVar
 
 from gearmon.errors import ArgumentError, check_range
@@ -159,11 +159,11 @@ class Mesh(Turning):
         ArgumentError
             If the stage has no such gear.
         """
-        for wheel in self.wheels:
-            if wheel.gear == gear:
-                return wheel
-        known = ", ".join(wheel.gear for wheel in self.wheels)
-        raise ArgumentError(f"gear={gear!r} is not in stage {self.stage}; it has {known}")
+        known = {wheel.gear: wheel for wheel in self.wheels}
+        if gear not in known:
+            names = ", ".join(known)
+            raise ArgumentError(f"gear={gear!r} is not in stage {self.stage}; it has {names}")
+        return known[gear]
 
     def brought_alike(self, gear: str, side: int) -> tuple[int, int]:
         """Return which lines of damage of a tooth all planets bring alike; the others cancel.
@@ -381,23 +381,22 @@ def kinematics(machine: Machine) -> Kinematics:
     >>> [round(20 * line.order, 4) for line in train.lines]
     [20.0, 3.8095, 160.0, 80.0, 0.9524]
     """
-    orders = [Fraction(1)]
-    meshes = []
+    orders, meshes = [Fraction(1)], []
     for number, stage in enumerate(machine.stages, start=1):
         if isinstance(stage, ParallelStage):
-            mesh, driven = _parallel_mesh(number, stage, orders[-1])
+            mesh = _parallel_mesh(number, stage, orders[-1])
+            orders.append(mesh.wheels[1].exact)
         else:
-            mesh, driven = _planetary_mesh(number, stage, orders[-1])
+            speeds = {name: own * orders[-1] for name, own in planetary_speeds(stage).items()}
+            mesh = _planetary_mesh(number, stage, speeds)
+            orders.append(abs(speeds[stage.driven]))
         meshes.append(mesh)
-        orders.append(driven)
     names = {len(orders): "output"} | {1: "input"}
     shafts = tuple(
         Shaft(number=number, name=names.get(number, "intermediate"), exact=order)
         for number, order in enumerate(orders, start=1)
     )
-    lines = [
-        Line("shaft", f"{shaft.name} shaft", shaft.exact, shaft=shaft.number) for shaft in shafts
-    ]
+    lines = [Line("shaft", f"{own.name} shaft", own.exact, shaft=own.number) for own in shafts]
     for mesh in meshes:
         lines += _mesh_lines(mesh)
     for bearing in machine.bearings:
@@ -454,19 +453,16 @@ def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
     >>> planetary_speeds(stage)["carrier"]
     Fraction(1, 6)
     """
-    weights = {
-        "sun": stage.sun_teeth,
-        "ring": stage.ring_teeth,
-        "carrier": -(stage.sun_teeth + stage.ring_teeth),
-    }
+    sun, ring = stage.sun_teeth, stage.ring_teeth
+    weights = {"sun": sun, "ring": ring, "carrier": -(sun + ring)}
     speeds = {stage.fixed: Fraction(0), stage.driving: Fraction(1)}
     speeds[stage.driven] = Fraction(-weights[stage.driving], weights[stage.driven])
-    spin = Fraction(-stage.sun_teeth, stage.planet_teeth) * (speeds["sun"] - speeds["carrier"])
+    spin = Fraction(-sun, stage.planet_teeth) * (speeds["sun"] - speeds["carrier"])
     speeds["planet"] = spin + speeds["carrier"]
     return speeds
 
 
-def _parallel_mesh(number: int, stage: ParallelStage, driving: Fraction) -> tuple[Mesh, Fraction]:
+def _parallel_mesh(number: int, stage: ParallelStage, driving: Fraction) -> Mesh:
     mesh = driving * stage.pinion_teeth
     sides = (("pinion", stage.pinion_teeth, number), ("gear", stage.gear_teeth, number + 1))
     wheels = tuple(
@@ -478,14 +474,10 @@ def _parallel_mesh(number: int, stage: ParallelStage, driving: Fraction) -> tupl
         for w in wheels
     )
     name = _mesh_name(stage.name, stage.pinion_teeth, stage.gear_teeth)
-    return (
-        Mesh(stage=number, name=name, exact=mesh, wheels=wheels, modulations=modulations),
-        wheels[1].exact,
-    )
+    return Mesh(stage=number, name=name, exact=mesh, wheels=wheels, modulations=modulations)
 
 
-def _planetary_mesh(number: int, stage: PlanetaryStage, driving: Fraction) -> tuple[Mesh, Fraction]:
-    speeds = {member: speed * driving for member, speed in planetary_speeds(stage).items()}
+def _planetary_mesh(number: int, stage: PlanetaryStage, speeds: dict[str, Fraction]) -> Mesh:
     carrier = speeds["carrier"]
     shafts = {stage.driving: number, stage.driven: number + 1}
     teeth = {"sun": stage.sun_teeth, "planet": stage.planet_teeth, "ring": stage.ring_teeth}
@@ -500,19 +492,17 @@ def _planetary_mesh(number: int, stage: PlanetaryStage, driving: Fraction) -> tu
         for gear, count in teeth.items()
     )
     forwards = (carrier - speeds["ring"]) * carrier > 0
-    mesh = Mesh(
+    families = _planetary_modulations(wheels, stage.planets, abs(carrier), shafts.get("carrier"))
+    return Mesh(
         stage=number,
         name=_mesh_name(stage.name, *teeth.values()),
         exact=wheels[0].teeth * wheels[0].exact_relative,
         wheels=wheels,
-        modulations=_planetary_modulations(
-            wheels, stage.planets, abs(carrier), shafts.get("carrier")
-        ),
+        modulations=families,
         planets=stage.planets,
         carrier=abs(carrier) if forwards else -abs(carrier),
         equally_spaced=stage.equally_spaced,
     )
-    return mesh, abs(speeds[stage.driven])
 
 
 def _planetary_modulations(
@@ -554,11 +544,10 @@ def _mesh_lines(mesh: Mesh) -> list[Line]:
     lines = [Line("mesh", mesh.name, mesh.exact, stage=mesh.stage)]
     if not mesh.planets:
         return [*lines, *_pair_lines(mesh, mesh.name, *mesh.teeth)]
-    sun, planet, ring = mesh.teeth
-    turning = mesh.wheel("planet").exact
-    lines += _pair_lines(mesh, f"sun-planet, {sun}/{planet}", sun, planet)
-    lines += _pair_lines(mesh, f"planet-ring, {planet}/{ring}", planet, ring)
-    if turning:
+    for one, two in pairwise(mesh.wheels):
+        name = f"{one.gear}-{two.gear}, {one.teeth}/{two.teeth}"
+        lines += _pair_lines(mesh, name, one.teeth, two.teeth)
+    if turning := mesh.wheel("planet").exact:
         lines.append(Line("rotation", "planet, seen from the housing", turning, stage=mesh.stage))
     for family in mesh.modulations:
         if family.shaft is None:  # the others are shafts and stand among them
@@ -574,11 +563,9 @@ def _pair_lines(mesh: Mesh, name: str, teeth: int, other_teeth: int) -> list[Lin
     With a common factor g of the tooth counts a tooth meets only every g-th tooth of the other
     wheel: f_mesh / g. The same two teeth meet again after lcm(z1, z2) mesh periods.
     """
-    common = math.gcd(teeth, other_teeth)
-    return [
-        Line("assembly phase", name, mesh.exact / common, stage=mesh.stage),
-        Line("hunting tooth", name, mesh.exact / math.lcm(teeth, other_teeth), stage=mesh.stage),
-    ]
+    common, least = math.gcd(teeth, other_teeth), math.lcm(teeth, other_teeth)
+    periods = (("assembly phase", common), ("hunting tooth", least))
+    return [Line(kind, name, mesh.exact / count, stage=mesh.stage) for kind, count in periods]
 
 
 def _bearing_lines(
@@ -593,10 +580,8 @@ def _bearing_lines(
     """
     if not (bearing.balls and bearing.ball_diameter_mm and bearing.pitch_diameter_mm):
         return
-    stage = bearing.planet_stage
-    if stage is None:
-        turning = shafts[(bearing.shaft or 1) - 1].order
-    else:
+    turning, stage = shafts[(bearing.shaft or 1) - 1].order, bearing.planet_stage
+    if stage is not None:
         turning = meshes[stage - 1].wheel("planet").relative_order
     diameters = bearing.ball_diameter_mm / bearing.pitch_diameter_mm
     g = diameters * math.cos(math.radians(bearing.contact_angle_deg))
@@ -607,8 +592,7 @@ def _bearing_lines(
         ("outer race (BPFO)", bearing.balls * (1 - g) / 2),
         ("inner race (BPFI)", bearing.balls * (1 + g) / 2),
     ):
-        named = f"{bearing.name}: {name}"
-        yield Line("bearing", named, factor * turning, stage, bearing.shaft)
+        yield Line("bearing", f"{bearing.name}: {name}", factor * turning, stage, bearing.shaft)
 
 
 def _row(line: Line, point: OperatingPoint) -> LineRow:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import Fault, GearError, faults_of
-from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.iso6336 import (
     LOW_LOAD_N_PER_MM,
     Resonance,
@@ -19,7 +18,7 @@ from gearmon.gears.iso6336 import (
 )
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.stiffness import MeshStiffness, StiffnessForm, mesh_stiffness
+from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 
 #: Damping ratio of a mesh where none is given; 0.03 to 0.17 were measured
@@ -72,8 +71,8 @@ class StageMechanics:
     torque_nm: float | None
     mesh_frequency_hz: float
     base_radii_m: tuple[float, float] | None
-    assumptions: tuple[str, ...] = field(default=())
-    warnings: tuple[str, ...] = field(default=())
+    assumptions: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
 
     @property
     def contact_ratio(self) -> float:
@@ -104,7 +103,7 @@ def stage_mechanics(
     *,
     faults: Iterable[Fault] = (),
     errors: Iterable[GearError] = (),
-    form: str | StiffnessForm = "parabolic",
+    form: AnyForm = "parabolic",
     mesh: int = 0,
 ) -> StageMechanics:
     """Return stiffness, mass, damping and force of a mesh at an operating point.
@@ -235,11 +234,15 @@ def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
     circles, members = pair.geometry, pair.members
     one, two = sorted((0, 1), key=lambda index: members[index].teeth)
     means = [a + b for a, b in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)]
+    bores = [
+        member.bore_m if member.rim_m is None else 2 * (root - member.rim_m)
+        for member, root in zip(members, circles.root_radii_m, strict=True)
+    ]
     mass = reduced_mass_per_width(
         (members[one].teeth, members[two].teeth),
         (means[one], means[two]),
         2 * circles.base_radii_m[one],
-        (_inner_diameter(pair, one), _inner_diameter(pair, two)),
+        (bores[one], bores[two]),
         (pair.stage.density_kgm3, pair.stage.density_kgm3),
     )
     load, alpha = pair.specific_load(force_n), pair.method_b(force_n).mesh_alpha
@@ -249,14 +252,6 @@ def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
         speed_rpm=resonance_speed_rpm(members[one].teeth, alpha, mass),
         margin=resonance_margin(LOW_LOAD_N_PER_MM if load is None else load),
     )
-
-
-def _inner_diameter(pair: MeshPair, index: int) -> float:
-    """Return d_i of the standard [m]: inside of the rim, or the bore."""
-    member = pair.members[index]
-    if member.rim_m is None:
-        return member.bore_m
-    return 2 * (pair.geometry.root_radii_m[index] - member.rim_m)
 
 
 def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
@@ -297,17 +292,16 @@ def equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
     known = pair.given("equivalent_mass_kg")
     if known is not None:
         return known
-    times = (pair.planets if pair.first.name == "sun" else 1, 1)
-    yielding = 0.0
+    instead, yielding, solid = "equivalent_mass_kg" if pair.is_main else "", 0.0, []
     for index, member in enumerate(pair.members):
         if member.internal:
             notes.append("the ring is taken as rigid and heavy: its inertia is not counted")
             continue
-        instead = "equivalent_mass_kg" if pair.is_main else ""
+        times = pair.planets if member.name == "sun" else 1
         inertia = gear_disc(pair, index, "equivalent mass", instead)[1]
-        yielding += times[index] * pair.base_radii_m[index] ** 2 / inertia
-    discs = [m.name for m in pair.members if not (m.bore_m or m.internal)]
-    solid = [name for name in discs if not _told(pair, name)[1]]
+        yielding += times * pair.base_radii_m[index] ** 2 / inertia
+        if not member.bore_m and not _told(pair, member.name)[1]:
+            solid.append(member.name)
     if solid:
         notes.append(f"{' and '.join(solid)} taken as solid discs: no bore diameter is given")
     return 1 / yielding
@@ -359,14 +353,9 @@ def disc_body(pair: MeshPair, purpose: str, instead: str) -> tuple[float, float]
         width = 1e-3 * pair.need("face_width_mm", purpose, instead)
         pair.need("module_mm", purpose, instead)
         return width, pair.stage.density_kgm3
-    width = 1e-3 * (pair.stage.face_width_mm or 1e3)
-    yielding = [
-        times * radius**2 / _disc(main, index, width)[1]
-        for index, (times, radius) in enumerate(
-            zip((main.planets, 1), main.base_radii_m, strict=True)
-        )
-    ]
-    return width, known * sum(yielding)
+    width, (one, two) = 1e-3 * (pair.stage.face_width_mm or 1e3), main.base_radii_m
+    yielding = main.planets * one**2 / _disc(main, 0, width)[1] + two**2 / _disc(main, 1, width)[1]
+    return width, known * yielding
 
 
 def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
@@ -378,24 +367,14 @@ def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
     if member.internal:
         usual = RING_RIM * circles.normal_module_m
         outer, bore = root + (usual if member.rim_m is None else member.rim_m), outer
-    elif bore >= root:
-        raise ArgumentError(
-            f"{pair.where}: bore_diameter_{member.name}_mm={1e3 * member.bore_m:g} must be less "
-            f"than the root diameter {2e3 * root:.5g} mm"
-        )
+    # what a web lacks of a solid disc, from the bore to the rim
+    lacking, rim = 0.0, bore
+    if member.web_m is not None and member.rim_m is not None and not member.internal:
+        lacking, rim = max(width_m - member.web_m, 0.0), root - member.rim_m
     volume, second = (
-        math.pi * (width_m * (outer**n - bore**n) - _web(member, root, bore, width_m, n))
-        for n in (2, 4)
+        math.pi * (width_m * (outer**n - bore**n) - lacking * (rim**n - bore**n)) for n in (2, 4)
     )
     return volume, 0.5 * second
-
-
-def _web(member: GearTeeth, root_m: float, bore_m: float, width_m: float, power: int) -> float:
-    """Return what a web lacks of a solid disc, as width times that power of radius."""
-    if member.web_m is None or member.rim_m is None or member.internal:
-        return 0.0
-    inner = root_m - member.rim_m
-    return max(width_m - member.web_m, 0.0) * (inner**power - bore_m**power)
 
 
 def mesh_damping(pair: MeshPair, root: float, notes: list[str]) -> tuple[float, float]:

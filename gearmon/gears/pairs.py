@@ -49,12 +49,17 @@ class MeshPair:
     @property
     def name(self) -> str:
         """Name of the mesh, such as "pinion-gear" or "planet-ring"."""
-        return f"{self.first.name}-{self.second.name}"
+        return "-".join(self.names)
 
     @property
     def members(self) -> tuple[GearTeeth, GearTeeth]:
         """Both gears."""
         return self.first, self.second
+
+    @property
+    def names(self) -> tuple[str, str]:
+        """Names of both gears."""
+        return self.first.name, self.second.name
 
     @property
     def teeth(self) -> tuple[int, int]:
@@ -80,11 +85,33 @@ class MeshPair:
         ArgumentError
             If the pair has no such gear.
         """
-        known = {member.name: member for member in self.members}
-        if name not in known:
-            names = " and ".join(known)
-            raise ArgumentError(f"{self.where} has no {name}: the gears of this mesh are {names}")
-        return known[name]
+        if name not in self.names:
+            known = " and ".join(self.names)
+            raise ArgumentError(f"{self.where} has no {name}: the gears of this mesh are {known}")
+        return self.members[self.names.index(name)]
+
+    def check_tooth(self, what: str, gear: str, tooth: int | None) -> None:
+        """Refuse what is said of a tooth that a gear of this mesh does not have.
+
+        Parameters
+        ----------
+        what : str
+            For the message: what is said of it.
+        gear : str
+        tooth : int or None
+            None for all teeth.
+
+        Raises
+        ------
+        ArgumentError
+            If the gear is not in the pair, or has fewer teeth.
+        """
+        teeth = self.member(gear).teeth
+        if tooth is not None and tooth > teeth:
+            raise ArgumentError(
+                f"{what}: tooth {tooth} does not exist, the {gear} of {self.where} has {teeth} "
+                f"teeth"
+            )
 
     def need(self, key: str, purpose: str, instead: str = "") -> float:
         """Return a value of the stage that must have been given.
@@ -180,19 +207,18 @@ class MeshPair:
         """
         if force_n is None or self.stage.face_width_mm is None:
             return None
-        alpha = math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
-        tangential = force_n * math.cos(alpha) * self.stage.application_factor
-        return tangential / self.stage.face_width_mm
+        tangential = force_n * math.cos(self.stage.transverse_pressure_angle_rad)
+        return tangential * self.stage.application_factor / self.stage.face_width_mm
 
     def _body(self) -> iso6336.Body | None:
         """Return web and rim of the more flexible gear; None where both are solid."""
         found = []
-        for member in self.members:
-            if member.web_m is not None and member.rim_m is not None:
+        for own in self.members:
+            if own.web_m is not None and own.rim_m is not None:
                 width = 1e-3 * self.need("face_width_mm", "web factor")
                 module = 1e-3 * self.need("module_mm", "web factor")
                 found.append(
-                    iso6336.Body(web_ratio=member.web_m / width, rim_factor=member.rim_m / module)
+                    iso6336.Body(web_ratio=own.web_m / width, rim_factor=own.rim_m / module)
                 )
         return min(found, key=lambda body: body.factor, default=None)
 
@@ -205,9 +231,8 @@ class MeshPair:
         ArgumentError
             If data are missing, or the pair cannot run.
         """
-        module = 1e-3 * self.need(
-            "module_mm", "contact ratio", "contact_ratio" if self.is_main else ""
-        )
+        instead = "contact_ratio" if self.is_main else ""
+        module = 1e-3 * self.need("module_mm", "contact ratio", instead)
         width, (distance, shortening) = self.stage.face_width_mm, self._fixed_by_others()
         try:
             return pair_geometry(

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Literal
 
@@ -72,11 +72,8 @@ class Parabolic:
 
     def pulse(self, contact_ratio: float) -> Pulse:
         """Return the stiffness of one pair over its contact, in units of its maximum."""
-        return Pulse.of(
-            [0.0, contact_ratio],
-            lambda t: 1 - self.curvature * (2 * t / contact_ratio - 1) ** 2,
-            points=3,
-        )
+        edges, q = [0.0, contact_ratio], self.curvature
+        return Pulse.of(edges, lambda t: 1 - q * (2 * t / contact_ratio - 1) ** 2, points=3)
 
     def outline(self, contact_ratio: float) -> Pulse:
         """Return the pulse whose sum has the peaks that count: of a Fourier sum, its rectangle."""
@@ -227,9 +224,8 @@ def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[
     [1.523046, 0.973988]
     """
     few = math.floor(contact_ratio)
-    part = contact_ratio - few
+    part, starts = contact_ratio - few, np.arange(few + 1)
     pulse = Parabolic(curvature=curvature).pulse(contact_ratio)
-    starts = np.arange(few + 1)
     inside = pulse.integral(starts + part) - pulse.integral(starts)
     between = pulse.integral(starts[:-1] + 1) - pulse.integral(starts[:-1] + part)
     low = float(between.sum()) / (1 - part)
@@ -287,8 +283,7 @@ def unit_pulse(pair: MeshPair, form: StiffnessForm, lost: float = 0.0) -> Pulse:
     wanted = pair.given("stiffness_variation")
     if wanted is None:
         return pulse
-    natural = _variation(form.outline(eps), pair.overlap_ratio)
-    return _stretched(pulse, wanted and wanted / natural)
+    return _stretched(pulse, wanted and wanted / _variation(form.outline(eps), pair.overlap_ratio))
 
 
 def _stretched(pulse: Pulse, factor: float) -> Pulse:
@@ -324,6 +319,8 @@ def _variation(pulse: Pulse, overlap: float) -> float:
     return 0.5 * float(np.ptp(_mesh_curve(pulse, overlap))) / pulse.area
 
 
+#: A form, or its name in `FORM_NAMES`.
+AnyForm = str | StiffnessForm | PotentialEnergy
 #: Forms by name.
 FORMS: dict[str, StiffnessForm] = {
     "parabolic": Parabolic(),
@@ -380,7 +377,7 @@ class MeshStiffness:
     iso: MethodB | None = None
     modulations: tuple[ModulationTrain, ...] = ()
     free_gap_m: float = 0.0
-    warnings: tuple[str, ...] = field(default=())
+    warnings: tuple[str, ...] = ()
 
     @property
     def trains(self) -> tuple[PulseTrain, ...]:
@@ -405,7 +402,7 @@ class MeshStiffness:
     @cached_property
     def mean_n_per_m(self) -> float:
         """Mean stiffness over the true period, with the damage [N/m]."""
-        still = sum(train.mean for train in (self.healthy, *self.pulses))
+        still = sum(train.mean for train in self.trains)
         return still + sum(float(t.coefficients([0])[0].real) for t in self.modulations)
 
     @cached_property
@@ -478,7 +475,7 @@ class MeshStiffness:
 def mesh_stiffness(
     stage: Stage | MeshPair,
     faults: Iterable[Fault] = (),
-    form: str | StiffnessForm | PotentialEnergy = "parabolic",
+    form: AnyForm = "parabolic",
     *,
     number: int | None = None,
     force_n: float | None = None,
@@ -618,10 +615,9 @@ def _moving(
     pair: MeshPair, errors: Iterable[GearError], force_n: float | None
 ) -> tuple[list[GearError], list[str]]:
     """Return the errors that modulate the stiffness, and notes on those that cannot."""
-    own = [member.name for member in pair.members]
     moving, notes = [], []
     for error in errors:
-        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in own:
+        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in pair.names:
             continue
         if error.kind == "misalignment":
             missing = "the static tooth force is not known" if force_n is None else ""
@@ -634,7 +630,7 @@ def _moving(
     return moving, notes
 
 
-def _chosen(form: str | StiffnessForm | PotentialEnergy) -> StiffnessForm | PotentialEnergy:
+def _chosen(form: AnyForm) -> StiffnessForm | PotentialEnergy:
     if not isinstance(form, str):
         return form
     check_word("form=", form, FORM_NAMES)

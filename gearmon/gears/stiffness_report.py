@@ -6,6 +6,7 @@ a healthy mesh: curves over mesh periods, and their lines.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,22 +15,15 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
-from gearmon.gears.faults import (
-    LEVELS,
-    Fault,
-    faults_of,
-    flank_level,
-    flank_share,
-    size_text,
-)
+from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share, size_text
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import ComplexArray, FloatArray
-from gearmon.gears.stiffness import MeshStiffness, StiffnessForm, mesh_stiffness
+from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_outline import TeethPicture, teeth_picture
-from gearmon.gears.tooth_pairs import PotentialEnergy, ToothPair, teeth_of
-from gearmon.result import Result
+from gearmon.gears.tooth_pairs import ToothPair, teeth_of
+from gearmon.result import Result, channel_rows
 
 #: The four forms, each with its variants: the duty of the rectangle is eps_a - 1, or one half.
 FOUR_FORMS: dict[str, tuple[str, ...]] = {
@@ -105,22 +99,19 @@ class FormComparison(Result):
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the curves: one row a phase, one column a form, in N/m."""
-        columns = {_column(curve.name): curve.stiffness_n_per_m for curve in self.curves}
-        return [
-            {"stage": self.stage, "mesh_phase": float(phase)}
-            | {name: float(values[i]) for name, values in columns.items()}
-            for i, phase in enumerate(self.phase)
-        ]
+        values = [curve.stiffness_n_per_m for curve in self.curves]
+        rows = channel_rows("mesh_phase", self.phase, values, list(map(_column, self.curves)))
+        return [{"stage": self.stage} | row for row in rows]
 
     def line_rows(self) -> list[dict[str, Any]]:
         """Return the spectra: one row a mesh harmonic, amplitudes in N/m."""
-        count = len(self.curves[0].lines)
-        hertz = self.mesh_frequency_hz
+        hertz, columns = self.mesh_frequency_hz, list(map(_column, self.curves))
+        amplitudes = np.transpose([curve.amplitudes_n_per_m for curve in self.curves]).tolist()
         return [
-            {"stage": self.stage, "mesh_harmonic": n + 1}
-            | ({} if hertz is None else {"frequency_hz": (n + 1) * hertz})
-            | {_column(curve.name): float(curve.amplitudes_n_per_m[n]) for curve in self.curves}
-            for n in range(count)
+            {"stage": self.stage, "mesh_harmonic": n}
+            | ({} if hertz is None else {"frequency_hz": n * hertz})
+            | dict(zip(columns, row, strict=True))
+            for n, row in enumerate(amplitudes, start=1)
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -148,7 +139,7 @@ def compare_forms(
     machine: Any,
     stage: int = 1,
     *,
-    forms: Iterable[tuple[str, str | StiffnessForm | PotentialEnergy]] | None = None,
+    forms: Iterable[tuple[str, AnyForm]] | None = None,
     mesh_periods: int = 2,
     points_per_mesh: int = 200,
     harmonics: int = 20,
@@ -188,7 +179,7 @@ def compare_forms(
     force, hertz = _running(machine, stage)
     phase = np.arange(mesh_periods * points_per_mesh + 1) / points_per_mesh
 
-    def curve(group: str, form: str | StiffnessForm | PotentialEnergy) -> FormCurve:
+    def curve(group: str, form: AnyForm) -> FormCurve:
         found = mesh_stiffness(pair, (), form, force_n=force)
         name = form if isinstance(form, str) else form.name
         return FormCurve(group, name, found, found.at(phase), found.mesh_harmonics(harmonics))
@@ -212,8 +203,8 @@ def _running(machine: Any, stage: int, mesh: int = 0) -> tuple[float | None, flo
     return mechanics.force_n, mechanics.mesh_frequency_hz
 
 
-def _column(name: str) -> str:
-    return f"{name.replace('-', '_')}_n_per_m"
+def _column(curve: FormCurve) -> str:
+    return f"{curve.name.replace('-', '_')}_n_per_m"
 
 
 @dataclass(frozen=True)
@@ -309,17 +300,10 @@ class StageStiffness:
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the table: one row a phase, stiffness in N/m."""
-        one, two = self.healthy.at(self.phase), self.damaged.at(self.phase)
-        return [
-            {
-                "stage": self.stage,
-                "mesh": self.mesh,
-                "mesh_phase": float(phase),
-                "healthy_n_per_m": float(a),
-                "damaged_n_per_m": float(b),
-            }
-            for phase, a, b in zip(self.phase, one, two, strict=True)
-        ]
+        both = [mesh.at(self.phase) for mesh in (self.healthy, self.damaged)]
+        names = ("healthy_n_per_m", "damaged_n_per_m")
+        rows = channel_rows("mesh_phase", self.phase, both, names)
+        return [{"stage": self.stage, "mesh": self.mesh} | row for row in rows]
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but the table and the picture in built-in types."""
@@ -372,7 +356,7 @@ def stiffness_report(
     machine: Any,
     faults: Iterable[Fault | str] = (),
     *,
-    form: str | StiffnessForm | PotentialEnergy = "potential-energy",
+    form: AnyForm = "potential-energy",
     stage: int | None = None,
     points_per_mesh: int = 200,
 ) -> StiffnessReport:
@@ -403,12 +387,10 @@ def stiffness_report(
     known = faults_of(faults, errors=False, stages=last)
     if stage is not None:
         check_range("stage", stage, 1, last)
-    numbers = range(1, last + 1) if stage is None else [stage]
     stages = []
-    for number in numbers:
-        pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
+    for number in range(1, last + 1) if stage is None else [stage]:
         own = tuple(fault for fault in known if fault.stage == number)
-        for mesh, pair in enumerate(pairs):
+        for mesh, pair in enumerate(mesh_pairs(machine.stages[number - 1], number, machine.path)):
             # overrides of a planetary stage are meant for sun and planet
             if pair.is_main or pair.stage.module_mm is not None:
                 stages.append(_mesh(machine, pair, mesh, own, form, points_per_mesh))
@@ -427,25 +409,19 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
         Gear of the damaged tooth.
     points : int
     """
-    most = largest_size(fault, pair.teeth[index])
     if fault.unit == "level":
         raise ArgumentError(f"fault {fault}: a level is no size to draw; give a share of the flank")
-    sizes = np.linspace(0.0, most, points)
+    sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), points)
     losses = [stiffness_loss(replace(fault, size=size), pair, index) for size in sizes.tolist()]
     mean, greatest = np.array([(loss.mean, loss.greatest) for loss in losses]).T
     return SizeCurve(fault.kind, fault.gear, fault.unit, sizes, mean, greatest, fault.size)
 
 
 def _mesh(
-    machine: Any,
-    pair: MeshPair,
-    mesh: int,
-    faults: tuple[Fault, ...],
-    form: str | StiffnessForm | PotentialEnergy,
-    points: int,
+    machine: Any, pair: MeshPair, mesh: int, faults: tuple[Fault, ...], form: AnyForm, points: int
 ) -> StageStiffness:
     number = pair.number or 1
-    force, _ = _running(machine, number, mesh)
+    force = _running(machine, number, mesh)[0]
     healthy = mesh_stiffness(pair, (), form, force_n=force)
     damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)
@@ -477,30 +453,30 @@ def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
 
 
 def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness, points: int) -> FloatArray:
-    low, meshes = 0.0, 1.0
-    teeth = [entry.fault.tooth for entry in losses if entry.fault.tooth is not None]
-    if teeth:
-        # the tooth before and the tooth after show what is sound
-        low, meshes = float(teeth[0] - 2), np.ceil(mesh.total_contact_ratio) + 2
-    return np.asarray(low + np.arange(int(meshes * points) + 1) / points)
+    tooth = next((entry.fault.tooth for entry in losses if entry.fault.tooth is not None), None)
+    if tooth is None:
+        return np.arange(points + 1) / points
+    # the tooth before and the tooth after show what is sound
+    meshes = math.ceil(mesh.total_contact_ratio) + 2
+    return tooth - 2 + np.arange(meshes * points + 1) / points
 
 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
     if teeth is None:
         return FaultLoss(fault)
-    index = [member.name for member in pair.members].index(fault.gear)
+    index = pair.names.index(fault.gear)
     loss = stiffness_loss(fault, teeth, index)
     if not fault.is_loss:
         size = size_text(fault.kind, fault.size, fault.unit, fault.shape) or "whole tooth"
+        sized = None if fault.unit == "tooth" else fault
         if fault.unit == "level":
-            share = flank_share(fault.size, fault.unit)
-            return FaultLoss(fault, loss, size, replace(fault, unit="flank", size=share))
-        return FaultLoss(fault, loss, size, None if fault.unit == "tooth" else fault)
-    unit = MEASURED_UNITS.get(fault.kind)
-    if unit is None:
+            sized = replace(fault, unit="flank", size=flank_share(fault.size, fault.unit))
+        return FaultLoss(fault, loss, size, sized)
+    if fault.kind not in MEASURED_UNITS:
         return FaultLoss(fault, loss)
     try:
-        found = size_for_loss(replace(fault, unit=unit, size=0.0), loss.mean, teeth, index)
+        sized = replace(fault, unit=MEASURED_UNITS[fault.kind], size=0.0)
+        found = size_for_loss(sized, loss.mean, teeth, index)
     except ArgumentError:
         return FaultLoss(fault, loss, "out of reach")
     return FaultLoss(fault, loss, f"{found.size:.3g}{found.unit}", found)
@@ -510,14 +486,13 @@ def _curve(
     losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair | None
 ) -> SizeCurve | None:
     """Return the curve of the first fault that has a size; without faults that of a root crack."""
-    if teeth is None:
+    fault = next((entry.sized for entry in losses if entry.sized is not None), None)
+    if teeth is None or (losses and fault is None):
         return None
-    names = [member.name for member in pair.members]
-    for fault in (entry.sized for entry in losses if entry.sized is not None):
-        return size_curve(fault, teeth, names.index(fault.gear))
-    if losses:
-        return None
-    crack = Fault(kind="crack", stage=pair.number or 1, gear=names[0], tooth=1, size=0.0, unit="mm")
+    if fault is not None:
+        return size_curve(fault, teeth, pair.names.index(fault.gear))
+    gear, number = pair.first.name, pair.number or 1
+    crack = Fault(kind="crack", stage=number, gear=gear, tooth=1, size=0.0, unit="mm")
     return replace(size_curve(crack, teeth, 0), marked=None)
 
 

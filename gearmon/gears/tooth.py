@@ -272,18 +272,14 @@ class Tooth:
     internal: bool = False
 
     def __post_init__(self) -> None:
-        if self.internal:
-            self._check_ring()
-        elif not 0 < self.bore_radius_m < self.root_radius_m:
+        thickness = self.bore_radius_m - self.root_radius_m
+        if not self.internal and not 0 < self.bore_radius_m < self.root_radius_m:
             raise ArgumentError(
                 f"bore radius {1e3 * self.bore_radius_m:g} mm of the {self.name} must be > 0 and "
                 f"less than its root radius {1e3 * self.root_radius_m:.5g} mm: the body of the "
                 f"gear yields between them; set bore_diameter_{self.name}_mm"
             )
-
-    def _check_ring(self) -> None:
-        thickness = self.bore_radius_m - self.root_radius_m
-        if not 0 < thickness <= 2 * self.root_radius_m:
+        if self.internal and not 0 < thickness <= 2 * self.root_radius_m:
             raise ArgumentError(
                 f"rim thickness {1e3 * thickness:.5g} mm of the {self.name} must lie above 0 and "
                 f"up to its root diameter, {2e3 * self.root_radius_m:.5g} mm; set "
@@ -365,23 +361,19 @@ class Tooth:
     def angle_at_height(self, height_m: float) -> float:
         """Return the profile angle t of a height on the involute, clipped to its ends."""
         low, high = self.start, self.tip
-        if height_m <= self.height(low):
-            return low
-        if height_m >= self.height(high):
-            return high
+        if not self.height(low) < height_m < self.height(high):
+            return low if height_m <= self.height(low) else high
         return float(brentq(lambda t: float(self.height(t)) - height_m, low, high, xtol=1e-15))
 
     @cached_property
     def root_part(self) -> RootPart | None:
         """The beam below the involute."""
-        if self.internal:
-            if self.root != "fillet":
-                return None
+        if self.root == "fillet" and self.internal:
             end = float(self.half_thickness(self.start)), float(self.height(self.start))
             return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
         if self.root == "fillet":
             return fillet_root(self.rack, self.teeth, self.profile_shift, self.module_m)
-        if self.root == "base" or self.root_radius_m >= self.base_radius_m:
+        if self.root == "base" or self.internal or self.root_radius_m >= self.base_radius_m:
             return None
         return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle_rad)
 
@@ -465,8 +457,7 @@ class ToothBeam:
         if part is None:
             return np.zeros(4)
         edges = part.edges(self.damage.root_levels(self.tooth))
-        height, half, slope = part.points(edges)
-        curves = self._integrands(height, half, slope, None)
+        curves = self._integrands(*part.points(edges), None)
         return Pulse.through(edges, curves).running().at(1.0)
 
     def _integrands(
@@ -506,17 +497,23 @@ def tooth_of(
     gear = pair.gears[index]
     if pair.face_width_m is None:
         raise ArgumentError("face_width_m is missing: the stiffness of a tooth needs it")
+    roll, base = pair.form_rolls_m[index], pair.base_radii_m[index]
+    root_m = pair.root_radii_m[index]
+    if pair.sign(index) < 0:
+        # the involute of a ring does not end before a fillet has room in the space
+        half = pair.rack(index).base_half_angle(-gear.teeth, gear.profile_shift)
+        roll = roomy_roll(base, root_m, half, math.pi / gear.teeth, roll)
     return Tooth(
         name=gear.name,
         teeth=gear.teeth,
         profile_shift=gear.profile_shift,
         rack=pair.rack(index),
         module_m=pair.normal_module_m,
-        base_radius_m=pair.base_radii_m[index],
+        base_radius_m=base,
         reference_radius_m=pair.reference_radii_m[index],
-        root_radius_m=pair.root_radii_m[index],
+        root_radius_m=root_m,
         tip_radius_m=pair.tip_radii_m[index],
-        form_roll_m=_form_roll(pair, index),
+        form_roll_m=roll,
         bore_radius_m=bore_radius_m,
         face_width_m=pair.face_width_m,
         elastic_modulus_pa=gear.elastic_modulus_pa,
@@ -524,13 +521,3 @@ def tooth_of(
         root=root,
         internal=pair.sign(index) < 0,
     )
-
-
-def _form_roll(pair: PairGeometry, index: int) -> float:
-    """Return where the involute begins; of a ring not before a fillet has room in the space."""
-    roll = pair.form_rolls_m[index]
-    if pair.sign(index) > 0:
-        return roll
-    teeth, root = pair.gears[index].teeth, pair.root_radii_m[index]
-    half = pair.rack(index).base_half_angle(-teeth, pair.gears[index].profile_shift)
-    return roomy_roll(pair.base_radii_m[index], root, half, math.pi / teeth, roll)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -130,17 +130,12 @@ class RootCrack:
         cut = tooth.crack_start[1] - np.asarray(depth) * math.sin(self.angle_rad)
         if self.limit == "flat":
             return np.asarray(cut + np.zeros_like(height))
-        low, tip = self._below_tip(tooth, height)
+        top, tip = float(tooth.height(tooth.tip)), float(tooth.half_thickness(tooth.tip))
+        low = np.clip((top - height) / (top - tooth.crack_start[0]), 0.0, 1.0)
         # past the middle of the tooth the parabola hangs from the crack itself
         base = np.minimum(cut, 0.0)
         square = np.maximum(cut, 0.0) ** 2 * low + (tip - base) ** 2 * (1 - low)
         return np.asarray(base + np.sqrt(square))
-
-    def _below_tip(self, tooth: Tooth, height: FloatArray) -> tuple[FloatArray, float]:
-        """Return (y_tip - y)/(y_tip - y_start), at most 1, and the half thickness of the tip."""
-        top = float(tooth.height(tooth.tip))
-        share = (top - height) / (top - tooth.crack_start[0])
-        return np.clip(share, 0.0, 1.0), float(tooth.half_thickness(tooth.tip))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -247,12 +242,9 @@ class ToothDamage:
 
     def corners(self, tooth: Tooth) -> FloatArray:
         """Return the profile angles at which the sections of the involute are not smooth."""
-        found = [np.zeros(0)]
-        if self.crack is not None:
-            found.append(self._crack_corners(tooth, self.crack))
+        found = [] if self.crack is None else self._crack_corners(tooth, self.crack)
         edges = [height for hole in self.holes for height in hole.edges_m.tolist()]
-        found.append(np.array([tooth.angle_at_height(height) for height in edges]))
-        return np.concatenate(found)
+        return np.array([*found, *map(tooth.angle_at_height, edges)], dtype=np.float64)
 
     def root_levels(self, tooth: Tooth) -> FloatArray:
         """Return the half thicknesses [m] at which a crack leaves corners in the root."""
@@ -268,8 +260,8 @@ class ToothDamage:
         widths = (hole.width(height) for hole in self.holes if hole.is_touched)
         return np.asarray(sum(widths, np.zeros(height.shape)))
 
-    def _crack_corners(self, tooth: Tooth, crack: RootCrack) -> FloatArray:
-        found = []
+    def _crack_corners(self, tooth: Tooth, crack: RootCrack) -> list[float]:
+        found: list[float] = []
         for depth in sorted({0.0, *crack.depths}):
 
             def beyond(t: FloatArray, depth: float = depth) -> FloatArray:
@@ -277,8 +269,8 @@ class ToothDamage:
                 loaded = half - self.wear_m / np.cos(t)
                 return np.asarray(loaded - crack.carrying(tooth, tooth.height(t), half, depth))
 
-            found.append(crossings(beyond, tooth.start, tooth.tip, np.zeros(1)))
-        return np.concatenate(found)
+            found += crossings(beyond, tooth.start, tooth.tip, np.zeros(1)).tolist()
+        return found
 
 
 #: A tooth without damage.
@@ -308,8 +300,7 @@ def sections(
     ``A = b (h + h_lim)``, ``I = b (h + h_lim)^3/12`` averaged over the face width; less the holes,
     with the composite section about its own centroid.
     """
-    width = tooth.face_width_m
-    loaded = half
+    width, loaded = tooth.face_width_m, half
     if damage.wear_m and cosine is not None:
         loaded = half - damage.wear_m / cosine
     thickness = half + loaded
@@ -344,8 +335,7 @@ def _holed(
         lost = np.minimum(np.sum(widths, axis=0), LARGEST_WIDTH * tooth.face_width_m)
         removed = lost * depth
         arm = 0.5 * whole / tooth.face_width_m - 0.5 * depth
-        inertia = inertia - lost * depth**3 / 12
-        inertia = inertia - area * removed * arm**2 / (area - removed)
+        inertia = inertia - lost * depth**3 / 12 - area * removed * arm**2 / (area - removed)
         area = area - removed
     return area, inertia
 
@@ -380,12 +370,8 @@ def tooth_damage(faults: Sequence[Fault], tooth: Tooth) -> ToothDamage:
     tooth : Tooth
     """
     cracks = [_crack(fault, tooth) for fault in faults if fault.kind == "crack"]
-    holes: list[Hole] = []
-    for fault in faults:
-        if fault.kind == "spall":
-            holes.append(_spall(fault, tooth))
-        elif fault.kind == "pitting":
-            holes += _pits(fault, tooth)
+    makers = {"spall": _spall, "pitting": _pits}
+    holes = [hole for f in faults if f.kind in makers for hole in makers[f.kind](f, tooth)]
     if len(cracks) > 1:
         raise ArgumentError(f"fault {faults[0]}: a tooth can have one root crack in mm, not more")
     wear = sum(1e-3 * fault.size for fault in faults if fault.kind == "wear")
@@ -434,10 +420,10 @@ def _crack(fault: Fault, tooth: Tooth) -> RootCrack:
     )
 
 
-def _spall(fault: Fault, tooth: Tooth) -> Hole:
+def _spall(fault: Fault, tooth: Tooth) -> list[Hole]:
     shape = fault.shape
-    if shape.length is None or shape.depth is None:
-        raise ArgumentError(f"fault {fault}: a spall needs width x length x depth")
+    assert shape.length is not None  # no fault is made without
+    assert shape.depth is not None
     width, start = 1e-3 * fault.size, 1e-3 * (shape.start or 0.0)
     if start + width > tooth.face_width_m * (1 + 1e-9):
         raise ArgumentError(
@@ -448,14 +434,9 @@ def _spall(fault: Fault, tooth: Tooth) -> Hole:
     half = 0.5e-3 * shape.length
     if not tooth.height(tooth.start) < middle < tooth.height(tooth.tip):
         raise ArgumentError(f"fault {fault}: at={shape.at:g} mm lies outside the flank")
-    return Hole(
-        low_m=middle - half,
-        high_m=middle + half,
-        width_m=width,
-        depth_m=1e-3 * shape.depth,
-        start=start / tooth.face_width_m,
-        is_touched=False,
-    )
+    low, high, begin = middle - half, middle + half, start / tooth.face_width_m
+    flat = Hole(low_m=low, high_m=high, width_m=width, depth_m=1e-3 * shape.depth, start=begin)
+    return [replace(flat, is_touched=False)]
 
 
 def _pits(fault: Fault, tooth: Tooth) -> list[Hole]:
@@ -477,16 +458,11 @@ def _pits(fault: Fault, tooth: Tooth) -> list[Hole]:
             f"flank of the {tooth.name}; give a smaller radius"
         )
     fills = [min(fill, filled - fill * i) for i in range(len(rows))]
+    parts = [(row, fill * tooth.face_width_m) for row, fill in zip(rows, fills, strict=True)]
     return [
-        Hole(
-            low_m=row - radius,
-            high_m=row + radius,
-            width_m=part * tooth.face_width_m,
-            depth_m=depth,
-            round=True,
-        )
-        for row, part in zip(rows, fills, strict=True)
-        if part > 1e-12
+        Hole(low_m=row - radius, high_m=row + radius, width_m=width, depth_m=depth, round=True)
+        for row, width in parts
+        if width > 1e-12 * tooth.face_width_m
     ]
 
 

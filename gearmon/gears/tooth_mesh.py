@@ -57,13 +57,13 @@ class PairsInMesh(ABC):
 
     @property
     @abstractmethod
-    def length(self) -> float:
-        """Length of the contact of a pair [mesh periods]."""
+    def corners(self) -> FloatArray:
+        """Phases of the contact, from end to end, where what a sound pair carries is not smooth."""
 
     @property
-    @abstractmethod
-    def corners(self) -> FloatArray:
-        """Phases of the contact at which what a sound pair carries is not smooth."""
+    def length(self) -> float:
+        """Length of the contact of a pair [mesh periods]."""
+        return float(self.corners[-1])
 
     @abstractmethod
     def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
@@ -113,12 +113,12 @@ class PairsInMesh(ABC):
             One for each gear with damaged teeth and, where damaged teeth of both gears meet, one
             for what the two miss there.
         """
-        one, two = losses
-        names, z = [member.name for member in pair.members], pair.teeth
+        (one, two), z = losses, pair.teeth
+        both = self._terms(one, two, z) if one and two else ()
         parts = (
-            (names[0], z[0], self._terms(one, {}, z)),
-            (names[1], z[1], self._terms({}, two, z)),
-            (" and ".join(names), math.lcm(*z), self._terms(one, two, z) if one and two else ()),
+            (pair.first.name, z[0], self._terms(one, {}, z)),
+            (pair.second.name, z[1], self._terms({}, two, z)),
+            (" and ".join(pair.names), math.lcm(*z), both),
         )
         return [
             PulseTrain(gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=terms)
@@ -139,7 +139,7 @@ class PairsInMesh(ABC):
             near = self._near(first, teeth[0]), self._near(second, teeth[1])
             entries = near[0] | near[1]
             if one and two:
-                met = {meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near)}
+                met = (meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near))
                 entries = {place for place in met if place is not None}
             for entry in sorted(entries):
                 states = self._states(entry, first, second, teeth)
@@ -217,11 +217,6 @@ class CurvePairs(PairsInMesh):
     pulse: Pulse
 
     @property
-    def length(self) -> float:
-        """Length of the contact of a pair [mesh periods]."""
-        return self.pulse.length
-
-    @property
     def corners(self) -> FloatArray:
         """Limits of the pieces of the curve."""
         return self.pulse.edges
@@ -259,15 +254,10 @@ class TeethInMesh(PairsInMesh):
     pair: ToothPair
     force_n: float | None = None
 
-    @property
-    def length(self) -> float:
-        """Length of the contact of a pair [mesh periods]."""
-        return self.pair.contact_ratio
-
     @cached_property
     def corners(self) -> FloatArray:
         """Where another pair enters or leaves."""
-        return contact_zones(self.length)[0]
+        return contact_zones(self.pair.contact_ratio)[0]
 
     @cached_property
     def reach(self) -> int:
@@ -311,8 +301,7 @@ class TeethInMesh(PairsInMesh):
             rows = np.flatnonzero((present == pattern[:, None]).all(axis=0))
             who = np.flatnonzero(pattern)
             chosen = np.ix_(who, rows)
-            own = bodies[who][:, :, rows]
-            loads[chosen] = self._solve(phase[rows], total[chosen], own, who)
+            loads[chosen] = self._solve(phase[rows], total[chosen], bodies[who][:, :, rows], who)
         return loads
 
     def _ratio(self, state: PairState, phase: FloatArray) -> FloatArray:
@@ -336,8 +325,8 @@ class TeethInMesh(PairsInMesh):
         for i in range(len(who)):
             matrix[..., i, i] = total[i]
             for j in range(i):
-                apart, both = int(who[i] - who[j]), (own[j], own[i])
-                shared = self.pair.coupling(apart, bodies[[j, i]], both)
+                both = own[j], own[i]
+                shared = self.pair.coupling(int(who[i] - who[j]), bodies[[j, i]], both)
                 matrix[..., i, j] = matrix[..., j, i] = shared
         ones = np.ones((*phase.shape, len(who), 1))
         return np.moveaxis(np.linalg.solve(matrix, ones)[..., 0], -1, 0)
@@ -365,9 +354,8 @@ def _face_parts(one: GearLosses, two: GearLosses) -> list[tuple[float, float]]:
 
 
 def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
-    found = {}
-    for tooth, parts in losses.items():
-        own = tuple(p for p in parts if p.face_start <= low and p.face_end >= high)
-        if own:
-            found[tooth] = own
-    return found
+    inside = {
+        tooth: tuple(p for p in parts if p.face_start <= low and p.face_end >= high)
+        for tooth, parts in losses.items()
+    }
+    return {tooth: parts for tooth, parts in inside.items() if parts}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,8 @@ POINTS = 60
 
 
 _GONE = ("breakage", "missing")
+#: Half thickness and height.
+Curve = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +90,10 @@ class _Frame:
         points = 1e3 * (self.centre + (half + 1j * height) * self.across)
         return np.stack([points.real, points.imag], axis=-1)
 
-    def turned(self, angle: float) -> _Frame:
-        return _Frame(self.centre, self.across * cmath.exp(1j * angle))
+    def between(self, one: Curve, other: Curve) -> FloatArray:
+        """Place the line along one curve and back along the other."""
+        half, height = (np.concatenate([a, b[::-1]]) for a, b in zip(one, other, strict=True))
+        return self.place(half, height)
 
 
 def teeth_picture(
@@ -133,7 +137,7 @@ def teeth_picture(
     )
 
 
-def half_profile(tooth: Tooth) -> tuple[FloatArray, FloatArray]:
+def half_profile(tooth: Tooth) -> Curve:
     """Return half thickness and height [m] of the loaded side, from the root circle to the tip."""
     t = np.linspace(tooth.start, tooth.tip, POINTS)
     half, height = tooth.half_thickness(t), tooth.height(t)
@@ -160,11 +164,11 @@ def _frames(pair: ToothPair, roll: float) -> tuple[_Frame, _Frame]:
 
 def _outline(tooth: Tooth, frame: _Frame) -> FloatArray:
     half, height = half_profile(tooth)
-    halves = np.concatenate([-half, half[::-1]])
-    heights = np.concatenate([height, height[::-1]])
-    pitch = tooth.sign * 2 * math.pi / tooth.teeth
+    ends, pitch = ((-half, height), (half, height)), tooth.sign * 2 * math.pi / tooth.teeth
     # teeth one after the other across the tooth in the middle
-    return np.concatenate([frame.turned(-k * pitch).place(halves, heights) for k in range(-2, 3)])
+    turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
+    placed = (replace(frame, across=frame.across * turn) for turn in turns)
+    return np.concatenate([own.between(*ends) for own in placed])
 
 
 def _cracks(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]:
@@ -181,13 +185,11 @@ def _holes(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]
     for hole in damage.holes:
         t = np.linspace(*hole.angles(tooth), POINTS)
         half, height = tooth.half_thickness(t), tooth.height(t)
-        depth: FloatArray | float = hole.depth_m
-        if hole.round:
-            depth = hole.depth_m * np.sqrt(np.clip(1 - np.linspace(-1, 1, POINTS) ** 2, 0, None))
+        across = np.linspace(-1, 1, POINTS) if hole.round else np.zeros(POINTS)
+        depth = hole.depth_m * np.sqrt(1 - across**2)
         slope = tooth.slope(t)
         inner_half, inner_height = half - depth * np.cos(slope), height - depth * np.sin(slope)
-        halves = np.concatenate([half, inner_half[::-1]])
-        found.append(frame.place(halves, np.concatenate([height, inner_height[::-1]])))
+        found.append(frame.between((half, height), (inner_half, inner_height)))
     return found
 
 
@@ -197,7 +199,7 @@ def _gone(fault: Fault, tooth: Tooth, frame: _Frame) -> FloatArray:
         lowest = tooth.sign * tooth.radius_below_tip(1e-3 * fault.shape.height)
         kept = height >= lowest
         half, height = half[kept], height[kept]
-    return frame.place(np.concatenate([-half, half[::-1]]), np.concatenate([height, height[::-1]]))
+    return frame.between((-half, height), (half, height))
 
 
 def _marks(damage: ToothDamage, faults: Sequence[Fault], tooth: Tooth) -> list[FlankMark]:

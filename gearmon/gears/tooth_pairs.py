@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -139,14 +139,12 @@ class PotentialEnergy:
     has_foundation: bool = True
     is_coupled: bool = True
 
+    #: Name under which the form is chosen.
+    name: ClassVar[str] = POTENTIAL_ENERGY
+
     def __post_init__(self) -> None:
         check_word("root=", self.root, ROOTS)
         check_word("contact=", self.contact, CONTACTS)
-
-    @property
-    def name(self) -> str:
-        """Name under which the form is chosen."""
-        return POTENTIAL_ENERGY
 
 
 #: The form with its usual choices.
@@ -250,11 +248,8 @@ class ToothPair:
     @cached_property
     def foundations(self) -> tuple[Body, Body]:
         """The bodies of both gears."""
-        one, two = (
-            RingBody(tooth=tooth) if tooth.internal else Foundation(tooth=tooth)
-            for tooth in self.teeth
-        )
-        return one, two
+        one, two = self.teeth
+        return Foundation(tooth=one), (RingBody if two.internal else Foundation)(tooth=two)
 
     @cached_property
     def sound(self) -> Beams:
@@ -264,11 +259,8 @@ class ToothPair:
     def parted(self, lost: float) -> ToothPair:
         """Return the same teeth at the centre distance at which so much contact ratio is lost."""
         step = lost * self.base_pitch_m
-        moved = replace(
-            self,
-            line_m=self.line_m + self.second.sign * step,
-            path_m=(self.path_m[0] + step, self.path_m[1]),
-        )
+        line, path = self.line_m + self.second.sign * step, (self.path_m[0] + step, self.path_m[1])
+        moved = replace(self, line_m=line, path_m=path)
         # the teeth themselves are the same
         moved.__dict__["sound"] = self.sound
         moved.__dict__["foundations"] = self.foundations
@@ -327,8 +319,7 @@ class ToothPair:
         force_n : array_like, optional
             Force on this pair [N]; only the load-dependent contact needs it.
         """
-        roll = np.asarray(roll_m, dtype=np.float64)
-        rolls = self.rolls(roll)
+        rolls = self.rolls(np.asarray(roll_m, dtype=np.float64))
         both = self.sound if beams is None else beams
         angles = [tooth.angle(own) for tooth, own in zip(self.teeth, rolls, strict=True)]
         parts = [beam.compliances(angle) for beam, angle in zip(both, angles, strict=True)]
@@ -344,10 +335,7 @@ class ToothPair:
         )
 
     def coupling(
-        self,
-        apart: int,
-        bodies: FloatArray,
-        phases: tuple[FloatArray, FloatArray],
+        self, apart: int, bodies: FloatArray, phases: tuple[FloatArray, FloatArray]
     ) -> FloatArray:
         """Return the compliance [m/N] that two pairs share through the bodies of the gears.
 
@@ -397,25 +385,21 @@ class ToothPair:
         width = self._touching(beams, angles)
         if self.form.contact == "constant" or force_n is None:
             return self.oblique * hertz_compliance(width, moduli, nu)
-        depths = [
+        one, two = (
             tooth.half_thickness(angle) / np.cos(angle)
             for tooth, angle in zip(self.teeth, angles, strict=True)
-        ]
+        )
         force = np.asarray(force_n, dtype=np.float64)
         # the flank of a ring is hollow: its curvature counts against that of the mate
         radius = rolls[0] * rolls[1] / (rolls[1] + self.second.sign * rolls[0])
-        return self.oblique * weber_banaschek_compliance(
-            force, width, radius, (depths[0], depths[1]), moduli, nu
-        )
+        flattening = weber_banaschek_compliance(force, width, radius, (one, two), moduli, nu)
+        return self.oblique * flattening
 
     def _touching(self, beams: Beams, angles: list[FloatArray]) -> FloatArray | float:
         """Return the length of the line of contact: the face width less pits [m]."""
         width = self.first.face_width_m
-        missing = sum(
-            beam.damage.missing_width_m(beam.tooth.height(angle))
-            for beam, angle in zip(beams, angles, strict=True)
-            if beam.damage.holes
-        )
+        pitted = [both for both in zip(beams, angles, strict=True) if both[0].damage.holes]
+        missing = sum(own.damage.missing_width_m(own.tooth.height(angle)) for own, angle in pitted)
         return width - np.minimum(missing, LARGEST_WIDTH * width)
 
 
@@ -527,16 +511,15 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
     pair.need("module_mm", "stiffness of its teeth")
     pair.need("face_width_mm", "stiffness of its teeth")
     notes: list[str] = []
-    known = pair.given("contact_ratio")
     geometry = pair.geometry
-    bores = [_held_radius(geometry, i, member, notes) for i, member in enumerate(pair.members)]
+    one, two = (_held_radius(geometry, i, member, notes) for i, member in enumerate(pair.members))
     try:
         return tooth_pair(
             geometry,
             form,
-            bore_radii_m=(bores[0], bores[1]),
+            bore_radii_m=(one, two),
             poisson_ratio=pair.stage.poisson_ratio,
-            contact_ratio=known,
+            contact_ratio=pair.given("contact_ratio"),
             notes=tuple(notes) if form.has_foundation else (),
         )
     except ArgumentError as error:
@@ -544,15 +527,23 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
 
 
 def _held_radius(geometry: PairGeometry, index: int, member: GearTeeth, notes: list[str]) -> float:
+    root = geometry.root_radii_m[index]
+    if member.internal and member.rim_m is not None:
+        return root + member.rim_m
     if member.internal:
-        return geometry.root_radii_m[index] + _rim(geometry, member, notes)
+        thickness = USUAL_RIM * geometry.normal_module_m
+        notes.append(
+            f"the rim of the {member.name} is taken as {1e3 * thickness:.4g} mm thick, "
+            f"{USUAL_RIM:g} modules; rim_thickness_{member.name}_mm would say how thick"
+        )
+        return root + thickness
     if member.web_m is not None:
         notes.append(
             f"web and rim of the {member.name} lower the ISO stiffness only: its body under the "
             f"teeth is taken as a solid disc"
         )
     if member.bore_m:
-        return _within_fit(geometry.root_radii_m[index], member, notes)
+        return _within_fit(root, member, notes)
     held = USUAL_BORE * geometry.reference_radii_m[index]
     notes.append(
         f"the {member.name} is taken as held on a diameter of {2e3 * held:.4g} mm, 0.4 times its "
@@ -579,14 +570,3 @@ def _within_fit(root_m: float, member: GearTeeth, notes: list[str]) -> float:
             f"it is taken as held on a diameter of {2e3 * held:.4g} mm"
         )
     return held
-
-
-def _rim(geometry: PairGeometry, member: GearTeeth, notes: list[str]) -> float:
-    if member.rim_m is not None:
-        return member.rim_m
-    thickness = USUAL_RIM * geometry.normal_module_m
-    notes.append(
-        f"the rim of the {member.name} is taken as {1e3 * thickness:.4g} mm thick, {USUAL_RIM:g} "
-        f"modules; rim_thickness_{member.name}_mm would say how thick"
-    )
-    return thickness

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from enum import Enum
 from typing import Any
@@ -73,7 +72,7 @@ class Count:
         return number
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Number:
     """A finite number between low and high; the ends belong to the range unless said otherwise."""
 
@@ -150,7 +149,8 @@ class Choice:
             return value
         guess = nearest_name(value, self.options) if isinstance(value, str) else None
         hint = f'; did you mean "{guess}"?' if guess else ""
-        raise FieldError(key, f"must be one of {_listed(self.options)}{hint}", value)
+        listed = ", ".join(f'"{word}"' for word in self.options)
+        raise FieldError(key, f"must be one of {listed}{hint}", value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,19 +188,19 @@ class Several:
 Rule = Count | Number | Text | Unit | Choice | Column | Several
 
 
-def obeys(rule: Rule) -> Mapping[str, Any]:
-    """Return the metadata by which a dataclass field is held to `rule`."""
-    return {"rule": rule}
-
-
 def held(rule: Rule, default: Any = MISSING) -> Any:
     """Return a field of a dataclass that is held to `rule`."""
-    return field(default=default, metadata=obeys(rule))
+    return field(default=default, metadata={"rule": rule})
 
 
 def within(low: float, high: float, unit: str = "", default: Any = MISSING, **rule: Any) -> Any:
     """Return a field of a dataclass that is held to a range; `rule` as for a `Number`."""
-    return held(Number(low=low, high=high, unit=unit, **rule), default)
+    return held(Number(low, high, unit, **rule), default)
+
+
+def optional(low: float, high: float, unit: str = "", why: str = "", **rule: Any) -> Any:
+    """Return a field like one of `within` that may be left out: it is None then."""
+    return held(Number(low, high, unit, why, **rule), None)
 
 
 def check_fields(part: Any) -> None:
@@ -245,7 +245,3 @@ def _literal(value: object) -> str:
 
 def _because(why: str) -> str:
     return f": {why}" if why else ""
-
-
-def _listed(words: tuple[str, ...]) -> str:
-    return ", ".join(f'"{word}"' for word in words)

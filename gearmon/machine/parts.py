@@ -16,6 +16,7 @@ from gearmon.machine.fields import (
     Unit,
     check_fields,
     held,
+    optional,
     within,
 )
 from gearmon.machine.stages import (
@@ -70,9 +71,7 @@ class OperatingPoint(Checked):
     speed_rpm: float = within(
         0, 1e6, "rpm", open_low=True, why="the magnitude of the speed of shaft 1", example="1460.0"
     )
-    torque_nm: float | None = within(
-        0, 1e9, "Nm", default=None, why="the magnitude of the torque on shaft 1"
-    )
+    torque_nm: float | None = optional(0, 1e9, "Nm", "the magnitude of the torque on shaft 1")
     share: float = within(0, 1, default=1.0, open_low=True, why="a share of the running time")
     name: str = held(Text(example='"full load"'), "")
 
@@ -118,16 +117,12 @@ class Bearing:
     shaft: int | None = held(Count(low=1, high=1000, example="1"), None)
     planet_stage: int | None = held(Count(low=1, high=1000), None)
     balls: int | None = held(Count(low=3, high=200, example="9"), None)
-    ball_diameter_mm: float | None = within(
-        0, 500, "mm", default=None, open_low=True, example="7.94"
-    )
-    pitch_diameter_mm: float | None = within(
-        0, 10_000, "mm", default=None, open_low=True, example="39.04"
-    )
+    ball_diameter_mm: float | None = optional(0, 500, "mm", open_low=True, example="7.94")
+    pitch_diameter_mm: float | None = optional(0, 10_000, "mm", open_low=True, example="39.04")
     contact_angle_deg: float = within(0, 90, "deg", default=0.0)
     rotating: str = held(Choice(options=("inner", "outer")), "")
     stiffness_n_per_m: float | None = held(STIFFNESS, None)
-    damping_ns_per_m: float | None = within(0, 1e10, "Ns/m", default=None)
+    damping_ns_per_m: float | None = optional(0, 1e10, "Ns/m")
     position_mm: float | None = held(PLACE, None)
 
     def __post_init__(self) -> None:
@@ -190,10 +185,10 @@ class ShaftSection:
 
     shaft: int = held(Count(low=1, high=1000, example="1"))
     length_mm: float = within(0, 1e5, "mm", open_low=True, example="120.0")
-    diameter_mm: float | None = within(0, 5000, "mm", default=None, open_low=True)
+    diameter_mm: float | None = optional(0, 5000, "mm", open_low=True)
     bore_mm: float = within(0, 5000, "mm", default=0.0)
     torsional_stiffness_nm_per_rad: float | None = held(TORSION, None)
-    bending_stiffness_nm2: float | None = within(0, 1e13, "N m2", default=None, open_low=True)
+    bending_stiffness_nm2: float | None = optional(0, 1e13, "N m2", open_low=True)
     elastic_modulus_pa: float = held(MODULUS, 206e9)
     poisson_ratio: float = within(0, 0.5, default=0.3, open_high=True, why="steel has 0.3")
     density_kgm3: float = within(0, 25_000, "kg/m3", default=7850.0)
@@ -329,11 +324,9 @@ class Machine(Result):
         if not 1 <= len(self.stages) <= MOST_STAGES:
             reason = f"is given {len(self.stages)} times; a train has 1 to {MOST_STAGES} stages"
             raise FieldError("stage", reason)
-        self._check_shares()
-        self._check_speeds()
-        self._check_bearings()
-        self._check_sensors()
+        self._check_operating()
         self._check_places()
+        self._check_columns()
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of a machine file, without what is as by default.
@@ -343,7 +336,13 @@ class Machine(Result):
         dict
             `load_machine` makes the machine of it again.
         """
-        parts = {
+        tables = self._tables.items()
+        return {"name": self.name} | {name: list(map(_filled, own)) for name, own in tables if own}
+
+    @property
+    def _tables(self) -> dict[str, tuple[Any, ...]]:
+        """The parts by the names of their tables in a machine file."""
+        return {
             "operating": self.operating,
             "stage": self.stages,
             "shaft": self.sections,
@@ -351,21 +350,17 @@ class Machine(Result):
             "disc": self.discs,
             "sensor": self.sensors,
         }
-        tables = {name: [_filled(part) for part in own] for name, own in parts.items() if own}
-        return {"name": self.name, **tables}
 
     @property
     def shaft_count(self) -> int:
         """Shafts in the power flow: one more than there are stages."""
         return len(self.stages) + 1
 
-    def _check_shares(self) -> None:
+    def _check_operating(self) -> None:
         total = math.fsum(point.share for point in self.operating)
         if abs(total - 1) > SHARE_TOLERANCE:
             reason = f"must sum to 1 over all operating points; the sum is {total:.7g}"
             raise FieldError("operating.share", reason)
-
-    def _check_speeds(self) -> None:
         speeds = [abs(point.speed_rpm) for point in self.operating]
         if max(speeds) > MOST_SPEEDS_APART * min(speeds):
             reason = (
@@ -374,46 +369,38 @@ class Machine(Result):
             )
             raise FieldError("operating.speed_rpm", reason)
 
-    def _check_bearings(self) -> None:
-        for number, bearing in enumerate(self.bearings, start=1):
-            where = f"bearing[{number}]"
-            if bearing.shaft is not None:
-                self._check_shaft(f"{where}.shaft", bearing.shaft)
-                self._check_place(f"{where}.position_mm", bearing.shaft, bearing.position_mm)
-            elif bearing.planet_stage is not None:
-                self._check_planet_stage(f"{where}.planet_stage", bearing.planet_stage)
-
-    def _check_sensors(self) -> None:
-        columns: dict[str | int, int] = {}
-        for number, sensor in enumerate(self.sensors, start=1):
-            self._check_shaft(f"sensor[{number}].shaft", sensor.shaft)
-            earlier = columns.setdefault(sensor.column, number)
-            if earlier != number:
-                reason = f"is also the column of sensor[{earlier}]"
-                raise FieldError(f"sensor[{number}].column", reason, sensor.column)
-
     def _check_places(self) -> None:
-        """Refuse what sits on a shaft that is not there, or beyond its end."""
-        for number, section in enumerate(self.sections, start=1):
-            self._check_shaft(f"shaft[{number}].shaft", section.shaft)
-        for number, disc in enumerate(self.discs, start=1):
-            self._check_shaft(f"disc[{number}].shaft", disc.shaft)
-            self._check_place(f"disc[{number}].position_mm", disc.shaft, disc.position_mm)
+        """Refuse what sits on a shaft or in a stage that is not there, or beyond a shaft's end."""
+        for name in ("bearing", "sensor", "shaft", "disc"):
+            for number, part in enumerate(self._tables[name], start=1):
+                where = f"{name}[{number}]"
+                if part.shaft is None:
+                    self._check_planet_stage(f"{where}.planet_stage", part.planet_stage)
+                    continue
+                if part.shaft > self.shaft_count:
+                    last = self.shaft_count
+                    reason = f"must lie in [1, {last}]: n stages in a row have n + 1 shafts"
+                    raise FieldError(f"{where}.shaft", reason, part.shaft)
+                at = getattr(part, "position_mm", None)
+                self._check_place(f"{where}.position_mm", part.shaft, at)
         for number, stage in enumerate(self.stages, start=1):
             for shaft, member in enumerate(stage.on_shafts, start=number):
                 key = f"position_{member}_mm"
                 self._check_place(f"stage[{number}].{key}", shaft, getattr(stage, key))
+
+    def _check_columns(self) -> None:
+        columns: dict[str | int, int] = {}
+        for number, sensor in enumerate(self.sensors, start=1):
+            earlier = columns.setdefault(sensor.column, number)
+            if earlier != number:
+                reason = f"is also the column of sensor[{earlier}]"
+                raise FieldError(f"sensor[{number}].column", reason, sensor.column)
 
     def _check_place(self, key: str, shaft: int, position_mm: float | None) -> None:
         length = sum(own.length_mm for own in self.sections if own.shaft == shaft)
         if position_mm is not None and position_mm > length * (1 + 1e-9):
             told = f"the length of shaft {shaft}" if length else f"shaft {shaft} has no [[shaft]]"
             raise FieldError(key, f"must lie in [0, {length:g}] mm: {told}", position_mm)
-
-    def _check_shaft(self, key: str, shaft: int) -> None:
-        if shaft > self.shaft_count:
-            reason = f"must lie in [1, {self.shaft_count}]: n stages in a row have n + 1 shafts"
-            raise FieldError(key, reason, shaft)
 
     def _check_planet_stage(self, key: str, stage: int) -> None:
         planetary = [i for i, s in enumerate(self.stages, start=1) if s.kind == "planetary"]

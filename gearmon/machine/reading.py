@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 import tomllib
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -82,7 +83,7 @@ def key_lines(text: str) -> dict[str, int]:
     {'name': 1, 'stage[1]': 2, 'stage[1].kind': 3}
     """
     found: dict[str, int] = {}
-    counts: dict[str, int] = {}
+    counts: Counter[str] = Counter()
     prefix = ""
     inside_string = False
     for number, line in enumerate(text.splitlines(), start=1):
@@ -92,19 +93,15 @@ def key_lines(text: str) -> dict[str, int]:
             continue
         inside_string = quotes % 2 == 1
         if header := _TABLE.match(line):
-            label = _label(header[1], header[2], counts)
+            label = header[2]
+            if header[1] == "[[":
+                counts[label] += 1
+                label = f"{label}[{counts[label]}]"
             found.setdefault(label, number)
             prefix = f"{label}."
         elif key := _KEY.match(line):
             found.setdefault(prefix + key[2], number)
     return found
-
-
-def _label(bracket: str, table: str, counts: dict[str, int]) -> str:
-    if bracket == "[":
-        return table
-    counts[table] = counts.get(table, 0) + 1
-    return f"{table}[{counts[table]}]"
 
 
 def _read_bytes(path: Path, shown: str) -> bytes:
@@ -113,8 +110,7 @@ def _read_bytes(path: Path, shown: str) -> bytes:
             raise MachineFileError(f"{shown}: is a folder; give the name of a machine file (TOML)")
         if path.exists() and not path.is_file():
             raise MachineFileError(f"{shown}: is not an ordinary file")
-        size = path.stat().st_size
-        if size > LARGEST_FILE_BYTES:
+        if (size := path.stat().st_size) > LARGEST_FILE_BYTES:
             reason = f"has {size / 1e6:.1f} MB; a machine file is a short text (at most 1 MB)"
             raise MachineFileError(f"{shown}: {reason}")
         return path.read_bytes()
@@ -123,9 +119,9 @@ def _read_bytes(path: Path, shown: str) -> bytes:
         raise MachineFileError(f"{shown}: no such file{hint}") from None
     except OSError as error:
         raise MachineFileError(f"{shown}: cannot be read ({error.strerror})") from None
+    except MachineFileError:
+        raise
     except ValueError as error:
-        if isinstance(error, MachineFileError):
-            raise
         raise MachineFileError(f"{shown!r}: is not the name of a file ({error})") from None
 
 
@@ -165,10 +161,11 @@ def _syntax_error(shown: str, text: str, message: str) -> MachineFileError:
     number = int(match[2]) if match[2] else max(len(lines), 1)
     line = lines[number - 1].strip() if number <= len(lines) else ""
     place = f"{number}:{match[3]}" if match[3] else f"{number}"
+    printed = "".join(letter if letter.isprintable() else "?" for letter in line)
+    here = f", in: {printed if len(printed) <= 60 else f'{printed[:57]}...'}" if line else ""
+    here += " (decimal numbers take a point)" if _DECIMAL_COMMA.search(line) else ""
     complaint = _one_line(_reworded(match[1]))
-    here = f", in: {_shortened(line)}" if line else ""
-    hint = " (decimal numbers take a point)" if _DECIMAL_COMMA.search(line) else ""
-    return MachineFileError(f"{shown}:{place}: not valid TOML: {complaint}{here}{hint}")
+    return MachineFileError(f"{shown}:{place}: not valid TOML: {complaint}{here}")
 
 
 def _reworded(complaint: str) -> str:
@@ -183,11 +180,6 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _shortened(line: str) -> str:
-    clean = "".join(letter if letter.isprintable() else "?" for letter in line)
-    return clean if len(clean) <= 60 else f"{clean[:57]}..."
-
-
 STAGE_KINDS: dict[str, type[Stage]] = {"parallel": ParallelStage, "planetary": PlanetaryStage}
 
 _TOP_KEYS = ("name", "operating", "stage", "shaft", "bearing", "disc", "sensor")
@@ -199,10 +191,6 @@ _HOMES: dict[str, type] = {
     "[[disc]]": Disc,
     '[[stage]] with kind = "parallel"': ParallelStage,
     '[[stage]] with kind = "planetary"': PlanetaryStage,
-}
-_EXAMPLES = {
-    "operating": "[operating] with speed_rpm = 1460.0",
-    "stage": '[[stage]] with kind = "parallel", pinion_teeth = 26, gear_teeth = 53',
 }
 
 MOST_KEYS_LISTED = 10
@@ -282,8 +270,10 @@ def _machine(source: MachineSource) -> Machine:
     name = source.document.get("name", Path(source.path).stem or "machine")
     stages, notes = _stages(source)
     try:
+        if not isinstance(name, str) or not name.strip() or not name.isprintable():
+            raise FieldError("name", "must be one line of text in quotes", name)
         return Machine(
-            name=_checked_name(name),
+            name=name,
             operating=_operating_points(source),
             stages=stages,
             bearings=_parts(source, "bearing", Bearing),
@@ -297,28 +287,24 @@ def _machine(source: MachineSource) -> Machine:
         raise source.error(error.key, error.message(error.key)) from None
 
 
-def _checked_name(name: object) -> str:
-    if not isinstance(name, str) or not name.strip() or not name.isprintable():
-        raise FieldError("name", "must be one line of text in quotes", name)
-    return name
-
-
 def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
     tables = read_tables(source, "operating", single=True)
     if not tables:
-        raise source.error("", f"lacks an operating point; write {_EXAMPLES['operating']}")
-    with_share = [label for label, table in tables if "share" in table]
-    if with_share and len(with_share) < len(tables):
-        without = next(label for label, table in tables if "share" not in table)
-        raise source.error(without, f"{without} lacks share; give it to every point or to none")
-    equal = {} if with_share else {"share": 1 / len(tables)}
+        told = "lacks an operating point; write [operating] with speed_rpm = 1460.0"
+        raise source.error("", told)
+    without = [label for label, table in tables if "share" not in table]
+    if 0 < len(without) < len(tables):
+        told = f"{without[0]} lacks share; give it to every point or to none"
+        raise source.error(without[0], told)
+    equal = {"share": 1 / len(tables)} if without else {}
     return tuple(read_part(source, OperatingPoint, label, equal | table) for label, table in tables)
 
 
 def _stages(source: MachineSource) -> tuple[tuple[Stage, ...], tuple[str, ...]]:
     tables = read_tables(source, "stage")
     if not tables:
-        raise source.error("", f"lacks a stage; write {_EXAMPLES['stage']}")
+        example = '[[stage]] with kind = "parallel", pinion_teeth = 26, gear_teeth = 53'
+        raise source.error("", f"lacks a stage; write {example}")
     stages: list[Stage] = []
     notes: list[str] = []
     for number, (label, table) in enumerate(tables, start=1):
@@ -400,11 +386,8 @@ def read_part(source: MachineSource, part: type[_Part], label: str, table: dict[
     """
     described = {field.name: field for field in dataclasses.fields(part)}  # type: ignore[arg-type]
     refuse_unknown_keys(source, table, tuple(described), label)
-    missing = [
-        name
-        for name, field in described.items()
-        if field.default is dataclasses.MISSING and name not in table
-    ]
+    needed = [name for name, own in described.items() if own.default is dataclasses.MISSING]
+    missing = [name for name in needed if name not in table]
     if missing:
         example = f"{missing[0]} = {described[missing[0]].metadata['rule'].example}"
         lacks = " and ".join(missing)

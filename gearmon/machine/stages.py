@@ -14,30 +14,27 @@ from gearmon.machine.fields import (
     Text,
     check_fields,
     held,
+    optional,
     within,
 )
 
 TEETH = Count(low=5, high=2000, why="the range of cylindrical gears", example="26")
-SHIFT = Number(low=-3, high=3, why="the profile shift coefficient is a multiple of the module")
-TIP = Number(low=0.3, high=2.0, why="the addendum is 1.0 modules in standard teeth")
-ROOT = Number(low=0.5, high=2.5, why="the dedendum of the basic rack is about 1.25 modules")
-BORE = Number(low=0, high=20_000, unit="mm", open_low=True, why="leave it out for a solid disc")
-MODULUS = Number(low=1e8, high=1e12, unit="Pa", why="steel has 206e9 Pa")
-DIAMETER = Number(
-    low=0, high=50_000, unit="mm", open_low=True, why="leave it out to have it computed"
-)
-WEB = Number(low=0, high=5000, unit="mm", open_low=True, why="leave it out for a solid disc")
-RIM = Number(
-    low=0, high=5000, unit="mm", open_low=True, why="from the root circle; leave it out if unknown"
-)
-MASS = Number(low=0, high=1e6, unit="kg", open_low=True, why="leave it out to have it computed")
-INERTIA = Number(
-    low=0, high=1e9, unit="kg m2", open_low=True, why="leave it out to have it computed"
-)
-PLACE = Number(low=0, high=1e5, unit="mm", why="from the beginning of the shaft")
-STIFFNESS = Number(low=1e3, high=1e13, unit="N/m", why="leave it out where it hardly yields")
-TORSION = Number(low=1, high=1e13, unit="Nm/rad", why="leave it out where it hardly yields")
-ANGLE = Number(low=-360, high=360, unit="deg", why="0 where all axes lie in one plane")
+SHIFT = Number(-3, 3, why="the profile shift coefficient is a multiple of the module")
+TIP = Number(0.3, 2.0, why="the addendum is 1.0 modules in standard teeth")
+ROOT = Number(0.5, 2.5, why="the dedendum of the basic rack is about 1.25 modules")
+BORE = Number(0, 20_000, "mm", "leave it out for a solid disc", open_low=True)
+MODULUS = Number(1e8, 1e12, "Pa", "steel has 206e9 Pa")
+DIAMETER = Number(0, 50_000, "mm", "leave it out to have it computed", open_low=True)
+WEB = Number(0, 5000, "mm", "leave it out for a solid disc", open_low=True)
+RIM = Number(0, 5000, "mm", "from the root circle; leave it out if unknown", open_low=True)
+MASS = Number(0, 1e6, "kg", "leave it out to have it computed", open_low=True)
+INERTIA = Number(0, 1e9, "kg m2", "leave it out to have it computed", open_low=True)
+PLACE = Number(0, 1e5, "mm", "from the beginning of the shaft")
+STIFFNESS = Number(1e3, 1e13, "N/m", "leave it out where it hardly yields")
+TORSION = Number(1, 1e13, "Nm/rad", "leave it out where it hardly yields")
+ANGLE = Number(-360, 360, "deg", "0 where all axes lie in one plane")
+PRESSURE = Number(10, 35, "deg", "of the basic rack, mostly 20")
+HELIX = Number(-45, 45, "deg", "0 for spur", open_low=True, open_high=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,40 +42,28 @@ class StageData:
     """Data that parallel and planetary stages have in common; all of it optional for analysis."""
 
     name: str = held(Text(example='"first reduction"'), "")
-    module_mm: float | None = within(0.02, 200, "mm", default=None, why="the normal module")
-    pressure_angle_deg: float = within(
-        10, 35, "deg", default=20.0, why="of the basic rack, mostly 20"
-    )
-    helix_angle_deg: float = within(
-        -45, 45, "deg", default=0.0, open_low=True, open_high=True, why="0 for spur"
-    )
-    face_width_mm: float | None = within(0.1, 5000, "mm", default=None, why="the common face width")
-    centre_distance_mm: float | None = within(
-        0.1, 20_000, "mm", default=None, why="the working centre distance"
-    )
+    module_mm: float | None = optional(0.02, 200, "mm", "the normal module")
+    pressure_angle_deg: float = held(PRESSURE, 20.0)
+    helix_angle_deg: float = held(HELIX, 0.0)
+    face_width_mm: float | None = optional(0.1, 5000, "mm", "the common face width")
+    centre_distance_mm: float | None = optional(0.1, 20_000, "mm", "the working centre distance")
     poisson_ratio: float = within(0, 0.5, default=0.3, open_high=True, why="steel has 0.3")
     density_kgm3: float = within(500, 25_000, "kg/m3", default=7850.0, why="steel has 7850")
-    damping_ratio: float | None = within(
-        0, 5, default=None, open_low=True, why="commonly 0.03 to 0.17"
+    damping_ratio: float | None = optional(0, 5, why="commonly 0.03 to 0.17", open_low=True)
+    mesh_stiffness_n_per_m: float | None = optional(1e3, 1e13, "N/m", "the mean mesh stiffness")
+    stiffness_variation: float | None = optional(
+        0, 1, why="relative to the mean stiffness", open_high=True
     )
-    mesh_stiffness_n_per_m: float | None = within(
-        1e3, 1e13, "N/m", default=None, why="the mean mesh stiffness"
-    )
-    stiffness_variation: float | None = within(
-        0, 1, default=None, open_high=True, why="relative to the mean stiffness"
-    )
-    equivalent_mass_kg: float | None = within(0, 1e6, "kg", default=None, open_low=True)
-    damping_ns_per_m: float | None = within(0, 1e10, "Ns/m", default=None, open_low=True)
-    contact_ratio: float | None = within(0.5, 6, default=None, why="the transverse contact ratio")
+    equivalent_mass_kg: float | None = optional(0, 1e6, "kg", open_low=True)
+    damping_ns_per_m: float | None = optional(0, 1e10, "Ns/m", open_low=True)
+    contact_ratio: float | None = optional(0.5, 6, why="the transverse contact ratio")
     application_factor: float = within(
         1, 10, default=1.0, why="K_A of ISO 6336, 1 for uniform load"
     )
-    tip_shortening: float | None = within(
-        -1, 0.5, default=None, why="k of ISO 21771 in modules, 0 for tips of full height"
+    tip_shortening: float | None = optional(
+        -1, 0.5, why="k of ISO 21771 in modules, 0 for tips of full height"
     )
-    force_n: float | None = within(
-        0, 1e10, "N", default=None, open_low=True, why="static tooth force"
-    )
+    force_n: float | None = optional(0, 1e10, "N", "static tooth force", open_low=True)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -121,8 +106,16 @@ class StageData:
         tip, root = (getattr(self, f"{which}_diameter_{member}_mm") for which in ("tip", "root"))
         if self.module_mm is not None:
             reference = teeth * self.module_mm / math.cos(math.radians(self.helix_angle_deg))
-            self._check_circle(f"tip_diameter_{member}_mm", tip, reference, sign, (-1.0, 4.0))
-            self._check_circle(f"root_diameter_{member}_mm", root, reference, sign, (-4.0, 1.0))
+            for which, given, heights in (("tip", tip, (-1, 4)), ("root", root, (-4, 1))):
+                if given is None:
+                    continue
+                ends = sorted(reference + 2 * sign * self.module_mm * own for own in heights)
+                if not ends[0] <= given <= ends[1]:
+                    reason = (
+                        f"must lie in [{ends[0]:.5g}, {ends[1]:.5g}] mm for these teeth and this "
+                        f"module (reference diameter {reference:.5g} mm)"
+                    )
+                    raise FieldError(f"{which}_diameter_{member}_mm", reason, given)
             if root is None:
                 shift = getattr(self, f"profile_shift_{member}")
                 depth = getattr(self, f"root_factor_{member}") - shift
@@ -133,24 +126,6 @@ class StageData:
             raise FieldError(f"tip_diameter_{member}_mm", reason, tip)
         if sign > 0:
             self._check_body(member, root)
-
-    def _check_circle(
-        self,
-        key: str,
-        diameter: float | None,
-        reference: float,
-        sign: int,
-        modules: tuple[float, float],
-    ) -> None:
-        if diameter is None or self.module_mm is None:
-            return
-        ends = sorted(reference + 2 * sign * self.module_mm * height for height in modules)
-        if not ends[0] <= diameter <= ends[1]:
-            reason = (
-                f"must lie in [{ends[0]:.5g}, {ends[1]:.5g}] mm for these teeth and this module "
-                f"(reference diameter {reference:.5g} mm)"
-            )
-            raise FieldError(key, reason, diameter)
 
     def _check_body(self, member: str, root: float | None) -> None:
         """Refuse a bore that reaches the tooth roots, and half a description of a web."""
@@ -164,10 +139,8 @@ class StageData:
             given, other = (web, rim) if thickness is None else (rim, web)
             reason = f"says half of what a web is: give {other} too, or neither for a solid disc"
             raise FieldError(given, reason, getattr(self, given))
-        if root is None or thickness is None:
-            return
-        room = 0.5 * (root - (bore or 0.0))
-        if thickness >= room:
+        room = math.inf if root is None else 0.5 * (root - (bore or 0.0))
+        if thickness is not None and thickness >= room:
             reason = f"must be less than what lies between root circle and bore, {room:.5g} mm"
             raise FieldError(rim, reason, thickness)
 
@@ -442,12 +415,11 @@ class PlanetaryStage(StageData):
     @property
     def notes(self) -> tuple[str, ...]:
         """What is unusual about the teeth, in words."""
-        notes = []
-        if self.tooth_deviation:
+        notes, more = [], self.tooth_deviation
+        if more:
+            told = f"{abs(more)} {'more' if more > 0 else 'less'} than sun + 2 planet"
             notes.append(
-                f"ring_teeth = {self.ring_teeth} is {abs(self.tooth_deviation)} "
-                f"{'more' if self.tooth_deviation > 0 else 'less'} than sun + 2 planet: "
-                "possible with profile shift only"
+                f"ring_teeth = {self.ring_teeth} is {told}: possible with profile shift only"
             )
         if not self.equally_spaced:
             notes.append(
@@ -469,11 +441,9 @@ class PlanetaryStage(StageData):
 
     def _check_teeth(self) -> None:
         if abs(self.tooth_deviation) > LARGEST_TOOTH_DEVIATION:
+            near = f"within {LARGEST_TOOTH_DEVIATION} teeth of sun + 2 planet"
             matching = self.sun_teeth + 2 * self.planet_teeth
-            reason = (
-                f"must lie within {LARGEST_TOOTH_DEVIATION} teeth of sun + 2 planet = {matching} "
-                "(stepped or double planets are not covered)"
-            )
+            reason = f"must lie {near} = {matching} (stepped or double planets are not covered)"
             raise FieldError("ring_teeth", reason, self.ring_teeth)
         # neighbours touch when the chord between their axes falls below their reference diameter
         chord = (self.sun_teeth + self.planet_teeth) * math.sin(math.pi / max(self.planets, 2))

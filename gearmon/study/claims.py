@@ -291,22 +291,16 @@ def check_2(results: StudyResults, _of: Taken) -> Judgement:
     beyond = np.sqrt((table[2:, 41:] ** 2).sum(axis=1))
     half = np.abs(results.forms["fourier-half"].signal.shape_harmonics(2))
     second, ends = float(table[2, 1] / table[2, 0]), float(beyond[1] / beyond[0])
-    numbers = {
-        "first": first,
-        "first_percent": 100 * (first - 1),
-        "jumpers": high.max() / high.min(),
-    }
+    numbers = {"first": first, "first_percent": 100 * (first - 1), "beyond": ends}
     numbers |= {"second": second, "second_percent": 100 * second, "half": half[1] / half[0]}
-    return (first < 1.1, ends < 1e-9, second < 1e-3), numbers | {"beyond": ends}
+    parts = first < 1.1, ends < 1e-9, second < 1e-3
+    return parts, numbers | {"jumpers": high.max() / high.min()}
 
 
 def check_3a(results: StudyResults, _of: Taken) -> Judgement:
     """Which form's response is closest to that under the parabola."""
-    forms = results.forms
-    off = {
-        key: 100 * dynamic_difference(forms[key], forms["parabolic"])
-        for key in ("wave", "rectangular", "fourier")
-    }
+    forms, keys = results.forms, ("wave", "rectangular", "fourier")
+    off = {key: 100 * dynamic_difference(forms[key], forms["parabolic"]) for key in keys}
     apart = Series({forms[key].signal.label: value for key, value in off.items()})
     closer = off["rectangular"] < off["wave"], off["fourier"] < off["wave"]
     return closer, {**off, "apart": apart}
@@ -369,14 +363,11 @@ def check_5b(results: StudyResults, _of: Taken) -> Judgement:
     textbook = free_vibration(response.problem, PUBLISHED_ORDER, small_damping=True)
     starts = [point.start for sweep in results.sweeps.values() for point in sweep.points]
     errors = [100 * start.error for start in starts if start.method == "multiple scales"]
-    numbers: Numbers = {
-        "textbook_hz": textbook.frequency_hz,
-        "textbook_decay": textbook.decay_per_s,
-    }
-    numbers |= {"exact_hz": _free_frequency_hz(results)}
-    numbers |= {"exact_decay": _slowest_decay(results.reference), "worst": max(errors)}
-    numbers |= {"own": 100 * results.reference.start.error, "left": len(starts) - len(errors)}
-    return (max(errors) < 1,), numbers | {"solved": len(errors), "all": len(starts)}
+    numbers: Numbers = {"textbook_hz": textbook.frequency_hz, "worst": max(errors)}
+    numbers |= {"textbook_decay": textbook.decay_per_s, "exact_hz": _free_frequency_hz(results)}
+    numbers |= {"exact_decay": _slowest_decay(results.reference), "left": len(starts) - len(errors)}
+    numbers |= {"own": 100 * results.reference.start.error, "all": len(starts)}
+    return (max(errors) < 1,), numbers | {"solved": len(errors)}
 
 
 def _free_frequency_hz(results: StudyResults) -> float:
@@ -409,10 +400,8 @@ def check_6e(results: StudyResults, of: Taken) -> Judgement:
     sweep, share = results.sweeps["stiffness_n_per_m"], of["first_line"]
     largest = all(np.abs(p.response.displacement[1:]).argmax() == 0 for p in sweep.points)
     numbers = {"low": sweep.shown[0], "high": sweep.shown[-1], "at_low": 100 * share[0]}
-    numbers |= {
-        "at_high": 100 * share[-1],
-        "everywhere": "everywhere" if largest else "not everywhere",
-    }
+    everywhere = "everywhere" if largest else "not everywhere"
+    numbers |= {"at_high": 100 * share[-1], "everywhere": everywhere}
     return (bool(share[0] > DOMINATES),), numbers
 
 
@@ -450,12 +439,9 @@ def check_7c(results: StudyResults, _of: Taken) -> Judgement:
     p = heavy.parameters
     ratio = math.sqrt(p.stiffness_n_per_m / first["mass"]) * p.period_s / (2 * math.pi)
     numbers: Numbers = {"least_um": least_um, "force_n": force, "ratio": ratio}
-    numbers |= {
-        "counted_um": least_um - 1e6 * p.static_deflection_m,
-        "in_study": contact.least_in_study,
-    }
+    numbers |= {"counted_um": least_um - 1e6 * p.static_deflection_m}
     numbers |= {"after_n": float(started[first_peak:].min()), "lost_at": _where_lost(results)}
-    return (force <= 0 or least_um <= 0,), numbers | first
+    return (force <= 0 or least_um <= 0,), numbers | first | {"in_study": contact.least_in_study}
 
 
 def _where_lost(results: StudyResults) -> str:
@@ -545,16 +531,13 @@ def check_11(results: StudyResults, _of: Taken) -> Judgement:
         matched = speed.ratio(cost)
         if matched is None:
             continue
-        (rival, ratio), order = matched, cost.setting
+        (rival, ratios[cost.setting]), order = matched, cost.setting
         own[f"order {order} (error {cost.error:.1e})"] = 1e3 * cost.seconds
         rivals[f"{rival.way} at {rival.setting} (error {rival.error:.1e})"] = 1e3 * rival.seconds
-        ratios[order], at_once[order] = (
-            ratio,
-            rival.seconds / speed.substitution(order, MANY).seconds,
-        )
+        at_once[order] = rival.seconds / speed.substitution(order, MANY).seconds
         told.append(
             f"at an error of {cost.error:.1e} order {order} takes {1e3 * cost.seconds:.2f} ms, "
-            f"{rival.way} {1e3 * rival.seconds:.1f} ms, {ratio:.0f} times as long"
+            f"{rival.way} {1e3 * rival.seconds:.1f} ms, {ratios[order]:.0f} times as long"
         )
     anew_ms = 1e3 * min(cost.seconds for cost in speed.costs if cost.way == SOLUTION)
     numbers: Numbers = {"own": own, "rivals": rivals, "ratios": ratios, "at_once": at_once}

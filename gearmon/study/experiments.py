@@ -122,8 +122,8 @@ class FormResponse:
         step = 2 * REFERENCE.variation * REFERENCE.static_deflection_m
         z = self.simulated.displacement_m[self.last_period]
         late = self.phase[np.abs(z - quasi_static) > SETTLED * step]
-        lags = [late[late < cut].max(initial=0.0), late.max(initial=cut) - cut]
-        return float(max(lags)) * REFERENCE.period_s
+        lag = max(late[late < cut].max(initial=0.0), late.max(initial=cut) - cut)
+        return float(lag) * REFERENCE.period_s
 
 
 def form_responses() -> dict[str, FormResponse]:
@@ -198,7 +198,7 @@ def _errors_of_orders(variation: float) -> FloatArray:
     return np.array([rms(z - exact) for z in sums]) / REFERENCE.static_deflection_m
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Sweep:
     """One parameter over its values, the others at their reference.
 
@@ -240,10 +240,8 @@ def run_sweeps(progress: Callable[[float], None]) -> dict[str, Sweep]:
     for number, (name, value) in enumerate(cases, start=1):
         points[name].append(operate(replace(REFERENCE, **{name: value})))
         progress(number / len(cases))
-    return {
-        name: Sweep(name=name, label=label, unit=unit, scale=scale, points=tuple(points[name]))
-        for name, (label, unit, scale, _) in SWEEPS.items()
-    }
+    told = SWEEPS.items()
+    return {name: Sweep(name, *row[:3], tuple(points[name])) for name, row in told}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -332,11 +330,10 @@ def _scan(parameters: MeshParameters, name: str, values: FloatArray) -> Scan:
         return least_force(replace(parameters, **{name: float(value)}))
 
     found = np.array([force_at(value) for value in values])
-    lost = np.flatnonzero(found <= 0)
-    first = None
-    if len(lost):
-        held, gone = values[max(0, lost[0] - 1)], values[lost[0]]
-        first = float(bisect(force_at, held, gone, rtol=1e-4))
+    if found.min() > 0:
+        return Scan(values=values, least_force=found, first=None)
+    lost = int((found <= 0).argmax())
+    first = float(bisect(force_at, values[max(0, lost - 1)], values[lost], rtol=1e-4))
     return Scan(values=values, least_force=found, first=first)
 
 
@@ -368,9 +365,8 @@ def study_damage(healthy: StiffnessSignal) -> DamageStudy:
     healthy : StiffnessSignal
         Stiffness of the sound pairs.
     """
-    sound, *hurt = (
-        steady_state(_turn_problem(healthy, loss), DAMAGE_TOLERANCE) for loss in (0.0, *LOSSES)
-    )
+    problems = (_turn_problem(healthy, loss) for loss in (0.0, *LOSSES))
+    sound, *hurt = (steady_state(problem, DAMAGE_TOLERANCE) for problem in problems)
     mesh_rms = np.linalg.norm(sound.acceleration[PINION_TEETH::PINION_TEETH])
     between = [np.arange(len(r.acceleration)) % PINION_TEETH > 0 for r in hurt]
     sidebands = [np.linalg.norm(r.acceleration[b]) for r, b in zip(hurt, between, strict=True)]
@@ -417,11 +413,8 @@ def study_harvest(response: Response) -> HarvestStudy:
     """Tune a harvester to every line of a steady vibration in turn."""
     frequency = response.frequency_hz[1:]
     frequency = frequency[frequency <= HARVESTER.highest_hz]
-    matched = [
-        HARVESTER.retuned(f).with_load(HARVESTER.mechanical_damping_ratio)
-        for f in frequency.tolist()
-    ]
-    gains = [float(h.gains([h.natural_frequency_hz]).power_w[0]) for h in matched]
+    matched = HARVESTER.with_load(HARVESTER.mechanical_damping_ratio)
+    gains = [float(matched.retuned(f).gains([f]).power_w[0]) for f in frequency.tolist()]
     powers = np.array(gains) * (2 * np.abs(response.acceleration[1 : len(gains) + 1])) ** 2
     # matched: as much again goes into heat
     generated = 2 * float(powers[0])

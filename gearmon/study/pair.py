@@ -296,22 +296,6 @@ def motion(
     return Trajectory(time_s, displacement_m, velocity_ms, acceleration, force)
 
 
-def slope_of(
-    parameters: MeshParameters, modulation: Modulation, start: float, stop: float
-) -> Callable[[float, FloatArray], tuple[float, float]]:
-    """Return the right side of the equation for (z, z') between two phases [mesh periods]."""
-    low, high = start + _INSIDE, stop - _INSIDE
-    period, mass, force = parameters.period_s, parameters.mass_kg, parameters.force_n
-    stiffness, damping = parameters.stiffness_n_per_m, parameters.damping_ns_per_m
-
-    def slope(time: float, state: FloatArray) -> tuple[float, float]:
-        phase = min(max(time / period, low), high) % 1.0
-        restoring = stiffness * (1 + float(modulation(np.asarray(phase)))) * state[0]
-        return state[1], (force - damping * state[1] - restoring) / mass
-
-    return slope
-
-
 def simulate(
     parameters: MeshParameters,
     modulation: Modulation,
@@ -340,6 +324,14 @@ def simulate(
     from scipy.integrate import solve_ivp
 
     period, state, end = parameters.period_s, np.zeros(2), float(time_s[-1])
+    mass, force, stiffness = parameters.mass_kg, parameters.force_n, parameters.stiffness_n_per_m
+    damping = parameters.damping_ns_per_m
+
+    def slope(time: float, state: FloatArray, low: float, high: float) -> tuple[float, float]:
+        phase = min(max(time / period, low), high) % 1.0
+        restoring = stiffness * (1 + float(modulation(np.asarray(phase)))) * state[0]
+        return state[1], (force - damping * state[1] - restoring) / mass
+
     scale = parameters.static_deflection_m * np.array([1.0, 2 * np.pi / period])
     found = np.zeros((2, len(time_s)))
     marks = np.add.outer(np.arange(math.ceil(end / period)), sorted({0.0, *jumps})).ravel()
@@ -347,11 +339,12 @@ def simulate(
     for start, stop in itertools.pairwise(edges):
         inside = (time_s >= start * period) & (time_s < stop * period * (1 - _INSIDE))
         solution = solve_ivp(
-            slope_of(parameters, modulation, start, stop),
+            slope,
             (start * period, stop * period),
             state,
             method="DOP853",
             t_eval=np.append(time_s[inside], stop * period),
+            args=(start + _INSIDE, stop - _INSIDE),
             rtol=tolerance,
             atol=tolerance * scale,
         )
@@ -416,11 +409,10 @@ def solved_start(
     """
     kept = steady.problem.stiffness_harmonics[:FREE_HARMONICS]
     unforced = replace(steady.problem, force_n=0.0, stiffness_harmonics=kept)
-    displacement, velocity = (-float(steady.at(0.0, kind)) for kind in ("displacement", "velocity"))
+    kinds = ("displacement", "velocity")
+    displacement, velocity = (-float(steady.at(0.0, kind)) for kind in kinds)
     free = transient(unforced, displacement, velocity, FREE_ORDER)
-    z, v = (
-        steady.at(time_s, kind) + free.at(time_s, kind) for kind in ("displacement", "velocity")
-    )
+    z, v = (steady.at(time_s, kind) + free.at(time_s, kind) for kind in kinds)
     return motion(parameters, modulation, time_s, z, v)
 
 

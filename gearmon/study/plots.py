@@ -170,14 +170,9 @@ def _draw_stiffness_form_spectra(results: StudyResults) -> Figure:
     for index, (key, colour) in enumerate(COLOURS.items()):
         signal = results.forms[key].signal
         level = _line_levels(signal)
-        style: Style = {
-            "color": colour,
-            "markersize": 4,
-            "fillstyle": "none",
-            "label": signal.label,
-        }
+        style: Style = {"color": colour, "markersize": 4, "fillstyle": "none"}
         shown = np.where(level > -70, level, np.nan)
-        together.plot(frequency, shown, series_marker(index), **style)
+        together.plot(frequency, shown, series_marker(index), label=signal.label, **style)
         if key != "fourier-half":
             ax = figure.add_subplot(grid[1 + index // 2, index % 2], sharey=together)
             _stems(ax, frequency, level, -70, colour)
@@ -265,10 +260,8 @@ def _draw_orders(results: StudyResults) -> Figure:
         of_eps.loglog(VARIATIONS, errors, series_marker(order) + "-", **style)
     of_eps.set_xticks(VARIATIONS, [f"{eps:g}" for eps in VARIATIONS])
     of_eps.set_xticks([], minor=True)
-    at, one_more = (
-        "mesh phase in mesh periods",
-        "error falls by one more power of eps with each order",
-    )
+    at = "mesh phase in mesh periods"
+    one_more = "error falls by one more power of eps with each order"
     _panel(together, "solution to orders 0, 1, 2", at, "displacement in µm").legend(fontsize=8)
     _panel(error, "its error", at, "displacement less exact in µm")
     of_which = f"error of each order at eps = {REFERENCE.variation:g}"
@@ -284,10 +277,10 @@ def _draw_orders(results: StudyResults) -> Figure:
 def _over_time(ax: Axes, sweep: Sweep, quantity: Quantity, when: str, title: str) -> None:
     """Draw the first mesh period from rest, the later ones that it dwarfs, or a settled one."""
     name, scale, label = quantity
-    settled, first = when == "settled", when == "first"
-    part = (
-        slice(POINTS_PER_PERIOD + 1) if first else slice(0 if settled else POINTS_PER_PERIOD, None)
-    )
+    settled = when == "settled"
+    part = slice(0 if settled else POINTS_PER_PERIOD, None)
+    if when == "first":
+        part = slice(POINTS_PER_PERIOD + 1)
     for point, colour in zip(sweep.points, shades(len(sweep.points)), strict=True):
         motion = point.waveform if settled else point.start.motion
         time = motion.time_s[part] * (1 / point.parameters.period_s if settled else MILLI)
@@ -363,10 +356,8 @@ def _draw_contact(results: StudyResults) -> Figure:
     study, figure = results.contact, _sheet(7.4)
     ((of_mass, of_damping), (of_variation, both)) = figure.subplots(2, 2)
     _least_force(of_mass, study.mass, 1.0, "mass at the reference damping", "equivalent mass in kg")
-    _least_force(
-        of_damping, study.damping, MILLI, "damping at 3 kg", "mesh damping in kN s/m, mass 3 kg"
-    )
-    eps = "stiffness variation eps, mass 3 kg"
+    damping, eps = "mesh damping in kN s/m, mass 3 kg", "stiffness variation eps, mass 3 kg"
+    _least_force(of_damping, study.damping, MILLI, "damping at 3 kg", damping)
     _least_force(of_variation, study.variation, 1.0, "variation at 3 kg", eps)
     of_mass.axvspan(0.2, 3.0, color=LIGHT_GREY, alpha=0.6, lw=0)
     of_mass.text(0.23, -1.9, "masses of\nthe study", fontsize=8)
@@ -440,10 +431,9 @@ def _draw_speed(results: StudyResults) -> Figure:
     ax.invert_xaxis()
     ax.legend(fontsize=8, loc="center left")
     ax.margins(y=0.12)
-    title = f"median of {study.repeats} interleaved repeats ({study.machine})"
-    _panel(
-        ax, f"one set of parameters, {title}", "relative L2 error of the acceleration", "time in ms"
-    )
+    how = f"median of {study.repeats} interleaved repeats ({study.machine})"
+    error = "relative L2 error of the acceleration"
+    _panel(ax, f"one set of parameters, {how}", error, "time in ms")
     return figure
 
 

@@ -105,10 +105,9 @@ def write_study(folder: str | Path, progress: Callable[[float], None] | None = N
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ArgumentError(f"{target}: cannot make this folder ({error.strerror})") from None
-    results = run_study(lambda share: tell(COMPUTING_SHARE * share))
-    return write_results(
-        results, target, lambda share: tell(COMPUTING_SHARE + (1 - COMPUTING_SHARE) * share)
-    )
+    share = COMPUTING_SHARE
+    results = run_study(lambda done: tell(share * done))
+    return write_results(results, target, lambda done: tell(share + (1 - share) * done))
 
 
 def write_results(

@@ -171,8 +171,8 @@ def test_a_tip_corner_touches_at_the_end_of_the_path():
         ("eccentricity:1:pinion:all:20", "SIZE must be a number in um or mm"),
         ("eccentricity:1:pinion:3:20um", "is of the whole gear"),
         ("pitch:1:pinion:all:20um", "is of one tooth"),
-        ("pitch:1:pinion:0:20um", "tooth=0 must be >= 1"),
-        ("pitch:0:pinion:1:20um", "stage=0 must be >= 1"),
+        ("pitch:1:pinion:0:20um", "tooth=0 must be a whole number >= 1"),
+        ("pitch:0:pinion:1:20um", "stage=0 must be a whole number >= 1"),
         ("pitch:1:pinion:1:nanum", "SIZE must be a number"),
     ],
 )
