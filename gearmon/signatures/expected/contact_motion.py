@@ -32,7 +32,7 @@ from scipy.sparse import csr_array
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import Pulse, gauss, panel_nodes
-from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
+from gearmon.signals.array_types import BoolArray, ComplexArray, FloatArray, IntArray
 
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
 #: together they integrate that part to about 1e-12.
@@ -157,6 +157,11 @@ class PeriodicMotion:
             )
 
     @cached_property
+    def known_changes(self) -> dict[tuple[bytes, bytes], list[_Changed]]:
+        """Mesh periods that differ, of the last turns asked for."""
+        return {}
+
+    @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
         around, size = self.around, len(self.around.force)
@@ -277,9 +282,9 @@ class PeriodicMotion:
         return self.grid.mean(self.motion[1])[None]
 
     @property
-    def least_force(self) -> FloatArray:
-        """Least mesh force over its mean, shape (1,); at or below 0 teeth part."""
-        return np.asarray((self.force.min(axis=(1, 2)) / self.mean_load).min())[None]
+    def contact_lost(self) -> BoolArray:
+        """Whether teeth part: a mesh force falls to 0, shape (1,)."""
+        return np.asarray((self.force.min(axis=(1, 2)) / self.mean_load).min() <= 0)[None]
 
     @property
     def unresolved(self) -> FloatArray:
@@ -293,12 +298,12 @@ class PeriodicMotion:
 
     def force_lines(self, highest: int) -> ComplexArray:
         """Return the harmonics 1..highest of all mesh forces, shape (1, meshes, highest)."""
-        turns = self.grid.phase / self.period
-        found = fourier_sums(turns, self.force * self.grid.weights, highest)
+        turns, weights = self.grid.phase / self.period, self.grid.weights / self.period
+        found = fourier_sums(turns, self.force * weights, highest)
         if self.excitation is not None:
-            moved = fourier_sums(turns, self.excitation * self.grid.weights, highest)
+            moved = fourier_sums(turns, self.excitation * weights, highest)
             found -= self.around.moved(moved, self.period)
-        return found[None] / self.period
+        return found[None]
 
 
 def fourier_sums(turns: FloatArray, values: FloatArray, highest: int) -> ComplexArray:
@@ -359,14 +364,14 @@ class Deviations:
     load: FloatArray
     excitation: FloatArray | None = None
 
-    @property
+    @cached_property
     def _even(self) -> FloatArray:
         """States with zeros where mesh periods differ."""
         states = self.states.copy()
         states[:, list(self.where)] = 0.0
         return states
 
-    @property
+    @cached_property
     def _force(self) -> FloatArray:
         return np.asarray(self.load + self.mesh.around.dampers[:, None, None] * self.speed)
 
@@ -379,16 +384,18 @@ class Deviations:
         return np.asarray((total + mesh.grid.mean(self.deflection).sum(axis=1)) / period)
 
     @property
-    def least_force(self) -> FloatArray:
-        """Least mesh force over its mean, shape (turns,); at or below 0 teeth part."""
+    def contact_lost(self) -> BoolArray:
+        """Whether teeth part: a mesh force falls to 0, shape (turns,)."""
         mesh, mean = self.mesh, self.mesh.mean_load
         changed = (self._force + mesh.force).min(axis=(1, 3, 4)) / mean
-        found = [changed.min(axis=1)]
+        lost = np.asarray((changed <= 0).any(axis=1))
         for free, even, own in zip(mesh.free_force, mesh.force, mean, strict=True):
-            states = self._even.reshape(-1, free.shape[-1])
-            least = (states @ free.reshape(-1, free.shape[-1]).T + even.ravel()).min(axis=1)
-            found.append(least.reshape(len(self.states), -1).min(axis=1) / own)
-        return np.asarray(np.min(found, axis=0))
+            by_state, still = free.reshape(-1, free.shape[-1]) / own, even.ravel() / own
+            # only states that might bring some point down are looked at point by point
+            near = np.abs(self._even) @ np.abs(by_state).max(axis=0) >= still.min()
+            parted = (self._even[near] @ by_state.T + still).min(axis=1) <= 0
+            lost[near.nonzero()[0][parted]] = True
+        return lost
 
     @property
     def unresolved(self) -> FloatArray:
@@ -407,19 +414,20 @@ class Deviations:
         """
         mesh, period = self.mesh, self.states.shape[1]
         grid, numbers = mesh.grid, np.arange(1, highest + 1)
-        free = np.moveaxis(mesh.free_force * grid.weights[..., None], -1, 1)
+        weights = grid.weights / period
+        free = np.moveaxis(mesh.free_force * weights[..., None], -1, 1)
         by_state = fourier_sums(grid.phase / period, free, highest)
-        states = np.fft.fft(self._even, axis=1)[:, numbers % period]
-        found = np.einsum("mkr,trk->tmr", by_state, states)
+        states = np.take(np.fft.fft(self._even.swapaxes(1, 2)), numbers % period, axis=2)
+        found = np.einsum("mkr,tkr->tmr", by_state, states)
         turns = (np.array(self.where)[:, None, None] + grid.phase) / period
-
-        def met(values: FloatArray) -> ComplexArray:
-            return fourier_sums(turns, values.swapaxes(1, 2) * grid.weights, highest)
-
-        found += met(self._force)
-        if self.excitation is not None:
-            found -= mesh.around.moved(met(self.excitation), period)
-        return np.asarray(found / period)
+        own, e = self._force, self.excitation
+        excited = np.flatnonzero([] if e is None else e.any(axis=(1, 2, 3, 4)))
+        if e is not None:
+            own = np.concatenate([own, e[excited]])
+        sums = fourier_sums(turns, own.swapaxes(1, 2) * weights, highest)
+        found += sums[: len(found)]
+        found[excited] -= mesh.around.moved(sums[len(found) :], period)
+        return np.asarray(found)
 
 
 def deviations(
@@ -444,10 +452,7 @@ def deviations(
     excitation : ndarray, same shape, optional
         e [m] in these periods; zero in the others.
     """
-    still = [None] * len(where) if excitation is None else list(excitation.swapaxes(0, 1))
-    changed = [
-        _Changed.of(mesh, own, e) for own, e in zip(delta.swapaxes(0, 1), still, strict=True)
-    ]
+    changed = _changed(mesh, delta, excitation)
     free, turns = mesh.monodromy, len(delta)
     size = len(free)
     total = np.broadcast_to(np.eye(size, size + 1), (turns, size, size + 1)).copy()
@@ -479,6 +484,20 @@ def deviations(
         load=load,
         excitation=excitation,
     )
+
+
+def _changed(
+    mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray | None
+) -> list[_Changed]:
+    """Pose the mesh periods that differ; known where another gear asked for the same just now."""
+    known = mesh.known_changes
+    key = delta.tobytes(), b"" if excitation is None else excitation.tobytes()
+    if key not in known:
+        known.clear()
+        still = [None] * delta.shape[1] if excitation is None else excitation.swapaxes(0, 1)
+        each = zip(delta.swapaxes(0, 1), still, strict=True)
+        known[key] = [_Changed.of(mesh, own, e) for own, e in each]
+    return known[key]
 
 
 @dataclass(frozen=True, eq=False)

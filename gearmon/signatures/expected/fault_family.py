@@ -8,7 +8,9 @@ gear's turn.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -321,7 +323,7 @@ def fault_family(
     if max_hz is not None:
         check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-10, 1.0)
-    texts = _size_texts(kinds, sizes)
+    texts = _sizes(kinds, sizes)
     points = _points(machine, operating)
     places = _places(machine, gears)
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
@@ -333,23 +335,21 @@ def fault_family(
     }
     if not any(len(lines.displacement) for lines in healthy.values()):
         refuse_no_lines((lines.mechanics for lines in healthy.values()), max_hz)
-    members: list[FamilyMember] = []
+    cases: list[_Case] = []
     notes: dict[str, None] = {}
     for number, ((stage, gear), mesh) in product(points, places.items()):
-        key = (number, stage, mesh if (number, stage, mesh) in stages else 0)
-        one = _Gear(machine, number, stage, gear, mesh, form, stages[key], healthy[key])
-        cases: list[tuple[str, str, PosedStage]] = []
+        even = stages.get((number, stage, mesh)) or stages[number, stage, 0]
+        one = _Gear(machine, number, stage, gear, mesh, form, even)
         for kind, own in texts.items():
             try:
-                cases += [(kind, *case) for case in zip(own, one.posed(kind, own), strict=True)]
+                cases += list(one.cases(kind, own))
             except ArgumentError as error:
                 if kinds is not None:
                     raise
                 notes[f"{kind} of the {gear} of stage {stage} left out: {error}"] = None
-        members += one.solved(cases, max_hz, tolerance)
     return FaultFamily(
         machine=machine,
-        members=tuple(members),
+        members=_solved(cases, {own.posed: own for own in healthy.values()}, max_hz, tolerance),
         healthy=healthy,
         max_hz=max_hz,
         tolerance=tolerance,
@@ -371,7 +371,7 @@ def _stages(
     return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Gear:
     """A gear at an operating point, and its stage without faults."""
 
@@ -382,51 +382,80 @@ class _Gear:
     mesh: int
     form: str
     even: PosedStage
-    sound: MeshLines
 
-    def posed(self, kind: str, sizes: Sequence[str]) -> list[PosedStage]:
+    @cached_property
+    def alone(self) -> PosedStage:
+        """Its mesh without faults, by itself."""
+        place = self.machine, self.stage, self.operating
+        return posed_mesh(*place, form=self.form, mesh=self.mesh)
+
+    def cases(self, kind: str, sizes: Mapping[str, Wrong]) -> Iterator[_Case]:
         """Pose all sizes of a kind; where they take the same pulse more or less, the largest."""
-        faults = [parse_fault_or_error(_words(kind, self.stage, self.gear, s)) for s in sizes]
-        losses = [own.loss for own in faults if isinstance(own, Fault) and own.is_loss]
+        losses = [own.loss for own in sizes.values() if isinstance(own, Fault) and own.is_loss]
         overlap = self.even.mechanics.stiffness.overlap_ratio
         alike = kind in UNIFORM_KINDS or (kind == "breakage" and overlap < LEAST_OVERLAP)
         most = max(losses, default=0.0)
-        if alike and most and len(losses) == len(faults) and self.form != POTENTIAL_ENERGY:
-            whole = self._posed(faults[losses.index(most)])
-            return [whole.scaled(loss / most) for loss in losses]
-        return [self._posed(own) for own in faults]
+        if alike and most and len(losses) == len(sizes) and self.form != POTENTIAL_ENERGY:
+            whole = self._posed(list(sizes.values())[losses.index(most)])
+            for size, loss in zip(sizes, losses, strict=True):
+                yield _Case(self, kind, size, whole.scaled(loss / most), whole, loss / most)
+        else:
+            for size, wrong in sizes.items():
+                posed = self._posed(wrong)
+                yield _Case(self, kind, size, posed, posed, 1.0)
 
-    def _posed(self, *wrong: Wrong) -> PosedStage:
+    def _posed(self, wrong: Wrong) -> PosedStage:
+        own = replace(wrong, stage=self.stage, gear=self.gear)
         place = self.machine, self.stage, self.operating
-        return posed_stage(*place, wrong, form=self.form, mesh=self.mesh)
+        return posed_stage(*place, [own], form=self.form, mesh=self.mesh)
 
-    def solved(
-        self, cases: Sequence[tuple[str, str, PosedStage]], max_hz: float | None, tolerance: float
-    ) -> list[FamilyMember]:
-        """Solve all that is wrong with the gear."""
-        limit_hz, of_set = self.even.limit_hz(max_hz), self.even.train is not None
-        found: dict[PosedStage, FamilyMember] = {}
-        for alone in (False, True):
-            chosen = [case for case in cases if (of_set and case[2].train is None) == alone]
-            even, sound = self.even, self.sound
-            if alone and chosen:
-                # what the set cannot be solved with is taken against the same mesh alone
-                place = self.machine, self.stage, self.operating
-                even = posed_mesh(*place, form=self.form, mesh=self.mesh)
-                sound = periodic_lines(even, limit_hz, tolerance)
-            lines = faulty_lines(even, [own for _, _, own in chosen], limit_hz, tolerance)
-            for (kind, size, own), solved in zip(chosen, lines, strict=True):
-                found[own] = FamilyMember(
-                    kind=kind,
-                    stage=self.stage,
-                    gear=self.gear,
-                    size=size,
-                    loss=own.loss(even),
-                    operating=self.operating,
-                    lines=solved,
-                    sound=sound,
-                )
-        return [found[own] for _, _, own in cases]
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """A kind and size of fault of a gear, which takes a part of what `whole` loses."""
+
+    gear: _Gear
+    kind: str
+    size: str
+    posed: PosedStage
+    whole: PosedStage
+    part: float
+
+    @property
+    def even(self) -> PosedStage:
+        """The same without the fault: what a set cannot be solved with is taken by itself."""
+        is_same = (self.gear.even.train is None) == (self.posed.train is None)
+        return self.gear.even if is_same else self.gear.alone
+
+
+def _solved(
+    cases: Sequence[_Case],
+    healthy: Mapping[PosedStage, MeshLines],
+    max_hz: float | None,
+    tolerance: float,
+) -> tuple[FamilyMember, ...]:
+    """Solve all faults, those of the gears of a mesh at once."""
+    found: dict[_Case, FamilyMember] = {}
+    groups: dict[PosedStage, list[_Case]] = {}
+    for case in cases:
+        groups.setdefault(case.even, []).append(case)
+    for even, own in groups.items():
+        limit_hz = own[0].gear.even.limit_hz(max_hz)
+        sound = healthy.get(even) or periodic_lines(even, limit_hz, tolerance)
+        losses = {whole: whole.loss(even) for whole in dict.fromkeys(case.whole for case in own)}
+        solved = faulty_lines(even, [case.posed for case in own], limit_hz, tolerance)
+        for case, lines in zip(own, solved, strict=True):
+            found[case] = FamilyMember(
+                kind=case.kind,
+                stage=case.gear.stage,
+                gear=case.gear.gear,
+                size=case.size,
+                loss=case.part * losses[case.whole],
+                operating=case.gear.operating,
+                lines=lines,
+                sound=sound,
+            )
+    return tuple(found[case] for case in cases)
 
 
 def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
@@ -443,24 +472,19 @@ def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[in
     return points
 
 
-def _size_texts(
+def _sizes(
     kinds: Iterable[str] | None, sizes: Iterable[Size] | str | None
-) -> dict[str, tuple[str, ...]]:
-    """Return the sizes of each kind, as they are written."""
+) -> dict[str, dict[str, Wrong]]:
+    """Return the sizes of each kind, as they are written and what they mean."""
     kinds = [kinds] if isinstance(kinds, str) else kinds
     chosen = FAMILY_KINDS if kinds is None else tuple(dict.fromkeys(kinds))
     for kind in chosen:
         check_word("kind ", kind, (*KINDS, *ERROR_KINDS))
     if sizes is None:
-        return {kind: _default(kind) for kind in chosen}
+        return {kind: _meant(kind, _default(kind)) for kind in chosen}
     given = [sizes] if isinstance(sizes, str) else sizes
     texts = [s.strip() if isinstance(s, str) else f"{100 * float(s):.12g}%" for s in given]
-    found = {
-        kind: GONE
-        if kind == "missing"
-        else tuple(t for t in dict.fromkeys(texts) if _fits(kind, t))
-        for kind in chosen
-    }
+    found = {kind: _meant(kind, GONE if kind == "missing" else texts) for kind in chosen}
     for text in texts:
         if not any(text in own for own in found.values()):
             raise ArgumentError(
@@ -479,15 +503,15 @@ def _default(kind: str) -> tuple[str, ...]:
     return ERROR_SIZES if kind in ERROR_KINDS else LOSSES
 
 
-def _fits(kind: str, text: str) -> bool:
-    # in a list for all kinds mm are depths of damage: an error of millimetres is none
-    if kind in ERROR_KINDS:
-        return text.endswith("um")
-    try:
-        parse_fault_or_error(_words(kind, 1, "pinion", text))
-    except ArgumentError:
-        return False
-    return True
+def _meant(kind: str, texts: Iterable[str]) -> dict[str, Wrong]:
+    """Return the sizes that fit a kind, of a tooth of any gear."""
+    found = {}
+    for text in texts:
+        # in a list for all kinds mm are depths of damage: an error of millimetres is none
+        if kind not in ERROR_KINDS or text.endswith("um"):
+            with suppress(ArgumentError):
+                found[text] = parse_fault_or_error(_words(kind, 1, "pinion", text))
+    return found
 
 
 def _places(

@@ -264,7 +264,7 @@ class PosedStage:
         lines : ndarray of complex, shape (turns, n)
             As `MeshLines.displacement`.
         """
-        forces = made.force_lines(highest) / self.scale
+        forces = made.force_lines(highest)
         planets = len(self.angles_rad)
         shape = len(forces), len(self.members) // planets, planets, highest
         forces = forces.reshape(shape).sum(axis=1)
@@ -272,7 +272,7 @@ class PosedStage:
         turned = np.exp(1j * np.outer(sides, self.angles_rad))
         depth = PLANET_PASS_DEPTH if self.carrier else 0.0
         weights = np.where(sides == 0, 1 - depth / 2, depth / 4)
-        lines = weights[:, None] * np.einsum("sp,tpr->tsr", turned, forces)
+        lines = (weights[:, None] * turned) @ forces
         number = np.arange(1, highest + 1)
         turn = number / period + sides[:, None] * float(self.pass_order)
         kept = turn > 0
@@ -282,7 +282,8 @@ class PosedStage:
         which, line = np.nonzero(kept)
         own, mass = self.mechanics, self.members[0].mechanics.equivalent_mass_kg
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
-        return number[line], sides[which], np.asarray(lines[:, which, line] / (mass * angular**2))
+        heard = lines[:, kept] / (mass * angular**2 * self.scale)
+        return number[line], sides[which], heard
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
         """Return the equation of a pair without excitation, by the harmonics of its stiffness."""
