@@ -323,14 +323,15 @@ def fourier_sums(turns: FloatArray, values: FloatArray, highest: int) -> Complex
     grid = csr_array((spread.ravel(), points.ravel() % length, starts), shape=(len(place), length))
     before = values.shape[: values.ndim - turns.ndim]
     found = np.fft.rfft(values.reshape(-1, len(place)) @ grid)[:, 1 : highest + 1]
-    return np.asarray((found / _bell_lines(length, highest)).reshape(*before, highest))
+    return np.asarray((found * _bell_lines(length, highest)).reshape(*before, highest))
 
 
 @lru_cache(maxsize=8)
 def _bell_lines(length: int, highest: int) -> FloatArray:
+    """Return the reciprocals of the lines of the bell."""
     numbers, (nodes, weights, _) = np.arange(1, highest + 1), gauss(BELL_POINTS)
     waves = np.cos(np.pi * SPREAD / length * np.outer(numbers, nodes))
-    return np.asarray(SPREAD / 2 * (waves @ (weights * _bell(nodes))))
+    return np.asarray(2 / SPREAD / (waves @ (weights * _bell(nodes))))
 
 
 def _bell(t: FloatArray) -> FloatArray:
@@ -397,7 +398,7 @@ class Deviations:
             lost[near.nonzero()[0][parted]] = True
         return lost
 
-    @property
+    @cached_property
     def unresolved(self) -> FloatArray:
         """Share of the change of the speeds in the last two Legendre terms of the panels, (turns,).
 
@@ -412,21 +413,22 @@ class Deviations:
         Of a mesh period that does not differ they follow from its state: the sum over the turn is
         a transform of the states.
         """
-        mesh, period = self.mesh, self.states.shape[1]
-        grid, numbers = mesh.grid, np.arange(1, highest + 1)
-        weights = grid.weights / period
-        free = np.moveaxis(mesh.free_force * weights[..., None], -1, 1)
-        by_state = fourier_sums(grid.phase / period, free, highest)
-        states = np.take(np.fft.fft(self._even.swapaxes(1, 2)), numbers % period, axis=2)
-        found = np.einsum("mkr,tkr->tmr", by_state, states)
-        turns = (np.array(self.where)[:, None, None] + grid.phase) / period
-        own, e = self._force, self.excitation
+        mesh, (turns, period, size) = self.mesh, self.states.shape
+        numbers, force, e = np.arange(1, highest + 1), self._force, self.excitation
         excited = np.flatnonzero([] if e is None else e.any(axis=(1, 2, 3, 4)))
+        # free vibration of the first mesh period that differs, what differs, and e
+        values = np.zeros((size + turns + len(excited), *force.shape[1:]))
+        values[:size, 0] = np.moveaxis(mesh.free_force, -1, 0)
+        values[size : size + turns] = force
         if e is not None:
-            own = np.concatenate([own, e[excited]])
-        sums = fourier_sums(turns, own.swapaxes(1, 2) * weights, highest)
-        found += sums[: len(found)]
-        found[excited] -= mesh.around.moved(sums[len(found) :], period)
+            values[size + turns :] = e[excited]
+        phases = (np.array(self.where)[:, None, None] + mesh.grid.phase) / period
+        weighted = values.swapaxes(1, 2) * (mesh.grid.weights / period)
+        sums = fourier_sums(phases, weighted, highest)
+        states = np.fft.fft(np.roll(self._even, -self.where[0], axis=1).swapaxes(1, 2))
+        by_state = np.take(states, numbers % period, axis=2)
+        found = np.einsum("kmr,tkr->tmr", sums[:size], by_state) + sums[size : size + turns]
+        found[excited] -= mesh.around.moved(sums[size + turns :], period)
         return np.asarray(found)
 
 

@@ -282,7 +282,7 @@ class PosedStage:
         which, line = np.nonzero(kept)
         own, mass = self.mechanics, self.members[0].mechanics.equivalent_mass_kg
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
-        heard = lines[:, kept] / (mass * angular**2 * self.scale)
+        heard = lines[:, kept] * (1 / (mass * angular**2 * self.scale))
         return number[line], sides[which], heard
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
