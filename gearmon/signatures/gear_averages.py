@@ -265,10 +265,7 @@ class GearAverages(Result):
         KeyError
             If it is not among them.
         """
-        for own in self.gears:
-            if (own.stage, own.gear) == (stage, gear):
-                return own
-        raise KeyError((stage, gear))
+        return {(own.stage, own.gear): own for own in self.gears}[stage, gear]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return all waveforms as rows: gear, angle, channel and the signals."""

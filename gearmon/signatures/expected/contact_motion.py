@@ -165,11 +165,9 @@ class PeriodicMotion:
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
         around, size = self.around, len(self.around.force)
-        shape = (*self.kappa.shape[1:], size, 2 * size + 1)
-        push, shift = np.zeros(shape), None
+        push, shift = np.zeros((2, *self.kappa.shape[1:], size, 2 * size + 1))
         push[..., -1] = around.force
         if self.excitation is not None:
-            shift = np.zeros(shape)
             pressed = self.kappa * self.excitation
             push[..., -1] += np.einsum("mpi,ma->pia", pressed, around.vectors)
             moved = around.dampers[:, None] * around.vectors
@@ -179,14 +177,15 @@ class PeriodicMotion:
     @cached_property
     def forced(self) -> _PanelMaps:
         """Motion on the panels from rest, by forces in the meshes: a column each mesh and point."""
-        return self._answer(self._unit_forces, None, np.zeros((2 * self._unit_forces.shape[2], 1)))
+        return self._answer(
+            self._unit_forces, np.zeros_like(self._unit_forces), np.zeros((len(self.monodromy), 1))
+        )
 
     @cached_property
     def shifted(self) -> _PanelMaps:
         """The same by e of the dampers."""
-        push = self._unit_forces
-        shift = push * np.repeat(self.around.dampers, POINTS)
-        return self._answer(np.zeros_like(push), shift, np.zeros((2 * push.shape[2], 1)))
+        shift = self._unit_forces * np.repeat(self.around.dampers, POINTS)
+        return self._answer(np.zeros_like(shift), shift, np.zeros((len(self.monodromy), 1)))
 
     @property
     def _unit_forces(self) -> FloatArray:
@@ -206,14 +205,14 @@ class PeriodicMotion:
         size = POINTS * len(around.force)
         return stiffness, matrix.reshape(len(h), size, size) + np.eye(size)
 
-    def _answer(self, push: FloatArray, shift: FloatArray | None, start: FloatArray) -> _PanelMaps:
+    def _answer(self, push: FloatArray, shift: FloatArray, start: FloatArray) -> _PanelMaps:
         """Return the motions, a column each.
 
         Parameters
         ----------
         push : ndarray, shape (panels, points, n, columns)
             What is added to u'.
-        shift : ndarray, same shape, optional
+        shift : ndarray, same shape
             What is added to q'.
         start : ndarray, shape (2n, columns)
             State when the panel begins.
@@ -222,13 +221,11 @@ class PeriodicMotion:
         q0, u0 = start[:size], start[size:]
         h, weights = self.grid.widths[:, None, None, None], 0.5 * gauss(POINTS)[1]
         reach = _integrals().sum(axis=1)[:, None, None]
-        speed, place = u0, q0 + h * reach * u0
-        if shift is not None:
-            speed, place = speed + shift, place + h * _integrated(shift)
+        speed, place = u0 + shift, q0 + h * (reach * u0 + _integrated(shift))
         right = push - around.damping @ speed - stiffness @ place
         slope = np.linalg.solve(matrix, right.reshape(*matrix.shape[:2], -1)).reshape(right.shape)
         u = u0 + h * _integrated(slope)
-        rate = u if shift is None else u + shift
+        rate = u + shift
         q = q0 + h * _integrated(rate)
         h = h[:, 0]
         ends = q0 + h * np.einsum("i,piac->pac", weights, rate)

@@ -26,12 +26,11 @@ from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signatures.expected.faulty_teeth import faulty_lines, periodic_lines
 from gearmon.signatures.expected.mesh import (
+    MeshPlace,
     PosedStage,
     Wrong,
     gear_places,
     operating_point,
-    posed_mesh,
-    posed_stage,
 )
 from gearmon.signatures.expected.mesh_lines import (
     AMPLITUDES,
@@ -339,7 +338,7 @@ def fault_family(
     notes: dict[str, None] = {}
     for number, ((stage, gear), mesh) in product(points, places.items()):
         even = stages.get((number, stage, mesh)) or stages[number, stage, 0]
-        one = _Gear(machine, number, stage, gear, mesh, form, even)
+        one = _Gear(MeshPlace(machine, stage, number, form, mesh), gear, even)
         for kind, own in texts.items():
             try:
                 cases += list(one.cases(kind, own))
@@ -365,7 +364,7 @@ def _stages(
     every = {(number, 0) for number in range(1, len(machine.stages) + 1)}
     every |= {(stage, mesh) for (stage, _), mesh in places.items()}
     for number, (stage, mesh) in product(points, sorted(every)):
-        even = posed_stage(machine, stage, number, form=form, mesh=mesh)
+        even = MeshPlace(machine, stage, number, form, mesh).posed()
         # a set that is taken as a whole has all of its gears in one
         found.setdefault((number, stage, mesh if even.train is None else 0), even)
     return found
@@ -375,19 +374,14 @@ def _stages(
 class _Gear:
     """A gear at an operating point, and its stage without faults."""
 
-    machine: Machine
-    operating: int
-    stage: int
+    place: MeshPlace
     gear: str
-    mesh: int
-    form: str
     even: PosedStage
 
     @cached_property
     def alone(self) -> PosedStage:
         """Its mesh without faults, by itself."""
-        place = self.machine, self.stage, self.operating
-        return posed_mesh(*place, form=self.form, mesh=self.mesh)
+        return self.place.alone()
 
     def cases(self, kind: str, sizes: Mapping[str, Wrong]) -> Iterator[_Case]:
         """Pose all sizes of a kind; where they take the same pulse more or less, the largest."""
@@ -395,7 +389,7 @@ class _Gear:
         overlap = self.even.mechanics.stiffness.overlap_ratio
         alike = kind in UNIFORM_KINDS or (kind == "breakage" and overlap < LEAST_OVERLAP)
         most = max(losses, default=0.0)
-        if alike and most and len(losses) == len(sizes) and self.form != POTENTIAL_ENERGY:
+        if alike and most and len(losses) == len(sizes) and self.place.form != POTENTIAL_ENERGY:
             whole = self._posed(list(sizes.values())[losses.index(most)])
             for size, loss in zip(sizes, losses, strict=True):
                 yield _Case(self, kind, size, whole.scaled(loss / most), whole, loss / most)
@@ -405,9 +399,7 @@ class _Gear:
                 yield _Case(self, kind, size, posed, posed, 1.0)
 
     def _posed(self, wrong: Wrong) -> PosedStage:
-        own = replace(wrong, stage=self.stage, gear=self.gear)
-        place = self.machine, self.stage, self.operating
-        return posed_stage(*place, [own], form=self.form, mesh=self.mesh)
+        return self.place.posed([replace(wrong, stage=self.place.stage, gear=self.gear)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -447,11 +439,11 @@ def _solved(
         for case, lines in zip(own, solved, strict=True):
             found[case] = FamilyMember(
                 kind=case.kind,
-                stage=case.gear.stage,
+                stage=case.gear.place.stage,
                 gear=case.gear.gear,
                 size=case.size,
                 loss=case.part * losses[case.whole],
-                operating=case.gear.operating,
+                operating=case.gear.place.operating,
                 lines=lines,
                 sound=sound,
             )

@@ -27,7 +27,7 @@ from gearmon.signatures.expected.contact_motion import (
     PhaseGrid,
     deviations,
 )
-from gearmon.signatures.expected.mesh import PosedMesh, PosedStage, gear_places, posed_stage
+from gearmon.signatures.expected.mesh import MeshPlace, PosedMesh, PosedStage, gear_places
 from gearmon.signatures.expected.mesh_lines import MeshLines
 
 _Motion = TypeVar("_Motion", PeriodicMotion, Deviations)
@@ -413,10 +413,8 @@ def loss_response(
     check_word("gear ", gear, places)
     check_range("loss", loss, 0.0, 0.999)
     text = f"{kind}:{stage}:{gear}:1:{float(loss) or SMALL_LOSS!r}"
-    healthy, faulty = (
-        posed_stage(machine, stage, operating, wrong, form=form, mesh=places[gear])
-        for wrong in ((), (text,))
-    )
+    place = MeshPlace(machine, stage, operating, form, places[gear])
+    healthy, faulty = place.posed(), place.posed([text])
     highest_hz = healthy.limit_hz(None)
     if max_order is not None:
         check_positive("max_order", max_order)
