@@ -99,12 +99,7 @@ class FamilyMember:
     @property
     def teeth(self) -> int:
         """Teeth for which there are lines of their own; 1 where the whole gear is concerned."""
-        return 1 if self.is_whole else self.lines.period
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether the fault is of the whole gear."""
-        return self.fault().tooth is None
+        return 1 if self.fault().tooth is None else self.lines.period
 
     def fault(self, tooth: int = 1) -> Wrong:
         """Return the fault of one tooth."""

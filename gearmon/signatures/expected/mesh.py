@@ -222,13 +222,6 @@ class PosedStage:
         mass = own.equivalent_mass_kg if self.train is None else 1.0
         return 1 / (mass * own.mesh_frequency_hz**2)
 
-    @property
-    def highest_natural_hz(self) -> float:
-        """Highest natural frequency [Hz]."""
-        if self.train is None:
-            return self.mechanics.natural_frequency_hz
-        return math.sqrt(self.train.modes[0][-1]) / (2 * math.pi)
-
     @cached_property
     def around(self) -> Surroundings:
         """What is around its meshes: the mass of a pair, or the machine in modes."""

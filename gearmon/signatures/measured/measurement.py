@@ -36,9 +36,7 @@ from gearmon.signatures.speed import (
     GearVibration,
     Speed,
     Tracking,
-    line_peak,
     mesh_combs,
-    speed_of,
 )
 from gearmon.signatures.tracking import track_recording
 
@@ -241,8 +239,7 @@ def measure_signature(
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
     signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
-    peak_hz = line_peak(signal, track)
-    speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
+    speed = tracking.speed(signal, recording.duration_s)
     findings = _findings(speed, spectrum, train, combs, tracking, lines, plan)
     return MeasuredSignature(
         origin=recording.origin,
