@@ -140,6 +140,11 @@ class GearVibration:
         """Lines that the speed is known by: meshes, sidebands, shafts."""
         return machine_comb(self.train, self.nominal_hz)
 
+    @property
+    def meshes(self) -> tuple[MeshComb, ...]:
+        """Its meshes, one comb a stage."""
+        return mesh_combs(self.train, self.nominal_hz)
+
     def scan(
         self,
         block_s: float,
@@ -202,8 +207,7 @@ class GearVibration:
         orders = [shaft.order for shaft in self.train.shafts]
 
         def judged() -> tuple[MeshEvidence, ...]:
-            combs = mesh_combs(self.train, self.nominal_hz)
-            return mesh_evidence(scan, combs, orders, centre_hz, tolerance)
+            return mesh_evidence(scan, self.meshes, orders, centre_hz, tolerance)
 
         # the path through all blocks, which is wanted next, is found meanwhile
         return at_once(judged, lambda: scan.best_score, scan.scores.size)[0]

@@ -44,7 +44,6 @@ from gearmon.signatures.speed import (
     GearVibration,
     Tracking,
     meant_speed,
-    mesh_combs,
     wander,
 )
 
@@ -307,8 +306,7 @@ def _agrees(signal: GearVibration, judged: Tracking) -> bool:
     pieces = max(1, signal.samples.shape[-1] >> 18)
     spectrum = fine_order_spectrum(signal.samples, signal.rate, judged.track, pieces)
     supported = False
-    combs = mesh_combs(signal.train, signal.nominal_hz)
-    for mesh, comb, seen in zip(signal.train.meshes, combs, judged.evidence, strict=True):
+    for mesh, comb, seen in zip(signal.train.meshes, signal.meshes, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
         told = [

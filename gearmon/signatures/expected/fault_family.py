@@ -30,7 +30,6 @@ from gearmon.signatures.expected.mesh import (
     PosedStage,
     Wrong,
     gear_places,
-    operating_point,
 )
 from gearmon.signatures.expected.mesh_lines import (
     AMPLITUDES,
@@ -176,21 +175,14 @@ class FaultFamily(Result):
             `operating` (from 0); of each member the lines of its own stage with tooth 1 faulty, and
             those of the healthy stages (kind "healthy").
         """
-        parts: list[tuple[MeshLines, tuple[str | float, ...]]] = [
+        parts = [
             (lines, ("healthy", "ring" if mesh else "", "", 0.0, float(operating)))
             for (operating, _, mesh), lines in self.healthy.items()
         ]
         parts += [
             (m.lines, (m.kind, m.gear, m.size, m.loss, float(m.operating))) for m in self.members
         ]
-        tables = []
-        for lines, told in parts:
-            columns = lines.columns()
-            same = {
-                name: np.full(len(columns["stage"]), own)
-                for name, own in zip(_TOLD, told, strict=True)
-            }
-            tables.append(_limited(same | columns, mesh_harmonics, sidebands))
+        tables = [_limited(*part, mesh_harmonics, sidebands) for part in parts]
         header = {
             "operating_points": [
                 {"speed_rpm": point.speed_rpm, "torque_nm": point.torque_nm, "name": point.name}
@@ -244,15 +236,21 @@ class FaultFamily(Result):
 
 
 def _limited(
-    columns: dict[str, npt.NDArray[Any]], mesh_harmonics: int | None, sidebands: int | None
+    lines: MeshLines,
+    told: tuple[str | float, ...],
+    mesh_harmonics: int | None,
+    sidebands: int | None,
 ) -> dict[str, npt.NDArray[Any]]:
-    kept = np.ones(len(columns["stage"]), dtype=bool)
+    columns = lines.columns()
+    count = len(columns["stage"])
+    same = {name: np.full(count, own) for name, own in zip(_TOLD, told, strict=True)}
+    kept = np.ones(count, dtype=bool)
     if mesh_harmonics is not None:
         # lines below the first mesh harmonic are multiples of the turn, not its sidebands
         kept &= (columns["mesh_harmonic"] >= 1) & (columns["mesh_harmonic"] <= mesh_harmonics)
     if sidebands is not None:
         kept &= np.abs(columns["sideband"]) <= sidebands
-    return {name: column[kept] for name, column in columns.items()}
+    return {name: column[kept] for name, column in (same | columns).items()}
 
 
 def fault_family(
@@ -453,10 +451,7 @@ def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
 
 def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[int, ...]:
     every = range(len(machine.operating)) if operating is None else operating
-    points = (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
-    for number in points:
-        operating_point(machine, number)
-    return points
+    return (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
 
 
 def _sizes(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -36,7 +35,6 @@ from gearmon.signatures.speed import (
     GearVibration,
     Speed,
     Tracking,
-    mesh_combs,
 )
 from gearmon.signatures.tracking import track_recording
 
@@ -220,8 +218,7 @@ def measure_signature(
     recording, tracking = _tracked(recording, machine, train)
     vibration = recording.vibration()
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    track, nominal_hz = tracking.track, tracking.nominal_hz
-    combs = mesh_combs(train, nominal_hz)
+    track = tracking.track
     start, stop = sound_piece(vibration)
     # what is sound in one piece sets the length of blocks, and has the spectra
     part = track.between(start / rate, stop / rate) if vibration.left_out else track
@@ -238,9 +235,9 @@ def measure_signature(
     for wheel in plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
-    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
+    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=tracking.nominal_hz)
     speed = tracking.speed(signal, recording.duration_s)
-    findings = _findings(speed, spectrum, train, combs, tracking, lines, plan)
+    findings = _findings(speed, spectrum, signal, tracking, lines, plan)
     return MeasuredSignature(
         origin=recording.origin,
         duration_s=recording.duration_s,
@@ -450,13 +447,13 @@ def family_levels(
 def _findings(
     speed: Speed,
     spectrum: FineSpectrum,
-    train: Kinematics,
-    combs: Sequence[MeshComb],
+    signal: GearVibration,
     tracking: Tracking,
     lines: OrderLines,
     plan: LinePlan,
 ) -> tuple[MeshFinding, ...]:
-    every = list(zip(train.meshes, combs, tracking.evidence, strict=True))
+    train = signal.train
+    every = list(zip(train.meshes, signal.meshes, tracking.evidence, strict=True))
     snr = 10 * np.log10(np.maximum(lines.cross_power() / lines.noise, 1e-3))
     # one harmonic could be a tone of anything; two, of whichever stage, fix the speed as well
     several = sum(seen.clear for _, _, seen in every if seen.stands_out) >= 2
