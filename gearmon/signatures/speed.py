@@ -331,24 +331,25 @@ class Tracking:
         highest = float(self.track.speed_hz.max())
         return self.nominal_hz if highest < 1.06 * self.nominal_hz else highest
 
-    def speed(self, signal: GearVibration, duration_s: float) -> Speed:
+    def speed(self, peak_hz: float, duration_s: float) -> Speed:
         """Sum it up as a speed with its uncertainty.
 
         Parameters
         ----------
-        signal : GearVibration
-            What was tracked.
+        peak_hz : float
+            Speed at which lines peak [Hz].
         duration_s : float
             Length of the recording [s].
         """
-        track, uncertainty = self.track, 0.5 * self.scan.resolution_hz
-        if np.isfinite(track.uncertainty_turns):
-            # both ends of the track are uncertain
-            uncertainty = float(np.sqrt(2) * track.uncertainty_turns) / duration_s
+        track = self.track
+        # both ends of the track are uncertain
+        uncertainty = float(np.sqrt(2) * track.uncertainty_turns) / duration_s
+        if not np.isfinite(uncertainty):
+            uncertainty = 0.5 * self.scan.resolution_hz
         return Speed(
             nominal_hz=self.nominal_hz,
             estimated_hz=track.mean_hz,
-            peak_hz=signal.line_peak(track),
+            peak_hz=peak_hz,
             uncertainty_hz=uncertainty,
             lowest_hz=float(track.speed_hz.min()),
             highest_hz=float(track.speed_hz.max()),

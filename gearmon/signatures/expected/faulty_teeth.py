@@ -186,13 +186,8 @@ def _changes(
                         alone = replace(train, terms=(replace(term, weight=healthy.scale),))
                         known[key] = alone.at(phases + mesh.lead)
                     own[:, number] += term.weight * known[key]
-    excitation = None
-    if any(posed.is_excited for posed in faulty):
-        excitation = np.zeros(delta.shape)
-        for turn, posed in enumerate(faulty):
-            if posed.is_excited:
-                excitation[turn] = _moved(posed, phases).swapaxes(0, 1)
-    return deviations(motion, period, where, delta, excitation)
+    moved = np.array([_moved(posed, phases).swapaxes(0, 1) for posed in faulty])
+    return deviations(motion, period, where, delta, moved if moved.any() else None)
 
 
 def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Motion]) -> _Motion:

@@ -236,7 +236,7 @@ def measure_signature(
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
     signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=tracking.nominal_hz)
-    speed = tracking.speed(signal, recording.duration_s)
+    speed = tracking.speed(signal.line_peak(track), recording.duration_s)
     findings = _findings(speed, spectrum, signal, tracking, lines, plan)
     return MeasuredSignature(
         origin=recording.origin,
