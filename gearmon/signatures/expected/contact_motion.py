@@ -112,12 +112,6 @@ class Surroundings:
     dampers: FloatArray
     force: FloatArray
 
-    @classmethod
-    def of_pair(cls, damping: float, force: float) -> Surroundings:
-        """Return what is around a single mesh."""
-        one, c = np.ones((1, 1)), np.array([damping])
-        return cls(stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force * one[0])
-
     def moved(self, lines: ComplexArray, period: int) -> ComplexArray:
         """Return the lines of c e' over P mesh periods by those of e, (..., meshes, lines)."""
         rates = 2j * np.pi / period * np.arange(1, lines.shape[-1] + 1)

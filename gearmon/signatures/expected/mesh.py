@@ -227,7 +227,11 @@ class PosedStage:
         """What is around its meshes: the mass of a pair, or the machine in modes."""
         own, rate = self.mechanics, self.scale * self.mechanics.mesh_frequency_hz
         if self.train is None:
-            return Surroundings.of_pair(own.damping_ns_per_m * rate, own.force_n * self.scale)
+            one, c = np.ones((1, 1)), np.array([own.damping_ns_per_m * rate])
+            force = np.array([own.force_n * self.scale])
+            return Surroundings(
+                stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force
+            )
         around = self.train.around(self.train.meshes(own.stage))
         whole = around.damping + (around.vectors.T * around.dampers) @ around.vectors
         return Surroundings(

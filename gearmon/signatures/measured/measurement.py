@@ -478,7 +478,11 @@ def _findings(
         if found and (misled or spacing is not None):
             found, reason = False, _disowned(spacing)
         if found and not several and seen.visible > 1 and support < _SUPPORTED:
-            found, reason = False, _lonely(seen.visible - 1)
+            found, others = False, seen.visible - 1
+            reason = (
+                f"one line suits it, but none of the {others} other harmonics that could be seen: "
+                "it may be a tone of anything"
+            )
         holds = tracking.coherent >= _HELD and not misled
         chosen = _mesh_lines(plan, mesh, speed.nominal_hz)
         findings.append(
@@ -562,13 +566,6 @@ def _disowned(spacing: float | None) -> str:
     return (
         f"lines suit it, but others as clear stand every {spacing:.4g} orders between them, and "
         "nothing in this machine turns so: they belong to something else, such as a bearing"
-    )
-
-
-def _lonely(others: int) -> str:
-    return (
-        f"one line suits it, but none of the {others} other harmonics that could be seen: "
-        "it may be a tone of anything"
     )
 
 
