@@ -12,7 +12,6 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
 
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.kinematics import kinematics
@@ -416,8 +415,13 @@ def highest_peaks(values: FloatArray, most: int, reach: int) -> NDArray[np.intp]
     >>> highest_peaks(np.array([0.0, 3, 1, 2, 0, 5, 0]), 2, 1).tolist()
     [5, 1]
     """
-    tops = find_peaks(values, distance=reach)[0]
-    return np.asarray(tops[np.argsort(-values[tops], kind="stable")][:most])
+    inner = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])
+    tops = np.flatnonzero(inner) + 1
+    kept: list[int] = []
+    for top in tops[np.argsort(-values[tops], kind="stable")].tolist():
+        if len(kept) < most and all(abs(top - other) >= reach for other in kept):
+            kept.append(top)
+    return np.array(kept, dtype=np.intp)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
