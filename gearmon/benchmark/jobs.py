@@ -41,7 +41,7 @@ from gearmon.machine import load_machine
 from gearmon.signatures.expected.contact_motion import fourier_sums
 from gearmon.signatures.expected.fault_family import FamilyMember, fault_family
 from gearmon.signatures.expected.faulty_teeth import contact_grid
-from gearmon.signatures.expected.mesh import PosedStage, posed_mesh
+from gearmon.signatures.expected.mesh import MeshPlace, PosedStage
 
 #: Shape, damping ratio, range of w/w0 and highest variation of the chart; points of it judged.
 SHAPE, ZETA, SPEEDS, HIGHEST = FourierShape(np.array([0.5, 0.2, 0.1])), 0.02, (0.45, 2.6), 0.9
@@ -166,7 +166,7 @@ class _Turn:
     @cached_property
     def posed(self) -> PosedStage:
         """The mesh with its damage."""
-        return posed_mesh(load_machine(MACHINE), 1, 0, [self.member.fault()])
+        return MeshPlace(load_machine(MACHINE), 1).alone([self.member.fault()])
 
     @cached_property
     def edges(self) -> Real:

@@ -252,6 +252,7 @@ def _without_flank(hole: Hole, pair: ToothPair, index: int) -> Losses:
     return _gone(start, end, hole.start, min(hole.width_m / tooth.face_width_m, LARGEST_WIDTH))
 
 
+@lru_cache(maxsize=64)
 def _bridged(pair: ToothPair, length: float) -> Pulse:
     """Return the loss of a pair that is gone while the ends of its neighbours bridge the gap.
 

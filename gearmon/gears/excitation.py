@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -197,6 +197,7 @@ def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[TurningErr
     return [FlankError(gear, number, fault.tooth, Pulse.constant(low, high, hole.depth_m))]
 
 
+@lru_cache(maxsize=64)
 def _bridge(pair: ToothPair) -> Pulse | None:
     """Return how far the neighbours of a missing tooth must approach to touch."""
     part = pair.contact_ratio - 1

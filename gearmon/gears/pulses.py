@@ -65,8 +65,10 @@ def panel_nodes(edges: FloatArray, points: int = POINTS) -> FloatArray:
 
 def distinct(edges: ArrayLike, apart: float) -> FloatArray:
     """Return edges in order, of those closer than `apart` the first."""
-    found = np.unique(np.asarray(edges, dtype=np.float64))
-    return np.asarray(found[np.diff(found, prepend=-np.inf) > apart])
+    found = np.sort(np.asarray(edges, dtype=np.float64), axis=None)
+    apart_enough = np.ones(len(found), dtype=bool)
+    np.greater(found[1:] - found[:-1], apart, out=apart_enough[1:])
+    return np.asarray(found[apart_enough])
 
 
 def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
@@ -196,18 +198,16 @@ class Pulse:
         Outside the pieces the curve of the nearest one is continued.
         """
         where = np.asarray(x, dtype=np.float64)
-        flat, edges = where.ravel(), self.edges
+        flat, edges, count = where.ravel(), self.edges, self.series.shape[1]
         panel = np.searchsorted(edges[1:-1], flat, side="right")
         low, high = edges[panel], edges[panel + 1]
-        terms = legvander((2 * flat - low - high) / (high - low), self.series.shape[1] - 1).T
-        values = np.empty((*self.series.shape[2:], len(flat)))
-        for number, coefficients in enumerate(self.series):
-            inside = np.flatnonzero(panel == number)
-            if len(inside) == len(flat):
-                values[:] = coefficients.T @ terms
-            elif len(inside):
-                values[..., inside] = coefficients.T @ terms[:, inside]
-        return values.reshape((*values.shape[:-1], *where.shape))
+        t = ((2 * flat - low - high) / (high - low)).reshape(-1, *[1] * (self.series.ndim - 2))
+        # by Clenshaw's recurrence, a coefficient at a time
+        values, after = self.series[:, count - 1][panel], np.zeros(1)
+        for n in range(count - 1, 0, -1):
+            before = self.series[:, n - 1][panel] - n / (n + 1) * after
+            values, after = before + (2 * n - 1) / n * t * values, values
+        return values.T.reshape((*values.shape[1:], *where.shape))
 
     def value(self, phase: ArrayLike) -> FloatArray:
         """Curve at `phase` (any shape); pieces include their start and not their end."""
@@ -281,7 +281,7 @@ class Pulse:
         limits = np.concatenate([[low], distinct(inner, LEAST_PIECE), [high]])
         # as many as the degree of the product takes: it is exact
         points = self.series.shape[1] + other.series.shape[1] - 1
-        return Pulse.of(limits, lambda x: self.value(x) * other.value(x), points)
+        return Pulse.of(limits, lambda x: self.at(x) * other.at(x), points)
 
 
 def _used(series: FloatArray, scale: ArrayLike) -> int:

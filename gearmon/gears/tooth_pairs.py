@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -489,6 +489,7 @@ def _held_alike(
     return bore_radius_m * root / real
 
 
+@lru_cache(maxsize=64)
 def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
     """Return the teeth of a mesh of a machine.
 

@@ -265,14 +265,18 @@ class GearAverages(Result):
         KeyError
             If it is not among them.
         """
-        for own in self.gears:
-            if (own.stage, own.gear) == (stage, gear):
-                return own
-        raise KeyError((stage, gear))
+        return {(own.stage, own.gear): own for own in self.gears}[stage, gear]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return all waveforms as rows: gear, angle, channel and the signals."""
-        return [row for own in self.gears for row in self._waveform_rows(own)]
+        return [
+            self._place(own, row)
+            | {"angle_turns": angle, "angle_teeth": angle * own.teeth}
+            | {name: _short(values[row, index]) for name, values in own.columns.items()}
+            for own in self.gears
+            for row in range(len(self.channel_names))
+            for index, angle in enumerate(own.angle_turns.tolist())
+        ]
 
     def line_rows(self) -> list[dict[str, Any]]:
         """Return all lines as rows, with their standard errors and what they count as."""
@@ -284,16 +288,6 @@ class GearAverages(Result):
             "averages": [self._brief(own) for own in self.gears],
             "warnings": list(self.notes),
         }
-
-    def _waveform_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
-        for row in range(len(self.channel_names)):
-            for index, angle in enumerate(own.angle_turns.tolist()):
-                turned = {"angle_turns": angle, "angle_teeth": angle * own.teeth}
-                yield (
-                    self._place(own, row)
-                    | turned
-                    | {name: _short(values[row, index]) for name, values in own.columns.items()}
-                )
 
     def _line_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
         lines, signals = own.average.lines, own.signals

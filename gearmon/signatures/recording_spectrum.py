@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result, channel_rows, with_units
@@ -131,14 +132,13 @@ def _cut(place: FloatArray, values: FloatArray, band: Band) -> _Made:
     return {"place": place[inside], "values": values[:, inside]}
 
 
-def _amplitudes(kind: Literal["amplitude", "rms", "energy"]) -> _Compute:
-    def compute(vibration: Recording, band: Band, window_name: str) -> _Made:
-        rate = vibration.sampling_rate_hz
-        found = amplitude_spectrum(vibration.samples, rate, window_name=window_name, quantity=kind)
-        note = f"{window_name} window, noise bandwidth {found.resolution_hz:.3g} Hz"
-        return _cut(found.frequency_hz, found.values, band) | {"notes": (note,)}
-
-    return compute
+def _amplitudes(
+    vibration: Recording, band: Band, name: str, kind: Literal["amplitude", "rms", "energy"]
+) -> _Made:
+    samples, rate = vibration.samples, vibration.sampling_rate_hz
+    found = amplitude_spectrum(samples, rate, window_name=name, quantity=kind)
+    note = f"{name} window, noise bandwidth {found.resolution_hz:.3g} Hz"
+    return _cut(found.frequency_hz, found.values, band) | {"notes": (note,)}
 
 
 def _density(vibration: Recording, band: Band, window_name: str) -> _Made:
@@ -218,10 +218,10 @@ def _coherence(vibration: Recording, band: Band, _window_name: str) -> _Made:
 # What each is called, the unit of its values from that of the channel, and how it is computed: of
 # the vibration, the band or none, and the name of the window.
 COMPUTE: dict[str, tuple[str, str, _Compute]] = {
-    "amplitude": ("peak amplitude", "{}", _amplitudes("amplitude")),
-    "rms": ("RMS of the line", "{}", _amplitudes("rms")),
+    "amplitude": ("peak amplitude", "{}", partial(_amplitudes, kind="amplitude")),
+    "rms": ("RMS of the line", "{}", partial(_amplitudes, kind="rms")),
     "density": ("power spectral density", "({})^2/Hz", _density),
-    "energy": ("energy per line", "({})^2", _amplitudes("energy")),
+    "energy": ("energy per line", "({})^2", partial(_amplitudes, kind="energy")),
     "envelope": ("envelope", "{}", _envelope),
     "cepstrum": ("real cepstrum", "1", _cepstrum),
     "kurtogram": ("kurtosis of the envelope", "1", _kurtogram),
@@ -280,8 +280,7 @@ def recording_spectrum(
     >>> spectrum.to_frame().columns.tolist()
     ['frequency_hz', 'a1 [m/s2]', 'a2 [m/s2]']
     """
-    if kind not in KINDS:
-        raise ArgumentError(f"kind={kind!r} must be one of {', '.join(KINDS)}")
+    check_word("kind=", kind, KINDS)
     check_range("peaks", most_peaks, 0, 1000)
     machine = None if machine is None else load_machine(machine)
     sensors = () if machine is None else machine.sensors
@@ -488,19 +487,12 @@ class OrderSpectra(Result):
         middle = 0.5 * (own.order[edges[:-1]] + own.order[edges[1:] - 1])
         names = [f"order_{value:.6g}" for value in middle]
         held = np.maximum.reduceat(own.amplitude, edges[:-1], axis=2)
+        told = (own.time_s.tolist(), own.speed_hz.tolist(), own.blocks.tolist(), held)
         return [
-            {
-                "time_s": float(own.time_s[row]),
-                "speed_hz": float(own.speed_hz[row]),
-                "blocks": int(own.blocks[row]),
-                "channel": channel,
-            }
-            | {
-                name: float(f"{value:.6g}")
-                for name, value in zip(names, held[row, column].tolist(), strict=True)
-            }
-            for row in range(len(own.time_s))
-            for column, channel in enumerate(self.channel_names)
+            {"time_s": time_s, "speed_hz": speed_hz, "blocks": blocks, "channel": channel}
+            | {name: float(f"{v:.6g}") for name, v in zip(names, values.tolist(), strict=True)}
+            for time_s, speed_hz, blocks, rows in zip(*told, strict=True)
+            for channel, values in zip(self.channel_names, rows, strict=True)
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -585,24 +577,14 @@ def order_spectra(
         limit = READ_UP_TO * rate / float(track.speed_hz.max())
         last = 1.1 * MESH_HARMONICS * max(mesh.order for mesh in train.meshes)
         top = min(limit, last) / ratio
-
-    def found(turns: float, against: str) -> OrderMap:
-        return order_map(
-            vibration.samples,
-            rate,
-            track,
-            shaft_order=ratio,
-            top=top,
-            block_turns=turns,
-            window_name=window_name,
-            against=against,
-        )
-
-    whole = found(_TURNS, "time")
+    of_shaft = partial(order_map, shaft_order=ratio, top=top, window_name=window_name)
+    found = partial(of_shaft, vibration.samples, rate, track)
+    whole = found(block_turns=_TURNS, against="time")
     turned = ratio * float(track.turns[-1] - track.turns[0])
     blocks = _MAP_BLOCKS.get(map_against, 1)
     turns = float(np.clip(2 * turned / blocks, _MAP_TURNS, _TURNS))
-    along = whole if (turns, map_against) == (_TURNS, "time") else found(turns, map_against)
+    is_same = (turns, map_against) == (_TURNS, "time")
+    along = whole if is_same else found(block_turns=turns, against=map_against)
     amplitude, order = whole.mean, whole.order
     marks = machine_marks(machine, 1.0 / ratio, float(order[-1]))
     return OrderSpectra(

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, SignatureError, check_type, nearest_name
+from gearmon.errors import ArgumentError, SignatureError, check_type, check_word
 from gearmon.files import replacing, write_atomically
 from gearmon.result import Result
 
@@ -256,10 +256,7 @@ def read_signature(path: str | Path) -> Signature:
 
 def _suffix(path: Path) -> str:
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        near = nearest_name(suffix, SUFFIXES)
-        hint = f"; did you mean {near}?" if near else ""
-        raise ArgumentError(f"{path}: suffix must be one of {', '.join(SUFFIXES)}{hint}")
+    check_word(f"{path}: suffix=", suffix, SUFFIXES)
     return suffix
 
 

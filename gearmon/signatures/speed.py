@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.kinematics import Kinematics, Mesh
+from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
@@ -95,17 +95,13 @@ def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
                 tuple(float(order) for order in group_orders(mesh, k))
                 for k in range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
             ),
-            spacings=_comb_spacings(mesh),
+            # what sets sidebands apart: both shafts, or the carrier of a planetary set
+            spacings=(abs(float(mesh.carrier)),)
+            if mesh.carrier
+            else tuple(wheel.relative_order for wheel in mesh.wheels),
         )
         for mesh in train.meshes
     )
-
-
-def _comb_spacings(mesh: Mesh) -> tuple[float, ...]:
-    """Rotations that set sidebands apart: both shafts, or the carrier of a planetary set."""
-    if mesh.carrier == 0:
-        return tuple(wheel.relative_order for wheel in mesh.wheels)
-    return (abs(float(mesh.carrier)),)
 
 
 def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
@@ -144,6 +140,11 @@ class GearVibration:
         """Lines that the speed is known by: meshes, sidebands, shafts."""
         return machine_comb(self.train, self.nominal_hz)
 
+    @property
+    def meshes(self) -> tuple[MeshComb, ...]:
+        """Its meshes, one comb a stage."""
+        return mesh_combs(self.train, self.nominal_hz)
+
     def scan(
         self,
         block_s: float,
@@ -172,18 +173,13 @@ class GearVibration:
 
     def orders(self, speed_hz: float) -> FloatArray:
         """Mesh harmonics whose phases are followed while the speed is at most `speed_hz`."""
-        top = 0.45 * self.rate / speed_hz
-        found = {
-            float(order)
-            for mesh in self.train.meshes
-            for k in range(1, self._followed_harmonics(mesh) + 1)
-            for order in group_orders(mesh, k)
-        }
+        top, found = 0.45 * self.rate / speed_hz, set()
+        for mesh in self.train.meshes:
+            looked_at = mesh_harmonics(mesh.order * self.nominal_hz)
+            followed = looked_at if looked_at > MESH_HARMONICS else _HARMONICS
+            for k in range(1, followed + 1):
+                found |= {float(order) for order in group_orders(mesh, k)}
         return np.array(sorted(order for order in found if order < top))
-
-    def _followed_harmonics(self, mesh: Mesh) -> int:
-        looked_at = mesh_harmonics(mesh.order * self.nominal_hz)
-        return looked_at if looked_at > MESH_HARMONICS else _HARMONICS
 
     def sums(self, fastest_hz: float | None = None) -> OrderSums | None:
         """Lines of the meshes up to a speed; None if all lie beyond the band.
@@ -194,6 +190,66 @@ class GearVibration:
             fastest_hz = self.nominal_hz * (1 + SPEED_TOLERANCE)
         orders = self.orders(fastest_hz)
         return OrderSums(self.samples, self.rate, orders) if len(orders) else None
+
+    def evidence(
+        self, scan: SpeedScan, centre_hz: float, tolerance: float
+    ) -> tuple[MeshEvidence, ...]:
+        """Tell how clearly each mesh stands out in a scan.
+
+        Parameters
+        ----------
+        scan : SpeedScan
+        centre_hz : float
+            Speed about which it looked [Hz].
+        tolerance : float
+            How far, as a fraction.
+        """
+        orders = [shaft.order for shaft in self.train.shafts]
+
+        def judged() -> tuple[MeshEvidence, ...]:
+            return mesh_evidence(scan, self.meshes, orders, centre_hz, tolerance)
+
+        # the path through all blocks, which is wanted next, is found meanwhile
+        return at_once(judged, lambda: scan.best_score, scan.scores.size)[0]
+
+    def judged(self, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
+        """Judge the meshes on a scan about a track.
+
+        Parameters
+        ----------
+        track : AngleTrack
+            Angle of shaft 1.
+        reach : float
+            How far about its speed to look, as a fraction.
+        """
+        time_s = np.linspace(0.0, self.last_s, 2 + int(8 * self.last_s))
+        middle = 0.5 * (time_s[1:] + time_s[:-1])
+        speed = np.diff(track.turns_at(time_s)) / np.diff(time_s)
+        around = SpeedTrack(time_s=middle, speed_hz=speed, resolution_hz=float("nan"))
+        block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * self.last_s)
+        scan = self.scan(block_s, reach, around)
+        evidence = self.evidence(scan, float(np.mean(scan.middle_hz)), reach)
+        return Tracking(track=track, nominal_hz=self.nominal_hz, scan=scan, evidence=evidence)
+
+    def line_peak(self, track: AngleTrack) -> float:
+        """Find the speed at which lines stand in one spectrum of the whole recording.
+
+        Parameters
+        ----------
+        track : AngleTrack
+            Angle of shaft 1.
+
+        Returns
+        -------
+        float
+            The speed [Hz], within 0.1 % of the mean; the mean itself if a tachometer tells it, and
+            if it wanders by more than 0.1 % (standard deviation over half seconds) or there are
+            more than half a million samples: then the lines have no one place in such a spectrum.
+        """
+        mean, count = track.mean_hz, self.samples.shape[-1]
+        if track.method == "tacho" or wander(track) > _PEAK_TOLERANCE or count > _PEAK_SAMPLES:
+            return mean
+        return self.scan(count / self.rate, _PEAK_TOLERANCE, about_hz=mean).track().mean_hz
 
 
 def meant_speed(
@@ -275,116 +331,40 @@ class Tracking:
         highest = float(self.track.speed_hz.max())
         return self.nominal_hz if highest < 1.06 * self.nominal_hz else highest
 
+    def speed(self, peak_hz: float, duration_s: float) -> Speed:
+        """Sum it up as a speed with its uncertainty.
+
+        Parameters
+        ----------
+        peak_hz : float
+            Speed at which lines peak [Hz].
+        duration_s : float
+            Length of the recording [s].
+        """
+        track = self.track
+        # both ends of the track are uncertain
+        uncertainty = float(np.sqrt(2) * track.uncertainty_turns) / duration_s
+        if not np.isfinite(uncertainty):
+            uncertainty = 0.5 * self.scan.resolution_hz
+        return Speed(
+            nominal_hz=self.nominal_hz,
+            estimated_hz=track.mean_hz,
+            peak_hz=peak_hz,
+            uncertainty_hz=uncertainty,
+            lowest_hz=float(track.speed_hz.min()),
+            highest_hz=float(track.speed_hz.max()),
+            method=track.method,
+        )
+
     @property
     def detected(self) -> int:
         """Meshes that stand out."""
         return sum(seen.stands_out for seen in self.evidence)
 
     @property
-    def convincing(self) -> bool:
-        """Whether several harmonics of meshes that stand out are clear."""
-        return sum(seen.clear for seen in self.evidence if seen.stands_out) >= 2
-
-
-def judge(signal: GearVibration, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
-    """Judge the meshes on a scan about a track.
-
-    Parameters
-    ----------
-    signal : GearVibration
-        The recording.
-    track : AngleTrack
-        Angle of shaft 1.
-    reach : float
-        How far about its speed to look, as a fraction.
-
-    Returns
-    -------
-    Tracking
-    """
-    time_s = np.linspace(0.0, signal.last_s, 2 + int(8 * signal.last_s))
-    middle = 0.5 * (time_s[1:] + time_s[:-1])
-    speed = np.diff(track.turns_at(time_s)) / np.diff(time_s)
-    around = SpeedTrack(time_s=middle, speed_hz=speed, resolution_hz=float("nan"))
-    block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * signal.last_s)
-    scan = signal.scan(block_s, reach, around)
-    centre_hz = float(np.mean(scan.middle_hz))
-    return Tracking(
-        track=track,
-        nominal_hz=signal.nominal_hz,
-        scan=scan,
-        evidence=evidence_of(signal, scan, centre_hz, reach),
-    )
-
-
-def evidence_of(
-    signal: GearVibration, scan: SpeedScan, centre_hz: float, tolerance: float
-) -> tuple[MeshEvidence, ...]:
-    """Tell how clearly each mesh stands out in a scan.
-
-    Parameters
-    ----------
-    signal : GearVibration
-        The recording.
-    scan : SpeedScan
-        The scan.
-    centre_hz : float
-        Speed about which it looked [Hz].
-    tolerance : float
-        How far, as a fraction.
-
-    Returns
-    -------
-    tuple of MeshEvidence
-        One a mesh.
-    """
-    orders = [shaft.order for shaft in signal.train.shafts]
-
-    def judged() -> tuple[MeshEvidence, ...]:
-        combs = mesh_combs(signal.train, signal.nominal_hz)
-        return mesh_evidence(scan, combs, orders, centre_hz, tolerance)
-
-    # the path through all blocks, which is wanted next, is found meanwhile
-    return at_once(judged, lambda: scan.best_score, scan.scores.size)[0]
-
-
-def speed_of(
-    track: AngleTrack, nominal_hz: float, peak_hz: float, scan: SpeedScan, duration_s: float
-) -> Speed:
-    """Sum up a track as a speed with its uncertainty.
-
-    Parameters
-    ----------
-    track : AngleTrack
-        Angle of shaft 1.
-    nominal_hz : float
-        Nominal speed [Hz].
-    peak_hz : float
-        Speed at which lines peak [Hz].
-    scan : SpeedScan
-        Scan that the track began with.
-    duration_s : float
-        Length of the recording [s].
-
-    Returns
-    -------
-    Speed
-    """
-    speeds = track.speed_hz
-    if np.isfinite(track.uncertainty_turns):
-        # both ends of the track are uncertain
-        uncertainty = float(np.sqrt(2) * track.uncertainty_turns) / duration_s
-    else:
-        uncertainty = 0.5 * scan.resolution_hz
-    return Speed(
-        nominal_hz=nominal_hz,
-        estimated_hz=track.mean_hz,
-        peak_hz=peak_hz,
-        uncertainty_hz=uncertainty,
-        lowest_hz=float(speeds.min()),
-        highest_hz=float(speeds.max()),
-        method=track.method,
-    )
+    def clarity(self) -> tuple[int, int]:
+        """How many meshes stand out, and how many of their harmonics are clear."""
+        return self.detected, sum(seen.clear for seen in self.evidence if seen.stands_out)
 
 
 def wander(track: AngleTrack) -> float:
@@ -404,26 +384,3 @@ def wander(track: AngleTrack) -> float:
         return 0.0
     turns = np.diff(track.turns_at(halves))
     return float(np.std(turns) / np.mean(turns))
-
-
-def line_peak(signal: GearVibration, track: AngleTrack) -> float:
-    """Find the speed at which lines stand in one spectrum of the whole recording.
-
-    Parameters
-    ----------
-    signal : GearVibration
-        The recording.
-    track : AngleTrack
-        Angle of shaft 1.
-
-    Returns
-    -------
-    float
-        The speed [Hz], within 0.1 % of the mean; the mean itself if a tachometer tells it, and if
-        it wanders by more than 0.1 % (standard deviation over half seconds) or there are more than
-        half a million samples: then the lines have no one place in such a spectrum.
-    """
-    mean, count = track.mean_hz, signal.samples.shape[-1]
-    if track.method == "tacho" or wander(track) > _PEAK_TOLERANCE or count > _PEAK_SAMPLES:
-        return mean
-    return signal.scan(count / signal.rate, _PEAK_TOLERANCE, about_hz=mean).track().mean_hz

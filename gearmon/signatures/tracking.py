@@ -43,10 +43,7 @@ from gearmon.signatures.speed import (
     TACHO_REACH,
     GearVibration,
     Tracking,
-    evidence_of,
-    judge,
     meant_speed,
-    mesh_combs,
     wander,
 )
 
@@ -134,7 +131,7 @@ class _Tacholess:
         """The comb about a nominal speed."""
         signal, nominal_hz = self.signal, self.signal.nominal_hz
         scan = signal.first_scan()
-        evidence = evidence_of(signal, scan, nominal_hz, SPEED_TOLERANCE)
+        evidence = signal.evidence(scan, nominal_hz, SPEED_TOLERANCE)
         track = integrate_speed(scan.track(), signal.last_s)
         return Tracking(track=track, nominal_hz=nominal_hz, scan=scan, evidence=evidence)
 
@@ -164,7 +161,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     order = signal.train.shaft(sensor.shaft).order if sensor else 1.0
     count = known or pulses_per_turn(pulses, signal.nominal_hz)
     track = track_from_pulses(pulses, count, order, signal.last_s)
-    found = judge(signal, track, TACHO_REACH)
+    found = signal.judged(track, TACHO_REACH)
     if not recording.tacho_told:
         _check_believed(found, tacholess)
     found = _as_without(found, tacholess)
@@ -188,7 +185,7 @@ def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one."""
     rival = tacholess.first if tacholess.first.detected or judged.detected else tacholess.alone
     apart = abs(judged.track.mean_hz / rival.track.mean_hz - 1)
-    if apart > _APART and _clarity(rival) > _clarity(judged):
+    if apart > _APART and rival.clarity > judged.clarity:
         raise RecordingError(
             f"the mesh lines stand out less at the {judged.track.mean_hz:.4g} Hz that its pulses "
             f"say than at {rival.track.mean_hz:.4g} Hz"
@@ -207,11 +204,6 @@ def _as_without(judged: Tracking, tacholess: _Tacholess) -> Tracking:
         if apart <= _APART and rival.detected > judged.detected:
             judged = replace(rival, track=judged.track)
     return judged
-
-
-def _clarity(found: Tracking) -> tuple[int, int]:
-    """How many meshes stand out, and how many of their harmonics are clear."""
-    return found.detected, sum(seen.clear for seen in found.evidence if seen.stands_out)
 
 
 def track_tacholess(
@@ -243,7 +235,7 @@ def track_tacholess(
     found = replace(first, track=track)
     if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
         # a speed that wanders smears lines in long blocks
-        judged = judge(signal, track)
+        judged = signal.judged(track)
         if judged.detected > first.detected and _agrees(signal, judged):
             found = judged
     if found.detected:
@@ -288,7 +280,7 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
     for reach in _PATH_REACHES:
         track = unwarp(signal.samples, signal.rate, track, signal.comb, reach)
     track = lock_track(sums, track)
-    judged = judge(signal, track)
+    judged = signal.judged(track)
     if not _agrees(signal, judged):
         return None
     course = speed.speed_hz
@@ -306,7 +298,7 @@ def _agrees(signal: GearVibration, judged: Tracking) -> bool:
     A mesh of one tooth more stands at the same lines if the shaft turns a little slower: only the
     spacing of its sidebands tells.
     """
-    if not judged.convincing:
+    if judged.clarity[1] < 2:
         return False
     speeds = judged.track.speed_hz
     nominal = signal.nominal_hz
@@ -314,8 +306,7 @@ def _agrees(signal: GearVibration, judged: Tracking) -> bool:
     pieces = max(1, signal.samples.shape[-1] >> 18)
     spectrum = fine_order_spectrum(signal.samples, signal.rate, judged.track, pieces)
     supported = False
-    combs = mesh_combs(signal.train, signal.nominal_hz)
-    for mesh, comb, seen in zip(signal.train.meshes, combs, judged.evidence, strict=True):
+    for mesh, comb, seen in zip(signal.train.meshes, signal.meshes, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
         told = [

@@ -11,7 +11,7 @@ from reference.speed_cases import make_case
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
-from gearmon.signatures.speed import GearVibration, speed_of
+from gearmon.signatures.speed import GearVibration, Tracking
 from gearmon.signatures.tracking import _with_doubt, track_recording
 
 
@@ -91,6 +91,7 @@ def test_both_ends_of_the_angle_make_the_speed_uncertain():
         method="comb",
         uncertainty_turns=1e-3,
     )
-    found = speed_of(track, 24.0, 25.0, None, 10.0)
+    tracking = Tracking(track=track, nominal_hz=24.0, scan=None, evidence=())
+    found = tracking.speed(25.0, 10.0)
     assert found.estimated_hz == pytest.approx(25.0)
     assert found.uncertainty_hz == pytest.approx(np.hypot(1e-3, 1e-3) / 10.0)

@@ -19,7 +19,7 @@ from gearmon.machine import load_machine
 from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.expected.fault_family import FAMILY_KINDS, fault_family
 from gearmon.signatures.expected.faulty_teeth import contact_grid, faulty_lines, loss_response
-from gearmon.signatures.expected.mesh import posed_mesh
+from gearmon.signatures.expected.mesh import MeshPlace
 from gearmon.signatures.signature import read_signature, write_signature
 
 FOLDER = Path(__file__).resolve().parents[2] / "signatures"
@@ -120,7 +120,7 @@ def test_wear_is_a_softer_mesh():
 @pytest.mark.parametrize("text", ["pitch:1:pinion:1:20um", "missing:1:pinion:1"])
 def test_jumping_excitation_against_slow_integration(text):
     # the full solve cuts the harmonics of jumps: only an integration from corner to corner can say
-    healthy, turn = posed_mesh(PTO, 1), posed_mesh(PTO, 1, wrong=[text])
+    healthy, turn = MeshPlace(PTO, 1).alone(), MeshPlace(PTO, 1).alone([text])
     own, period = turn.mechanics, turn.period
     grid = contact_grid([healthy, turn], 12e3)
     count = 3 * period

@@ -12,7 +12,7 @@ import gearmon
 from gearmon.errors import ArgumentError
 from gearmon.gears.assembly import drive_train
 from gearmon.gears.kinematics import kinematics
-from gearmon.signatures.expected.mesh import posed_set
+from gearmon.signatures.expected.mesh import MeshPlace
 from gearmon.simulation.train import build_train
 from gearmon.simulation.vibration import random_path
 
@@ -120,7 +120,7 @@ def test_the_final_drive_of_the_catalogue_sounds_as_expected(monkeypatch):
 
 def stepped(machine, fault, gear_teeth, highest, steps):
     """Lines of the forces of each planet, in steps of constant stiffness from drive train alone."""
-    train, posed = drive_train(machine), posed_set(machine, 1, wrong=fault)
+    train, posed = drive_train(machine), MeshPlace(machine, 1).as_set(fault)
     squares, shapes = train.modes
     shapes = shapes[:, squares > 0]
     meshes, mesh_hz = train.meshes(1), posed.mechanics.mesh_frequency_hz
@@ -208,7 +208,7 @@ def test_pairs_have_no_planets():
     pair = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
     machine = gearmon.load_machine(operating={"speed_rpm": 1500.0}, stage=pair)
     with pytest.raises(ArgumentError, match="stage=1 is not planetary"):
-        posed_set(machine, 1)
+        MeshPlace(machine, 1).as_set()
 
 
 def test_damage_of_a_worn_gear_is_added_to_what_its_wear_does():

@@ -170,7 +170,7 @@ def test_damaged_files_are_refused_in_one_line(tmp_path, name, change, words):
 def test_other_files_are_refused(tmp_path):
     with pytest.raises(SignatureError, match="No such file"):
         read_signature(tmp_path / "none.csv")
-    with pytest.raises(ArgumentError, match=r"suffix must be one of .*did you mean \.json"):
+    with pytest.raises(ArgumentError, match=r"suffix=.* is not one of .*did you mean \.json"):
         write_signature(signature(), tmp_path / "s.jsn")
     (tmp_path / "b.csv").write_bytes(b"\xff\xfe\x00binary")
     with pytest.raises(SignatureError, match="damaged one"):

@@ -18,7 +18,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine
 from gearmon.signatures.expected.faulty_teeth import faulty_lines
-from gearmon.signatures.expected.mesh import operating_point, posed_mesh
+from gearmon.signatures.expected.mesh import MeshPlace, operating_point
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
 
 FloatArray = NDArray[np.float64]
@@ -225,11 +225,8 @@ class _Mesh:
     def _lines(self, wrong: Fault | GearError | None, teeth: int, gear: str) -> ComplexArray:
         """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
         mesh = 1 if gear == "ring" else 0
-        asked = [] if wrong is None else [wrong]
-        healthy, faulty = (
-            posed_mesh(self.machine, self.stage, self.operating, own, mesh=mesh)
-            for own in ([], asked)
-        )
+        place = MeshPlace(self.machine, self.stage, self.operating, mesh=mesh)
+        healthy, faulty = place.alone(), place.alone([] if wrong is None else [wrong])
         (solved,) = faulty_lines(healthy, [faulty], self.max_hz, _TOLERANCE)
         number = solved.number * (teeth // solved.period)
         lines = np.zeros(int(number.max(initial=0)) + 1, dtype=np.complex128)

@@ -22,7 +22,7 @@ from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.signals.array_types import ComplexArray
 from gearmon.signatures.expected.faulty_teeth import faulty_lines
-from gearmon.signatures.expected.mesh import PosedStage, Wrong, operating_point, posed_stage
+from gearmon.signatures.expected.mesh import MeshPlace, PosedStage, Wrong, operating_point
 from gearmon.signatures.expected.mesh_lines import AMPLITUDES, MeshLines, joined, refuse_no_lines
 from gearmon.signatures.signature import Signature
 
@@ -110,7 +110,7 @@ def expected_signature(
     tables, stages, mechanics = [], [], []
     for number in range(1, len(machine.stages) + 1):
         ring = any(fault.stage == number and fault.gear == "ring" for fault in known)
-        posed = posed_stage(machine, number, operating, known, form=form, mesh=int(ring))
+        posed = MeshPlace(machine, number, operating, form, int(ring)).posed(known)
         limit = posed.limit_hz(max_hz)
         lines, told, warnings = _solved(posed, limit, tolerance, method, order)
         columns, share = _listed(lines, limit)

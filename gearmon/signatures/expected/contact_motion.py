@@ -32,7 +32,7 @@ from scipy.sparse import csr_array
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import Pulse, gauss, panel_nodes
-from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
+from gearmon.signals.array_types import BoolArray, ComplexArray, FloatArray, IntArray
 
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
 #: together they integrate that part to about 1e-12.
@@ -112,12 +112,6 @@ class Surroundings:
     dampers: FloatArray
     force: FloatArray
 
-    @classmethod
-    def of_pair(cls, damping: float, force: float) -> Surroundings:
-        """Return what is around a single mesh."""
-        one, c = np.ones((1, 1)), np.array([damping])
-        return cls(stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force * one[0])
-
     def moved(self, lines: ComplexArray, period: int) -> ComplexArray:
         """Return the lines of c e' over P mesh periods by those of e, (..., meshes, lines)."""
         rates = 2j * np.pi / period * np.arange(1, lines.shape[-1] + 1)
@@ -157,14 +151,17 @@ class PeriodicMotion:
             )
 
     @cached_property
+    def known_changes(self) -> dict[tuple[bytes, bytes], list[_Changed]]:
+        """Mesh periods that differ, of the last turns asked for."""
+        return {}
+
+    @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
         around, size = self.around, len(self.around.force)
-        shape = (*self.kappa.shape[1:], size, 2 * size + 1)
-        push, shift = np.zeros(shape), None
+        push, shift = np.zeros((2, *self.kappa.shape[1:], size, 2 * size + 1))
         push[..., -1] = around.force
         if self.excitation is not None:
-            shift = np.zeros(shape)
             pressed = self.kappa * self.excitation
             push[..., -1] += np.einsum("mpi,ma->pia", pressed, around.vectors)
             moved = around.dampers[:, None] * around.vectors
@@ -174,14 +171,15 @@ class PeriodicMotion:
     @cached_property
     def forced(self) -> _PanelMaps:
         """Motion on the panels from rest, by forces in the meshes: a column each mesh and point."""
-        return self._answer(self._unit_forces, None, np.zeros((2 * self._unit_forces.shape[2], 1)))
+        return self._answer(
+            self._unit_forces, np.zeros_like(self._unit_forces), np.zeros((len(self.monodromy), 1))
+        )
 
     @cached_property
     def shifted(self) -> _PanelMaps:
         """The same by e of the dampers."""
-        push = self._unit_forces
-        shift = push * np.repeat(self.around.dampers, POINTS)
-        return self._answer(np.zeros_like(push), shift, np.zeros((2 * push.shape[2], 1)))
+        shift = self._unit_forces * np.repeat(self.around.dampers, POINTS)
+        return self._answer(np.zeros_like(shift), shift, np.zeros((len(self.monodromy), 1)))
 
     @property
     def _unit_forces(self) -> FloatArray:
@@ -201,14 +199,14 @@ class PeriodicMotion:
         size = POINTS * len(around.force)
         return stiffness, matrix.reshape(len(h), size, size) + np.eye(size)
 
-    def _answer(self, push: FloatArray, shift: FloatArray | None, start: FloatArray) -> _PanelMaps:
+    def _answer(self, push: FloatArray, shift: FloatArray, start: FloatArray) -> _PanelMaps:
         """Return the motions, a column each.
 
         Parameters
         ----------
         push : ndarray, shape (panels, points, n, columns)
             What is added to u'.
-        shift : ndarray, same shape, optional
+        shift : ndarray, same shape
             What is added to q'.
         start : ndarray, shape (2n, columns)
             State when the panel begins.
@@ -217,13 +215,11 @@ class PeriodicMotion:
         q0, u0 = start[:size], start[size:]
         h, weights = self.grid.widths[:, None, None, None], 0.5 * gauss(POINTS)[1]
         reach = _integrals().sum(axis=1)[:, None, None]
-        speed, place = u0, q0 + h * reach * u0
-        if shift is not None:
-            speed, place = speed + shift, place + h * _integrated(shift)
+        speed, place = u0 + shift, q0 + h * (reach * u0 + _integrated(shift))
         right = push - around.damping @ speed - stiffness @ place
         slope = np.linalg.solve(matrix, right.reshape(*matrix.shape[:2], -1)).reshape(right.shape)
         u = u0 + h * _integrated(slope)
-        rate = u if shift is None else u + shift
+        rate = u + shift
         q = q0 + h * _integrated(rate)
         h = h[:, 0]
         ends = q0 + h * np.einsum("i,piac->pac", weights, rate)
@@ -277,9 +273,9 @@ class PeriodicMotion:
         return self.grid.mean(self.motion[1])[None]
 
     @property
-    def least_force(self) -> FloatArray:
-        """Least mesh force over its mean, shape (1,); at or below 0 teeth part."""
-        return np.asarray((self.force.min(axis=(1, 2)) / self.mean_load).min())[None]
+    def contact_lost(self) -> BoolArray:
+        """Whether teeth part: a mesh force falls to 0, shape (1,)."""
+        return np.asarray((self.force.min(axis=(1, 2)) / self.mean_load).min() <= 0)[None]
 
     @property
     def unresolved(self) -> FloatArray:
@@ -293,12 +289,12 @@ class PeriodicMotion:
 
     def force_lines(self, highest: int) -> ComplexArray:
         """Return the harmonics 1..highest of all mesh forces, shape (1, meshes, highest)."""
-        turns = self.grid.phase / self.period
-        found = fourier_sums(turns, self.force * self.grid.weights, highest)
+        turns, weights = self.grid.phase / self.period, self.grid.weights / self.period
+        found = fourier_sums(turns, self.force * weights, highest)
         if self.excitation is not None:
-            moved = fourier_sums(turns, self.excitation * self.grid.weights, highest)
+            moved = fourier_sums(turns, self.excitation * weights, highest)
             found -= self.around.moved(moved, self.period)
-        return found[None] / self.period
+        return found[None]
 
 
 def fourier_sums(turns: FloatArray, values: FloatArray, highest: int) -> ComplexArray:
@@ -318,14 +314,15 @@ def fourier_sums(turns: FloatArray, values: FloatArray, highest: int) -> Complex
     grid = csr_array((spread.ravel(), points.ravel() % length, starts), shape=(len(place), length))
     before = values.shape[: values.ndim - turns.ndim]
     found = np.fft.rfft(values.reshape(-1, len(place)) @ grid)[:, 1 : highest + 1]
-    return np.asarray((found / _bell_lines(length, highest)).reshape(*before, highest))
+    return np.asarray((found * _bell_lines(length, highest)).reshape(*before, highest))
 
 
 @lru_cache(maxsize=8)
 def _bell_lines(length: int, highest: int) -> FloatArray:
+    """Return the reciprocals of the lines of the bell."""
     numbers, (nodes, weights, _) = np.arange(1, highest + 1), gauss(BELL_POINTS)
     waves = np.cos(np.pi * SPREAD / length * np.outer(numbers, nodes))
-    return np.asarray(SPREAD / 2 * (waves @ (weights * _bell(nodes))))
+    return np.asarray(2 / SPREAD / (waves @ (weights * _bell(nodes))))
 
 
 def _bell(t: FloatArray) -> FloatArray:
@@ -359,14 +356,14 @@ class Deviations:
     load: FloatArray
     excitation: FloatArray | None = None
 
-    @property
+    @cached_property
     def _even(self) -> FloatArray:
         """States with zeros where mesh periods differ."""
         states = self.states.copy()
         states[:, list(self.where)] = 0.0
         return states
 
-    @property
+    @cached_property
     def _force(self) -> FloatArray:
         return np.asarray(self.load + self.mesh.around.dampers[:, None, None] * self.speed)
 
@@ -379,18 +376,20 @@ class Deviations:
         return np.asarray((total + mesh.grid.mean(self.deflection).sum(axis=1)) / period)
 
     @property
-    def least_force(self) -> FloatArray:
-        """Least mesh force over its mean, shape (turns,); at or below 0 teeth part."""
+    def contact_lost(self) -> BoolArray:
+        """Whether teeth part: a mesh force falls to 0, shape (turns,)."""
         mesh, mean = self.mesh, self.mesh.mean_load
         changed = (self._force + mesh.force).min(axis=(1, 3, 4)) / mean
-        found = [changed.min(axis=1)]
+        lost = np.asarray((changed <= 0).any(axis=1))
         for free, even, own in zip(mesh.free_force, mesh.force, mean, strict=True):
-            states = self._even.reshape(-1, free.shape[-1])
-            least = (states @ free.reshape(-1, free.shape[-1]).T + even.ravel()).min(axis=1)
-            found.append(least.reshape(len(self.states), -1).min(axis=1) / own)
-        return np.asarray(np.min(found, axis=0))
+            by_state, still = free.reshape(-1, free.shape[-1]) / own, even.ravel() / own
+            # only states that might bring some point down are looked at point by point
+            near = np.abs(self._even) @ np.abs(by_state).max(axis=0) >= still.min()
+            parted = (self._even[near] @ by_state.T + still).min(axis=1) <= 0
+            lost[near.nonzero()[0][parted]] = True
+        return lost
 
-    @property
+    @cached_property
     def unresolved(self) -> FloatArray:
         """Share of the change of the speeds in the last two Legendre terms of the panels, (turns,).
 
@@ -405,21 +404,23 @@ class Deviations:
         Of a mesh period that does not differ they follow from its state: the sum over the turn is
         a transform of the states.
         """
-        mesh, period = self.mesh, self.states.shape[1]
-        grid, numbers = mesh.grid, np.arange(1, highest + 1)
-        free = np.moveaxis(mesh.free_force * grid.weights[..., None], -1, 1)
-        by_state = fourier_sums(grid.phase / period, free, highest)
-        states = np.fft.fft(self._even, axis=1)[:, numbers % period]
-        found = np.einsum("mkr,trk->tmr", by_state, states)
-        turns = (np.array(self.where)[:, None, None] + grid.phase) / period
-
-        def met(values: FloatArray) -> ComplexArray:
-            return fourier_sums(turns, values.swapaxes(1, 2) * grid.weights, highest)
-
-        found += met(self._force)
-        if self.excitation is not None:
-            found -= mesh.around.moved(met(self.excitation), period)
-        return np.asarray(found / period)
+        mesh, (turns, period, size) = self.mesh, self.states.shape
+        numbers, force, e = np.arange(1, highest + 1), self._force, self.excitation
+        excited = np.flatnonzero([] if e is None else e.any(axis=(1, 2, 3, 4)))
+        # free vibration of the first mesh period that differs, what differs, and e
+        values = np.zeros((size + turns + len(excited), *force.shape[1:]))
+        values[:size, 0] = np.moveaxis(mesh.free_force, -1, 0)
+        values[size : size + turns] = force
+        if e is not None:
+            values[size + turns :] = e[excited]
+        phases = (np.array(self.where)[:, None, None] + mesh.grid.phase) / period
+        weighted = values.swapaxes(1, 2) * (mesh.grid.weights / period)
+        sums = fourier_sums(phases, weighted, highest)
+        states = np.fft.fft(np.roll(self._even, -self.where[0], axis=1).swapaxes(1, 2))
+        by_state = np.take(states, numbers % period, axis=2)
+        found = np.einsum("kmr,tkr->tmr", sums[:size], by_state) + sums[size : size + turns]
+        found[excited] -= mesh.around.moved(sums[size + turns :], period)
+        return np.asarray(found)
 
 
 def deviations(
@@ -444,10 +445,7 @@ def deviations(
     excitation : ndarray, same shape, optional
         e [m] in these periods; zero in the others.
     """
-    still = [None] * len(where) if excitation is None else list(excitation.swapaxes(0, 1))
-    changed = [
-        _Changed.of(mesh, own, e) for own, e in zip(delta.swapaxes(0, 1), still, strict=True)
-    ]
+    changed = _changed(mesh, delta, excitation)
     free, turns = mesh.monodromy, len(delta)
     size = len(free)
     total = np.broadcast_to(np.eye(size, size + 1), (turns, size, size + 1)).copy()
@@ -479,6 +477,20 @@ def deviations(
         load=load,
         excitation=excitation,
     )
+
+
+def _changed(
+    mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray | None
+) -> list[_Changed]:
+    """Pose the mesh periods that differ; known where another gear asked for the same just now."""
+    known = mesh.known_changes
+    key = delta.tobytes(), b"" if excitation is None else excitation.tobytes()
+    if key not in known:
+        known.clear()
+        still = [None] * delta.shape[1] if excitation is None else excitation.swapaxes(0, 1)
+        each = zip(delta.swapaxes(0, 1), still, strict=True)
+        known[key] = [_Changed.of(mesh, own, e) for own, e in each]
+    return known[key]
 
 
 @dataclass(frozen=True, eq=False)

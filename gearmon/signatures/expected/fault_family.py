@@ -8,7 +8,9 @@ gear's turn.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import Any
 
@@ -24,12 +26,10 @@ from gearmon.result import Result
 from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signatures.expected.faulty_teeth import faulty_lines, periodic_lines
 from gearmon.signatures.expected.mesh import (
+    MeshPlace,
     PosedStage,
     Wrong,
     gear_places,
-    operating_point,
-    posed_mesh,
-    posed_stage,
 )
 from gearmon.signatures.expected.mesh_lines import (
     AMPLITUDES,
@@ -98,12 +98,7 @@ class FamilyMember:
     @property
     def teeth(self) -> int:
         """Teeth for which there are lines of their own; 1 where the whole gear is concerned."""
-        return 1 if self.is_whole else self.lines.period
-
-    @property
-    def is_whole(self) -> bool:
-        """Whether the fault is of the whole gear."""
-        return self.fault().tooth is None
+        return 1 if self.fault().tooth is None else self.lines.period
 
     def fault(self, tooth: int = 1) -> Wrong:
         """Return the fault of one tooth."""
@@ -180,21 +175,14 @@ class FaultFamily(Result):
             `operating` (from 0); of each member the lines of its own stage with tooth 1 faulty, and
             those of the healthy stages (kind "healthy").
         """
-        parts: list[tuple[MeshLines, tuple[str | float, ...]]] = [
+        parts = [
             (lines, ("healthy", "ring" if mesh else "", "", 0.0, float(operating)))
             for (operating, _, mesh), lines in self.healthy.items()
         ]
         parts += [
             (m.lines, (m.kind, m.gear, m.size, m.loss, float(m.operating))) for m in self.members
         ]
-        tables = []
-        for lines, told in parts:
-            columns = lines.columns()
-            same = {
-                name: np.full(len(columns["stage"]), own)
-                for name, own in zip(_TOLD, told, strict=True)
-            }
-            tables.append(_limited(same | columns, mesh_harmonics, sidebands))
+        tables = [_limited(*part, mesh_harmonics, sidebands) for part in parts]
         header = {
             "operating_points": [
                 {"speed_rpm": point.speed_rpm, "torque_nm": point.torque_nm, "name": point.name}
@@ -248,15 +236,21 @@ class FaultFamily(Result):
 
 
 def _limited(
-    columns: dict[str, npt.NDArray[Any]], mesh_harmonics: int | None, sidebands: int | None
+    lines: MeshLines,
+    told: tuple[str | float, ...],
+    mesh_harmonics: int | None,
+    sidebands: int | None,
 ) -> dict[str, npt.NDArray[Any]]:
-    kept = np.ones(len(columns["stage"]), dtype=bool)
+    columns = lines.columns()
+    count = len(columns["stage"])
+    same = {name: np.full(count, own) for name, own in zip(_TOLD, told, strict=True)}
+    kept = np.ones(count, dtype=bool)
     if mesh_harmonics is not None:
         # lines below the first mesh harmonic are multiples of the turn, not its sidebands
         kept &= (columns["mesh_harmonic"] >= 1) & (columns["mesh_harmonic"] <= mesh_harmonics)
     if sidebands is not None:
         kept &= np.abs(columns["sideband"]) <= sidebands
-    return {name: column[kept] for name, column in columns.items()}
+    return {name: column[kept] for name, column in (same | columns).items()}
 
 
 def fault_family(
@@ -321,7 +315,7 @@ def fault_family(
     if max_hz is not None:
         check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-10, 1.0)
-    texts = _size_texts(kinds, sizes)
+    texts = _sizes(kinds, sizes)
     points = _points(machine, operating)
     places = _places(machine, gears)
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
@@ -333,23 +327,21 @@ def fault_family(
     }
     if not any(len(lines.displacement) for lines in healthy.values()):
         refuse_no_lines((lines.mechanics for lines in healthy.values()), max_hz)
-    members: list[FamilyMember] = []
+    cases: list[_Case] = []
     notes: dict[str, None] = {}
     for number, ((stage, gear), mesh) in product(points, places.items()):
-        key = (number, stage, mesh if (number, stage, mesh) in stages else 0)
-        one = _Gear(machine, number, stage, gear, mesh, form, stages[key], healthy[key])
-        cases: list[tuple[str, str, PosedStage]] = []
+        even = stages.get((number, stage, mesh)) or stages[number, stage, 0]
+        one = _Gear(MeshPlace(machine, stage, number, form, mesh), gear, even)
         for kind, own in texts.items():
             try:
-                cases += [(kind, *case) for case in zip(own, one.posed(kind, own), strict=True)]
+                cases += list(one.cases(kind, own))
             except ArgumentError as error:
                 if kinds is not None:
                     raise
                 notes[f"{kind} of the {gear} of stage {stage} left out: {error}"] = None
-        members += one.solved(cases, max_hz, tolerance)
     return FaultFamily(
         machine=machine,
-        members=tuple(members),
+        members=_solved(cases, {own.posed: own for own in healthy.values()}, max_hz, tolerance),
         healthy=healthy,
         max_hz=max_hz,
         tolerance=tolerance,
@@ -365,68 +357,90 @@ def _stages(
     every = {(number, 0) for number in range(1, len(machine.stages) + 1)}
     every |= {(stage, mesh) for (stage, _), mesh in places.items()}
     for number, (stage, mesh) in product(points, sorted(every)):
-        even = posed_stage(machine, stage, number, form=form, mesh=mesh)
+        even = MeshPlace(machine, stage, number, form, mesh).posed()
         # a set that is taken as a whole has all of its gears in one
         found.setdefault((number, stage, mesh if even.train is None else 0), even)
     return found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Gear:
     """A gear at an operating point, and its stage without faults."""
 
-    machine: Machine
-    operating: int
-    stage: int
+    place: MeshPlace
     gear: str
-    mesh: int
-    form: str
     even: PosedStage
-    sound: MeshLines
 
-    def posed(self, kind: str, sizes: Sequence[str]) -> list[PosedStage]:
+    @cached_property
+    def alone(self) -> PosedStage:
+        """Its mesh without faults, by itself."""
+        return self.place.alone()
+
+    def cases(self, kind: str, sizes: Mapping[str, Wrong]) -> Iterator[_Case]:
         """Pose all sizes of a kind; where they take the same pulse more or less, the largest."""
-        faults = [parse_fault_or_error(_words(kind, self.stage, self.gear, s)) for s in sizes]
-        losses = [own.loss for own in faults if isinstance(own, Fault) and own.is_loss]
+        losses = [own.loss for own in sizes.values() if isinstance(own, Fault) and own.is_loss]
         overlap = self.even.mechanics.stiffness.overlap_ratio
         alike = kind in UNIFORM_KINDS or (kind == "breakage" and overlap < LEAST_OVERLAP)
         most = max(losses, default=0.0)
-        if alike and most and len(losses) == len(faults) and self.form != POTENTIAL_ENERGY:
-            whole = self._posed(faults[losses.index(most)])
-            return [whole.scaled(loss / most) for loss in losses]
-        return [self._posed(own) for own in faults]
+        if alike and most and len(losses) == len(sizes) and self.place.form != POTENTIAL_ENERGY:
+            whole = self._posed(list(sizes.values())[losses.index(most)])
+            for size, loss in zip(sizes, losses, strict=True):
+                yield _Case(self, kind, size, whole.scaled(loss / most), whole, loss / most)
+        else:
+            for size, wrong in sizes.items():
+                posed = self._posed(wrong)
+                yield _Case(self, kind, size, posed, posed, 1.0)
 
-    def _posed(self, *wrong: Wrong) -> PosedStage:
-        place = self.machine, self.stage, self.operating
-        return posed_stage(*place, wrong, form=self.form, mesh=self.mesh)
+    def _posed(self, wrong: Wrong) -> PosedStage:
+        return self.place.posed([replace(wrong, stage=self.place.stage, gear=self.gear)])
 
-    def solved(
-        self, cases: Sequence[tuple[str, str, PosedStage]], max_hz: float | None, tolerance: float
-    ) -> list[FamilyMember]:
-        """Solve all that is wrong with the gear."""
-        limit_hz, of_set = self.even.limit_hz(max_hz), self.even.train is not None
-        found: dict[PosedStage, FamilyMember] = {}
-        for alone in (False, True):
-            chosen = [case for case in cases if (of_set and case[2].train is None) == alone]
-            even, sound = self.even, self.sound
-            if alone and chosen:
-                # what the set cannot be solved with is taken against the same mesh alone
-                place = self.machine, self.stage, self.operating
-                even = posed_mesh(*place, form=self.form, mesh=self.mesh)
-                sound = periodic_lines(even, limit_hz, tolerance)
-            lines = faulty_lines(even, [own for _, _, own in chosen], limit_hz, tolerance)
-            for (kind, size, own), solved in zip(chosen, lines, strict=True):
-                found[own] = FamilyMember(
-                    kind=kind,
-                    stage=self.stage,
-                    gear=self.gear,
-                    size=size,
-                    loss=own.loss(even),
-                    operating=self.operating,
-                    lines=solved,
-                    sound=sound,
-                )
-        return [found[own] for _, _, own in cases]
+
+@dataclass(frozen=True, eq=False)
+class _Case:
+    """A kind and size of fault of a gear, which takes a part of what `whole` loses."""
+
+    gear: _Gear
+    kind: str
+    size: str
+    posed: PosedStage
+    whole: PosedStage
+    part: float
+
+    @property
+    def even(self) -> PosedStage:
+        """The same without the fault: what a set cannot be solved with is taken by itself."""
+        is_same = (self.gear.even.train is None) == (self.posed.train is None)
+        return self.gear.even if is_same else self.gear.alone
+
+
+def _solved(
+    cases: Sequence[_Case],
+    healthy: Mapping[PosedStage, MeshLines],
+    max_hz: float | None,
+    tolerance: float,
+) -> tuple[FamilyMember, ...]:
+    """Solve all faults, those of the gears of a mesh at once."""
+    found: dict[_Case, FamilyMember] = {}
+    groups: dict[PosedStage, list[_Case]] = {}
+    for case in cases:
+        groups.setdefault(case.even, []).append(case)
+    for even, own in groups.items():
+        limit_hz = own[0].gear.even.limit_hz(max_hz)
+        sound = healthy.get(even) or periodic_lines(even, limit_hz, tolerance)
+        losses = {whole: whole.loss(even) for whole in dict.fromkeys(case.whole for case in own)}
+        solved = faulty_lines(even, [case.posed for case in own], limit_hz, tolerance)
+        for case, lines in zip(own, solved, strict=True):
+            found[case] = FamilyMember(
+                kind=case.kind,
+                stage=case.gear.place.stage,
+                gear=case.gear.gear,
+                size=case.size,
+                loss=case.part * losses[case.whole],
+                operating=case.gear.place.operating,
+                lines=lines,
+                sound=sound,
+            )
+    return tuple(found[case] for case in cases)
 
 
 def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
@@ -437,30 +451,22 @@ def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
 
 def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[int, ...]:
     every = range(len(machine.operating)) if operating is None else operating
-    points = (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
-    for number in points:
-        operating_point(machine, number)
-    return points
+    return (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
 
 
-def _size_texts(
+def _sizes(
     kinds: Iterable[str] | None, sizes: Iterable[Size] | str | None
-) -> dict[str, tuple[str, ...]]:
-    """Return the sizes of each kind, as they are written."""
+) -> dict[str, dict[str, Wrong]]:
+    """Return the sizes of each kind, as they are written and what they mean."""
     kinds = [kinds] if isinstance(kinds, str) else kinds
     chosen = FAMILY_KINDS if kinds is None else tuple(dict.fromkeys(kinds))
     for kind in chosen:
         check_word("kind ", kind, (*KINDS, *ERROR_KINDS))
     if sizes is None:
-        return {kind: _default(kind) for kind in chosen}
+        return {kind: _meant(kind, _default(kind)) for kind in chosen}
     given = [sizes] if isinstance(sizes, str) else sizes
     texts = [s.strip() if isinstance(s, str) else f"{100 * float(s):.12g}%" for s in given]
-    found = {
-        kind: GONE
-        if kind == "missing"
-        else tuple(t for t in dict.fromkeys(texts) if _fits(kind, t))
-        for kind in chosen
-    }
+    found = {kind: _meant(kind, GONE if kind == "missing" else texts) for kind in chosen}
     for text in texts:
         if not any(text in own for own in found.values()):
             raise ArgumentError(
@@ -479,15 +485,15 @@ def _default(kind: str) -> tuple[str, ...]:
     return ERROR_SIZES if kind in ERROR_KINDS else LOSSES
 
 
-def _fits(kind: str, text: str) -> bool:
-    # in a list for all kinds mm are depths of damage: an error of millimetres is none
-    if kind in ERROR_KINDS:
-        return text.endswith("um")
-    try:
-        parse_fault_or_error(_words(kind, 1, "pinion", text))
-    except ArgumentError:
-        return False
-    return True
+def _meant(kind: str, texts: Iterable[str]) -> dict[str, Wrong]:
+    """Return the sizes that fit a kind, of a tooth of any gear."""
+    found = {}
+    for text in texts:
+        # in a list for all kinds mm are depths of damage: an error of millimetres is none
+        if kind not in ERROR_KINDS or text.endswith("um"):
+            with suppress(ArgumentError):
+                found[text] = parse_fault_or_error(_words(kind, 1, "pinion", text))
+    return found
 
 
 def _places(

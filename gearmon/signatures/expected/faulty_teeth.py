@@ -27,8 +27,8 @@ from gearmon.signatures.expected.contact_motion import (
     PhaseGrid,
     deviations,
 )
-from gearmon.signatures.expected.mesh import PosedMesh, PosedStage, gear_places, posed_stage
-from gearmon.signatures.expected.mesh_lines import MeshLines, added_up
+from gearmon.signatures.expected.mesh import MeshPlace, PosedMesh, PosedStage, gear_places
+from gearmon.signatures.expected.mesh_lines import MeshLines
 
 _Motion = TypeVar("_Motion", PeriodicMotion, Deviations)
 
@@ -70,33 +70,52 @@ def faulty_lines(
     healthy : PosedStage
         The same where no tooth differs.
     faulty : sequence of PosedStage
-        With the faults: of all sizes and kinds, on teeth of one gear.
+        With the faults: of all sizes and kinds, each on teeth of one gear.
     max_hz : float
         Highest frequency [Hz].
     tolerance : float
         Relative error of what the fault adds (an estimate), or of the whole for turns that are
         solved as a whole.
     """
-    teeth = [own for own in faulty if own.is_local and own.period > 1]
-    solved = dict(zip(teeth, _tooth_lines(healthy, teeth, max_hz, tolerance), strict=True))
+    teeth: dict[int, list[PosedStage]] = {}
+    for posed in faulty:
+        if posed.is_local and posed.period > 1:
+            teeth.setdefault(posed.period, []).append(posed)
+    even, solved = _Even(healthy), dict[PosedStage, MeshLines]()
+    for own in teeth.values():
+        solved |= zip(own, _tooth_lines(even, own, max_hz, tolerance), strict=True)
     return [solved.get(own) or periodic_lines(own, max_hz, tolerance) for own in faulty]
 
 
+class _Even:
+    """The healthy mesh on the panels it was asked for last: those of several gears may be alike."""
+
+    def __init__(self, posed: PosedStage) -> None:
+        self.posed = posed
+        self._motion: PeriodicMotion | None = None
+
+    def motion(self, grid: PhaseGrid) -> PeriodicMotion:
+        """Return its motion."""
+        known = self._motion
+        if known is None or not np.array_equal(known.grid.edges, grid.edges):
+            self._motion = known = periodic_motion(self.posed, grid)
+        return known
+
+
 def _tooth_lines(
-    healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
+    even: _Even, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
 ) -> list[MeshLines]:
     """Solve cases of which a few mesh periods of a turn differ from the others."""
-    if not faulty:
-        return []
+    healthy = even.posed
     grid, half = contact_grid([healthy, *faulty], max_hz), len(faulty) // 2
     numbers = len(faulty) * len(grid.widths) * (8 + len(healthy.around.force)) ** 2
     if half and numbers > MOST_NUMBERS:
         parts = faulty[:half], faulty[half:]
-        return [own for part in parts for own in _tooth_lines(healthy, part, max_hz, tolerance)]
-    found, number, carrier, even, added = _solved(healthy, faulty, grid, max_hz, tolerance)
+        return [own for part in parts for own in _tooth_lines(even, part, max_hz, tolerance)]
+    found, number, carrier, sound, added = _solved(even, faulty, grid, max_hz, tolerance)
     mean = found.mesh.mean_deflection[0, 0] + found.mean_deflection[:, 0]
     same = {"period": found.states.shape[1], "number": number, "carrier": carrier}
-    return _each(faulty, found, mean, even + added, method="contact", **same)
+    return _each(faulty, found, mean, sound + added, method="contact", **same)
 
 
 def contact_grid(cases: Sequence[PosedStage], max_hz: float) -> PhaseGrid:
@@ -125,34 +144,36 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
 
 
 def _solved(
-    healthy: PosedStage,
+    even: _Even,
     faulty: Sequence[PosedStage],
     grid: PhaseGrid,
     max_hz: float,
     tolerance: float,
 ) -> tuple[Deviations, IntArray, IntArray, ComplexArray, ComplexArray]:
     """Return turns, places of their lines, the healthy ones, and what faults add in each turn."""
-    period = max(posed.period for posed in faulty)
-    found = _refined(grid, tolerance, lambda own: _changes(healthy, faulty, own, period))
+    period, healthy = max(posed.period for posed in faulty), even.posed
+    found = _refined(
+        grid, tolerance, lambda own: _changes(healthy, even.motion(own), faulty, period)
+    )
     count = _count(healthy, max_hz, period)
     number, carrier, added = healthy.heard(found, count, period)
     of_mesh, beside, sound = healthy.heard(found.mesh, count // period, 1)
     number = np.concatenate([number, of_mesh * period])
     carrier = np.concatenate([carrier, beside])
-    lines = np.zeros((1 + len(added), len(number)), dtype=np.complex128)
-    lines[1:, : added.shape[1]], lines[0, added.shape[1] :] = added, sound[0]
     span = 1 + 2 * int(np.abs(carrier).max(initial=0))
-    first, lines = added_up(number * span + carrier, lines)
+    _, first, where = np.unique(number * span + carrier, return_index=True, return_inverse=True)
+    lines = np.zeros((1 + len(added), len(first)), dtype=np.complex128)
+    lines[1:, where[: added.shape[1]]], lines[0, where[added.shape[1] :]] = added, sound[0]
     return found, number[first], carrier[first], lines[0], lines[1:]
 
 
 def _changes(
-    healthy: PosedStage, faulty: Sequence[PosedStage], grid: PhaseGrid, period: int
+    healthy: PosedStage, motion: PeriodicMotion, faulty: Sequence[PosedStage], period: int
 ) -> Deviations:
     """Return what faults of teeth change in a turn of P mesh periods, case by case."""
     where = tuple(sorted({place for posed in faulty for place in _changed(posed, period)})) or (0,)
-    phases = np.array(where)[:, None, None] + grid.phase
-    delta = np.zeros((len(faulty), len(where), len(healthy.members), *grid.phase.shape))
+    phases = np.array(where)[:, None, None] + motion.grid.phase
+    delta = np.zeros((len(faulty), len(where), *motion.kappa.shape))
     # sizes of a kind may share a pulse
     known: dict[tuple[object, ...], FloatArray] = {}
     for posed, own in zip(faulty, delta, strict=True):
@@ -165,13 +186,8 @@ def _changes(
                         alone = replace(train, terms=(replace(term, weight=healthy.scale),))
                         known[key] = alone.at(phases + mesh.lead)
                     own[:, number] += term.weight * known[key]
-    excitation = None
-    if any(posed.is_excited for posed in faulty):
-        excitation = np.zeros(delta.shape)
-        for turn, posed in enumerate(faulty):
-            if posed.is_excited:
-                excitation[turn] = _moved(posed, phases).swapaxes(0, 1)
-    return deviations(periodic_motion(healthy, grid), period, where, delta, excitation)
+    moved = np.array([_moved(posed, phases).swapaxes(0, 1) for posed in faulty])
+    return deviations(motion, period, where, delta, moved if moved.any() else None)
 
 
 def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Motion]) -> _Motion:
@@ -193,8 +209,8 @@ def _each(
     **same: Any,
 ) -> list[MeshLines]:
     """Return the lines of each turn by themselves."""
-    lost = (found.least_force <= 0).tolist()
-    told = zip(posed, lines, found.unresolved.tolist(), lost, mean_m.tolist(), strict=True)
+    columns = found.unresolved, found.contact_lost, mean_m
+    told = zip(posed, lines, *(own.tolist() for own in columns), strict=True)
     names = ("posed", "displacement", "error", "contact_lost", "mean_m")
     return [MeshLines(**dict(zip(names, own, strict=True)), **same) for own in told]
 
@@ -240,7 +256,9 @@ def _cycles(posed: PosedStage, highest_hz: float) -> float:
 
     The motion itself is followed with a margin, also where no high line is asked for.
     """
-    natural, trains = posed.highest_natural_hz, posed.members[0].mechanics.stiffness.trains
+    natural, trains = posed.mechanics.natural_frequency_hz, posed.mechanics.stiffness.trains
+    if posed.train is not None:
+        natural = math.sqrt(posed.train.modes[0][-1]) / (2 * math.pi)
     terms = [term for train in trains for term in train.terms]
     fastest = max((term.pulse.fastest for term in terms), default=0.0) / (2 * math.pi)
     mesh_hz = posed.mechanics.mesh_frequency_hz
@@ -252,9 +270,9 @@ def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[i
     yield 1, np.zeros(1)
     for train in trains:
         for term in train.terms:
-            faces = np.array([term.face_start, term.face_end]) * train.overlap_ratio
+            faces = {face * train.overlap_ratio for face in (term.face_start, term.face_end)}
             limits = term.offset + term.pulse.edges
-            yield train.period_mesh, np.add.outer(np.unique(faces), limits).ravel()
+            yield train.period_mesh, np.concatenate([face + limits for face in faces])
     overlap = posed.mechanics.stiffness.overlap_ratio
     for error in posed.errors:
         if isinstance(error, FlankError):
@@ -392,10 +410,8 @@ def loss_response(
     check_word("gear ", gear, places)
     check_range("loss", loss, 0.0, 0.999)
     text = f"{kind}:{stage}:{gear}:1:{float(loss) or SMALL_LOSS!r}"
-    healthy, faulty = (
-        posed_stage(machine, stage, operating, wrong, form=form, mesh=places[gear])
-        for wrong in ((), (text,))
-    )
+    place = MeshPlace(machine, stage, operating, form, places[gear])
+    healthy, faulty = place.posed(), place.posed([text])
     highest_hz = healthy.limit_hz(None)
     if max_order is not None:
         check_positive("max_order", max_order)
@@ -403,7 +419,9 @@ def loss_response(
     if _count(healthy, highest_hz, faulty.period) < 1:
         raise ArgumentError(f"max_order={max_order} lies below the first line: nothing is left")
     grid = contact_grid([healthy, faulty], highest_hz)
-    _, number, carrier, even, (added,) = _solved(healthy, [faulty], grid, highest_hz, math.inf)
+    _, number, carrier, even, (added,) = _solved(
+        _Even(healthy), [faulty], grid, highest_hz, math.inf
+    )
     turns = number / faulty.period + carrier * float(healthy.pass_order)
     to_acceleration = -((2 * math.pi * turns * healthy.mechanics.mesh_frequency_hz) ** 2)
     lost = faulty.loss(healthy)

@@ -222,19 +222,16 @@ class PosedStage:
         mass = own.equivalent_mass_kg if self.train is None else 1.0
         return 1 / (mass * own.mesh_frequency_hz**2)
 
-    @property
-    def highest_natural_hz(self) -> float:
-        """Highest natural frequency [Hz]."""
-        if self.train is None:
-            return self.mechanics.natural_frequency_hz
-        return math.sqrt(self.train.modes[0][-1]) / (2 * math.pi)
-
     @cached_property
     def around(self) -> Surroundings:
         """What is around its meshes: the mass of a pair, or the machine in modes."""
         own, rate = self.mechanics, self.scale * self.mechanics.mesh_frequency_hz
         if self.train is None:
-            return Surroundings.of_pair(own.damping_ns_per_m * rate, own.force_n * self.scale)
+            one, c = np.ones((1, 1)), np.array([own.damping_ns_per_m * rate])
+            force = np.array([own.force_n * self.scale])
+            return Surroundings(
+                stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force
+            )
         around = self.train.around(self.train.meshes(own.stage))
         whole = around.damping + (around.vectors.T * around.dampers) @ around.vectors
         return Surroundings(
@@ -264,7 +261,7 @@ class PosedStage:
         lines : ndarray of complex, shape (turns, n)
             As `MeshLines.displacement`.
         """
-        forces = made.force_lines(highest) / self.scale
+        forces = made.force_lines(highest)
         planets = len(self.angles_rad)
         shape = len(forces), len(self.members) // planets, planets, highest
         forces = forces.reshape(shape).sum(axis=1)
@@ -272,7 +269,7 @@ class PosedStage:
         turned = np.exp(1j * np.outer(sides, self.angles_rad))
         depth = PLANET_PASS_DEPTH if self.carrier else 0.0
         weights = np.where(sides == 0, 1 - depth / 2, depth / 4)
-        lines = weights[:, None] * np.einsum("sp,tpr->tsr", turned, forces)
+        lines = (weights[:, None] * turned) @ forces
         number = np.arange(1, highest + 1)
         turn = number / period + sides[:, None] * float(self.pass_order)
         kept = turn > 0
@@ -282,7 +279,8 @@ class PosedStage:
         which, line = np.nonzero(kept)
         own, mass = self.mechanics, self.members[0].mechanics.equivalent_mass_kg
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
-        return number[line], sides[which], np.asarray(lines[:, which, line] / (mass * angular**2))
+        heard = lines[:, kept] * (1 / (mass * angular**2 * self.scale))
+        return number[line], sides[which], heard
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
         """Return the equation of a pair without excitation, by the harmonics of its stiffness."""
@@ -297,16 +295,9 @@ class PosedStage:
         )
 
 
-def posed_mesh(
-    machine: Machine,
-    stage: int,
-    operating: int = 0,
-    wrong: Iterable[Wrong | str] = (),
-    *,
-    form: str = "parabolic",
-    mesh: int = 0,
-) -> PosedStage:
-    """Pose a mesh, taken by itself, with what is wrong with it.
+@dataclass(frozen=True)
+class MeshPlace:
+    """A mesh of a machine at an operating point: where faults are to be.
 
     Parameters
     ----------
@@ -314,8 +305,6 @@ def posed_mesh(
         With the data that a baseline needs; what is missing is named in the error.
     stage, operating : int
         Stage counted from 1, operating point from 0.
-    wrong : iterable of Fault, GearError or str
-        Of any stage; those of others are left aside.
     form : str
         Form of the stiffness curve, see `gears.stiffness.mesh_stiffness`.
     mesh : {0, 1}
@@ -324,114 +313,124 @@ def posed_mesh(
     Raises
     ------
     ArgumentError
-        If there is no such stage or operating point, the machine lacks data, or a fault does not
-        fit it.
+        If there is no such stage or operating point.
     """
-    check_range("stage", stage, 1, len(machine.stages))
-    own = _meshed(machine, stage, operating, _parsed(wrong), form, mesh)
-    return PosedStage(members=(own,), mesh=kinematics(machine).mesh(stage), angles_rad=np.zeros(1))
+
+    machine: Machine
+    stage: int
+    operating: int = 0
+    form: str = "parabolic"
+    mesh: int = 0
+
+    def __post_init__(self) -> None:
+        check_range("stage", self.stage, 1, len(self.machine.stages))
+        operating_point(self.machine, self.operating)
+
+    @property
+    def point(self) -> OperatingPoint:
+        """The operating point."""
+        return self.machine.operating[self.operating]
+
+    def alone(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
+        """Pose the mesh, taken by itself, with what is wrong with it.
+
+        Parameters
+        ----------
+        wrong : iterable of Fault, GearError or str
+            Of any stage; those of others are left aside.
+
+        Raises
+        ------
+        ArgumentError
+            If the machine lacks data, or a fault does not fit it.
+        """
+        mesh = kinematics(self.machine).mesh(self.stage)
+        return PosedStage(
+            members=(self._meshed(_parsed(wrong)),), mesh=mesh, angles_rad=np.zeros(1)
+        )
+
+    def as_set(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
+        """Pose the planetary set of the mesh as a part of its machine, with what is wrong with it.
+
+        Parameters
+        ----------
+        wrong
+            As in `alone`. What concerns one tooth of a planet, or a planet that runs out, concerns
+            the first; wear and profiles concern all of them.
+
+        Raises
+        ------
+        ArgumentError
+            If the stage is not planetary, the machine lacks data, or a fault does not fit it.
+        """
+        stages = self.machine.stages
+        own = stages[self.stage - 1]
+        if not isinstance(own, PlanetaryStage):
+            raise ArgumentError(f"stage={self.stage} is not planetary: no planets pass the housing")
+        train = drive_train(self.machine, self.point, self.form)
+        before = sum(isinstance(other, PlanetaryStage) for other in stages[: self.stage - 1])
+        known = _parsed(wrong)
+        shared = [one for one in known if one.gear != "planet" or one.kind in ("wear", "profile")]
+        members = []
+        for side in (0, 1):
+            place = replace(self, mesh=side)
+            first = other = place._meshed(known)
+            if len(shared) < len(known):
+                other = place._meshed(shared)
+            leads = [spring.phase for spring in train.meshes(self.stage)[side * own.planets :]]
+            members += [replace(other if i else first, lead=leads[i]) for i in range(own.planets)]
+        return PosedStage(
+            members=tuple(members),
+            mesh=kinematics(self.machine).mesh(self.stage),
+            train=train,
+            angles_rad=train.planets[before].angles_rad,
+        )
+
+    def posed(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
+        """Pose a pair, or a planetary set as a whole if the machine file says enough.
+
+        Parameters
+        ----------
+        wrong
+            As in `alone`, which is taken where the set cannot be.
+        """
+        if not isinstance(self.machine.stages[self.stage - 1], PlanetaryStage):
+            return replace(self, mesh=0).alone(wrong)
+        faults = tuple(wrong)
+        try:
+            found = self.as_set(faults)
+            if found.is_local:
+                return found
+            why = "an error of a turning gear acts all through the turn"
+        except ArgumentError as error:
+            why = str(error)
+        alone = self.alone(faults)
+        return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
+
+    def _meshed(self, wrong: list[Wrong]) -> PosedMesh:
+        own = [one for one in wrong if one.stage == self.stage]
+        faults = [fault for fault in own if isinstance(fault, Fault)]
+        errors = [error for error in own if isinstance(error, GearError)]
+        mechanics = stage_mechanics(
+            self.machine,
+            self.stage,
+            self.point,
+            faults=faults,
+            errors=errors,
+            form=self.form,
+            mesh=self.mesh,
+        )
+        if not own:
+            return PosedMesh(mechanics=mechanics, excitation=None)
+        stage = self.machine.stages[self.stage - 1]
+        pair = mesh_pairs(stage, self.stage, self.machine.path)[self.mesh]
+        found = displacement_excitation(pair, mechanics.stiffness, errors, faults)
+        excitation = found if found.errors else None
+        return PosedMesh(mechanics=mechanics, excitation=excitation, warnings=found.warnings)
 
 
 def _parsed(wrong: Iterable[Wrong | str]) -> list[Wrong]:
     return [parse_fault_or_error(one) if isinstance(one, str) else one for one in wrong]
-
-
-def _meshed(
-    machine: Machine, stage: int, operating: int, wrong: list[Wrong], form: str, mesh: int
-) -> PosedMesh:
-    own = [one for one in wrong if one.stage == stage]
-    faults = [fault for fault in own if isinstance(fault, Fault)]
-    errors = [error for error in own if isinstance(error, GearError)]
-    point = operating_point(machine, operating)
-    mechanics = stage_mechanics(
-        machine, stage, point, faults=faults, errors=errors, form=form, mesh=mesh
-    )
-    if not own:
-        return PosedMesh(mechanics=mechanics, excitation=None)
-    pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[mesh]
-    found = displacement_excitation(pair, mechanics.stiffness, errors, faults)
-    return PosedMesh(
-        mechanics=mechanics,
-        excitation=found if found.errors else None,
-        warnings=found.warnings,
-    )
-
-
-def posed_set(
-    machine: Machine,
-    stage: int,
-    operating: int = 0,
-    wrong: Iterable[Wrong | str] = (),
-    *,
-    form: str = "parabolic",
-) -> PosedStage:
-    """Pose a planetary set as a part of its machine, with what is wrong with it.
-
-    Parameters
-    ----------
-    machine : Machine
-        With what a baseline and `modes` need.
-    stage, operating, wrong, form
-        As in `posed_mesh`. What concerns one tooth of a planet, or a planet that runs out, concerns
-        the first; wear and profiles concern all of them.
-
-    Raises
-    ------
-    ArgumentError
-        If the stage is not planetary, the machine lacks data, or a fault does not fit it.
-    """
-    check_range("stage", stage, 1, len(machine.stages))
-    own = machine.stages[stage - 1]
-    if not isinstance(own, PlanetaryStage):
-        raise ArgumentError(f"stage={stage} is not planetary: no planets pass the housing")
-    train = drive_train(machine, operating_point(machine, operating), form)
-    before = sum(isinstance(other, PlanetaryStage) for other in machine.stages[: stage - 1])
-    known = _parsed(wrong)
-    shared = [one for one in known if one.gear != "planet" or one.kind in ("wear", "profile")]
-    members = []
-    for side in (0, 1):
-        first = _meshed(machine, stage, operating, known, form, side)
-        other = first
-        if len(shared) < len(known):
-            other = _meshed(machine, stage, operating, shared, form, side)
-        leads = [spring.phase for spring in train.meshes(stage)[side * own.planets :]]
-        members += [replace(other if i else first, lead=leads[i]) for i in range(own.planets)]
-    return PosedStage(
-        members=tuple(members),
-        mesh=kinematics(machine).mesh(stage),
-        train=train,
-        angles_rad=train.planets[before].angles_rad,
-    )
-
-
-def posed_stage(
-    machine: Machine,
-    stage: int,
-    operating: int = 0,
-    wrong: Iterable[Wrong | str] = (),
-    *,
-    form: str = "parabolic",
-    mesh: int = 0,
-) -> PosedStage:
-    """Pose a stage: a pair, or a planetary set as a whole if the machine file says enough.
-
-    Parameters
-    ----------
-    machine, stage, operating, wrong, form, mesh
-        As in `posed_mesh`, which is taken where the set cannot be.
-    """
-    if not isinstance(machine.stages[stage - 1], PlanetaryStage):
-        return posed_mesh(machine, stage, operating, wrong, form=form)
-    faults = tuple(wrong)
-    try:
-        found = posed_set(machine, stage, operating, faults, form=form)
-        if found.is_local:
-            return found
-        why = "an error of a turning gear acts all through the turn"
-    except ArgumentError as error:
-        why = str(error)
-    alone = posed_mesh(machine, stage, operating, faults, form=form, mesh=mesh)
-    return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
 
 
 def mesh_problem(
@@ -448,7 +447,7 @@ def mesh_problem(
     Parameters
     ----------
     machine, stage, operating, form, mesh
-        As in `posed_mesh`.
+        As in `MeshPlace`.
     harmonics : int, 1 to 10,000
         Stiffness harmonics taken.
 
@@ -461,11 +460,11 @@ def mesh_problem(
     ArgumentError
         If there is no such stage or operating point, or the machine lacks data.
     """
-    check_range("stage", stage, 1, len(machine.stages))
+    place = MeshPlace(machine, stage, operating, form, mesh)
     check_range("harmonics", harmonics, 1, 10_000)
-    if operating_point(machine, operating).torque_nm == 0:
+    if place.point.torque_nm == 0:
         raise ArgumentError(f"operating[{operating + 1}]: torque_nm is 0, no tooth is pressed")
-    posed = posed_mesh(machine, stage, operating, form=form, mesh=mesh)
+    posed = place.alone()
     return posed.hill_problem(posed.mechanics.stiffness.harmonics(harmonics))
 
 

@@ -181,10 +181,10 @@ class MeshLines:
 
 
 def added_up(place: IntArray, lines: ComplexArray) -> tuple[IntArray, ComplexArray]:
-    """Add lines (..., n) that share a place; return the first of each place, and the sums."""
+    """Add lines that share a place; return the first of each place, and the sums."""
     _, first, where = np.unique(place, return_index=True, return_inverse=True)
-    total = np.zeros((*lines.shape[:-1], len(first)), dtype=np.complex128)
-    np.add.at(total.T, where, lines.T)
+    total = np.zeros(len(first), dtype=np.complex128)
+    np.add.at(total, where, lines)
     return first, total
 
 

@@ -204,7 +204,10 @@ def tooth_response(
     # not run
     with suppress(GearmonError):
         found = loss_response(machine, stage, gear, operating, max_order)
-        lines, mesh = _of_set(machine, found) if planets else _of_pair(found)
+        lines = np.append(0.0, found.acceleration)
+        mesh = np.append(0.0, found.mesh_acceleration)[::teeth]
+        if planets:
+            lines, mesh = _of_set(machine, found)
         standard = False
     if lines is None or mesh is None:
         if gear in ("sun", "planet"):
@@ -222,12 +225,6 @@ def tooth_response(
         contact_ratio=stiffness.total_contact_ratio,
         from_teeth_alone=standard,
     )
-
-
-def _of_pair(found: LossResponse) -> tuple[ComplexArray, ComplexArray]:
-    """Lines of a mesh by themselves, and its harmonics."""
-    lines, mesh = (np.append(0.0, own) for own in (found.acceleration, found.mesh_acceleration))
-    return lines, mesh[:: found.teeth]
 
 
 def _of_set(machine: Machine, found: LossResponse) -> tuple[ComplexArray, ComplexArray]:

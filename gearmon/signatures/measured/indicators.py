@@ -174,11 +174,8 @@ class IndicatorTable(Result):
         KeyError
             If there is no such row.
         """
-        wanted = (indicator, channel, stage, gear)
-        for row in self.rows:
-            if (row.indicator, row.channel, row.stage, row.gear) == wanted:
-                return row.value
-        raise KeyError(wanted)
+        known = {(own.indicator, own.channel, own.stage, own.gear): own for own in self.rows}
+        return known[indicator, channel, stage, gear].value
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""

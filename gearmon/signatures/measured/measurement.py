@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +24,7 @@ from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
     MeshEvidence,
+    SidebandSpacing,
     foreign_spacing,
     sideband_spacing,
 )
@@ -35,9 +35,6 @@ from gearmon.signatures.speed import (
     GearVibration,
     Speed,
     Tracking,
-    line_peak,
-    mesh_combs,
-    speed_of,
 )
 from gearmon.signatures.tracking import track_recording
 
@@ -221,8 +218,7 @@ def measure_signature(
     recording, tracking = _tracked(recording, machine, train)
     vibration = recording.vibration()
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    track, nominal_hz = tracking.track, tracking.nominal_hz
-    combs = mesh_combs(train, nominal_hz)
+    track = tracking.track
     start, stop = sound_piece(vibration)
     # what is sound in one piece sets the length of blocks, and has the spectra
     part = track.between(start / rate, stop / rate) if vibration.left_out else track
@@ -239,10 +235,9 @@ def measure_signature(
     for wheel in plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
-    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=nominal_hz)
-    peak_hz = line_peak(signal, track)
-    speed = speed_of(track, nominal_hz, peak_hz, tracking.scan, recording.duration_s)
-    findings = _findings(speed, spectrum, train, combs, tracking, lines, plan)
+    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=tracking.nominal_hz)
+    speed = tracking.speed(signal.line_peak(track), recording.duration_s)
+    findings = _findings(speed, spectrum, signal, tracking, lines, plan)
     return MeasuredSignature(
         origin=recording.origin,
         duration_s=recording.duration_s,
@@ -452,44 +447,43 @@ def family_levels(
 def _findings(
     speed: Speed,
     spectrum: FineSpectrum,
-    train: Kinematics,
-    combs: Sequence[MeshComb],
+    signal: GearVibration,
     tracking: Tracking,
     lines: OrderLines,
     plan: LinePlan,
 ) -> tuple[MeshFinding, ...]:
-    evidence, holds = tracking.evidence, tracking.coherent >= _HELD
-    quality, bin_order = spectrum.quality, spectrum.step
+    train = signal.train
+    every = list(zip(train.meshes, signal.meshes, tracking.evidence, strict=True))
     snr = 10 * np.log10(np.maximum(lines.cross_power() / lines.noise, 1e-3))
-    findings = []
     # one harmonic could be a tone of anything; two, of whichever stage, fix the speed as well
-    candidates = [seen for seen in evidence if seen.stands_out]
-    several = sum(seen.clear for seen in candidates) >= 2
+    several = sum(seen.clear for _, _, seen in every if seen.stands_out) >= 2
     supports = [
-        _support(quality, bin_order, comb) if seen.stands_out and mesh.carrier == 0 else 0.0
-        for mesh, comb, seen in zip(train.meshes, combs, evidence, strict=True)
+        _support(spectrum, comb) if seen.stands_out and mesh.carrier == 0 else 0.0
+        for mesh, comb, seen in every
     ]
     # a tachometer tells the speed, as do the sidebands of a gear about a mesh of several harmonics
     told = speed.method == "tacho" or any(
         support >= _SUPPORTED and seen.clear >= 2
-        for support, seen in zip(supports, evidence, strict=True)
+        for support, (_, _, seen) in zip(supports, every, strict=True)
     )
     foreign = [
-        _foreign(spectrum, train, comb) if seen.stands_out else None
-        for comb, seen in zip(combs, evidence, strict=True)
+        _foreign(spectrum, train, comb) if seen.stands_out else None for _, comb, seen in every
     ]
     # what stands at a speed that was told by lines of something else is no mesh either
     misled = speed.method != "tacho" and any(spacing is not None for spacing in foreign)
-    for mesh, comb, seen, support, spacing in zip(
-        train.meshes, combs, evidence, supports, foreign, strict=True
-    ):
-        sure = told and seen.clear >= 2
-        found, reason = _judge(seen, quality, bin_order, comb, mesh.carrier == 0 and not sure)
+    findings = []
+    for (mesh, comb, seen), support, spacing in zip(every, supports, foreign, strict=True):
+        doubted = mesh.carrier == 0 and not (told and seen.clear >= 2)
+        found, reason = _judge(seen, spectrum, comb, doubted)
         if found and (misled or spacing is not None):
             found, reason = False, _disowned(spacing)
         if found and not several and seen.visible > 1 and support < _SUPPORTED:
-            found, reason = False, _lonely(seen.visible - 1)
-        held = found or (holds and not misled and bool(_shown(quality, bin_order, comb)))
+            found, others = False, seen.visible - 1
+            reason = (
+                f"one line suits it, but none of the {others} other harmonics that could be seen: "
+                "it may be a tone of anything"
+            )
+        holds = tracking.coherent >= _HELD and not misled
         chosen = _mesh_lines(plan, mesh, speed.nominal_hz)
         findings.append(
             MeshFinding(
@@ -499,7 +493,7 @@ def _findings(
                 snr_db=float(snr[:, chosen].max()) if chosen else None,
                 score=float(seen.score),
                 reason=reason,
-                held=held,
+                held=found or (holds and bool(_shown(spectrum, comb))),
             )
         )
     return tuple(findings)
@@ -518,12 +512,17 @@ def _mesh_lines(plan: LinePlan, mesh: Mesh, shaft1_hz: float) -> list[int]:
     return [*own, *np.flatnonzero(shared).tolist()]
 
 
-def _shown(quality: FloatArray, bin_order: float, comb: MeshComb) -> tuple[float, ...]:
+def _sidebands(
+    spectrum: FineSpectrum, comb: MeshComb, spacing: float, *, broken: bool = False
+) -> SidebandSpacing:
+    """Return what the sidebands of a mesh say of a spacing."""
+    quality, step = spectrum.quality, spectrum.step
+    return sideband_spacing(quality, step, comb, spacing, SPEED_TOLERANCE, broken=broken)
+
+
+def _shown(spectrum: FineSpectrum, comb: MeshComb) -> tuple[float, ...]:
     """Rotations of gears at which sidebands stand; none where they stand elsewhere as well."""
-    told = [
-        sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE, broken=True)
-        for spacing in comb.spacings
-    ]
+    told = [_sidebands(spectrum, comb, spacing, broken=True) for spacing in comb.spacings]
     elsewhere = max(one.excess for one in told)
     return tuple(
         spacing
@@ -532,7 +531,7 @@ def _shown(quality: FloatArray, bin_order: float, comb: MeshComb) -> tuple[float
     )
 
 
-def _support(quality: FloatArray, bin_order: float, comb: MeshComb) -> float:
+def _support(spectrum: FineSpectrum, comb: MeshComb) -> float:
     """How clearly a mesh has sidebands of a gear that does not turn with shaft 1.
 
     A machine without gears has lines at multiples of shaft 1 about anything: a gear is left out
@@ -541,9 +540,8 @@ def _support(quality: FloatArray, bin_order: float, comb: MeshComb) -> float:
     found = 0.0
     for spacing in comb.spacings:
         multiples = spacing * np.arange(1, 5)
-        if np.abs(multiples - np.rint(multiples)).min() > max(4 * bin_order, 1e-3):
-            told = sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
-            found = max(found, told.support)
+        if np.abs(multiples - np.rint(multiples)).min() > max(4 * spectrum.step, 1e-3):
+            found = max(found, _sidebands(spectrum, comb, spacing).support)
     return found
 
 
@@ -555,7 +553,7 @@ def _foreign(spectrum: FineSpectrum, train: Kinematics, comb: MeshComb) -> float
     if spacing is None:
         return None
     # gears that are there have pitch errors of their own
-    own = _shown(spectrum.quality, spectrum.step, comb)
+    own = _shown(spectrum, comb)
     return foreign_spacing(spectrum, comb, turning, meshing, own) if own else spacing
 
 
@@ -571,15 +569,8 @@ def _disowned(spacing: float | None) -> str:
     )
 
 
-def _lonely(others: int) -> str:
-    return (
-        f"one line suits it, but none of the {others} other harmonics that could be seen: "
-        "it may be a tone of anything"
-    )
-
-
 def _judge(
-    seen: MeshEvidence, quality: FloatArray, bin_order: float, comb: MeshComb, doubted: bool
+    seen: MeshEvidence, spectrum: FineSpectrum, comb: MeshComb, doubted: bool
 ) -> tuple[bool, str]:
     """Whether a mesh is found, and why; `doubted` if its sidebands may yet tell another speed."""
     if not seen.visible:
@@ -591,7 +582,7 @@ def _judge(
         )
     if doubted:
         for spacing in comb.spacings:
-            told = sideband_spacing(quality, bin_order, comb, spacing, SPEED_TOLERANCE)
+            told = _sidebands(spectrum, comb, spacing)
             if told.excess > 0 and seen.score - told.excess < _FOUND_DESPITE_MISMATCH:
                 return False, (
                     "a line suits it, but the sidebands about it are spaced "

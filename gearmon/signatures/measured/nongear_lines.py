@@ -318,11 +318,6 @@ def noise_exceeds(ratio: float | FloatArray, pieces: int) -> FloatArray:
     return np.asarray(gammaincc(pieces, pieces * np.asarray(ratio)), dtype=np.float64)
 
 
-def _least_ratio(looked_at: float, pieces: int) -> float:
-    """Ratio to the mean noise that so few peaks of noise exceed."""
-    return float(gammainccinv(pieces, min(0.5, _NOISE_PEAKS / looked_at))) / pieces
-
-
 def _mean_over_median(pieces: int) -> float:
     """Mean over median of a gamma law of shape `pieces`."""
     return pieces / float(gammainccinv(pieces, 0.5))
@@ -381,12 +376,14 @@ def _noise_grid(
     noise = spectrum.floor[:, middles.astype(int)] * _mean_over_median(spectrum.pieces)
     # peaks between the independent lines of a Hann window: half as many again
     looked_at = 1.5 * channels * spectrum.top / spectrum.width
+    # so few peaks of noise stand so far above its mean
+    least = gammainccinv(spectrum.pieces, min(0.5, _NOISE_PEAKS / looked_at)) / spectrum.pieces
     return NoiseGrid(
         kind=kind,
         width=spectrum.width,
         top=spectrum.top,
         pieces=spectrum.pieces,
-        least_db=float(10 * np.log10(_least_ratio(looked_at, spectrum.pieces))),
+        least_db=float(10 * np.log10(least)),
         looked_at=looked_at,
         noise_db=10 * np.log10(noise),
         hidden_db=_decibels(_hidden(spectrum, course, in_time)),

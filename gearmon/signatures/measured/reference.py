@@ -56,6 +56,14 @@ _OCTAVE_DB, _WHOLE = 20 * np.log10(2.0), 0.12
 _FACTS_NAMED = 4
 
 
+def _shared(kind: type, measured: MeasuredSignature | WheelLines) -> dict[str, Any]:
+    """Return what is kept as it was measured, of a kind of value, by the name of its field."""
+    # beside the multiples a plan has places of lines, a pattern their amplitudes
+    names = {own.name for own in dataclasses.fields(measured)} - {"beside"}
+    kept = (own.name for own in dataclasses.fields(kind))
+    return {name: getattr(measured, name) for name in kept if name in names}
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WheelPattern:
     """Complex amplitudes of all multiples of one gear's rotation.
@@ -108,12 +116,7 @@ class WheelPattern:
             for own in (blocks.mean(axis=0), variance)
         )
         return cls(
-            stage=wheel.stage,
-            gear=wheel.gear,
-            teeth=wheel.teeth,
-            order=wheel.order,
-            number=wheel.number,
-            mesh=wheel.mesh,
+            **_shared(cls, wheel),
             amplitude=amplitude[0],
             variance=variance[0],
             beside=amplitude[1:],
@@ -171,15 +174,7 @@ class Profile:
     def of(cls, signature: MeasuredSignature) -> Profile:
         """Condense a measured signature."""
         return cls(
-            origin=signature.origin,
-            duration_s=signature.duration_s,
-            sampling_rate_hz=signature.sampling_rate_hz,
-            digests=signature.digests,
-            level_db=signature.level_db,
-            scatter_db=signature.scatter_db,
-            heard=signature.heard,
-            band_db=signature.band_db,
-            foreign=signature.foreign,
+            **_shared(cls, signature),
             speed_hz=signature.speed.estimated_hz,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
@@ -297,12 +292,8 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
                 "--channel"
             )
     profiles = tuple(Profile.of(signature) for signature in signatures)
-    common = [
-        name
-        for name in profiles[0].family_names
-        if all(name in profile.family_names for profile in profiles)
-    ]
-    if not common:
+    shared = set.intersection(*(set(profile.family_names) for profile in profiles))
+    if not shared:
         raise ArgumentError(
             "the recordings share no family of lines: they differ too much in sampling rate or "
             "length"
@@ -312,7 +303,7 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
         teeth=tooth_counts(machine),
         channel_names=first.channel_names,
         units=first.units,
-        family_names=tuple(common),
+        family_names=tuple(name for name in profiles[0].family_names if name in shared),
         profiles=profiles,
         version=__version__,
         machine_facts=machine_facts(machine),
@@ -387,16 +378,14 @@ def read_reference(path: str | Path) -> Reference:
 
 def _check(reference: Reference) -> None:
     """Refuse what no recording gives: a file may be damaged and still be an archive."""
-    channels = len(reference.channel_names)
+    channels, profiles = len(reference.channel_names), reference.profiles
     _need(0 < channels == len(set(reference.channel_names)) == len(reference.units), "channels")
-    _need(bool(reference.profiles) and bool(reference.family_names), "recordings")
-    bands = reference.profiles[0].band_db.shape
-    gears = [(wheel.stage, wheel.gear, wheel.teeth) for wheel in reference.profiles[0].wheels]
-    for profile in reference.profiles:
+    _need(bool(profiles) and bool(reference.family_names), "recordings")
+    _need(len({profile.band_db.shape for profile in profiles}) == 1, "broadband levels")
+    gears = {tuple((own.stage, own.gear, own.teeth) for own in p.wheels) for p in profiles}
+    _need(len(gears) == 1 and all(gears), "gears")
+    for profile in profiles:
         _check_profile(profile, channels, set(reference.family_names))
-        _need(profile.band_db.shape == bands, "broadband levels")
-        own = [(wheel.stage, wheel.gear, wheel.teeth) for wheel in profile.wheels]
-        _need(bool(own) and own == gears, "gears")
         for wheel in profile.wheels:
             _check_wheel(wheel, channels)
 
@@ -463,14 +452,15 @@ def machine_facts(machine: Machine) -> dict[str, Any]:
     ----------
     machine : Machine
     """
-    facts: dict[str, Any] = {}
-    for kind in ("operating", "stages", "bearings", "sensors"):
-        for number, part in enumerate(getattr(machine, kind), start=1):
-            for name, value in dataclasses.asdict(part).items():
-                if value is not None:
-                    plain = value if isinstance(value, int | float | str) else str(value)
-                    facts[f"{kind.removesuffix('s')} {number} {name}"] = plain
-    return facts
+    return {
+        f"{kind.removesuffix('s')} {number} {name}": (
+            value if isinstance(value, int | float | str) else str(value)
+        )
+        for kind in ("operating", "stages", "bearings", "sensors")
+        for number, part in enumerate(getattr(machine, kind), start=1)
+        for name, value in dataclasses.asdict(part).items()
+        if value is not None
+    }
 
 
 def machine_notes(machine: Machine, reference: Reference) -> list[str]:
