@@ -34,7 +34,7 @@ COARSE_SUBSTEPS = 4
 #: That part of the run-in.
 COARSE_SHARE = 0.65
 #: Largest disagreement of two chunks at their joint, root of its energy over that at rest. Of a
-#: wind turbine's train, whose vibration is small beside its load, it leaves 1.4e-5 of the vibration.
+#: wind turbine, whose vibration is small beside its load, it leaves 1.4e-5 of the vibration.
 JOINT_TOLERANCE = 1e-7
 #: Most passes over chunks that do not join; only irregular (rattling) motion is not done then.
 REPAIR_PASSES = 6

@@ -37,6 +37,8 @@ from gearmon.signals.array_types import BoolArray, ComplexArray, FloatArray, Int
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
 #: together they integrate that part to about 1e-12.
 POINTS, LARGEST_HALF_TURN = 16, 9.0
+#: Numbers of the equations of panels that are answered at a time.
+VALUES_TOGETHER = 1 << 18
 #: Points of the grid that each value is spread over for its lines, and nodes of their weights.
 SPREAD, BELL_POINTS = 14, 40
 
@@ -211,12 +213,26 @@ class PeriodicMotion:
         start : ndarray, shape (2n, columns)
             State when the panel begins.
         """
+        # a few panels at a time: what is made on the way stays in the cache
+        panels, points, size, columns = push.shape
+        step = np.empty((panels, 2 * size, columns))
+        seen = np.empty((2, panels, len(self.kappa), points, columns))
+        together = max(1, VALUES_TOGETHER // (push[0].size + (points * size) ** 2))
+        for first in range(0, panels, together):
+            some = slice(first, first + together)
+            step[some], seen[:, some] = self._answer_some(some, push, shift, start)
+        return _PanelMaps(step=step, seen=seen)
+
+    def _answer_some(
+        self, some: slice, push: FloatArray, shift: FloatArray, start: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
         around, size, (stiffness, matrix) = self.around, push.shape[2], self._collocation
+        push, shift, matrix = push[some], shift[some], matrix[some]
         q0, u0 = start[:size], start[size:]
-        h, weights = self.grid.widths[:, None, None, None], 0.5 * gauss(POINTS)[1]
+        h, weights = self.grid.widths[some, None, None, None], 0.5 * gauss(POINTS)[1]
         reach = _integrals().sum(axis=1)[:, None, None]
         speed, place = u0 + shift, q0 + h * (reach * u0 + _integrated(shift))
-        right = push - around.damping @ speed - stiffness @ place
+        right = push - around.damping @ speed - stiffness[some] @ place
         slope = np.linalg.solve(matrix, right.reshape(*matrix.shape[:2], -1)).reshape(right.shape)
         u = u0 + h * _integrated(slope)
         rate = u + shift
@@ -224,8 +240,7 @@ class PeriodicMotion:
         h = h[:, 0]
         ends = q0 + h * np.einsum("i,piac->pac", weights, rate)
         step = np.concatenate([ends, u0 + h * np.einsum("i,piac->pac", weights, slope)], axis=1)
-        seen = np.stack([around.vectors @ rate, around.vectors @ q]).swapaxes(2, 3)
-        return _PanelMaps(step=step, seen=seen)
+        return step, np.stack([around.vectors @ rate, around.vectors @ q]).swapaxes(2, 3)
 
     @cached_property
     def monodromy(self) -> FloatArray:

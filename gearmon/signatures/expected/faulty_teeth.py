@@ -256,9 +256,7 @@ def _cycles(posed: PosedStage, highest_hz: float) -> float:
 
     The motion itself is followed with a margin, also where no high line is asked for.
     """
-    natural, trains = posed.mechanics.natural_frequency_hz, posed.mechanics.stiffness.trains
-    if posed.train is not None:
-        natural = math.sqrt(posed.train.modes[0][-1]) / (2 * math.pi)
+    natural, trains = posed.fastest_hz, posed.mechanics.stiffness.trains
     terms = [term for train in trains for term in train.terms]
     fastest = max((term.pulse.fastest for term in terms), default=0.0) / (2 * math.pi)
     mesh_hz = posed.mechanics.mesh_frequency_hz

@@ -38,7 +38,7 @@ import numpy as np
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train
-from gearmon.gears.drive_train import DriveTrain
+from gearmon.gears.drive_train import Around, DriveTrain
 from gearmon.gears.excitation import Excitation, FlankError, TurningError, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
@@ -223,6 +223,18 @@ class PosedStage:
         return 1 / (mass * own.mesh_frequency_hz**2)
 
     @cached_property
+    def _modes(self) -> Around:
+        """The machine in modes, for a set."""
+        assert self.train is not None
+        return self.train.around(self.train.meshes(self.mechanics.stage))
+
+    @property
+    def fastest_hz(self) -> float:
+        """Highest natural frequency [Hz]."""
+        alone = self.train is None
+        return self.mechanics.natural_frequency_hz if alone else self._modes.fastest_hz
+
+    @cached_property
     def around(self) -> Surroundings:
         """What is around its meshes: the mass of a pair, or the machine in modes."""
         own, rate = self.mechanics, self.scale * self.mechanics.mesh_frequency_hz
@@ -232,7 +244,7 @@ class PosedStage:
             return Surroundings(
                 stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force
             )
-        around = self.train.around(self.train.meshes(own.stage))
+        around = self._modes
         whole = around.damping + (around.vectors.T * around.dampers) @ around.vectors
         return Surroundings(
             stiffness=around.stiffness * self.scale,
