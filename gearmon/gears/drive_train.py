@@ -89,6 +89,7 @@ class Around:
     Parameters
     ----------
     shapes : ndarray, shape (n, m)
+        Forces f on the machine act on the modes as shapes.T @ f.
     vectors : ndarray, shape (meshes, m)
         v_j.
     means, dampers : ndarray, shape (meshes,)
@@ -234,6 +235,7 @@ class DriveTrain:
         rows = np.array([own.rows[0] for own in meshes])
         means = np.array([own.stiffness[0, 0] for own in meshes])
         felt = means @ (rows @ shapes) ** 2 > UNFELT * squares
+        beside, soft = shapes[:, ~felt], squares[~felt]
         squares, shapes = squares[felt], shapes[:, felt]
         fast = squares > (2 * math.pi * carried_hz) ** 2
         if fast.any():
@@ -242,8 +244,11 @@ class DriveTrain:
             shapes = np.hstack([shapes[:, ~fast], shapes[:, fast] @ more])
         vectors = rows @ shapes
         dampers = np.array([own.damping_ns_per_m for own in meshes])
+        # a steady load presses the meshes through modes that they hardly feel as well
+        pressed = (rows @ beside / soft) @ beside.T
+        held = np.linalg.pinv((vectors / squares) @ vectors.T, rcond=UNFELT)
         return Around(
-            shapes=shapes,
+            shapes=shapes + pressed.T @ held @ vectors,
             vectors=vectors,
             means=means,
             dampers=dampers,

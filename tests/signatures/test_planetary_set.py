@@ -220,3 +220,32 @@ def test_damage_of_a_worn_gear_is_added_to_what_its_wear_does():
     force = dict(zip(np.round(worn[0]["order"], 6), worn[1], strict=True))
     for order, own in zip(np.round(both[0]["order"], 6), both[1], strict=True):
         assert own == pytest.approx(force.get(order, 0.0), abs=1e-4 * worn[1].max())
+
+
+def test_modes_that_its_meshes_do_not_feel_are_left_out(monkeypatch):
+    # a slow set behind two small stages, whose own meshes swing up to 15 kHz
+    first = {"kind": "parallel", "pinion_teeth": 24, "gear_teeth": 58, "module_mm": 1.5}
+    second = {"kind": "parallel", "pinion_teeth": 32, "gear_teeth": 90, "module_mm": 1.0}
+    last = {"kind": "planetary", "sun_teeth": 19, "planet_teeth": 13, "ring_teeth": 45}
+    last |= {"planets": 4, "module_mm": 8.0, "fixed": "sun", "driving": "carrier"}
+    last |= {"helix_angle_deg": 34.0}
+    widths = (9.0, 11.0, 90.0)
+    stages = [s | {"face_width_mm": w} for s, w in zip((first, second, last), widths, strict=True)]
+    point = {"speed_rpm": 900.0, "torque_nm": 14.0}
+    machine = gearmon.load_machine(operating=point, stage=stages)
+    crack = ("crack:3:sun:4:20%",)
+
+    def found():
+        posed = MeshPlace(machine, 3).as_set(crack)
+        return posed.fastest_hz, len(posed.around.force), expected(machine, crack)[0]
+
+    fastest, size, lines = found()
+    monkeypatch.setattr("gearmon.gears.drive_train.UNFELT", 0.0)
+    whole_fastest, whole_size, whole = found()
+    assert fastest < 0.5 * whole_fastest
+    assert size == whole_size - 2
+    loud = [table["acceleration_ms2"] > 1e-9 for table in (lines, whole)]
+    for name, most in (("frequency_hz", 1e-12), ("acceleration_ms2", 2e-8)):
+        one, other = (t[name][own] for t, own in zip((lines, whole), loud, strict=True))
+        assert len(one) == len(other) > 100
+        assert np.abs(one - other).max() < most * np.abs(other).max()

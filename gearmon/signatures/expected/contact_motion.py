@@ -419,22 +419,20 @@ class Deviations:
         Of a mesh period that does not differ they follow from its state: the sum over the turn is
         a transform of the states.
         """
-        mesh, (turns, period, size) = self.mesh, self.states.shape
+        mesh, (turns, period, _) = self.mesh, self.states.shape
         numbers, force, e = np.arange(1, highest + 1), self._force, self.excitation
         excited = np.flatnonzero([] if e is None else e.any(axis=(1, 2, 3, 4)))
-        # free vibration of the first mesh period that differs, what differs, and e
-        values = np.zeros((size + turns + len(excited), *force.shape[1:]))
-        values[:size, 0] = np.moveaxis(mesh.free_force, -1, 0)
-        values[size : size + turns] = force
-        if e is not None:
-            values[size + turns :] = e[excited]
+        values = force if e is None else np.concatenate([force, e[excited]])
         phases = (np.array(self.where)[:, None, None] + mesh.grid.phase) / period
-        weighted = values.swapaxes(1, 2) * (mesh.grid.weights / period)
-        sums = fourier_sums(phases, weighted, highest)
+        weights = mesh.grid.weights / period
+        sums = fourier_sums(phases, values.swapaxes(1, 2) * weights, highest)
+        # free vibration of the first mesh period that differs
+        free = np.moveaxis(mesh.free_force, -1, 0) * weights
+        by_place = fourier_sums(phases[0], free, highest)
         states = np.fft.fft(np.roll(self._even, -self.where[0], axis=1).swapaxes(1, 2))
         by_state = np.take(states, numbers % period, axis=2)
-        found = np.einsum("kmr,tkr->tmr", sums[:size], by_state) + sums[size : size + turns]
-        found[excited] -= mesh.around.moved(sums[size + turns :], period)
+        found = np.einsum("kmr,tkr->tmr", by_place, by_state) + sums[:turns]
+        found[excited] -= mesh.around.moved(sums[turns:], period)
         return np.asarray(found)
 
 
