@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference.hill_cases import published_pair, scaled_problem
 
+from gearmon.dynamics import multiple_scales
 from gearmon.dynamics.multiple_scales import expand, paths
 from gearmon.errors import ArgumentError
 
@@ -80,3 +81,15 @@ def test_refusals():
     with pytest.raises(ArgumentError, match="order=6"):
         paths(expansion, 3, 6)
     assert len(paths(expansion, 3, 3, most=5)) == 5
+
+
+@pytest.mark.parametrize("line", [0, 1, 3])
+def test_as_many_terms_as_are_allowed_are_made(line, monkeypatch):
+    expansion = expand(scaled_problem(3.3, 0.05, [0.1, 0.05], [10.0]), 4, small_damping=True)
+    count = len(paths(expansion, line, 4))
+    assert count > 20
+    monkeypatch.setattr(multiple_scales, "MOST_PATHS", count)
+    assert len(paths(expansion, line, 4)) == count
+    monkeypatch.setattr(multiple_scales, "MOST_PATHS", count - 1)
+    with pytest.raises(ArgumentError, match=f"more than {count - 1} terms"):
+        paths(expansion, line, 4)
