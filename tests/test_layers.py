@@ -11,8 +11,9 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / "gearmon"
 
 # Who may import whom: a room may always import from itself.
-FOUNDATIONS = {"errors", "files", "lazy", "result", "units"}
+FOUNDATIONS = {"arrays", "errors", "files", "lazy", "result", "units"}
 ALLOWED = {
+    "arrays": set(),
     "errors": set(),
     "lazy": {"errors"},
     "files": {"errors"},

@@ -22,8 +22,9 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gearmon.arrays import FloatArray
 from gearmon.benchmark.detection_machines import (
     DURATION_S,
     GEARS,
@@ -48,7 +49,6 @@ from gearmon.terminal import Progress, followed
 if TYPE_CHECKING:
     import pandas as pd
 
-FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
 #: Truth and findings of one analysis, and features of a learning detector: none if it was refused.
 Outcome = tuple[Row, FloatArray]

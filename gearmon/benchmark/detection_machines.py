@@ -21,15 +21,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import HillProblem, steady_state
 from gearmon.errors import ArgumentError, check_word
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signals.recording import Recording
 from gearmon.simulation.vibration import tacho_pulses
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Sampling rate of the recordings, and highest frequency of the lines that are made [Hz].
 RATE_HZ, HIGHEST_HZ = 20_000.0, 9_200.0

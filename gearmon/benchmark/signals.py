@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.benchmark.timing import Competitor, Timing, interleaved
 from gearmon.files import write_atomically
 from gearmon.gears.faults import parse_fault
@@ -32,7 +32,6 @@ from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress, followed
 
-FloatArray = NDArray[np.float64]
 Row = dict[str, Any]
 #: The first is gearmon's.
 Tasks = dict[str, Callable[[], Any]]

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.benchmark.equations import CRACK, FORM, STAGE
 from gearmon.benchmark.timing import Competitor, Timing, interleaved
 from gearmon.gears.faults import Fault, parse_fault
 from gearmon.gears.foundation import Foundation
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.pulses import FloatArray
 from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.gears.tooth import ToothBeam
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, teeth_of

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file
 from gearmon.diagnosis.analysis import learn
 from gearmon.diagnosis.history import read_latest
@@ -33,8 +33,6 @@ from gearmon.signals.threads import cores
 from gearmon.signatures.measured.reference import write_reference
 from gearmon.simulation import simulate
 from gearmon.terminal import Progress
-
-FloatArray = NDArray[np.float64]
 
 RECORDINGS, LEARNED, DURATION_S, RATE_HZ = 60, 4, 2.0, 5120.0
 #: Length of what is simulated at each load, and the loads by operating class.

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, Steps, given_file, told
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.decision import LIMITS
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
 
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
-FloatArray = NDArray[np.float64]
 
 #: Length and rate of the drive's recordings: short, so that a demo takes less than a minute.
 DURATION_S, RATE_HZ = 5.0, 10_240.0

@@ -5,15 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.nongear import NonGearFinding as ForeignFinding
 from gearmon.result import Result
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.signature import Signature
-
-FloatArray = NDArray[np.float64]
 
 VERDICTS = ("healthy", "fault", "no mesh found", "cannot tell")
 

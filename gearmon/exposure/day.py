@@ -33,6 +33,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.exposure.measures import (
     LEAST_S,
@@ -52,7 +53,6 @@ from gearmon.machine.reading import (
     refuse_unknown_keys,
 )
 from gearmon.result import Result
-from gearmon.signals.array_types import FloatArray
 
 #: Relative standard error of an instrument: all of the tolerance of ISO 8041-1, table 2, for its
 #: indication at the reference frequency.

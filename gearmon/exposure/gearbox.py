@@ -16,13 +16,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gearmon.arrays import BoolArray, FloatArray
 from gearmon.errors import ArgumentError, check_type
 from gearmon.exposure.measures import Exposure, vibration_exposure
 from gearmon.exposure.weighting import WEIGHTINGS
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signals.array_types import BoolArray, FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders.lines import order_lines
 from gearmon.signals.recording import Recording, RecordingLike, read_recording

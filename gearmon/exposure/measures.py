@@ -22,12 +22,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_type, check_word
 from gearmon.exposure.weighting import HALF_BAND, WEIGHTINGS, Weighting
 from gearmon.machine import FieldError, Sensor
 from gearmon.machine.fields import check_fields, within
 from gearmon.result import Result
-from gearmon.signals.array_types import FloatArray
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra.spectrum import power_density

@@ -21,9 +21,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.result import Result
-from gearmon.signals.array_types import ComplexArray, FloatArray
 
 #: Half a third-octave band upwards.
 HALF_BAND = 10**0.05

@@ -32,7 +32,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.gears.drive_train import ELASTIC_DAMPING_S, DriveTrain, FloatArray, Planets, Spring
+from gearmon.arrays import FloatArray
+from gearmon.gears.drive_train import ELASTIC_DAMPING_S, DriveTrain, Planets, Spring
 from gearmon.gears.kinematics import kinematics, planetary_speeds
 from gearmon.gears.mechanics import (
     disc_body,

@@ -15,11 +15,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import BANDS, Fault
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import (
-    FloatArray,
     Losses,
     Pulse,
     PulseTerm,

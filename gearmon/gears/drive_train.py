@@ -21,9 +21,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import eigh
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
 
-FloatArray = npt.NDArray[np.float64]
 #: Share of the largest eigenvalue below which a mode is a rigid one: they are rounding, some 1e-14.
 RIGID = 1e-11
 #: Damping over stiffness of shafts, bearings and supports that tell no damper [s]; ball bearings

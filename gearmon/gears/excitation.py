@@ -20,11 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import WHOLE_KINDS, Fault, GearError
 from gearmon.gears.modulation import carrying_share
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import FloatArray, Pulse, PulseTerm, PulseTrain
+from gearmon.gears.pulses import Pulse, PulseTerm, PulseTrain
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.gears.tooth_damage import tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of

@@ -16,12 +16,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gearmon.errors import ArgumentError, check_finite, check_range, check_word, nearest_name
 
-FloatArray = NDArray[np.float64]
 #: What material a crack leaves without load, by name.
 LIMITS = ("flat", "parabolic")
 Limit = Literal["flat", "parabolic"]

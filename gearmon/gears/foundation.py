@@ -22,8 +22,8 @@ from typing import Literal
 
 import numpy as np
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.pulses import ComplexArray, FloatArray
 from gearmon.gears.tooth import Tooth, where_tangent
 
 #: Fourier components are taken up to this many radians over half the loaded arc.

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import bisect, brentq
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.pulses import FloatArray
 
 #: Bottom clearance of ISO 53 racks; the rounding takes it up.
 CLEARANCE = 0.25

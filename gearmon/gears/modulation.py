@@ -40,18 +40,10 @@ from numpy.polynomial import chebyshev
 from numpy.polynomial.legendre import legint, legvander
 from numpy.typing import ArrayLike
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.gears.faults import GearError
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import (
-    LEAST_OVERLAP,
-    LEAST_PIECE,
-    POINTS,
-    ComplexArray,
-    FloatArray,
-    Pulse,
-    PulseTrain,
-    distinct,
-)
+from gearmon.gears.pulses import LEAST_OVERLAP, LEAST_PIECE, POINTS, Pulse, PulseTrain, distinct
 
 #: Rounds of putting a corner where the contact is when it is reached; each gains two digits.
 ROUNDS = 8

@@ -20,8 +20,8 @@ from numpy.polynomial.legendre import legint, legvander
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import roots_legendre
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from gearmon.arrays import ComplexArray, FloatArray
+
 IntArray = NDArray[np.integer]
 
 #: Gauss points between two corners of a curve.

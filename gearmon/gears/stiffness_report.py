@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
 from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share, size_text
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.pulses import ComplexArray, FloatArray
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_outline import TeethPicture, teeth_picture

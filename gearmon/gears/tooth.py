@@ -26,9 +26,10 @@ from numpy.polynomial.legendre import legder, legval
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import PairGeometry, Rack
-from gearmon.gears.pulses import FloatArray, Pulse, distinct, gauss, panel_nodes
+from gearmon.gears.pulses import Pulse, distinct, gauss, panel_nodes
 from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings, sections
 
 #: Tangent angle of the critical section of a fillet, ISO 6336-3 [rad].

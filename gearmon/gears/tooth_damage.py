@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import Fault, Limit, flank_share
-from gearmon.gears.pulses import FloatArray
 
 if TYPE_CHECKING:
     from gearmon.gears.tooth import Tooth

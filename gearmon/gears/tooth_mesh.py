@@ -18,18 +18,10 @@ from itertools import chain, pairwise, product
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.pulses import (
-    POINTS,
-    FloatArray,
-    Losses,
-    Pulse,
-    PulseTerm,
-    PulseTrain,
-    distinct,
-    panel_nodes,
-)
+from gearmon.gears.pulses import POINTS, Losses, Pulse, PulseTerm, PulseTrain, distinct, panel_nodes
 from gearmon.gears.tooth_pairs import ToothPair
 
 #: Losses of the teeth of a gear, by tooth number.

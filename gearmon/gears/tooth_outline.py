@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.gears.faults import Fault
-from gearmon.gears.pulses import FloatArray
 from gearmon.gears.tooth import Tooth
 from gearmon.gears.tooth_damage import ToothDamage, tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair

@@ -14,8 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
 from gearmon.report import plots
 from gearmon.report.curves import extremes, turn_waveform
@@ -32,8 +32,6 @@ from gearmon.signals.recording import Recording
 from gearmon.signals.spectra.spectrum import fast_length
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
-
-FloatArray = NDArray[np.float64]
 
 _KINDS = ("mesh", "sidebands", "residual")
 # The colour scale of changes spans at least this and at most that [dB].

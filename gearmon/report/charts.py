@@ -10,8 +10,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.history import ChangePoint, HistoryTrends
 from gearmon.diagnosis.results import Analysis
 from gearmon.gears.kinematics import kinematics
@@ -39,8 +40,6 @@ from gearmon.signals.tracking.comb import scan_speed
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import Reference, WheelPattern
 from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE, machine_comb
-
-FloatArray = NDArray[np.float64]
 
 # Points of a curve: a screen shows a thousand, and a spectrum is zoomed into. Those of all channels
 # of a chart together, and columns and rows of a map: a report of one recording stays below 1.2 MB.

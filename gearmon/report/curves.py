@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.results import Analysis
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
@@ -22,8 +22,6 @@ from gearmon.signals.spectra.spectrum import Spectrum, power_density
 from gearmon.signatures.measured.line_plan import Mark, mesh_harmonics
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.measured.reference import WheelPattern
-
-FloatArray = NDArray[np.float64]
 
 # The axis ends this far beyond the last mesh harmonic that is looked at.
 _BEYOND_LAST = 1.12

@@ -11,8 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.image import AxesImage
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.report import plots
 from gearmon.report.spectrum_plots import MOST_STRIPS, label_marks, line_marks, order_axis
 from gearmon.report.wording import shortened, strip_label, unit_text
@@ -20,8 +20,6 @@ from gearmon.signals.orders.averages import one_turn
 from gearmon.signatures.gear_averages import GearAverage, GearAverages, gear_signals
 from gearmon.signatures.measured.indicators import IndicatorTable
 from gearmon.signatures.recording_spectrum import OrderSpectra
-
-FloatArray = NDArray[np.float64]
 
 # Columns of a map: more than a page shows.
 _COLUMNS = 900

@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.markers import TICKUP
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import LogLocator, NullLocator
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.results import Analysis
 from gearmon.report import curves, plots, wording
 from gearmon.signals.recording import Recording
@@ -23,8 +23,6 @@ from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, Mark
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.recording_spectrum import OrderSpectra, RecordingSpectrum
 from gearmon.signatures.speed import SPEED_TOLERANCE
-
-FloatArray = NDArray[np.float64]
 
 # More channels than this get no readable strip each: the report says which are shown.
 MOST_STRIPS = 8

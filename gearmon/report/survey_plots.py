@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from gearmon.arrays import FloatArray
 from gearmon.exposure.day import DayExposure, Dose
 from gearmon.exposure.gearbox import GearShare
 from gearmon.exposure.measures import Exposure
@@ -19,7 +20,6 @@ from gearmon.report import plots
 from gearmon.report.curves import extremes
 from gearmon.report.survey_text import spoken_time
 from gearmon.report.wording import shortened
-from gearmon.signals.array_types import FloatArray
 
 _MICRO = 1e6
 _SIZE_IN = (8.0, 4.6)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_type
-from gearmon.signals.array_types import ComplexArray, FloatArray
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly

@@ -17,8 +17,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
+from gearmon.arrays import BoolArray, FloatArray, IntArray
 from gearmon.errors import RecordingError
-from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording
 

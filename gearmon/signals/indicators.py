@@ -29,8 +29,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
-from gearmon.signals.array_types import FloatArray
 
 # Pieces that stay in the cache of a processor core: a long recording is read twice, never copied.
 _PIECE = 1 << 15

@@ -29,11 +29,11 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders.averages import (
     SynchronousAverage,

@@ -13,11 +13,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result, channel_rows, with_units
-from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import OrderMap, order_map

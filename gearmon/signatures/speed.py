@@ -11,12 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import Kinematics
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.comb import (

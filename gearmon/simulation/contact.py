@@ -15,15 +15,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import GearError
 from gearmon.gears.pulses import LEAST_OVERLAP, PulseTrain
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.simulation.integrate import Course, divided_course
-
-FloatArray = NDArray[np.float64]
 
 #: Share of the tolerance that a machine tool uses up.
 TOLERANCE_USED = 0.7
@@ -38,7 +37,6 @@ WANDER_BAND_HZ = (0.05, 2.0)
 WANDER_LINES = 16
 # Newton's method doubles its digits: four steps for the usual wander, more for a wild one.
 _NEWTON_STEPS, _TIME_ERROR_S = 60, 1e-11
-IntArray = NDArray[np.int64]
 #: Points in a turn of the fastest gear at which load and runout are taken.
 POINTS_PER_TURN = 128
 # Three points fix the parabola of a spur pair, four the cubic that it is when spread over the face

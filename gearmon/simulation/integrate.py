@@ -22,7 +22,8 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from gearmon.arrays import FloatArray
+
 IntArray = NDArray[np.intp]
 
 #: Runge-Kutta steps in every piece of a course.
@@ -498,7 +499,7 @@ def _join(
 
     def size(state: FloatArray) -> FloatArray:
         moved, speed = np.split(state, 2)
-        return np.sqrt(np.sum(moved * (stiffness @ moved) + speed**2, axis=0)) / rest
+        return np.asarray(np.sqrt(np.sum(moved * (stiffness @ moved) + speed**2, axis=0)) / rest)
 
     dying: FloatArray | None = None
     for passes in range(REPAIR_PASSES + 1):

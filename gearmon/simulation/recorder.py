@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon import __version__
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.files import replacing, write_atomically
 from gearmon.gears.faults import Fault, GearError, faults_of
@@ -31,8 +31,6 @@ from gearmon.simulation.vibration import (
     tacho_pulses,
     tones,
 )
-
-FloatArray = NDArray[np.float64]
 
 #: Voltage and length of a tacho pulse.
 TACHO_HIGH_V, TACHO_WIDTH_TURNS = 5.0, 0.05

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import WIDTH_OVER_MODULE, drive_train
 from gearmon.gears.drive_train import DriveTrain, Spring
@@ -177,9 +177,6 @@ class Settings(Checked):
             raise ArgumentError(
                 f"tacho_shaft={self.tacho_shaft} must lie in [1, {len(train.shafts)}]"
             )
-
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

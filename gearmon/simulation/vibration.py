@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import next_fast_len
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH
 from gearmon.simulation.contact import Drive, contact_course
 from gearmon.simulation.integrate import SUBSTEPS, MeshForces, integrate
 from gearmon.simulation.train import Settings, Train, stream
 
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 Floats32 = NDArray[np.float32]
 
 #: The recording's response is flat up to this share of its sampling rate and zero from a half on.

@@ -19,8 +19,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.dynamics.free_vibration import free_vibration
-from gearmon.gears.pulses import FloatArray
 from gearmon.gears.stiffness import zone_means
 from gearmon.study.experiments import (
     MANY,

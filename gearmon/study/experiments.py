@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark.equations import Case, Lines, as_lines, solve_reference
 from gearmon.benchmark.rivals import Contender, PlainOscillator, integrate, measured
 from gearmon.benchmark.timing import facts_of_run
 from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import fast_length, rms, samples
 from gearmon.dynamics.multiple_scales import Expansion, expand
-from gearmon.gears.pulses import ComplexArray, FloatArray
 from gearmon.gears.stiffness import Parabolic
 from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.study.pair import (

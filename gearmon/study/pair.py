@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import rms
 from gearmon.dynamics.free_vibration import transient
 from gearmon.dynamics.multiple_scales import expand
-from gearmon.gears.pulses import ComplexArray, FloatArray, Pulse
+from gearmon.gears.pulses import Pulse
 from gearmon.gears.stiffness import (
     FourierSum,
     Parabolic,

@@ -13,8 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import TwoSlopeNorm
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.lines import Line2D
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from gearmon.arrays import FloatArray
 from gearmon.files import replacing
 from gearmon.report.plots import (
     BLACK,
@@ -43,8 +44,6 @@ from gearmon.study.pair import (
     Operation,
     StiffnessSignal,
 )
-
-FloatArray = NDArray[np.float64]
 
 MICRO, MILLI = 1e6, 1e3
 LINE = 1.3

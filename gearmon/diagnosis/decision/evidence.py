@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
 from gearmon.diagnosis.hypotheses.changed_path import UNCHANGED, PathChange
 from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
@@ -222,8 +222,6 @@ def noise_rose(deviation: MachineDeviation) -> bool:
         return False
     return bool(np.median(broadband.gain_db - lines_db) > LIMITS.noise_rise_db)
 
-
-FloatArray = NDArray[np.float64]
 
 # The factor is a mean over all losses held possible, of which a quarter or so explain a departure.
 _LOSSES_IN_FIVE = 5.0

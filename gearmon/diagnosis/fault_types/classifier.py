@@ -29,11 +29,10 @@ from sklearn.utils import check_random_state
 from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.fault_types.features import NONE
 from gearmon.errors import ArgumentError
 from gearmon.files import reading_archive, write_archive
-
-FloatArray = NDArray[np.float64]
 
 FORMAT = "gearmon kind classifier 1"
 #: Standard deviations at which a feature is cut.

@@ -16,15 +16,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.hypotheses.runout import TurnChange
     from gearmon.diagnosis.results import Change, ToothProfile
 
-FloatArray = NDArray[np.float64]
 
 #: Nothing is wrong with the gears: healthy, or something that repeats with no gear.
 NONE = "none of these"

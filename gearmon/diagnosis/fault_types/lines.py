@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import mesh_pairs
@@ -20,10 +20,6 @@ from gearmon.machine import Machine
 from gearmon.signatures.expected.faulty_teeth import faulty_lines
 from gearmon.signatures.expected.mesh import MeshPlace, operating_point
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
 #: Loss of stiffness at which the lines of a damaged tooth, and of worn teeth, are computed.
 LOSS = 0.1

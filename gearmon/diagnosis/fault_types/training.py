@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.diagnosis.fault_types.features import (
     KINDS,
     NAMES,
@@ -35,9 +36,6 @@ from gearmon.diagnosis.results import Change
 from gearmon.errors import check_range
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signatures.measured.reference import WheelPattern, tooth_counts
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Multiples of the rotation that a loose shaft excites.
 _LOOSE_MULTIPLES = 10

@@ -29,14 +29,11 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import betainc, stdtrit
 
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.diagnosis.history.entries import time_text
 from gearmon.errors import ArgumentError, check_range
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 #: Fewest recordings on which a change is looked for, and that must bear one: one that stands out is
 #: not yet a change.

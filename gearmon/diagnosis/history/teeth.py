@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import bdtrc, ndtri_exp
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.history.changes import (
     FEWEST,
     ChangePoint,
@@ -32,8 +32,6 @@ from gearmon.diagnosis.history.entries import HALF_OF_90, History, Place
 from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
 from gearmon.errors import check_range
 from gearmon.result import Result
-
-FloatArray = NDArray[np.float64]
 
 SECONDS_PER_DAY = 86400.0
 #: Fewest recordings in which a loss has to stand clear of zero by itself to be listed.

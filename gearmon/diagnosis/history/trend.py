@@ -13,9 +13,9 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtri
 
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.diagnosis.history.changes import (
     COURSES,
     FEWEST,
@@ -28,9 +28,6 @@ from gearmon.diagnosis.history.changes import (
 )
 from gearmon.diagnosis.history.entries import time_text
 from gearmon.errors import ArgumentError, check_finite, check_range
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 #: How far a trend is followed to a limit, in lengths of the series (beyond is as good as never),
 #: and in how many steps up to the last recording and from there.

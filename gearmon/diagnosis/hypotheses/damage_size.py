@@ -23,8 +23,8 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.diagnosis.hypotheses.tooth_match import (
     DECAY_S,
     LOSSES,
@@ -39,9 +39,6 @@ from gearmon.gears.faults import Fault
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 from gearmon.machine import Machine
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 # Losses that are told apart; the last is the largest there is.
 _FINE = np.geomspace(LOSSES[0], 0.95, 200)

@@ -19,12 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, GearPattern, turning
 from gearmon.diagnosis.results import ToothProfile
 from gearmon.signatures.measured.reference import WheelPattern
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
 NEAR = 3

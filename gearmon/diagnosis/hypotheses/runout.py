@@ -12,11 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.signatures.measured.reference import WheelPattern
-
-FloatArray = NDArray[np.float64]
 
 #: Sidebands that are looked at one by one.
 SIDEBANDS = 6

@@ -31,13 +31,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.diagnosis.hypotheses.tooth_match import SearchedGear, log_mean
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
 #: Shares of a departure that an event may leave unexplained, at equal steps.
 SHARES = np.concatenate([[0.003, 0.01, 0.03], np.arange(0.1, 1.01, 0.1)])

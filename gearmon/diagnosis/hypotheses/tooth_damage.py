@@ -9,8 +9,8 @@ from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.hypotheses.damage_size import LossEstimate, loss_estimate
 from gearmon.diagnosis.hypotheses.tooth_match import (
     LOSSES,
@@ -28,8 +28,6 @@ from gearmon.gears.mechanics import load_share
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
 from gearmon.signatures.measured.reference import Profile
-
-FloatArray = NDArray[np.float64]
 
 # The likelihood takes the law at its word, line by line. What departs on a healthy machine, beyond
 # noise, departs by teeth: energies about single teeth scatter like gamma variables of this shape.

@@ -28,12 +28,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.diagnosis.law.gear_lines import NEAR, GearDeviation
 from gearmon.signatures.expected.tooth_response import ToothResponse
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
 # Decay times of the energy in a housing [s]: damping ratios of 1 to 6 per cent between 700 Hz and
 # 7 kHz have 1/(4 pi zeta f) of 0.2 to 10 ms, the loudest modes being the better damped ones.

@@ -20,14 +20,11 @@ from itertools import chain, product
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.diagnosis.law.state import Kriging
 from gearmon.signals.orders.lines import variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
-
-FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
 #: Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
 NEAR = 2

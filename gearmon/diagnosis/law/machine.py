@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, turned_alike
 from gearmon.diagnosis.law.state import Kriging, operating_states
 from gearmon.errors import ArgumentError
 from gearmon.signatures.measured.reference import Profile, Reference, WheelPattern
-
-FloatArray = NDArray[np.float64]
 
 _DB = float(20.0 / np.log(10.0))
 # Standard deviation from recording to recording [Np], and its growth per unit of state, of families

@@ -14,11 +14,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.signatures.measured.reference import Profile
-
-FloatArray = NDArray[np.float64]
 
 _NEPER = float(np.log(10.0) / 20.0)
 #: Distance [units of state: nepers of the mesh] over which a slope may turn: loads a factor of two

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import spence, stdtr
 
+from gearmon.arrays import FloatArray
 from gearmon.diagnosis.nongear.sources import (
     MAINS_HZ,
     NamedSeries,
@@ -37,8 +38,6 @@ from gearmon.signatures.measured.nongear_lines import (
     taken,
 )
 from gearmon.signatures.measured.reference import Reference
-
-FloatArray = NDArray[np.float64]
 
 # What such a line of a healthy machine is taken to change by from one recording to another before
 # any is seen [dB], and the differences that this prior is worth (so that the 4 dB are known to a

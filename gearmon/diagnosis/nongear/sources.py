@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import pdtrc
 
+from gearmon.arrays import FloatArray
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signatures.measured.nongear_lines import NonGearLine
-
-FloatArray = NDArray[np.float64]
 
 MAINS_HZ = (50.0, 60.0)
 # Multiples of the mains frequency at which motors and their supplies are heard.

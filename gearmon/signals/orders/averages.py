@@ -22,10 +22,10 @@ from fractions import Fraction
 
 import numpy as np
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
-from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.orders.resampling import (
     READ_UP_TO,
     resample_to_angle,

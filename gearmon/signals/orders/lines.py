@@ -35,9 +35,9 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_array
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
-from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
 from gearmon.signals.spectra.spectrum import (
     fast_length,

@@ -33,10 +33,10 @@ from functools import cached_property
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
-from gearmon.signals.array_types import FloatArray
 from gearmon.signals.threads import side_by_side
 
 #: Share of the sampling rate up to which tones are read; above, they fade towards half the rate.

@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import ifft
 
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
-from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Kernel, Spreading, angle_blocks
 from gearmon.signals.spectra.spectrum import (
     amplitude_spectrum,

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from gearmon.arrays import IntArray
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.array_types import IntArray
 from gearmon.signals.reading.source import Floats, Room, shortened
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 

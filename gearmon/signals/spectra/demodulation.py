@@ -40,8 +40,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import ifft
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.spectra.spectrum import (
     Spectrum,
     amplitude_spectrum,

@@ -29,8 +29,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.fft import next_fast_len, rfft
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
-from gearmon.signals.array_types import ComplexArray, FloatArray
 
 #: Coefficients a_0, a_1, ... of each window.
 TERMS = {

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.array_types import FloatArray, IntArray
 from gearmon.signals.spectra.spectrum import fast_length, hann, local_floor, windowed_transforms
 from gearmon.signals.threads import side_by_side
 

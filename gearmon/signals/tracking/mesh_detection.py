@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
+from gearmon.arrays import BoolArray, FloatArray, IntArray
 from gearmon.signals.orders.spectra import FineSpectrum
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.signals.angle import AngleTrack, phasors
-from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
 from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
 from gearmon.signals.tracking.comb import Comb, SpeedTrack, scan_speed

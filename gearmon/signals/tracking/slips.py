@@ -18,9 +18,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from gearmon.arrays import BoolArray, ComplexArray, FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
-from gearmon.signals.array_types import BoolArray, ComplexArray, FloatArray
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
 from gearmon.signals.tracking.phases import lock_track
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP

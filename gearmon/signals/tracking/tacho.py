@@ -24,9 +24,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, median_filter
 
+from gearmon.arrays import BoolArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.tracking.phases import lock_track, roughness
 from gearmon.signals.tracking.thresholds import LIMITS

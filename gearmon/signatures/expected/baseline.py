@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.arrays import ComplexArray
 from gearmon.dynamics import Method, steady_state
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import MachineLike, load_machine
-from gearmon.signals.array_types import ComplexArray
 from gearmon.signatures.expected.faulty_teeth import faulty_lines
 from gearmon.signatures.expected.mesh import MeshPlace, PosedStage, Wrong, operating_point
 from gearmon.signatures.expected.mesh_lines import AMPLITUDES, MeshLines, joined, refuse_no_lines

@@ -30,9 +30,9 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.sparse import csr_array
 
+from gearmon.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import Pulse, gauss, panel_nodes
-from gearmon.signals.array_types import BoolArray, ComplexArray, FloatArray, IntArray
 
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
 #: together they integrate that part to about 1e-12.

@@ -15,12 +15,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
 from gearmon.gears.excitation import FlankError
 from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signatures.expected.contact_motion import (
     Deviations,
     PeriodicMotion,

@@ -35,6 +35,7 @@ from functools import cached_property
 
 import numpy as np
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train
@@ -45,7 +46,6 @@ from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
-from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
 
 Wrong = Fault | GearError

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.mechanics import StageMechanics
-from gearmon.signals.array_types import ComplexArray, FloatArray, IntArray
 from gearmon.signatures.expected.mesh import PosedStage
 
 #: What the phases and amplitudes of all expected lines mean.

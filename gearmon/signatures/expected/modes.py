@@ -13,13 +13,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import check_range
 from gearmon.gears.assembly import drive_train
 from gearmon.gears.drive_train import DriveTrain, Planets
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signals.array_types import FloatArray
 
 TYPES = ("rotational", "translational", "planet")
 #: Share of strain energy in shafts too coarse for a mode from which it is left out.

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, GearmonError, check_range
 from gearmon.gears.faults import Fault
 from gearmon.gears.kinematics import kinematics
@@ -30,7 +31,6 @@ from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.result import Result
-from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signatures.expected.faulty_teeth import LossResponse, loss_response
 
 _POINTS = 512

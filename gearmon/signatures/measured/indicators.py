@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, SignatureError, check_range
 from gearmon.files import write_atomically
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals import indicators
-from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.threads import at_once

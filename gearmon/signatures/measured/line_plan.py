@@ -18,9 +18,9 @@ from operator import itemgetter
 
 import numpy as np
 
+from gearmon.arrays import BoolArray, FloatArray, IntArray
 from gearmon.gears.kinematics import Kinematics, Mesh, Modulation, Wheel, kinematics
 from gearmon.machine import Machine
-from gearmon.signals.array_types import BoolArray, FloatArray, IntArray
 
 MESH_HARMONICS = 8
 NEAR_SIDEBANDS = 6

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.array_types import FloatArray
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders.lines import OrderBlocks, OrderLines, without_knocks
 from gearmon.signals.orders.resampling import Spreading

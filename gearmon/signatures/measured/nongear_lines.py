@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincc, gammainccinv
 
+from gearmon.arrays import FloatArray
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.array_types import FloatArray
 from gearmon.signals.orders.spectra import (
     FineSpectrum,
     clear_peaks,

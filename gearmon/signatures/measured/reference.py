@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from gearmon import __version__
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_type
 from gearmon.files import reading_archive, restored, stored, write_archive
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, ParallelStage
 from gearmon.result import Result
-from gearmon.signals.array_types import ComplexArray, FloatArray
 from gearmon.signals.orders.lines import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature
