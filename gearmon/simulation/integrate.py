@@ -38,7 +38,9 @@ COARSE_SHARE = 0.65
 #: wind turbine, whose vibration is small beside its load, it leaves 1.4e-5 of the vibration.
 JOINT_TOLERANCE = 1e-7
 #: Most passes over chunks that do not join; only irregular (rattling) motion is not done then.
-REPAIR_PASSES = 6
+#: Where all of it is irregular, half of the joints are no nearer by this share after a pass, and the
+#: next is the last: of a planetary set that rattles under 3 Nm a pass mends one of 120 joints.
+REPAIR_PASSES, IRREGULAR = 6, 0.5
 #: Passes over all chunks that a short run-in takes, and the share of a mode's strain energy in the
 #: meshes up to which the run-in need not last until it has died out: two modes of a wind turbine's
 #: train, with shares of 5 and 6 %, join after three passes; those with shares of 24 to 41 % of
@@ -502,12 +504,15 @@ def _join(
         return np.asarray(np.sqrt(np.sum(moved * (stiffness @ moved) + speed**2, axis=0)) / rest)
 
     dying: FloatArray | None = None
+    usual = math.inf
     for passes in range(REPAIR_PASSES + 1):
         jumps = ended[:, :-1] - begun[:, 1:]
         mismatch = size(jumps)
         if not (mismatch > JOINT_TOLERANCE).any():
             break
-        if passes < REPAIR_PASSES:
+        earlier, usual = usual, float(np.median(mismatch))
+        last = passes == REPAIR_PASSES or usual > max(IRREGULAR * earlier, JOINT_TOLERANCE)
+        if not last:
             if dying is None:
                 dying = _dying(system, np.diff(times[first]))
             # what comes before a chunk changes what it must begin with
@@ -517,7 +522,7 @@ def _join(
         before = begun[:, loose] + jumps[:, loose - 1]
         again = np.empty((*record.shape[:-1], len(loose)), dtype=np.float32)
         reached = march.run(before, first[loose], length, SUBSTEPS, again)
-        if passes == REPAIR_PASSES:
+        if last:
             record[..., loose] = _faded(again, record[..., loose])
             break
         begun[:, loose], ended[:, loose], record[..., loose] = before, reached, again
