@@ -38,8 +38,8 @@ COARSE_SHARE = 0.65
 #: wind turbine, whose vibration is small beside its load, it leaves 1.4e-5 of the vibration.
 JOINT_TOLERANCE = 1e-7
 #: Most passes over chunks that do not join; only irregular (rattling) motion is not done then.
-#: Where all of it is irregular, half of the joints are no nearer by this share after a pass, and the
-#: next is the last: of a planetary set that rattles under 3 Nm a pass mends one of 120 joints.
+#: Where all of it is irregular, half of the joints are no nearer by this share after a pass: the
+#: next is the last then. Of a planetary set that rattles under 3 Nm a pass mends one of 120 joints.
 REPAIR_PASSES, IRREGULAR = 6, 0.5
 #: Passes over all chunks that a short run-in takes, and the share of a mode's strain energy in the
 #: meshes up to which the run-in need not last until it has died out: two modes of a wind turbine's
