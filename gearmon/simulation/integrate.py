@@ -109,10 +109,11 @@ class GearedSystem:
     def mesh_decay_rate(self) -> float:
         """Decay rate of the slowest of the modes that strain the meshes [1/s]."""
         squares, shapes = np.linalg.eigh(self.whole_stiffness())
-        strained = self.mesh_stiffness @ (self.rows @ shapes) ** 2
+        share = self.mesh_stiffness @ (self.rows @ shapes) ** 2 / squares
         damped = self.damping + (self.rows.T * self.mesh_damping) @ self.rows
         rates = 0.5 * np.einsum("ij,ij->j", shapes, damped @ shapes)
-        return float(rates[strained > HARDLY_FELT * squares].min())
+        # many modes of fine shafts may share what the meshes feel
+        return float(rates[share > min(HARDLY_FELT, 0.5 * share.max())].min())
 
     @property
     def at_rest(self) -> FloatArray:
@@ -442,9 +443,15 @@ def integrate(
     MeshForces
     """
     if chunks is None:
-        run_in, chunks = _cheapest(system, course.pieces, run_in)
-    count = chunks
-    length = -(-course.pieces // count)
+        for own, count in _plans(system, course.pieces, run_in):
+            found = integrate(
+                system, course, run_in=own, start=start, chunks=count, progress=progress
+            )
+            # slow modes of irregular motion must forget by themselves
+            if found.joint_mismatch <= JOINT_TOLERANCE:
+                break
+        return found
+    length = -(-course.pieces // chunks)
     # rounded lengths may leave nothing for the last chunks
     count = -(-course.pieces // length)
     first = np.arange(count) * length
@@ -473,18 +480,22 @@ def integrate(
     )
 
 
-def _cheapest(system: GearedSystem, pieces: int, run_in: int) -> tuple[int, int]:
-    """Return the run-in and the number of chunks that balance calls, run-ins and passes."""
+def _plans(system: GearedSystem, pieces: int, run_in: int) -> list[tuple[int, int]]:
+    """Return run-ins and numbers of chunks that balance calls, run-ins and passes.
+
+    The last has all of the run-in, and before it comes a cheaper one if there is any.
+    """
     if run_in == 0:
-        return 0, 1
-    short = math.ceil(run_in * system.decay_rate / system.mesh_decay_rate)
+        return [(0, 1)]
+    short = min(run_in, math.ceil(run_in * system.decay_rate / system.mesh_decay_rate))
     plans = []
-    for own, passes in (run_in, 1), (min(short, run_in), 1 + PASSES_AFTER_SHORT_RUN_IN):
+    for own, passes in (short, 1 + PASSES_AFTER_SHORT_RUN_IN), (run_in, 1):
         # cost of a chunk's pieces: (own + passes pieces / n) (calls + n)
         best = math.sqrt(_CHUNKS_PER_CALL * passes * pieces / own)
         count = max(1, min(round(best), pieces))
         plans.append(((own + passes * pieces / count) * (_CHUNKS_PER_CALL + count), own, count))
-    return min(plans)[1:]
+    first, last = plans
+    return [(own, count) for _, own, count in ((first, last) if first < last else (last,))]
 
 
 def _join(

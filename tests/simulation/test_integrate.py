@@ -274,6 +274,21 @@ def test_a_wheel_between_two_meshes():
     assert rows @ system.at_rest == pytest.approx([100.0 / STIFFNESS, -100.0 / STIFFNESS])
 
 
+def test_slow_modes_of_motion_that_rattles_forget_by_themselves(monkeypatch):
+    taken, run = [], March.run
+
+    def counted(march, state, first, count, *args, **named):
+        taken.append(count)
+        return run(march, state, first, count, *args, **named)
+
+    monkeypatch.setattr(March, "run", counted)
+    base = two_stage(force=1.0, damping=(1.1e3, 1.9e3, 2.0))
+    system = replace(base, stiffness=1e-3 * base.stiffness)
+    integrate(system, parabola_course(10, 8e-6, seed=1), run_in=1000)
+    assert max(taken[:3]) < 10  # tried without waiting for the slow mode
+    assert taken[-3:-1] == [650, 350]  # and then with all of the run-in, coarse and fine
+
+
 def test_motion_that_rattles_throughout_is_not_tried_again_and_again(monkeypatch):
     runs, run = [], March.run
 
