@@ -173,15 +173,16 @@ class PeriodicMotion:
     @cached_property
     def forced(self) -> _PanelMaps:
         """Motion on the panels from rest, by forces in the meshes: a column each mesh and point."""
-        return self._answer(
-            self._unit_forces, np.zeros_like(self._unit_forces), np.zeros((len(self.monodromy), 1))
-        )
+        push = self._unit_forces
+        none = np.broadcast_to(0.0, push.shape)
+        return self._answer(push, none, np.zeros((len(self.monodromy), 1)))
 
     @cached_property
     def shifted(self) -> _PanelMaps:
         """The same by e of the dampers."""
         shift = self._unit_forces * np.repeat(self.around.dampers, POINTS)
-        return self._answer(np.zeros_like(shift), shift, np.zeros((len(self.monodromy), 1)))
+        none = np.broadcast_to(0.0, shift.shape)
+        return self._answer(none, shift, np.zeros((len(self.monodromy), 1)))
 
     @property
     def _unit_forces(self) -> FloatArray:
