@@ -17,6 +17,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
@@ -89,11 +90,15 @@ class GearedSystem:
         return np.asarray(np.sqrt(squares) / (2 * math.pi))
 
     @property
+    def whole_damping(self) -> FloatArray:
+        """C with the meshes."""
+        return np.asarray(self.damping + (self.rows.T * self.mesh_damping) @ self.rows)
+
+    @property
     def free_motion(self) -> FloatArray:
         """A of (p, p')' = A (p, p'), with mean mesh stiffnesses and no inputs, shape (2 m, 2 m)."""
-        damping = self.damping + (self.rows.T * self.mesh_damping) @ self.rows
-        none, one = np.zeros_like(damping), np.eye(len(damping))
-        return np.block([[none, one], [-self.whole_stiffness(), -damping]])
+        none, one = np.zeros_like(self.damping), np.eye(len(self.damping))
+        return np.block([[none, one], [-self.whole_stiffness(), -self.whole_damping]])
 
     @property
     def rates(self) -> NDArray[np.complex128]:
@@ -110,8 +115,7 @@ class GearedSystem:
         """Decay rate of the slowest of the modes that strain the meshes [1/s]."""
         squares, shapes = np.linalg.eigh(self.whole_stiffness())
         share = self.mesh_stiffness @ (self.rows @ shapes) ** 2 / squares
-        damped = self.damping + (self.rows.T * self.mesh_damping) @ self.rows
-        rates = 0.5 * np.einsum("ij,ij->j", shapes, damped @ shapes)
+        rates = 0.5 * np.einsum("ij,ij->j", shapes, self.whole_damping @ shapes)
         # many modes of fine shafts may share what the meshes feel
         return float(rates[share > min(HARDLY_FELT, 0.5 * share.max())].min())
 
@@ -442,15 +446,29 @@ def integrate(
     -------
     MeshForces
     """
-    if chunks is None:
-        for own, count in _plans(system, course.pieces, run_in):
-            found = integrate(
-                system, course, run_in=own, start=start, chunks=count, progress=progress
-            )
-            # slow modes of irregular motion must forget by themselves
-            if found.joint_mismatch <= JOINT_TOLERANCE:
-                break
-        return found
+    plans = _plans(system, course.pieces, run_in) if chunks is None else [(1, run_in, chunks)]
+    for passes, own, count in plans:
+
+        def tell(done: float, passes: int = passes) -> None:
+            if progress is not None:
+                progress(min(1.0, done / passes))
+
+        found = _integrated(system, course, own, start, count, tell)
+        # slow modes of irregular motion must forget by themselves
+        if found.joint_mismatch <= JOINT_TOLERANCE:
+            break
+    return found
+
+
+def _integrated(
+    system: GearedSystem,
+    course: Course,
+    run_in: int,
+    start: FloatArray | None,
+    chunks: int,
+    tell: Callable[[float], None],
+) -> MeshForces:
+    """Integrate in chunks, each with a run-in; `tell` how often all of the course has been done."""
     length = -(-course.pieces // chunks)
     # rounded lengths may leave nothing for the last chunks
     count = -(-course.pieces // length)
@@ -465,8 +483,8 @@ def integrate(
     begun = march.run(state, first - run_in + coarse, run_in - coarse, SUBSTEPS)
     meshes = len(system.rows)
     record = np.empty((3, meshes, length * SUBSTEPS, count), dtype=np.float32)
-    ended = march.run(begun, first, length, SUBSTEPS, record, progress)
-    mismatch = _join(march, record, begun, ended, first)
+    ended = march.run(begun, first, length, SUBSTEPS, record, tell)
+    mismatch = _join(march, record, begun, ended, first, tell)
     # the last chunk goes on beyond the end of the course with steps that last no time
     ordered = record.swapaxes(2, 3).reshape(3, meshes, -1)
     impulses, starts, ends = ordered[:, :, : course.pieces * SUBSTEPS]
@@ -480,22 +498,22 @@ def integrate(
     )
 
 
-def _plans(system: GearedSystem, pieces: int, run_in: int) -> list[tuple[int, int]]:
-    """Return run-ins and numbers of chunks that balance calls, run-ins and passes.
+def _plans(system: GearedSystem, pieces: int, run_in: int) -> list[tuple[int, int, int]]:
+    """Return passes, run-ins and numbers of chunks that balance the cost of calls and pieces.
 
     The last has all of the run-in, and before it comes a cheaper one if there is any.
     """
     if run_in == 0:
-        return [(0, 1)]
+        return [(1, 0, 1)]
     short = min(run_in, math.ceil(run_in * system.decay_rate / system.mesh_decay_rate))
-    plans = []
-    for own, passes in (short, 1 + PASSES_AFTER_SHORT_RUN_IN), (run_in, 1):
+    plans, costs = [], []
+    for passes, own in (1 + PASSES_AFTER_SHORT_RUN_IN, short), (1, run_in):
         # cost of a chunk's pieces: (own + passes pieces / n) (calls + n)
         best = math.sqrt(_CHUNKS_PER_CALL * passes * pieces / own)
         count = max(1, min(round(best), pieces))
-        plans.append(((own + passes * pieces / count) * (_CHUNKS_PER_CALL + count), own, count))
-    first, last = plans
-    return [(own, count) for _, own, count in ((first, last) if first < last else (last,))]
+        costs.append((own + passes * pieces / count) * (_CHUNKS_PER_CALL + count))
+        plans.append((passes, own, count))
+    return plans if costs[0] < costs[1] else plans[1:]
 
 
 def _join(
@@ -504,6 +522,7 @@ def _join(
     begun: FloatArray,
     ended: FloatArray,
     first: IntArray,
+    tell: Callable[[float], None],
 ) -> float:
     """Make the chunks continue one another, in place; return how well they did in the end."""
     length, system, times = record.shape[2] // SUBSTEPS, march.system, march.course.times_s
@@ -532,12 +551,17 @@ def _join(
         loose = 1 + np.flatnonzero(np.maximum(mismatch, size(jumps)) > JOINT_TOLERANCE)
         before = begun[:, loose] + jumps[:, loose - 1]
         again = np.empty((*record.shape[:-1], len(loose)), dtype=np.float32)
-        reached = march.run(before, first[loose], length, SUBSTEPS, again)
+        told = partial(_after, tell, passes + 1)
+        reached = march.run(before, first[loose], length, SUBSTEPS, again, told)
         if last:
             record[..., loose] = _faded(again, record[..., loose])
             break
         begun[:, loose], ended[:, loose], record[..., loose] = before, reached, again
     return float(mismatch.max(initial=0.0))
+
+
+def _after(tell: Callable[[float], None], before: int, done: float) -> None:
+    tell(before + done)
 
 
 def _dying(system: GearedSystem, spans_s: FloatArray) -> FloatArray:
