@@ -14,6 +14,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from numbers import Real
 from typing import Any, Literal
 
 from gearmon.errors import ArgumentError, check_finite, check_range, check_word, nearest_name
@@ -306,8 +307,10 @@ class _OnGear:
         what, kinds = ("error", ERROR_KINDS) if isinstance(self, GearError) else ("fault", KINDS)
         check_word(f"{what} kind ", self.kind, kinds)
         check_word("gear ", self.gear, GEARS)
-        for name, number in (("stage", self.stage), ("tooth", self.tooth)):
-            if number is not None and (number != int(number) or number < 1):
+        # no tooth is all of them
+        tooth = 1 if self.tooth is None else self.tooth
+        for name, number in (("stage", self.stage), ("tooth", tooth)):
+            if not isinstance(number, Real) or number % 1 or number < 1:
                 raise ArgumentError(f"{what} {name}={number} must be a whole number >= 1")
 
     @property

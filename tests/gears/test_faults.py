@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.damage import loss_in_contact
-from gearmon.gears.faults import KINDS, Fault, parse_fault
+from gearmon.gears.faults import KINDS, Fault, GearError, parse_fault
 from gearmon.gears.pulses import Pulse, PulseTerm, overlap, union
 
 
@@ -72,6 +72,18 @@ def test_written_and_read_again(kind, stage, tooth, size, unit):
 def test_refusals(text, match):
     with pytest.raises(ArgumentError, match=match):
         parse_fault(text)
+
+
+@pytest.mark.parametrize("number", ["a", float("nan"), 1.5, 0])
+@pytest.mark.parametrize("name", ["stage", "tooth"])
+def test_a_place_that_is_no_whole_number_is_refused(name, number):
+    place = {"stage": 1, "tooth": 2} | {name: number}
+    with pytest.raises(ArgumentError, match=f"{name}={number} must be a whole number >= 1"):
+        Fault(kind="crack", gear="pinion", size=0.1, unit="", **place)
+    with pytest.raises(ArgumentError, match=f"{name}={number} must be a whole number >= 1"):
+        GearError(kind="pitch", gear="pinion", size_m=1e-5, **place)
+    with pytest.raises(ArgumentError, match="stage=None must be"):
+        Fault(kind="crack", stage=None, gear="pinion", tooth=1, size=0.1, unit="")
 
 
 def test_a_size_that_is_no_number_is_refused():
