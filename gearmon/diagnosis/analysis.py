@@ -292,7 +292,7 @@ class _Compared:
             own=Profile.of(signature),
             rows=tuple(signature.channel_names.index(name) for name in shared),
             healthy=_law_of(
-                reference, tuple(reference.channel_names.index(name) for name in shared)
+                reference, tuple(reference.channel_names.index(name) for name in shared), machine
             ),
             shared=tuple(shared),
             notes=tuple(notes),
@@ -525,8 +525,8 @@ class _Compared:
 
 # several recordings are held against one reference
 @lru_cache(maxsize=4)
-def _law_of(reference: Reference, rows: tuple[int, ...]) -> HealthyMachine:
-    return HealthyMachine.of(reference, rows)
+def _law_of(reference: Reference, rows: tuple[int, ...], machine: Machine) -> HealthyMachine:
+    return HealthyMachine.of(reference, rows, machine)
 
 
 @lru_cache(maxsize=4)

@@ -22,9 +22,9 @@ from gearmon.diagnosis.hypotheses.tooth_match import (
 )
 from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviation
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
+from gearmon.diagnosis.law.state import FULL_LOAD
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import load_share
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
 from gearmon.signatures.measured.reference import Profile
@@ -42,16 +42,6 @@ _TEETH_SCATTER = 2.0
 # machines of three simulators (90 % points), 10 on a third and 6 elsewhere; of 32 such pairs of
 # eight of them 4 were called faults, none is with it, with the slopes of levels and runout.
 _LIGHTER_SCATTER = 5.0
-# Load (`load_share` at the largest torque) below which healthy lines do not follow the load: at
-# two thirds of the torque the stiffness falls with it, at half of it teeth leave contact. Beside a
-# single reference 22 of 75 healthy pairs of simulated drives at 17 to 102 N/mm, 1.0 to 0.5 of their
-# load, were called faults by their levels; of 423 at 100 to 350 N/mm whose stiffness does not
-# depend on the load, one.
-_LIGHT = 1.5
-# Share of departures that is then held possible at least: where noise hides how teeth depart, one
-# of them may still stand out. A healthy pinion at 102 N/mm did, by 5.7 times the noise, at a share
-# of 0.05, and was called a fault.
-_HIDDEN = 0.2
 # Healthy departures scatter like noise with a fraction of its degrees of freedom.
 _OVERDISPERSION = 3.0
 # Lines that a band must keep to tell of a meeting with every planet.
@@ -84,15 +74,12 @@ class GearEvidence:
     search : SearchedGear or None
         The matched search of its teeth; None where there is no template of the response: of a
         planetary set whose file says too little.
-    load : float, > 0
-        How the teeth are loaded beside what the response supposes (`load_share`).
     shown : bool
         Whether the gear's mesh is heard by itself (`mesh_shown`).
     """
 
     deviation: GearDeviation
     search: SearchedGear | None
-    load: float = np.inf
     shown: bool = True
 
     @property
@@ -103,12 +90,12 @@ class GearEvidence:
     @property
     def loaded(self) -> float:
         """How nearly the teeth are loaded as much as the response supposes, at most 1."""
-        return min(1.0, self.load)
+        return min(1.0, self.deviation.load)
 
     @property
     def load_unlearned(self) -> bool:
-        """Whether the load may change lines as it likes: teeth loaded lightly, one reference."""
-        return self.load < _LIGHT and not len(self.deviation.bands[0].known)
+        """Whether nothing tells what the load changes: teeth loaded lightly, one reference."""
+        return self.deviation.load < FULL_LOAD and not len(self.deviation.bands[0].known)
 
     @property
     def tooth(self) -> int:
@@ -152,7 +139,7 @@ class GearEvidence:
         float
             At most what the energy at one tooth, beyond noise, tells among teeth that all depart.
         """
-        departs = max(self.deviation.departs, _HIDDEN if self.load_unlearned else _NOISE_ALONE)
+        departs = max(self.deviation.departs, _NOISE_ALONE)
         shape = _TEETH_SCATTER / (1.0 + _LIGHTER_SCATTER * self.deviation.light)
         by_teeth = self._of_gamma(shape, 1.0 + max(0.0, peak - 1.0) / departs)
         return min(log_factor, by_teeth) if log_factor > 0 else log_factor
@@ -252,7 +239,6 @@ def _searched(
     own: Profile, deviation: MachineDeviation, machine: Machine
 ) -> Iterator[GearEvidence]:
     for gear in deviation.gears:
-        load = load_share(machine, gear.stage)
         alone = as_heard(gear, machine)
         if not alone.bands:
             continue
@@ -270,7 +256,7 @@ def _searched(
             alone = found.difference if found is not None else alone
         if found is not None or alone.meetings > 1:
             shown = mesh_shown(gear, deviation.gears, machine)
-            yield GearEvidence(deviation=alone, search=found, load=load, shown=shown)
+            yield GearEvidence(deviation=alone, search=found, shown=shown)
 
 
 def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:

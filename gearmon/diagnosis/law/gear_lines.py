@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.law.state import Kriging
+from gearmon.diagnosis.law.state import Kriging, load_unit
 from gearmon.signals.orders.lines import variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
@@ -155,8 +155,6 @@ class BandDeviation:
         The same for the noise of the recordings alone, healthy departures left out.
     pattern : ndarray of complex, shape (channels, lines)
         The healthy pattern, over `deviation`.
-    scale : float
-        Variance of departures here over its prior, as the references tell; 1 for one reference.
     side : {0, -1, 1}
         Turns of the carrier beside the multiples.
     known : ndarray of complex, shape (references, channels, lines)
@@ -170,7 +168,6 @@ class BandDeviation:
     noise: FloatArray
     pattern: ComplexArray
     known: ComplexArray
-    scale: float = 1.0
     side: int = 0
 
 
@@ -195,6 +192,8 @@ class GearDeviation:
         The mesh harmonics themselves; None where planets may put them elsewhere.
     light : float, >= 0
         By how much the load is lighter than that of every reference [Np].
+    load : float, > 0
+        How the teeth are loaded (`gears.mechanics.load_share`).
     """
 
     stage: int
@@ -207,6 +206,7 @@ class GearDeviation:
     meetings: int = 1
     mesh_lines: ComplexArray | None = None
     light: float = 0.0
+    load: float = np.inf
 
     @cached_property
     def misfit(self) -> float:
@@ -393,11 +393,14 @@ class GearLaw:
         Of the references, turned alike.
     states : ndarray of float, shape (references, 2)
         Their operating states.
+    load : float, > 0
+        How the teeth are loaded (`gears.mechanics.load_share`).
     """
 
     wheel: WheelPattern
     patterns: tuple[GearPattern, ...]
     states: FloatArray
+    load: float = np.inf
 
     @cached_property
     def _left_out(self) -> list[list[BandDeviation]]:
@@ -482,6 +485,7 @@ class GearLaw:
             shift_turns=angle,
             mesh_lines=None if len(wheel.beside) else lines,
             light=max(0.0, float(self.states[:, 0].min() - state[0])),
+            load=self.load,
         )
 
     def _cut(self, top: int) -> GearLaw:
@@ -501,7 +505,8 @@ class GearLaw:
 
     def _predicted(self, state: FloatArray) -> tuple[GearPattern, float]:
         """Healthy pattern at a state, and the variance of departures from it."""
-        kriging = Kriging.of(self.states, state, _SCATTER, _SLOPE)
+        unit = np.array([load_unit(self.load), 1.0])
+        kriging = Kriging.of(self.states / unit, state / unit, _SCATTER, _SLOPE)
         weights = kriging.weights
         pattern = replace(
             self.patterns[0],
@@ -546,7 +551,6 @@ class GearLaw:
                     noise=np.sqrt(noise[:, far]),
                     pattern=(pattern / np.sqrt(variance))[:, far],
                     known=left_out[:, rows, use[far]],
-                    scale=float(np.mean(scale)),
                     side=side,
                 )
             )

@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, turned_alike
-from gearmon.diagnosis.law.state import Kriging, operating_states
+from gearmon.diagnosis.law.state import Kriging, load_unit, operating_states
 from gearmon.errors import ArgumentError
+from gearmon.gears.mechanics import load_share
+from gearmon.machine import Machine
 from gearmon.signatures.measured.reference import Profile, Reference, WheelPattern
 
 _DB = float(20.0 / np.log(10.0))
@@ -85,7 +87,7 @@ def level_deviation(
     known_db, known_error_db : ndarray of float, shape (references, channels, levels)
         The same of the references.
     states : ndarray of float, shape (references, 2)
-        Operating states of the references.
+        Operating states of the references [units].
     state : ndarray of float, shape (2,)
         That of the recording.
     told : ndarray of bool, shape (channels, levels), optional
@@ -203,6 +205,8 @@ class HealthyMachine:
         Their operating states.
     gears : dict
         (stage, gear) to its law and whether the angle zero is that of a tachometer.
+    lightest : float, > 0
+        How the teeth of the stage that is loaded least are loaded (`gears.mechanics.load_share`).
     """
 
     profiles: tuple[Profile, ...]
@@ -210,13 +214,15 @@ class HealthyMachine:
     family_names: tuple[str, ...]
     states: FloatArray
     gears: dict[tuple[int, str], tuple[GearLaw, bool]]
+    lightest: float
 
     @classmethod
-    def of(cls, reference: Reference, rows: Sequence[int]) -> HealthyMachine:
-        """Build the law from a reference."""
+    def of(cls, reference: Reference, rows: Sequence[int], machine: Machine) -> HealthyMachine:
+        """Build the law of a machine from a reference, some channels of it."""
         profiles, every = reference.profiles, [rows] * len(reference.profiles)
         states = operating_states(profiles, profiles[0], every, rows)
         gears: dict[tuple[int, str], tuple[GearLaw, bool]] = {}
+        loads = [load_share(machine, number + 1) for number in range(len(machine.stages))]
         for wheel in profiles[0].wheels:
             same = [found for p in profiles if (found := same_gear(wheel, p)) is not None]
             if len(same) < len(profiles) or not all(len(one.number) for one in same):
@@ -224,7 +230,8 @@ class HealthyMachine:
             # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
             indexed = all(p.tacho for p in profiles) and abs(wheel.order - 1.0) < 1e-12
             patterns = turned_alike(same, every, same_zero=indexed)
-            law = GearLaw(wheel=wheel, patterns=patterns, states=states)
+            load = loads[wheel.stage - 1]
+            law = GearLaw(wheel=wheel, patterns=patterns, states=states, load=load)
             gears[wheel.stage, wheel.gear] = law, indexed
         return cls(
             profiles=profiles,
@@ -232,6 +239,7 @@ class HealthyMachine:
             family_names=tuple(reference.family_names),
             states=states,
             gears=gears,
+            lightest=min(loads),
         )
 
     def indexed(self, own: Profile, stage: int, gear: str) -> bool:
@@ -273,6 +281,7 @@ class HealthyMachine:
                 f"{own.origin}: shares no family of lines with the reference: sampling rate or "
                 "length differ too much"
             )
+        unit = np.array([load_unit(self.lightest), 1.0])
         return MachineDeviation(
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
@@ -281,12 +290,17 @@ class HealthyMachine:
             length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
             gears=tuple(gears),
             family_names=tuple(names),
-            levels=self._levels(own, rows, names, state),
-            broadband=self._broadband(own, rows, state),
+            levels=self._levels(own, rows, names, self.states / unit, state / unit),
+            broadband=self._broadband(own, rows, self.states / unit, state / unit),
         )
 
     def _levels(
-        self, own: Profile, rows: Sequence[int], names: Sequence[str], state: FloatArray
+        self,
+        own: Profile,
+        rows: Sequence[int],
+        names: Sequence[str],
+        states: FloatArray,
+        state: FloatArray,
     ) -> LevelDeviation:
         def taken(profile: Profile, values: NDArray[Any], channels: Sequence[int]) -> NDArray[Any]:
             columns = [profile.family_names.index(name) for name in names]
@@ -297,13 +311,13 @@ class HealthyMachine:
             taken(own, own.scatter_db, rows),
             np.array([taken(p, p.level_db, self.rows) for p in self.profiles]),
             np.array([taken(p, p.scatter_db, self.rows) for p in self.profiles]),
-            self.states,
+            states,
             state,
             told=taken(own, own.heard, rows),
         )
 
     def _broadband(
-        self, own: Profile, rows: Sequence[int], state: FloatArray
+        self, own: Profile, rows: Sequence[int], states: FloatArray, state: FloatArray
     ) -> LevelDeviation | None:
         known = [p.band_db[list(self.rows)] for p in self.profiles]
         new = own.band_db[list(rows)]
@@ -315,7 +329,7 @@ class HealthyMachine:
             np.zeros_like(new),
             healthy,
             np.zeros_like(healthy),
-            self.states,
+            states,
             state,
             broadband=True,
         )

@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from reference.small_gearbox import machine, recording
 
+from gearmon.diagnosis.analysis import learn
 from gearmon.diagnosis.hypotheses.changed_path import path_change
-from gearmon.diagnosis.law import level_deviation
+from gearmon.diagnosis.law import HealthyMachine, level_deviation
+from gearmon.diagnosis.law.state import FULL_LOAD, LENGTH
 from gearmon.signatures.measured.line_plan import Family
+from gearmon.signatures.measured.measurement import measure_signature
+from gearmon.signatures.measured.reference import Profile
 
 HERE, SOME = np.zeros(2), np.zeros((1, 2))
 
@@ -117,3 +124,27 @@ def test_the_standard_deviation_is_that_of_a_difference_from_a_mean():
     # scatter of 0.06 Np in the recording and in the mean of two references
     own = (20 / np.log(10) * 0.06) ** 2 * (1 + 1 / 2)
     assert found.sigma_db**2 == pytest.approx(own + 0.5**2 + 0.6**2 / 2)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 1.0, 2.0])
+def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
+    healthy = learn([recording(load=1.0)], machine())
+    new = Profile.of(measure_signature(recording(load=0.7, seed=5), machine()))
+    law = HealthyMachine.of(healthy, (0, 1), machine())
+
+    def held_at(load):
+        gears = {key: (replace(own, load=load), told) for key, (own, told) in law.gears.items()}
+        return replace(law, lightest=load, gears=gears).deviation(new, (0, 1))
+
+    full, light = held_at(np.inf), held_at(FULL_LOAD * share)
+    assert full.gap == light.gap > 0.2
+    # from one reference: 2 (1 - exp(-x^2/2)) of the variance of the slope, x in lengths
+    load, speed = full.state - law.states[0]
+    lengths = np.array([load, load / min(share, 1.0)]) ** 2 + speed**2
+    near, far = 2 * (0.6 * LENGTH * 20 / np.log(10)) ** 2 * (1 - np.exp(-lengths / 2 / LENGTH**2))
+    more = light.levels.sigma_db**2 - full.levels.sigma_db**2
+    np.testing.assert_allclose(more, far - near, rtol=1e-6, atol=1e-9)
+    for one, other in zip(full.gears, light.gears, strict=True):
+        for a, b in zip(one.bands, other.bands, strict=True):
+            wider = b.deviation / a.deviation
+            assert np.all(wider > 1.0) if share < 1.0 else wider == pytest.approx(1.0)
