@@ -10,11 +10,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_args
 
+from gearmon.benchmark.equations import VARIATION
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
 from gearmon.report.wording import base64_text, rows_as_csv, template
 from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
 from gearmon.study.experiments import StudyResults, run_study
+from gearmon.study.pair import REFERENCE
 
 #: Share of the time that computing takes; the rest is drawing.
 COMPUTING_SHARE = 0.6
@@ -145,8 +147,8 @@ def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list
     return template("study.html", "gearmon.study").render(
         number=shown_number,
         difference=shown_difference,
-        parameters=results.reference.parameters,
-        problem=results.reference.response.problem,
+        problem=REFERENCE,
+        variation=VARIATION,
         judged=judged,
         counts=_counts(judged),
         index=FIGURES,
