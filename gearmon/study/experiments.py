@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -18,23 +19,10 @@ from gearmon.dynamics.fourier import fast_length, rms, samples
 from gearmon.dynamics.multiple_scales import Expansion, expand
 from gearmon.gears.stiffness import Parabolic
 from gearmon.harvesting.harvester import InertialHarvester
-from gearmon.study.pair import (
-    CONTACT_RATIO,
-    PINION_TEETH,
-    REFERENCE,
-    STATIC_DEFLECTION_M,
-    FormResponse,
-    Operation,
-    StiffnessSignal,
-    acceleration_error,
-    form_responses,
-    operate,
-    varied,
-    waveform_error,
-)
+from gearmon.study import pair
 
-#: Orders that are solved and drawn; the published solution ends at the second.
-HIGHEST_ORDER, PUBLISHED_ORDER = 6, 2
+#: Orders that are solved and drawn.
+HIGHEST_ORDER = 6
 # Below the published variation the error falls by its order; above, the next orders mix in.
 VARIATIONS = (0.0125, 0.025, 0.05, 0.1)
 
@@ -106,18 +94,18 @@ def study_orders(exact: Response) -> OrderStudy:
     errors = np.array([_errors_of_orders(variation) for variation in VARIATIONS])
     return OrderStudy(
         expansion=expansion,
-        displacement_errors=np.array([waveform_error(z, exact) for z in sums]),
-        acceleration_errors=np.array([acceleration_error(z, exact) for z in sums]),
+        displacement_errors=np.array([pair.waveform_error(z, exact) for z in sums]),
+        acceleration_errors=np.array([pair.acceleration_error(z, exact) for z in sums]),
         errors_of_variation=errors,
         slopes=np.polyfit(np.log(VARIATIONS), np.log(errors), 1)[0],
     )
 
 
 def _errors_of_orders(variation: float) -> FloatArray:
-    problem = varied(REFERENCE, "variation", variation)
+    problem = pair.varied(pair.REFERENCE, "variation", variation)
     exact = expand(problem, 4 * HIGHEST_ORDER, 300).displacement
     sums = np.cumsum(expand(problem, HIGHEST_ORDER, 300).terms, axis=0)
-    return np.array([rms(z - exact) for z in sums]) / STATIC_DEFLECTION_M
+    return np.array([rms(z - exact) for z in sums]) / pair.STATIC_DEFLECTION_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +126,7 @@ class Sweep:
     label: str
     unit: str
     scale: float
-    points: tuple[Operation, ...]
+    points: tuple[pair.Operation, ...]
 
     @property
     def values(self) -> FloatArray:
@@ -150,7 +138,7 @@ class Sweep:
         """Values as they are to be shown, with unit."""
         return [f"{value / self.scale:.4g} {self.unit}" for value in self.values]
 
-    def take(self, what: Callable[[Operation], float]) -> FloatArray:
+    def take(self, what: Callable[[pair.Operation], float]) -> FloatArray:
         """One number for every value."""
         return np.array([what(point) for point in self.points])
 
@@ -159,7 +147,7 @@ def run_sweeps(progress: Callable[[float], None]) -> dict[str, Sweep]:
     """Solve all sweeps; the keys are the names of the parameters."""
     sweeps: dict[str, Sweep] = {}
     for name, (label, unit, scale, values) in SWEEPS.items():
-        points = (operate(varied(REFERENCE, name, value)) for value in values)
+        points = (pair.operate(pair.varied(pair.REFERENCE, name, value)) for value in values)
         sweeps[name] = Sweep(name, label, unit, scale, tuple(points))
         progress(len(sweeps) / len(SWEEPS))
     return sweeps
@@ -225,20 +213,20 @@ def study_contact(every: int = 1) -> ContactStudy:
     every : int, >= 1
         Takes every so many of the values to scan.
     """
-    heavy = replace(REFERENCE, mass_kg=LARGEST_STUDIED_MASS_KG)
+    heavy = replace(pair.REFERENCE, mass_kg=LARGEST_STUDIED_MASS_KG)
     masses, dampings = MAP_MASSES_KG[::every], MAP_DAMPINGS[::every]
     both = [
-        [least_force(replace(REFERENCE, mass_kg=m, damping_ns_per_m=c)) for m in masses.tolist()]
-        for c in dampings.tolist()
+        least_force(replace(pair.REFERENCE, damping_ns_per_m=damping, mass_kg=mass))
+        for damping, mass in itertools.product(dampings.tolist(), masses.tolist())
     ]
     # from the harmless end on: light, well damped, little varied
     return ContactStudy(
-        mass=_scan(REFERENCE, "mass_kg", np.geomspace(0.2, 200.0, 161)[::every]),
+        mass=_scan(pair.REFERENCE, "mass_kg", np.geomspace(0.2, 200.0, 161)[::every]),
         damping=_scan(heavy, "damping_ns_per_m", np.geomspace(30.0, 9e4, 61)[::every][::-1]),
         variation=_scan(heavy, "variation", np.linspace(0.02, 0.98, 49)[::every]),
         map_masses_kg=masses,
         map_dampings=dampings,
-        of_both=np.array(both),
+        of_both=np.reshape(both, (len(dampings), len(masses))),
     )
 
 
@@ -247,7 +235,7 @@ def _scan(problem: HillProblem, name: str, values: FloatArray) -> Scan:
     from scipy.optimize import bisect
 
     def force_at(value: float) -> float:
-        return least_force(varied(problem, name, value))
+        return least_force(pair.varied(problem, name, value))
 
     found, first = np.array([force_at(value) for value in values.tolist()]), None
     if found.min() <= 0:
@@ -273,7 +261,7 @@ class DamageStudy:
     levels_db: FloatArray
 
 
-def study_damage(healthy: StiffnessSignal) -> DamageStudy:
+def study_damage(healthy: pair.StiffnessSignal) -> DamageStudy:
     """Solve a turn of the pinion with one weaker tooth.
 
     Parameters
@@ -283,25 +271,25 @@ def study_damage(healthy: StiffnessSignal) -> DamageStudy:
     """
     problems = (_turn_problem(healthy, loss) for loss in (0.0, *LOSSES))
     sound, *hurt = (steady_state(problem, DAMAGE_TOLERANCE) for problem in problems)
-    mesh_rms = np.linalg.norm(sound.acceleration[PINION_TEETH::PINION_TEETH])
-    between = [np.arange(len(r.acceleration)) % PINION_TEETH > 0 for r in hurt]
+    mesh_rms = np.linalg.norm(sound.acceleration[pair.PINION_TEETH :: pair.PINION_TEETH])
+    between = [np.arange(len(r.acceleration)) % pair.PINION_TEETH > 0 for r in hurt]
     sidebands = [np.linalg.norm(r.acceleration[b]) for r, b in zip(hurt, between, strict=True)]
     levels = 20 * np.log10(np.array(sidebands) / mesh_rms)
     return DamageStudy(responses=tuple(hurt), levels_db=levels)
 
 
-def _turn_problem(healthy: StiffnessSignal, loss: float) -> HillProblem:
+def _turn_problem(healthy: pair.StiffnessSignal, loss: float) -> HillProblem:
     """Hill's equation over a turn: tooth 1 loses `loss` of the parabola of its pair."""
-    turn = np.zeros(healthy.harmonic_count * PINION_TEETH, dtype=np.complex128)
-    turn[PINION_TEETH - 1 :: PINION_TEETH] = VARIATION * healthy.shape_harmonics()
-    orders = np.arange(len(turn) + 1) / PINION_TEETH
-    pulse = Parabolic().pulse(CONTACT_RATIO)
-    lost: ComplexArray = -loss * pulse.transform(orders) / (pulse.area * PINION_TEETH)
+    turn = np.zeros(healthy.harmonic_count * pair.PINION_TEETH, dtype=np.complex128)
+    turn[pair.PINION_TEETH - 1 :: pair.PINION_TEETH] = VARIATION * healthy.shape_harmonics()
+    orders = np.arange(len(turn) + 1) / pair.PINION_TEETH
+    pulse = Parabolic().pulse(pair.CONTACT_RATIO)
+    lost: ComplexArray = -loss * pulse.transform(orders) / (pulse.area * pair.PINION_TEETH)
     mean = 1.0 + lost[0].real
     return replace(
-        REFERENCE,
-        stiffness_n_per_m=REFERENCE.stiffness_n_per_m * mean,
-        period_s=REFERENCE.period_s * PINION_TEETH,
+        pair.REFERENCE,
+        stiffness_n_per_m=pair.REFERENCE.stiffness_n_per_m * mean,
+        period_s=pair.REFERENCE.period_s * pair.PINION_TEETH,
         stiffness_harmonics=(turn + lost[1:]) / mean,
     )
 
@@ -377,7 +365,7 @@ class SpeedStudy:
         fastest = min(as_good, key=lambda cost: cost.seconds, default=None)
         return None if fastest is None else (fastest, fastest.seconds / of.seconds)
 
-    def substitution(self, order: str = f"{PUBLISHED_ORDER}", way: str = SUBSTITUTION) -> Cost:
+    def substitution(self, order: str = f"{pair.PUBLISHED_ORDER}", way: str = SUBSTITUTION) -> Cost:
         """Cost of a substitution at one order, one set or many at once."""
         return next(c for c in self.costs if (c.way, c.setting) == (way, order))
 
@@ -400,7 +388,7 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
     tolerances : sequence of float
         Of the simulations.
     """
-    case, facts = Case(name="reference", problem=REFERENCE), facts_of_run()
+    case, facts = Case(name="reference", problem=pair.REFERENCE), facts_of_run()
     rows = measured(list(_ways(case, tolerances)), repeats, LONGEST_S, solve_reference(case))
     columns = ("method", "setting", "error", "median_s")
     return SpeedStudy(
@@ -412,7 +400,7 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
 
 def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
     """Yield every way; of many sets that are substituted at once the first is the reference."""
-    p, oscillator = REFERENCE, PlainOscillator(case)
+    p, oscillator = pair.REFERENCE, PlainOscillator(case)
     for order in ORDERS:
         formula = expand(case.problem, order, HIGHEST).formula
         for way, sets in ((SUBSTITUTION, 1), (MANY, AT_ONCE)):
@@ -430,7 +418,7 @@ def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
 
 
 def _first_set(found: ComplexArray) -> Lines:
-    return Lines(found[0] / STATIC_DEFLECTION_M)
+    return Lines(found[0] / pair.STATIC_DEFLECTION_M)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -452,8 +440,8 @@ class StudyResults:
     speed : SpeedStudy
     """
 
-    forms: dict[str, FormResponse]
-    reference: Operation
+    forms: dict[str, pair.FormResponse]
+    reference: pair.Operation
     sweeps: dict[str, Sweep]
     orders: OrderStudy
     contact: ContactStudy
@@ -477,7 +465,7 @@ def run_study(progress: Callable[[float], None] | None = None, quick: bool = Fal
     StudyResults
     """
     done = progress or (lambda _: None)
-    forms, reference = form_responses(), operate(REFERENCE)
+    forms, reference = pair.form_responses(), pair.operate(pair.REFERENCE)
     done(0.25)
     results = StudyResults(
         forms=forms,

@@ -43,6 +43,8 @@ HIGHEST = 41
 HALF_JUMP = -0.5 * float(np.diff(forms.zone_means(CONTACT_RATIO))[0])
 #: Harmonics kept where a form is solved by its Fourier series although it jumps.
 HARMONICS_OF_JUMPS = 400
+#: The published solution ends at this order.
+PUBLISHED_ORDER = 2
 #: Relative error of the acceleration that every steady state must meet.
 TOLERANCE = 1e-9
 #: Order of the free vibration that dies out after a start, and stiffness harmonics that it sees.
@@ -395,7 +397,7 @@ def operate(problem: HillProblem) -> Operation:
     response = solved(problem)
     return Operation(
         response=response,
-        second_order=expand(problem, 2).displacement,
+        second_order=expand(problem, PUBLISHED_ORDER).displacement,
         start=start_from_rest(response, PERIODS_FROM_REST, POINTS_PER_PERIOD),
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,29 +16,10 @@ from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
 from gearmon.benchmark.equations import VARIATION
-from gearmon.report import plots as house
+from gearmon.report import plots
+from gearmon.study import pair
 from gearmon.study.claims import COMPARABLE, LIKELY_LIMIT_HZ, PRINTED_LIMIT_HZ, study_table
-from gearmon.study.experiments import (
-    HIGHEST_ORDER,
-    LOSSES,
-    MANY,
-    METHODS,
-    PUBLISHED_ORDER,
-    VARIATIONS,
-    Scan,
-    StudyResults,
-    Sweep,
-)
-from gearmon.study.pair import (
-    LAST_PERIOD,
-    PHASE,
-    PINION_TEETH,
-    POINTS_PER_PERIOD,
-    REFERENCE,
-    SIGNALS,
-    Operation,
-    series,
-)
+from gearmon.study.experiments import LOSSES, MANY, METHODS, VARIATIONS, Scan, StudyResults, Sweep
 
 MICRO, MILLI = 1e6, 1e3
 WIDTH_IN = 9.0
@@ -48,8 +29,8 @@ HARMONICS_SHOWN = 50
 FLOOR_DB = -40.0
 Style = dict[str, Any]
 STYLES: dict[str, Style] = {
-    key: {"color": house.series_colour(i), "ls": "--" if key == "fourier-half" else "-"}
-    for i, key in enumerate(SIGNALS)
+    key: {"color": plots.series_colour(i), "ls": "--" if key == "fourier-half" else "-"}
+    for i, key in enumerate(pair.SIGNALS)
 }
 #: Quantity: field of a trajectory, factor to the shown unit, label.
 QUANTITIES = {
@@ -61,9 +42,9 @@ FREQUENCY, IN_TIME, IN_PHASE = "frequency in kHz", "time in ms", "mesh phase in 
 #: Part of a motion: which points, factor from seconds to the shown unit, label. The first mesh
 #: period from rest dwarfs the later ones.
 PARTS = {
-    "first": (slice(POINTS_PER_PERIOD + 1), MILLI, IN_TIME),
-    "later": (slice(POINTS_PER_PERIOD, None), MILLI, IN_TIME),
-    "settled": (slice(None), 1 / REFERENCE.period_s, IN_PHASE),
+    "first": (slice(pair.POINTS_PER_PERIOD + 1), MILLI, IN_TIME),
+    "later": (slice(pair.POINTS_PER_PERIOD, None), MILLI, IN_TIME),
+    "settled": (slice(None), 1 / pair.REFERENCE.period_s, IN_PHASE),
 }
 
 
@@ -78,7 +59,7 @@ def save_picture(name: str, results: StudyResults, path: Path) -> None:
     path : Path
         The file; its folder must exist.
     """
-    house.save(DRAWINGS[name](results), path)
+    plots.save(DRAWINGS[name](results), path)
 
 
 def shades(count: int) -> list[tuple[float, float, float, float]]:
@@ -94,12 +75,12 @@ def decibels(amplitudes: ArrayLike, reference: float = 1.0) -> FloatArray:
 
 
 def _sheet(height_in: float, *, many_colours: bool = False) -> Figure:
-    return house.Picture((WIDTH_IN, height_in), many_colours=many_colours)
+    return plots.Picture((WIDTH_IN, height_in), many_colours=many_colours)
 
 
-def _panel(ax: Axes, title: str, x: str = "", y: str = "", **more: Any) -> Axes:
+def _panel(ax: Axes, title: str, x: str, y: str, **more: Any) -> Axes:
     """Give a panel its title, a light grid, and names with units to its axes."""
-    house.light_grid(ax, "both")
+    plots.light_grid(ax, "both")
     ax.set(title=title, xlabel=x, ylabel=y, **more)
     return ax
 
@@ -108,7 +89,8 @@ def _stems(ax: Axes, x: FloatArray, y: FloatArray, floor: float, colour: str, na
     """Draw lines of a spectrum from a floor up, with a point on top; those below are left out."""
     kept = (y > floor) & (x > 0) & (x <= HIGHEST_KHZ)
     ax.vlines(x[kept], floor, y[kept], color=colour, linewidth=1.0)
-    house.plot_marks(ax, x[kept], y[kept], "o", 2.2, colour, label=name)
+    plots.plot_marks(ax, x[kept], y[kept], "o", 2.2, colour, label=name)
+    ax.set(xlim=(0, HIGHEST_KHZ), ylim=(floor, None))
 
 
 # Forms of stiffness, the responses to them, and the orders.
@@ -116,17 +98,19 @@ def _stems(ax: Axes, x: FloatArray, y: FloatArray, floor: float, colour: str, na
 
 def _draw_stiffness_forms(_results: StudyResults) -> Figure:
     figure, phase = _sheet(4.4), np.arange(4000) / 2000
+    mean = 1e-9 * pair.REFERENCE.stiffness_n_per_m
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
-    for ax, key in zip(axes.flat, SIGNALS, strict=False):
+    for ax, key in zip(axes.flat, pair.SIGNALS, strict=False):
         others = ("parabolic", "fourier-half") if key == "fourier" else ("parabolic",)
         for own in dict.fromkeys((*others, key)):
-            stiffness = 1e-9 * REFERENCE.stiffness_n_per_m * (1 + SIGNALS[own].modulation(phase))
-            ax.plot(phase, stiffness, label=SIGNALS[own].label, **STYLES[own])
+            signal = pair.SIGNALS[own]
+            stiffness = mean * (1 + signal.modulation(phase))
+            ax.plot(phase, stiffness, label=signal.label, **STYLES[own])
         time = "time in mesh periods (a pair enters contact at 0 and 1)"
-        _panel(ax, f"Fig. 1, {SIGNALS[key].label}", time, "mesh stiffness in GN/m")
+        title = f"Fig. 1, {pair.SIGNALS[key].label}"
+        limits: Style = {"xlim": (0, 2), "ylim": (0.64, 1.14)}
+        _panel(ax, title, time, "mesh stiffness in GN/m", **limits).legend()
         ax.label_outer()
-        ax.legend(loc="upper right")
-    axes[0, 0].set(xlim=(0, 2), ylim=(0.64, 1.14))
     return figure
 
 
@@ -134,20 +118,20 @@ def _draw_stiffness_form_spectra(_results: StudyResults) -> Figure:
     """Draw the spectra of the forms together, and each by itself."""
     figure, floor, label = _sheet(6.2), -70.0, "dB re mean stiffness"
     grid = figure.add_gridspec(3, 2, height_ratios=(1.25, 1, 1))
-    frequency = np.arange(1, HARMONICS_SHOWN + 1) / REFERENCE.period_s / MILLI
-    together = figure.add_subplot(grid[0, :], ylim=(floor, -5))
-    _panel(together, "Fig. 2: all forms together", FREQUENCY, label)
-    for index, (key, signal) in enumerate(SIGNALS.items()):
+    frequency = np.arange(1, HARMONICS_SHOWN + 1) / pair.REFERENCE.period_s / MILLI
+    together = figure.add_subplot(grid[0, :])
+    for index, (key, signal) in enumerate(pair.SIGNALS.items()):
         level = decibels(2 * VARIATION * signal.shape_harmonics(HARMONICS_SHOWN))
-        colour, shown = house.series_colour(index), np.where(level > floor, level, np.nan)
+        colour, shown = plots.series_colour(index), np.where(level > floor, level, np.nan)
         named: Style = {"fillstyle": "none", "label": signal.label}
-        marker = house.series_marker(index)
-        house.plot_marks(together, frequency, shown, marker, 3.5, colour, **named)
+        marker = plots.series_marker(index)
+        plots.plot_marks(together, frequency, shown, marker, 3.5, colour, **named)
         if key != "fourier-half":
             ax = figure.add_subplot(grid[1 + index // 2, index % 2], sharey=together)
             _stems(ax, frequency, level, floor, colour, "")
-            _panel(ax, f"Fig. 3: {signal.label}", FREQUENCY, label, xlim=(0, frequency[-1]))
-    together.legend(ncols=3, loc="upper right")
+            _panel(ax, f"Fig. 3: {signal.label}", FREQUENCY, label)
+    _panel(together, "Fig. 2: all forms together", FREQUENCY, label, ylim=(floor, -5))
+    together.legend(ncols=3)
     return figure
 
 
@@ -163,8 +147,8 @@ def _draw_form_responses(results: StudyResults) -> Figure:
             solved, time = scale * getattr(form.solved, name), MILLI * form.simulated.time_s
             # the last point belongs to the next mesh period
             ax.plot(time[:-1], simulated[:-1], lw=2, alpha=0.45, **STYLES[key])
-            ax.plot(time[:-1], solved[:-1], color=house.BLACK)
-            largest = max(largest, np.abs(simulated[LAST_PERIOD]).max())
+            ax.plot(time[:-1], solved[:-1], color=plots.BLACK)
+            largest = max(largest, np.abs(simulated[pair.LAST_PERIOD]).max())
             title = f"Fig. {4 + column}: {form.signal.label}" if row == 0 else ""
             _panel(ax, title, IN_TIME, label).label_outer()
         if row:  # the start begins far outside of what follows it
@@ -175,25 +159,20 @@ def _draw_form_responses(results: StudyResults) -> Figure:
 
 def _draw_mesh_force(results: StudyResults) -> Figure:
     """Draw the mesh force from rest and its lines."""
-    figure, label = _sheet(5.1), "mesh force in kN"
+    figure = _sheet(5.1)
     grid = figure.add_gridspec(2, 2, width_ratios=(1.35, 1))
     wide, near = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, 0])
     for key in ("rectangular", "fourier", "fourier-half"):
         motion = results.forms[key].simulated
         time, force = motion.time_s * MILLI, motion.mesh_force_n / MILLI
-        wide.plot(time[:-1], force[:-1], label=SIGNALS[key].label, **STYLES[key])
-        near.plot(PHASE, force[LAST_PERIOD], **STYLES[key])
+        wide.plot(time[:-1], force[:-1], label=pair.SIGNALS[key].label, **STYLES[key])
+        near.plot(pair.PHASE, force[pair.LAST_PERIOD], **STYLES[key])
     for ax in (wide, near):
-        ax.axhline(REFERENCE.force_n / MILLI, color=house.BLACK, lw=0.7)
-    title = "Fig. 7: mesh force from rest (thin line: transmitted force F)"
-    _panel(wide, title, IN_TIME, label).legend(loc="lower right")
-    _panel(near, "one settled mesh period", IN_PHASE, label)
+        ax.axhline(pair.REFERENCE.force_n / MILLI, color=plots.BLACK, lw=0.7)
     lines, steady = figure.add_subplot(grid[1, 1]), results.forms["fourier-half"].steady
     kept = slice(1, HARMONICS_SHOWN + 1)
     level = decibels(2 * np.abs(steady.mesh_force[kept]))
-    _stems(lines, steady.frequency_hz[kept] / MILLI, level, 0.0, house.ORANGE, "")
-    title = "its lines, Fourier sum at half duty"
-    _panel(lines, title, FREQUENCY, "dB re 1 N", ylim=(0, None))
+    _stems(lines, steady.frequency_hz[kept] / MILLI, level, 0.0, plots.ORANGE, "")
     return figure
 
 
@@ -201,37 +180,35 @@ def _draw_orders(results: StudyResults) -> Figure:
     """Draw the orders of the expansion beside the exact solution, and their errors."""
     study, figure, phase = results.orders, _sheet(5.7), np.arange(801) / 800
     ((together, error), (of_order, of_eps)) = figure.subplots(2, 2)
-    exact = MICRO * results.reference.response.at(phase * REFERENCE.period_s)
-    for order, z in enumerate(np.cumsum(study.expansion.terms[: PUBLISHED_ORDER + 1], axis=0)):
-        curve = MICRO * (z[0].real + series(z[1:])(phase))
-        together.plot(phase, curve, color=house.series_colour(order), label=f"order {order}")
-        error.plot(phase, curve - exact, color=house.series_colour(order))
-    together.plot(phase, exact, color=house.BLACK, ls="--", label="exact")
-    error.axhline(0.0, color=house.BLACK, linewidth=0.6)
+    exact = MICRO * results.reference.response.at(phase * pair.REFERENCE.period_s)
+    sums = np.cumsum(study.expansion.terms, axis=0)
+    for order, z in enumerate(sums[: pair.PUBLISHED_ORDER + 1]):
+        curve = MICRO * (z[0].real + pair.series(z[1:])(phase))
+        together.plot(phase, curve, color=plots.series_colour(order), label=f"order {order}")
+        error.plot(phase, curve - exact, color=plots.series_colour(order))
+    together.plot(phase, exact, color=plots.BLACK, ls="--", label="exact")
+    error.axhline(0.0, color=plots.BLACK, linewidth=0.6)
     errors = {
         "displacement, largest error over largest value": study.displacement_errors,
         "acceleration, relative L2 error": study.acceleration_errors,
     }
     for index, (label, values) in enumerate(errors.items()):
-        _marked(of_order, range(HIGHEST_ORDER + 1), values, index, label)
-    of_order.axvspan(-0.3, PUBLISHED_ORDER + 0.3, color=house.LIGHT_GREY, alpha=0.5, lw=0)
+        _marked(of_order, range(len(values)), values, index, label)
+    published: Style = {"color": plots.LIGHT_GREY, "alpha": 0.5, "lw": 0}
+    of_order.axvspan(-0.3, pair.PUBLISHED_ORDER + 0.3, **published)
     of_order.text(0.03, 0.05, "orders of the study", transform=of_order.transAxes)
-    for order in range(PUBLISHED_ORDER + 2):
+    for order in range(pair.PUBLISHED_ORDER + 2):
         label = f"order {order}: slope {study.slopes[order]:.2f}"
         _marked(of_eps, VARIATIONS, study.errors_of_variation[:, order], order, label)
-    one_more, rms = "error falls by one more power of eps with each order", "RMS error over F/k0"
-    of_which, scale = f"error of each order at eps = {VARIATION:g}", {"yscale": "log"}
-    _panel(together, "solution to orders 0, 1, 2", IN_PHASE, "displacement in µm").legend()
-    _panel(error, "its error", IN_PHASE, "displacement less exact in µm")
-    _panel(of_order, of_which, "order", "relative error", **scale).legend()
-    _panel(of_eps, one_more, "stiffness variation eps", rms, xscale="log", **scale).legend()
+    of_order.set_yscale("log")
+    of_eps.set(xscale="log", yscale="log")
     _ticks(of_eps, VARIATIONS)
     return figure
 
 
 def _marked(ax: Axes, x: Any, y: Any, index: int, label: str, dashes: str = "-") -> None:
     """Draw a line with the colour and marker of its index."""
-    marker, colour = house.series_marker(index), house.series_colour(index)
+    marker, colour = plots.series_marker(index), plots.series_colour(index)
     ax.plot(x, y, marker + dashes, color=colour, markersize=4, label=label)
 
 
@@ -244,7 +221,7 @@ def _ticks(ax: Axes, places: Sequence[float]) -> None:
 # Sweeps.
 
 
-def _by_value(sweep: Sweep) -> Iterator[tuple[Operation, Style]]:
+def _by_value(sweep: Sweep) -> Iterator[tuple[pair.Operation, Style]]:
     """Yield the points of a sweep with colour and name of each value."""
     colours = shades(len(sweep.points))
     for point, name, colour in zip(sweep.points, sweep.shown, colours, strict=True):
@@ -262,7 +239,7 @@ def _draw_over_time(
         cells = grid[number].subgridspec(1, len(row), width_ratios=widths)
         for column, panel in enumerate(row):
             _over_time(figure.add_subplot(cells[column]), results.sweeps[name], *panel)
-    house.legend(figure, figure.axes, 1, "right upper")
+    plots.legend(figure, figure.axes, 1, "right upper")
     return figure
 
 
@@ -297,7 +274,7 @@ def _draw_spectra(
             ax.plot(frequency[2::2], shown[2::2], ".", markersize=2.5, color=style["color"])
         low, high = (*limits, None, None)[:2]
         _panel(ax, title, FREQUENCY, label, xlim=(0, HIGHEST_KHZ), ylim=(low, high))
-    house.legend(figure, axes, 1, "right upper")
+    plots.legend(figure, axes, 1, "right upper")
     return figure
 
 
@@ -307,20 +284,17 @@ def _draw_energy_of_reference(results: StudyResults) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True)
     frequency, energy = response.frequency_hz / MILLI, MICRO * response.energy_lines
     third, best = COMPARABLE * energy.max(), int(energy.argmax())
-    _stems(upper, frequency, energy, 0.0, house.BLUE, "")
-    upper.axhline(third, color=house.GREY, ls="--")
+    _stems(upper, frequency, energy, 0.0, plots.BLUE, "")
+    upper.axhline(third, color=plots.GREY, ls="--")
     upper.text(HIGHEST_KHZ, third, "a third of the best ", ha="right", va="bottom")
     text = f"best: {MILLI * frequency[best]:.0f} Hz, {energy[best]:.1f} µJ/kg"
     upper.text(frequency[best], 1.03 * energy[best], text, ha="center")
     for limit, text in ((PRINTED_LIMIT_HZ, "printed limit"), (LIKELY_LIMIT_HZ, "likely limit")):
-        upper.axvline(limit / MILLI, color=house.VERMILLION, ls=":")
-        upper.text(limit / MILLI + 0.1, 1.18 * energy.max(), text, color=house.VERMILLION)
-    title = "Fig. 36: energy lines of the reference case"
-    _panel(upper, title, "", "energy in µJ/kg", ylim=(0, 1.28 * energy.max()))
+        upper.axvline(limit / MILLI, color=plots.VERMILLION, ls=":")
+        upper.text(limit / MILLI + 0.1, 1.18 * energy.max(), text, color=plots.VERMILLION)
+    upper.set_ylim(0, 1.28 * energy.max())
     power = MILLI * harvest.power_w
-    _stems(lower, harvest.frequency_hz / MILLI, power, 0.0, house.VERMILLION, "")
-    title = "electrical power of a matched 5 g generator tuned to each line in turn"
-    _panel(lower, title, FREQUENCY, "power in mW", xlim=(0, HIGHEST_KHZ), ylim=(0, None))
+    _stems(lower, harvest.frequency_hz / MILLI, power, 0.0, plots.VERMILLION, "")
     return figure
 
 
@@ -328,38 +302,35 @@ def _draw_contact(results: StudyResults) -> Figure:
     """Draw where contact would be lost."""
     study, figure = results.contact, _sheet(6.1, many_colours=True)
     ((of_mass, of_damping), (of_variation, both)) = figure.subplots(2, 2)
-    mass, damping = "equivalent mass in kg", "mesh damping in kN s/m"
-    _least_force(of_mass, study.mass, 1.0, "mass at the reference damping", mass)
-    _least_force(of_damping, study.damping, MILLI, "damping at 3 kg", f"{damping}, mass 3 kg")
-    eps = "stiffness variation eps, mass 3 kg"
-    _least_force(of_variation, study.variation, 1.0, "variation at 3 kg", eps)
-    of_mass.axvspan(0.2, 3.0, color=house.LIGHT_GREY, alpha=0.6, lw=0)
+    _least_force(of_mass, study.mass)
+    _least_force(of_damping, study.damping, MILLI)
+    _least_force(of_variation, study.variation)
+    of_mass.axvspan(0.2, 3.0, color=plots.LIGHT_GREY, alpha=0.6, lw=0)
     of_mass.text(0.23, -1.9, "masses of\nthe study")
     masses, dampings, shown = study.map_masses_kg, study.map_dampings / MILLI, study.of_both
     shown, norm = np.maximum(shown, -1.0), TwoSlopeNorm(0.0, -1.0, 1.0)
     image = both.pcolormesh(masses, dampings, shown, cmap="RdBu", norm=norm, shading="gouraud")
-    both.contour(masses, dampings, shown, levels=[0.0], colors=house.BLACK)
-    reference = REFERENCE.mass_kg, REFERENCE.damping_ns_per_m / MILLI
-    both.plot(*reference, "*", color=house.BLACK, markersize=10)
+    both.contour(masses, dampings, shown, levels=[0.0], colors=plots.BLACK)
+    reference = pair.REFERENCE.mass_kg, pair.REFERENCE.damping_ns_per_m / MILLI
+    both.plot(*reference, "*", color=plots.BLACK, markersize=10)
     figure.colorbar(image, ax=both, extend="min").set_label("least mesh force over F")
-    title = "black line: contact is just lost; star: reference"
-    _panel(both, title, mass, damping, yscale="log").grid(visible=False)
+    both.set_yscale("log")
     for ax in (of_mass, of_damping, both):
         ax.set_xscale("log")
     return figure
 
 
-def _least_force(ax: Axes, scan: Scan, scale: float, title: str, label: str) -> None:
+def _least_force(ax: Axes, scan: Scan, scale: float = 1.0) -> None:
     x, bottom = scan.values / scale, max(-3.0, float(np.min(scan.least_force)) - 0.1)
     shown = np.maximum(scan.least_force, bottom)
-    ax.plot(x, shown, color=house.BLUE)
-    ax.fill_between(x, np.minimum(shown, 0), 0, color=house.VERMILLION, alpha=0.25, lw=0)
-    ax.axhline(0.0, color=house.BLACK, linewidth=0.6)
+    ax.plot(x, shown, color=plots.BLUE)
+    ax.fill_between(x, np.minimum(shown, 0), 0, color=plots.VERMILLION, alpha=0.25, lw=0)
+    ax.axhline(0.0, color=plots.BLACK, linewidth=0.6)
     if scan.first is not None:
         at = scan.first / scale
-        ax.plot(at, 0, "o", color=house.VERMILLION, markersize=4)
-        ax.text(at, -0.02, f"{at:.3g} ", color=house.VERMILLION, ha="right", va="top")
-    _panel(ax, title, label, "least mesh force over F", ylim=(min(bottom, -0.05), 1.0))
+        ax.plot(at, 0, "o", color=plots.VERMILLION, markersize=4)
+        ax.text(at, -0.02, f"{at:.3g} ", color=plots.VERMILLION, ha="right", va="top")
+    ax.set_ylim(min(bottom, -0.05), 1.0)
 
 
 def _draw_damage(results: StudyResults) -> Figure:
@@ -368,18 +339,14 @@ def _draw_damage(results: StudyResults) -> Figure:
     left, right = figure.subplots(1, 2, width_ratios=(1.8, 1))
     response = study.responses[LOSSES.index(0.05)]
     frequency, level = response.frequency_hz / MILLI, decibels(2 * np.abs(response.acceleration))
-    mesh = np.arange(len(level)) % PINION_TEETH == 0
+    mesh = np.arange(len(level)) % pair.PINION_TEETH == 0
     between = ~mesh & (level > FLOOR_DB) & (frequency <= HIGHEST_KHZ)
-    sidebands: Style = {"color": house.VERMILLION, "lw": 0.5, "label": "sidebands"}
+    sidebands: Style = {"color": plots.VERMILLION, "lw": 0.5, "label": "sidebands"}
     left.vlines(frequency[between], FLOOR_DB, level[between], **sidebands)
-    _stems(left, frequency[mesh], level[mesh], FLOOR_DB, house.BLUE, "mesh harmonics")
-    title, limits = "acceleration, one pinion tooth 5 % weaker", (FLOOR_DB, 60)
-    _panel(left, title, FREQUENCY, "dB re 1 m/s²", xlim=(0, HIGHEST_KHZ), ylim=limits)
-    left.legend(loc="upper right")
+    _stems(left, frequency[mesh], level[mesh], FLOOR_DB, plots.BLUE, "mesh harmonics")
+    left.set_ylim(FLOOR_DB, 60)
     percent = [100 * loss for loss in LOSSES]
-    right.semilogx(percent, study.levels_db, "o-", color=house.VERMILLION)
-    loss = "loss of the tooth's pair stiffness in %"
-    _panel(right, "sidebands over mesh harmonics, RMS", loss, "dB")
+    right.semilogx(percent, study.levels_db, "o-", color=plots.VERMILLION)
     _ticks(right, percent)
     return figure
 
@@ -398,17 +365,22 @@ def _draw_speed(results: StudyResults) -> Figure:
     how = f"median of {study.repeats} interleaved repeats ({study.machine})"
     error = "relative L2 error of the acceleration"
     _panel(ax, f"one set of parameters, {how}", error, "time in ms", xscale="log", yscale="log")
+    ax.legend(loc="lower right")
     ax.invert_xaxis()
     ax.margins(y=0.12)
-    ax.legend(loc="upper right")
     return figure
 
 
-def _drawing(picture: dict[str, Any]) -> Callable[[StudyResults], Figure]:
+@plots.style()
+def _drawn(picture: dict[str, Any], results: StudyResults) -> Figure:
     kind, *arguments = picture.get("drawing", [picture["name"]])
-    drawing: Callable[..., Figure] = globals()[f"_draw_{kind}"]
-    return house.style()(partial(drawing, *arguments))
+    figure: Figure = globals()[f"_draw_{kind}"](*arguments, results)
+    for ax, words in zip(figure.axes, picture.get("panels", ()), strict=False):
+        _panel(ax, *words)
+        if plots.named_handles([ax]):
+            ax.legend()
+    return figure
 
 
 #: By the name of the picture, in the order of study.toml.
-DRAWINGS = {picture["name"]: _drawing(picture) for picture in study_table()["picture"]}
+DRAWINGS = {picture["name"]: partial(_drawn, picture) for picture in study_table()["picture"]}

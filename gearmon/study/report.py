@@ -35,7 +35,6 @@ class StudyReport:
 
     Attributes
     ----------
-    results : StudyResults
     judged : tuple of Finding
     page : Path
         The HTML page.
@@ -43,7 +42,6 @@ class StudyReport:
         Everything written, the page first.
     """
 
-    results: StudyResults
     judged: tuple[Finding, ...]
     page: Path
     files: tuple[Path, ...]
@@ -118,32 +116,29 @@ def write_results(
     """Write a study that is computed already; see `write_study`."""
     from gearmon.study.plots import save_picture  # drawing is slow to load
 
-    judged, pictures = judge(results), []
-    for number, picture in enumerate(PICTURES, start=1):
-        pictures.append(folder / f"{picture['name']}.png")
-        save_picture(picture["name"], results, pictures[-1])
+    judged = judge(results)
+    pictures = [folder / f"{picture['name']}.png" for picture in PICTURES]
+    for number, path in enumerate(pictures, start=1):
+        save_picture(path.stem, results, path)
         if progress is not None:
-            progress(number / len(PICTURES))
-    figures = [
-        {"figure": number, "picture": f"{row['name']}.png", "title": row["title"]}
-        for number, row in FIGURES.items()
-    ]
+            progress(number / len(pictures))
     tables = {
         "claims.csv": claim_rows(judged),
         "sweeps.csv": sweep_rows(results),
-        "figures.csv": figures,
+        "figures.csv": [
+            {"figure": number, "picture": f"{row['name']}.png", "title": row["title"]}
+            for number, row in FIGURES.items()
+        ],
     }
     for name, rows in tables.items():
         write_atomically(folder / name, rows_as_csv(rows))
     page = folder / "study.html"
     write_atomically(page, _rendered(results, judged, pictures))
     files = (page, *pictures, *(folder / name for name in tables))
-    return StudyReport(results=results, judged=judged, page=page, files=files)
+    return StudyReport(judged=judged, page=page, files=files)
 
 
 def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list[Path]) -> str:
-    data = [base64_text(path.read_bytes()) for path in pictures]
-    pairs = zip(PICTURES, data, strict=True)
     return template("study.html", "gearmon.study").render(
         number=shown_number,
         difference=shown_difference,
@@ -152,11 +147,8 @@ def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list
         judged=judged,
         counts=_counts(judged),
         index=FIGURES,
-        pictures=[{"picture": picture, "data": png} for picture, png in pairs],
-        sweeps=[
-            (sweep.label, zip(sweep.shown, (point.figures for point in sweep.points), strict=True))
-            for sweep in results.sweeps.values()
-        ],
+        pictures=zip(PICTURES, (base64_text(p.read_bytes()) for p in pictures), strict=True),
+        sweeps=results.sweeps.values(),
         speed=results.speed,
     )
 
