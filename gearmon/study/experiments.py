@@ -20,6 +20,7 @@ from gearmon.dynamics.multiple_scales import Expansion, expand
 from gearmon.gears.stiffness import Parabolic
 from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.study import pair
+from gearmon.terminal import Progress, followed, part_of
 
 #: Orders that are solved and drawn.
 HIGHEST_ORDER = 6
@@ -143,13 +144,12 @@ class Sweep:
         return np.array([what(point) for point in self.points])
 
 
-def run_sweeps(progress: Callable[[float], None]) -> dict[str, Sweep]:
+def run_sweeps(progress: Progress | None) -> dict[str, Sweep]:
     """Solve all sweeps; the keys are the names of the parameters."""
     sweeps: dict[str, Sweep] = {}
-    for name, (label, unit, scale, values) in SWEEPS.items():
+    for name, (label, unit, scale, values) in followed(SWEEPS.items(), len(SWEEPS), progress):
         points = (pair.operate(pair.varied(pair.REFERENCE, name, value)) for value in values)
         sweeps[name] = Sweep(name, label, unit, scale, tuple(points))
-        progress(len(sweeps) / len(SWEEPS))
     return sweeps
 
 
@@ -450,7 +450,7 @@ class StudyResults:
     speed: SpeedStudy
 
 
-def run_study(progress: Callable[[float], None] | None = None, quick: bool = False) -> StudyResults:
+def run_study(progress: Progress | None = None, quick: bool = False) -> StudyResults:
     """Compute the whole study, in about 20 s.
 
     Parameters
@@ -464,18 +464,14 @@ def run_study(progress: Callable[[float], None] | None = None, quick: bool = Fal
     -------
     StudyResults
     """
-    done = progress or (lambda _: None)
     forms, reference = pair.form_responses(), pair.operate(pair.REFERENCE)
-    done(0.25)
-    results = StudyResults(
+    return StudyResults(
         forms=forms,
         reference=reference,
-        sweeps=run_sweeps(lambda share: done(0.25 + 0.3 * share)),
+        sweeps=run_sweeps(part_of(progress, 0.25, 0.3)),
         orders=study_orders(reference.response),
         contact=study_contact(every=4 if quick else 1),
         damage=study_damage(forms["fourier-half"].signal),
         harvest=study_harvest(reference.response),
         speed=study_speed(1, QUICK_TOLERANCES) if quick else study_speed(),
     )
-    done(1.0)
-    return results

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -17,6 +17,7 @@ from gearmon.report.wording import base64_text, rows_as_csv, template
 from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
 from gearmon.study.experiments import StudyResults, run_study
 from gearmon.study.pair import REFERENCE
+from gearmon.terminal import Progress, followed, part_of
 
 #: Share of the time that computing takes; the rest is drawing.
 COMPUTING_SHARE = 0.6
@@ -76,7 +77,7 @@ class StudyReport:
         }
 
 
-def write_study(folder: str | Path, progress: Callable[[float], None] | None = None) -> StudyReport:
+def write_study(folder: str | Path, progress: Progress | None = None) -> StudyReport:
     """Compute the study, hold it against its claims, and write everything to a folder.
 
     Parameters
@@ -100,28 +101,23 @@ def write_study(folder: str | Path, progress: Callable[[float], None] | None = N
     -----
     About half a minute: it integrates many equations of motion and measures run times.
     """
-    target, tell = Path(folder), progress or (lambda _: None)
+    target = Path(folder)
     try:
         target.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ArgumentError(f"{target}: cannot make this folder ({error.strerror})") from None
-    share = COMPUTING_SHARE
-    results = run_study(lambda done: tell(share * done))
-    return write_results(results, target, lambda done: tell(share + (1 - share) * done))
+    results = run_study(part_of(progress, 0.0, COMPUTING_SHARE))
+    return write_results(results, target, part_of(progress, COMPUTING_SHARE, 1 - COMPUTING_SHARE))
 
 
-def write_results(
-    results: StudyResults, folder: Path, progress: Callable[[float], None] | None = None
-) -> StudyReport:
+def write_results(results: StudyResults, folder: Path, progress: Progress | None) -> StudyReport:
     """Write a study that is computed already; see `write_study`."""
     from gearmon.study.plots import save_picture  # drawing is slow to load
 
     judged = judge(results)
     pictures = [folder / f"{picture['name']}.png" for picture in PICTURES]
-    for number, path in enumerate(pictures, start=1):
+    for path in followed(pictures, len(pictures), progress):
         save_picture(path.stem, results, path)
-        if progress is not None:
-            progress(number / len(pictures))
     tables = {
         "claims.csv": claim_rows(judged),
         "sweeps.csv": sweep_rows(results),
