@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from gearmon.errors import ArgumentError
+from gearmon.files import made_folder, write_atomically
 from gearmon.terminal import Progress
 
 Item = TypeVar("Item")
@@ -89,10 +90,7 @@ def run_demo(name: str, folder: Path, progress: Progress | None = None) -> Told:
     """
     if name not in DEMOS:
         raise ArgumentError(f"demo={name!r} must be one of {', '.join(DEMOS)}")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"{folder}: cannot make this folder ({error.strerror})") from None
+    made_folder(folder)
     module, _, function = DEMOS[name].partition(":")
     done: Told = getattr(import_module(module), function)(folder, progress)
     return done
@@ -100,8 +98,6 @@ def run_demo(name: str, folder: Path, progress: Progress | None = None) -> Told:
 
 def given_file(name: str, folder: Path, as_name: str, **values: Any) -> Path:
     """Copy a file of a demo to where a user would have it, with the values that it asks for."""
-    from gearmon.files import write_atomically
-
     text = resources.files("gearmon.demos").joinpath(name).read_text("utf-8")
     write_atomically(folder / as_name, text.format(**values))
     return folder / as_name
@@ -124,7 +120,6 @@ class Steps:
 
 def told(folder: Path, name: str, figure: Any, story: Iterable[str], facts: dict[str, Any]) -> Demo:
     """Write the picture and the story of a demo, and return it."""
-    from gearmon.files import write_atomically
     from gearmon.report.plots import save
 
     lines = tuple(story)

@@ -7,14 +7,10 @@ the results what the table names; one checker makes verdict, sentence and number
 
 from __future__ import annotations
 
-import cmath
-import itertools
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
-from importlib import resources
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +19,7 @@ from gearmon.arrays import FloatArray
 from gearmon.benchmark.equations import VARIATION
 from gearmon.dynamics.free_vibration import free_vibration
 from gearmon.gears.stiffness import zone_means
+from gearmon.report.wording import shipped
 from gearmon.study import pair
 from gearmon.study.experiments import LOSSES, MANY, SOLUTION, StudyResults
 
@@ -30,9 +27,8 @@ Verdict = Literal["reproduced", "partly", "not reproduced", "cannot be checked"]
 
 #: Peaks of lines are "about constant" within this share, and a line "dominates" above this share.
 CONSTANT, DOMINATES = 0.1, 0.5
-LIGHT_KG, HEAVY_KG = 0.6, 1.5
-KNEE_NS_PER_M = 18e3
-PRINTED_LIMIT_HZ, LIKELY_LIMIT_HZ = 1e3, 1e4
+LIGHT_KG, HEAVY_KG, KNEE_NS_PER_M = 0.6, 1.5, 18e3
+LIMITS_HZ = {"printed limit": 1e3, "likely limit": 1e4}
 COMPARABLE = 1 / 3
 
 
@@ -192,7 +188,8 @@ def _found(claim: Claim, results: StudyResults) -> Finding:
         sweep = results.sweeps[claim.sweep]
         taken = {name: sweep.take(quantity) for name, quantity in QUANTITIES.items()}
         numbers |= {name: Series.of(sweep.shown, values) for name, values in taken.items()}
-    check = CHECKS.get(claim.key)
+    # one without a check is judged by its table alone
+    check = globals().get(f"check_{claim.key}")
     parts, further = check(results, taken) if check else ((), {})
     evidence = tuple(_evidence(claim, numbers := numbers | further))
     held = [DIRECTIONS[way](taken[name]) for way, name in map(str.split, claim.holds)]
@@ -209,18 +206,18 @@ def _evidence(claim: Claim, numbers: Numbers) -> Iterator[Evidence]:
         usual: list[Any] = ["", None, "", 0.01, 0.0]
         unit, expected, source, tolerance, rounding = [*rest, *usual[len(rest) :]]
         if isinstance(expected, str):
-            expected = numbers[expected]
-        row = numbers[name]
-        chosen: list[tuple[str, Any]] = [("", row)]
-        if "{each}" in quantity or "{ends}" in quantity:
-            assert isinstance(row, Series)
-            chosen = list(row.items())[:: len(row) - 1 if "{ends}" in quantity else 1]
+            expected = float(numbers[expected])
+        row = numbers[name] if isinstance(numbers[name], Series) else Series({"": numbers[name]})
+        chosen: list[tuple[str, float]] = list(row.items())
+        if "{ends}" in quantity:
+            chosen = [chosen[0], chosen[-1]]
+        elif "{each}" not in quantity:
+            chosen = [("", max(row.values()))]
         known = expected if isinstance(expected, list) else [expected] * len(chosen)
         for (label, ours), one in zip(chosen, known, strict=True):
-            value = max(ours.values()) if isinstance(ours, Series) else float(ours)
-            told = quantity.replace("{each}", label).replace("{ends}", label)
+            told = quantity.format(each=label, ends=label)
             allowed = tolerance + (rounding / one if rounding else 0.0)
-            yield Evidence(told, value, unit, one, source, allowed)
+            yield Evidence(told, float(ours), unit, one, source, allowed)
 
 
 def verdict_of(*parts: bool, otherwise: Verdict = "not reproduced") -> Verdict:
@@ -368,7 +365,7 @@ def _free_frequency_hz(results: StudyResults) -> float:
     response = results.reference.response
     problem, period = response.problem, response.problem.period_s
     damped = problem.natural_frequency_hz * math.sqrt(1 - problem.damping_ratio**2)
-    turn = cmath.phase(response.floquet_multipliers[0]) / (2 * math.pi * period)
+    turn = np.angle(response.floquet_multipliers[0]) / (2 * math.pi * period)
     # known up to its sign and whole mesh frequencies
     choices = [s * turn + round((damped - s * turn) * period) / period for s in (1, -1)]
     return min(choices, key=lambda frequency: abs(frequency - damped))
@@ -469,8 +466,8 @@ def check_8c(results: StudyResults, of: Taken) -> Judgement:
 def check_8d(results: StudyResults, of: Taken) -> Judgement:
     """Harmonic of the largest acceleration line against damping."""
     sweep, harmonics = results.sweeps["damping_ns_per_m"], of["harmonic"]
-    steps = zip(itertools.pairwise(sweep.shown), np.diff(harmonics), strict=True)
-    changes = [f"from {before} to {after}" for (before, after), step in steps if step]
+    steps = zip(sweep.shown[:-1], sweep.shown[1:], np.diff(harmonics), strict=True)
+    changes = [f"from {before} to {after}" for before, after, step in steps if step]
     last = np.sort(sweep.points[-1].acceleration_lines)
     kept, moved = np.ptp(harmonics[:-1]) == 0, harmonics[-1] != harmonics[-2]
     numbers = {"moves": " and ".join(changes) or "nowhere", "even": 100 * last[-2] / last[-1]}
@@ -506,10 +503,8 @@ def check_10(results: StudyResults, _of: Taken) -> Judgement:
     odd = Series.of([f"{hz:.0f}" for hz in frequency[1:16:2]], 1e6 * lines[1:16:2])
     runner_up = np.sort(lines)[-2] / lines.max()
     comparable = int((lines >= COMPARABLE * lines.max()).sum()) - 1
-    above_1khz, above_10khz = (
-        100 * lines[frequency > limit].sum() / lines.sum()
-        for limit in (PRINTED_LIMIT_HZ, LIKELY_LIMIT_HZ)
-    )
+    shares = [lines[frequency > limit].sum() / lines.sum() for limit in LIMITS_HZ.values()]
+    above_1khz, above_10khz = (100 * share for share in shares)
     numbers: Numbers = {"lines": odd}
     numbers |= {"best_hz": frequency[lines.argmax()], "comparable": comparable}
     numbers |= {"runner_up": runner_up, "next_percent": 100 * runner_up}
@@ -522,18 +517,19 @@ def check_11(results: StudyResults, _of: Taken) -> Judgement:
     speed, told = results.speed, []
     own, rivals, ratios, at_once = Series(), Series(), Series(), Series()
     for cost in (speed.substitution(), speed.finest):
-        matched = speed.ratio(cost)
+        matched, order, error = speed.ratio(cost), cost["setting"], f"error {cost['error']:.1e}"
         if matched is None:
             continue
-        (rival, ratios[cost.setting]), order = matched, cost.setting
-        own[f"order {order} (error {cost.error:.1e})"] = 1e3 * cost.seconds
-        rivals[f"{rival.way} at {rival.setting} (error {rival.error:.1e})"] = 1e3 * rival.seconds
-        at_once[order] = rival.seconds / speed.substitution(order, MANY).seconds
+        rival, ratios[order] = matched
+        ms, rival_ms = 1e3 * cost["median_s"], 1e3 * rival["median_s"]
+        way, at = rival["method"], f"{rival['setting']} (error {rival['error']:.1e})"
+        own[f"order {order} ({error})"], rivals[f"{way} at {at}"] = ms, rival_ms
+        at_once[order] = rival["median_s"] / speed.substitution(order, MANY)["median_s"]
         told.append(
-            f"at an error of {cost.error:.1e} order {order} takes {1e3 * cost.seconds:.2f} ms, "
-            f"{rival.way} {1e3 * rival.seconds:.1f} ms, {ratios[order]:.0f} times as long"
+            f"at an {error.replace(' ', ' of ')} order {order} takes {ms:.2f} ms, "
+            f"{way} {rival_ms:.1f} ms, {ratios[order]:.0f} times as long"
         )
-    anew_ms = 1e3 * min(cost.seconds for cost in speed.costs if cost.way == SOLUTION)
+    anew_ms = 1e3 * min(c["median_s"] for c in speed.costs if c["method"] == SOLUTION)
     numbers: Numbers = {"own": own, "rivals": rivals, "ratios": ratios, "at_once": at_once}
     numbers |= {"machine": speed.machine, "told": "; ".join(told), "anew_ms": anew_ms}
     return tuple(ratio > 1 for ratio in ratios.values()), numbers
@@ -548,10 +544,10 @@ def check_12a(results: StudyResults, _of: Taken) -> Judgement:
 
 def check_12b(results: StudyResults, _of: Taken) -> Judgement:
     """Power of a matched harvester at each line, against the energy lines."""
-    harvest, power = results.harvest, 1e3 * results.harvest.power_w
+    response, power = results.reference.response, 1e3 * results.harvested_w
     best = int(power.argmax())
-    by_energy = int(results.reference.response.energy_lines[1 : len(power) + 1].argmax())
-    best_hz, energy_hz = harvest.frequency_hz[[best, by_energy]]
+    by_energy = int(response.energy_lines[1 : len(power) + 1].argmax())
+    best_hz, energy_hz = response.frequency_hz[[best + 1, by_energy + 1]]
     numbers = {"best_hz": best_hz, "energy_hz": energy_hz, "power_mw": power[best]}
     # as much again as the generator takes goes into heat
     numbers |= {"generated_mw": 2 * power[0]}
@@ -560,21 +556,11 @@ def check_12b(results: StudyResults, _of: Taken) -> Judgement:
     return (best == by_energy, False), numbers | {"agree": agree}
 
 
-#: By the key of the claim; one without is judged by its table alone.
-CHECKS: dict[str, Callable[[StudyResults, Taken], Judgement]] = {
-    name.removeprefix("check_"): check
-    for name, check in tuple(globals().items())
-    if name.startswith("check_")
-}
 # both ask for the mesh frequency
-CHECKS["6b"] = check_1b
+check_6b = check_1b
 
 
-@lru_cache(maxsize=1)
-def study_table() -> dict[str, list[dict[str, Any]]]:
-    """Return study.toml: the lists "claim" and "picture"."""
-    return tomllib.loads(resources.files("gearmon.study").joinpath("study.toml").read_text("utf-8"))
-
-
+#: The lists "claim" and "picture".
+STUDY: dict[str, list[dict[str, Any]]] = tomllib.loads(shipped("study.toml", "gearmon.study"))
 #: In the order of the study.
-CLAIMS = tuple(Claim(**row) for row in study_table()["claim"])
+CLAIMS = tuple(Claim(**row) for row in STUDY["claim"])

@@ -12,10 +12,10 @@ import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark.equations import VARIATION, Case, Lines, as_lines, solve_reference
-from gearmon.benchmark.rivals import Contender, PlainOscillator, integrate, measured
+from gearmon.benchmark.rivals import Contender, PlainOscillator, Row, integrate, measured
 from gearmon.benchmark.timing import facts_of_run
 from gearmon.dynamics import HillProblem, Response, steady_state
-from gearmon.dynamics.fourier import fast_length, rms, samples
+from gearmon.dynamics.fourier import rms
 from gearmon.dynamics.multiple_scales import Expansion, expand
 from gearmon.gears.stiffness import Parabolic
 from gearmon.harvesting.harvester import InertialHarvester
@@ -28,13 +28,12 @@ HIGHEST_ORDER = 6
 VARIATIONS = (0.0125, 0.025, 0.05, 0.1)
 
 # Swept values. Of the stiffness and of the mass only the ends and some values between are printed.
-STIFFNESS_VALUES = (2e8, 3e8, 4e8, 5e8, 6e8, 8e8, 1e9, 1.2e9)
-MASS_VALUES = (0.2, 0.28, 0.4, 0.6, 1.0, 1.5, 2.0, 2.5, 3.0)
 DAMPING_VALUES = (3e3, 6e3, 9e3, 12e3, 15e3, 18e3, 30e3, 60e3, 90e3)
+STIFFNESS_VALUES = (2e8, 3e8, 4e8, 5e8, 6e8, 8e8, 1e9, 1.2e9)
 #: Parameter -> label, unit shown, SI units in one of them, values.
 SWEEPS = {
     "stiffness_n_per_m": ("mesh stiffness", "GN/m", 1e9, STIFFNESS_VALUES),
-    "mass_kg": ("equivalent mass", "kg", 1.0, MASS_VALUES),
+    "mass_kg": ("equivalent mass", "kg", 1.0, (0.2, 0.28, 0.4, 0.6, 1.0, 1.5, 2.0, 2.5, 3.0)),
     "damping_ns_per_m": ("mesh damping", "kN s/m", 1e3, DAMPING_VALUES),
 }
 
@@ -191,18 +190,14 @@ class ContactStudy:
     @property
     def least_in_study(self) -> float:
         """Least mesh force over F within the study's ranges of mass and damping together."""
-        light = self.map_masses_kg <= LARGEST_STUDIED_MASS_KG
         damped = self.map_dampings >= min(DAMPING_VALUES)
-        return float(self.of_both[np.ix_(damped, light)].min())
+        return float(self.of_both[damped][:, self.map_masses_kg <= LARGEST_STUDIED_MASS_KG].min())
 
 
 def least_force(problem: HillProblem) -> float:
     """Smallest mesh force of the steady vibration over F; -inf where there is no steady state."""
     response = steady_state(problem, SCAN_TOLERANCE)
-    if response.stable is False:
-        return -np.inf
-    force = response.mesh_force
-    return float(samples(force, fast_length(8 * len(force))).min()) / problem.force_n
+    return -np.inf if response.stable is False else response.mesh_force_margin
 
 
 def study_contact(every: int = 1) -> ContactStudy:
@@ -294,86 +289,53 @@ def _turn_problem(healthy: pair.StiffnessSignal, loss: float) -> HillProblem:
     )
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HarvestStudy:
-    """Power that a matched inertial harvester takes from each line, tuned to it.
+def harvested_w(response: Response) -> FloatArray:
+    """Mean electrical power of a harvester tuned and matched to line 1, 2 ... in turn [W].
 
-    Attributes
-    ----------
-    frequency_hz : ndarray, shape (N,)
-        Lines 1, 2 ... that its spring can be built for.
-    power_w : ndarray, shape (N,)
-        Mean electrical power with the housing moving as the pair does: an upper end, since the
-        way from the mesh to the housing is not part of the model.
+    An upper end: its housing moves as the pair does, since the way from the mesh to the housing is
+    not part of the model.
     """
-
-    frequency_hz: FloatArray
-    power_w: FloatArray
-
-
-def study_harvest(response: Response) -> HarvestStudy:
-    """Tune a harvester to every line of a steady vibration in turn."""
     frequency = response.frequency_hz[1:]
     frequency = frequency[frequency <= HARVESTER.highest_hz]
     # tuned and matched it gives the most that any load takes
     most = np.array([HARVESTER.retuned(f).power_bound_w() for f in frequency.tolist()])
     amplitudes = 2 * np.abs(response.acceleration[1 : len(most) + 1])
-    return HarvestStudy(frequency_hz=frequency, power_w=most * amplitudes**2)
-
-
-@dataclass(frozen=True)
-class Cost:
-    """One way to obtain the steady vibration of one set of parameters.
-
-    Attributes
-    ----------
-    way : str
-        `SUBSTITUTION`, `MANY`, `SOLUTION` or the name of SciPy's method.
-    setting : str
-        Order or tolerance.
-    error : float
-        Relative L2 error of the acceleration over a steady period.
-    seconds : float
-        Median over the repeats, one set.
-    """
-
-    way: str
-    setting: str
-    error: float
-    seconds: float
+    return np.asarray(most * amplitudes**2)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedStudy:
-    """Costs measured side by side on this machine.
+    """Costs of ways to the steady vibration of one set of parameters, measured side by side.
 
     Attributes
     ----------
-    costs : tuple of Cost
+    costs : list of Row
+        Of `measured`: method (`SUBSTITUTION`, `MANY`, `SOLUTION` or SciPy's), setting (order or
+        tolerance), error (of the acceleration over a steady period, relative L2) and median_s.
     repeats : int
     machine : str
         Processor, Python and NumPy.
     """
 
-    costs: tuple[Cost, ...]
+    costs: list[Row]
     repeats: int
     machine: str
 
-    def ratio(self, of: Cost) -> tuple[Cost, float] | None:
+    def ratio(self, of: Row) -> tuple[Row, float] | None:
         """Fastest simulation that is at least as accurate, and its time over that of `of`."""
-        as_good = [c for c in self.costs if c.way in METHODS and c.error <= of.error]
-        fastest = min(as_good, key=lambda cost: cost.seconds, default=None)
-        return None if fastest is None else (fastest, fastest.seconds / of.seconds)
+        as_good = [c for c in self.costs if c["method"] in METHODS and c["error"] <= of["error"]]
+        fastest = min(as_good, key=lambda cost: float(cost["median_s"]), default=None)
+        return None if fastest is None else (fastest, fastest["median_s"] / of["median_s"])
 
-    def substitution(self, order: str = f"{pair.PUBLISHED_ORDER}", way: str = SUBSTITUTION) -> Cost:
+    def substitution(self, order: str = f"{pair.PUBLISHED_ORDER}", way: str = SUBSTITUTION) -> Row:
         """Cost of a substitution at one order, one set or many at once."""
-        return next(c for c in self.costs if (c.way, c.setting) == (way, order))
+        return next(c for c in self.costs if (c["method"], c["setting"]) == (way, order))
 
     @property
-    def finest(self) -> Cost:
+    def finest(self) -> Row:
         """Most accurate substitution that some simulation still matches."""
-        matched = [c for c in self.costs if c.way == SUBSTITUTION and self.ratio(c)]
-        return min(matched, key=lambda cost: cost.error)
+        matched = [c for c in self.costs if c["method"] == SUBSTITUTION and self.ratio(c)]
+        return min(matched, key=lambda cost: float(cost["error"]))
 
 
 def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> SpeedStudy:
@@ -389,10 +351,8 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
         Of the simulations.
     """
     case, facts = Case(name="reference", problem=pair.REFERENCE), facts_of_run()
-    rows = measured(list(_ways(case, tolerances)), repeats, LONGEST_S, solve_reference(case))
-    columns = ("method", "setting", "error", "median_s")
     return SpeedStudy(
-        costs=tuple(Cost(*(row[name] for name in columns)) for row in rows),
+        costs=measured(list(_ways(case, tolerances)), repeats, LONGEST_S, solve_reference(case)),
         repeats=repeats,
         machine="{processor}, {cores} processors, Python {python}, NumPy {numpy}".format(**facts),
     )
@@ -436,7 +396,8 @@ class StudyResults:
     orders : OrderStudy
     contact : ContactStudy
     damage : DamageStudy
-    harvest : HarvestStudy
+    harvested_w : ndarray, shape (N,)
+        See `harvested_w`.
     speed : SpeedStudy
     """
 
@@ -446,7 +407,7 @@ class StudyResults:
     orders: OrderStudy
     contact: ContactStudy
     damage: DamageStudy
-    harvest: HarvestStudy
+    harvested_w: FloatArray
     speed: SpeedStudy
 
 
@@ -472,6 +433,6 @@ def run_study(progress: Progress | None = None, quick: bool = False) -> StudyRes
         orders=study_orders(reference.response),
         contact=study_contact(every=4 if quick else 1),
         damage=study_damage(forms["fourier-half"].signal),
-        harvest=study_harvest(reference.response),
+        harvested_w=harvested_w(reference.response),
         speed=study_speed(1, QUICK_TOLERANCES) if quick else study_speed(),
     )

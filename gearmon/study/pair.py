@@ -51,8 +51,7 @@ TOLERANCE = 1e-9
 FREE_ORDER, FREE_HARMONICS = 6, 100
 #: Damping ratios between which both free vibrations are too much alike to be expanded one by one.
 NEAR_CRITICAL = (0.95, 1.05)
-PERIODS_FROM_REST = 4
-POINTS_PER_PERIOD = 600
+PERIODS_FROM_REST, POINTS_PER_PERIOD = 4, 600
 #: Lines with at least this share of the largest line's energy make up the band.
 BAND_SHARE = 0.1
 #: Mesh periods from rest under each form of stiffness, and points in each.
@@ -292,7 +291,9 @@ class Start:
     method: str
 
 
-def start_from_rest(steady: Response, periods: int, points: int) -> Start:
+def start_from_rest(
+    steady: Response, periods: int = PERIODS_FROM_REST, points: int = POINTS_PER_PERIOD
+) -> Start:
     """Solve the start by multiple scales and measure its error against direct integration.
 
     Parameters
@@ -336,7 +337,7 @@ def largest_difference(true: FloatArray, other: FloatArray) -> float:
     return float(np.abs(true - other).max() / np.abs(true).max())
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Operation:
     """The pair under one set of parameters.
 
@@ -344,14 +345,11 @@ class Operation:
     ----------
     response : Response
         Steady vibration to `TOLERANCE`.
-    second_order : complex ndarray, shape (M,)
-        Harmonics of the displacement by multiple scales, orders 0 to 2 [m].
     start : Start
         From rest, `PERIODS_FROM_REST` mesh periods.
     """
 
     response: Response
-    second_order: ComplexArray
     start: Start
 
     @cached_property
@@ -370,6 +368,7 @@ class Operation:
         """All that is told of it, by the columns of sweeps.csv."""
         response, waveform, energy = self.response, self.waveform, self.response.energy_lines
         total, frequency = float(energy.sum()), response.frequency_hz
+        second_order = expand(response.problem, PUBLISHED_ORDER).displacement
         strong = np.flatnonzero(energy >= BAND_SHARE * energy.max())
         return {
             "natural_frequency_hz": response.problem.natural_frequency_hz,
@@ -384,7 +383,7 @@ class Operation:
             "total_energy_j": total * response.problem.mass_kg,
             "mean_energy_frequency_hz": float(energy @ frequency) / total,
             "energy_band_hz": float(frequency[strong[-1]]),
-            "second_order_error": acceleration_error(self.second_order, response),
+            "second_order_error": acceleration_error(second_order, response),
             "start_error": self.start.error,
             "start_method": self.start.method,
             "error_bound": response.error_bound,
@@ -395,11 +394,7 @@ class Operation:
 def operate(problem: HillProblem) -> Operation:
     """Solve one set of parameters."""
     response = solved(problem)
-    return Operation(
-        response=response,
-        second_order=expand(problem, PUBLISHED_ORDER).displacement,
-        start=start_from_rest(response, PERIODS_FROM_REST, POINTS_PER_PERIOD),
-    )
+    return Operation(response, start_from_rest(response))
 
 
 def solved(problem: HillProblem) -> Response:
@@ -422,7 +417,7 @@ def waveform_error(displacement: ComplexArray, exact: Response, points: int = 40
     return largest_difference(exact.at(share * exact.problem.period_s), given)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class FormResponse:
     """The reference case under one form of stiffness.
 
@@ -463,12 +458,8 @@ def _form_response(signal: StiffnessSignal, time: FloatArray) -> FormResponse:
     harmonics = VARIATION * signal.shape_harmonics()
     steady = solved(replace(REFERENCE, stiffness_harmonics=harmonics))
     modulation = signal.modulation if signal.jumps else series(harmonics)
-    return FormResponse(
-        signal=signal,
-        steady=steady,
-        simulated=simulate(REFERENCE, modulation, time, signal.jumps, 1e-8),
-        solved=solved_start(steady, modulation, time),
-    )
+    simulated = simulate(REFERENCE, modulation, time, signal.jumps, 1e-8)
+    return FormResponse(signal, steady, simulated, solved_start(steady, modulation, time))
 
 
 def dynamic_difference(one: FormResponse, other: FormResponse) -> float:

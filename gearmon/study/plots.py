@@ -18,7 +18,7 @@ from gearmon.arrays import FloatArray
 from gearmon.benchmark.equations import VARIATION
 from gearmon.report import plots
 from gearmon.study import pair
-from gearmon.study.claims import COMPARABLE, LIKELY_LIMIT_HZ, PRINTED_LIMIT_HZ, study_table
+from gearmon.study.claims import COMPARABLE, LIMITS_HZ, STUDY
 from gearmon.study.experiments import LOSSES, MANY, METHODS, VARIATIONS, Scan, StudyResults, Sweep
 
 MICRO, MILLI = 1e6, 1e3
@@ -28,6 +28,8 @@ HIGHEST_KHZ = 25.0
 HARMONICS_SHOWN = 50
 FLOOR_DB = -40.0
 Style = dict[str, Any]
+#: What study.toml says of each.
+Panels = Sequence[Sequence[Any]]
 STYLES: dict[str, Style] = {
     key: {"color": plots.series_colour(i), "ls": "--" if key == "fourier-half" else "-"}
     for i, key in enumerate(pair.SIGNALS)
@@ -228,9 +230,7 @@ def _by_value(sweep: Sweep) -> Iterator[tuple[pair.Operation, Style]]:
         yield point, {"color": colour, "label": name}
 
 
-def _draw_over_time(
-    name: str, height: float, rows: Sequence[Sequence[Sequence[Any]]], results: StudyResults
-) -> Figure:
+def _draw_over_time(name: str, height: float, rows: list[Panels], results: StudyResults) -> Figure:
     """Draw rows of panels: quantity, part of the time, title, and limits of the time if any."""
     figure = _sheet(height)
     grid = figure.add_gridspec(len(rows), 1)
@@ -238,14 +238,12 @@ def _draw_over_time(
         widths = [1.0 if when == "first" else 2.2 for _, when, *_ in row]
         cells = grid[number].subgridspec(1, len(row), width_ratios=widths)
         for column, panel in enumerate(row):
-            _over_time(figure.add_subplot(cells[column]), results.sweeps[name], *panel)
+            _in_time(figure.add_subplot(cells[column]), results.sweeps[name], *panel)
     plots.legend(figure, figure.axes, 1, "right upper")
     return figure
 
 
-def _over_time(
-    ax: Axes, sweep: Sweep, quantity: str, when: str, title: str, *limits: float
-) -> None:
+def _in_time(ax: Axes, sweep: Sweep, quantity: str, when: str, title: str, *limits: float) -> None:
     (name, scale, label), (part, per_second, time) = QUANTITIES[quantity], PARTS[when]
     for point, style in _by_value(sweep):
         motion = point.waveform if when == "settled" else point.start.motion
@@ -255,9 +253,7 @@ def _over_time(
     ax.set_xlim(*limits)
 
 
-def _draw_spectra(
-    name: str, height: float, panels: Sequence[Sequence[Any]], results: StudyResults
-) -> Figure:
+def _draw_spectra(name: str, height: float, panels: Panels, results: StudyResults) -> Figure:
     """Draw the odd harmonics of all values joined to guide the eye, the even ones as points."""
     figure = _sheet(height)
     axes = figure.subplots(len(panels), 1)
@@ -280,7 +276,7 @@ def _draw_spectra(
 
 def _draw_energy_of_reference(results: StudyResults) -> Figure:
     """Draw the energy lines of the reference case, and what a harvester takes from each."""
-    figure, response, harvest = _sheet(5.4), results.reference.response, results.harvest
+    figure, response, power = _sheet(5.4), results.reference.response, results.harvested_w
     upper, lower = figure.subplots(2, 1, sharex=True)
     frequency, energy = response.frequency_hz / MILLI, MICRO * response.energy_lines
     third, best = COMPARABLE * energy.max(), int(energy.argmax())
@@ -289,12 +285,11 @@ def _draw_energy_of_reference(results: StudyResults) -> Figure:
     upper.text(HIGHEST_KHZ, third, "a third of the best ", ha="right", va="bottom")
     text = f"best: {MILLI * frequency[best]:.0f} Hz, {energy[best]:.1f} µJ/kg"
     upper.text(frequency[best], 1.03 * energy[best], text, ha="center")
-    for limit, text in ((PRINTED_LIMIT_HZ, "printed limit"), (LIKELY_LIMIT_HZ, "likely limit")):
+    for text, limit in LIMITS_HZ.items():
         upper.axvline(limit / MILLI, color=plots.VERMILLION, ls=":")
         upper.text(limit / MILLI + 0.1, 1.18 * energy.max(), text, color=plots.VERMILLION)
     upper.set_ylim(0, 1.28 * energy.max())
-    power = MILLI * harvest.power_w
-    _stems(lower, harvest.frequency_hz / MILLI, power, 0.0, plots.VERMILLION, "")
+    _stems(lower, frequency[1 : len(power) + 1], MILLI * power, 0.0, plots.VERMILLION, "")
     return figure
 
 
@@ -355,13 +350,14 @@ def _draw_speed(results: StudyResults) -> Figure:
     """Draw time against error of substitution, new solution and simulation."""
     figure, study = _sheet(4.3), results.speed
     ax = figure.subplots()
-    for index, way in enumerate(dict.fromkeys(cost.way for cost in study.costs)):
-        costs = [c for c in study.costs if c.way == way and c.error > 0]
-        errors, times = [c.error for c in costs], [MILLI * c.seconds for c in costs]
+    for index, way in enumerate(dict.fromkeys(cost["method"] for cost in study.costs)):
+        costs = [c for c in study.costs if c["method"] == way and c["error"] > 0]
+        errors, times = [c["error"] for c in costs], [MILLI * c["median_s"] for c in costs]
         label, dashes = (f"simulation, SciPy {way}", "--") if way in METHODS else (way, "-")
         _marked(ax, errors, times, index, label, dashes)
-        for cost, time in zip(costs, times, strict=True) if way == MANY else ():
-            ax.text(cost.error, 0.85 * time, f"order {cost.setting}", ha="center", va="top")
+        for cost in costs if way == MANY else ():
+            text, at = f"order {cost['setting']}", (cost["error"], 850 * cost["median_s"])
+            ax.text(*at, text, ha="center", va="top")
     how = f"median of {study.repeats} interleaved repeats ({study.machine})"
     error = "relative L2 error of the acceleration"
     _panel(ax, f"one set of parameters, {how}", error, "time in ms", xscale="log", yscale="log")
@@ -383,4 +379,4 @@ def _drawn(picture: dict[str, Any], results: StudyResults) -> Figure:
 
 
 #: By the name of the picture, in the order of study.toml.
-DRAWINGS = {picture["name"]: partial(_drawn, picture) for picture in study_table()["picture"]}
+DRAWINGS = {picture["name"]: partial(_drawn, picture) for picture in STUDY["picture"]}

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_args
 
 from gearmon.benchmark.equations import VARIATION
-from gearmon.errors import ArgumentError
-from gearmon.files import write_atomically
+from gearmon.files import made_folder, write_atomically
 from gearmon.report.wording import base64_text, rows_as_csv, template
-from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
+from gearmon.study.claims import STUDY, Evidence, Finding, Verdict, judge
 from gearmon.study.experiments import StudyResults, run_study
 from gearmon.study.pair import REFERENCE
 from gearmon.terminal import Progress, followed, part_of
@@ -25,7 +23,7 @@ WIDTH = 100
 
 
 #: Name (of file and drawing), figures of the study that it stands for, title and caption of each.
-PICTURES = study_table()["picture"]
+PICTURES = STUDY["picture"]
 #: Figure of the study -> the picture that stands for it.
 FIGURES = {number: row for number in range(1, 37) for row in PICTURES if number in row["figures"]}
 
@@ -56,13 +54,9 @@ class StudyReport:
             told += textwrap.wrap(margin + entry.reason, WIDTH, subsequent_indent=margin)
         counts = ", ".join(f"{n} {verdict}" for verdict, n in _counts(self.judged).items())
         pictures = f"{len(PICTURES)} pictures for figures 1 to {max(FIGURES)}"
-        return [
-            *told,
-            "",
-            f"{len(self.judged)} claims: {counts}",
-            f"{pictures}, and tables: {self.page.parent}",
-            f"report: {self.page}",
-        ]
+        told += ["", f"{len(self.judged)} claims: {counts}"]
+        told += [f"{pictures}, and tables: {self.page.parent}", f"report: {self.page}"]
+        return told
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
@@ -101,11 +95,7 @@ def write_study(folder: str | Path, progress: Progress | None = None) -> StudyRe
     -----
     About half a minute: it integrates many equations of motion and measures run times.
     """
-    target = Path(folder)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"{target}: cannot make this folder ({error.strerror})") from None
+    target = made_folder(folder)
     results = run_study(part_of(progress, 0.0, COMPUTING_SHARE))
     return write_results(results, target, part_of(progress, COMPUTING_SHARE, 1 - COMPUTING_SHARE))
 
@@ -144,33 +134,26 @@ def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list
         counts=_counts(judged),
         index=FIGURES,
         pictures=zip(PICTURES, (base64_text(p.read_bytes()) for p in pictures), strict=True),
-        sweeps=results.sweeps.values(),
-        speed=results.speed,
+        results=results,
     )
 
 
 def _counts(judged: Sequence[Finding]) -> dict[str, int]:
     """Count the verdicts, in the order from reproduced to not checkable."""
-    found = Counter(entry.verdict for entry in judged)
-    return {verdict: found[verdict] for verdict in get_args(Verdict)}
+    return {kind: sum(entry.verdict == kind for entry in judged) for kind in get_args(Verdict)}
 
 
 def claim_rows(judged: Sequence[Finding]) -> list[dict[str, Any]]:
     """One row for every number behind every claim."""
-    return [
-        {
-            "claim": entry.claim.key,
-            "text": entry.claim.text,
-            "where": entry.claim.where,
-            "verdict": entry.verdict,
-            "reason": entry.reason,
-            **asdict(item),
-            "difference": item.difference,
-            "agrees": item.agrees if item.expected is not None else None,
-        }
-        for entry in judged
-        for item in entry.evidence
-    ]
+    rows = []
+    for entry in judged:
+        claim = entry.claim
+        head = {"claim": claim.key, "text": claim.text, "where": claim.where}
+        head |= {"verdict": entry.verdict, "reason": entry.reason}
+        for item in entry.evidence:
+            agrees = None if item.expected is None else item.agrees
+            rows.append(head | asdict(item) | {"difference": item.difference, "agrees": agrees})
+    return rows
 
 
 def sweep_rows(results: StudyResults) -> list[dict[str, Any]]:
