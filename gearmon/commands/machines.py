@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import math
+from argparse import Namespace
 from typing import TYPE_CHECKING, Any
 
+import gearmon
+from gearmon import report
 from gearmon.commands.command import (
-    DONE,
     MACHINE,
     SAMPLING_RATE,
     TACHO,
@@ -24,7 +25,6 @@ from gearmon.terminal import followed
 
 if TYPE_CHECKING:
     from gearmon.signatures.expected.modes import Modes
-    from gearmon.signatures.signature import Signature
 
 #: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
 #: tongues are many and too narrow to be seen.
@@ -35,15 +35,8 @@ HIDDEN_OF_FAMILY = {"teeth", "lines", "method"}
 MOST_ROWS, MOST_MEETINGS, MOST_LINES = 60, 20, 30
 #: What it shows of each stage of a signature.
 _STAGE_SHOWN = (
-    "stage",
-    "mesh_frequency_hz",
-    "mean_stiffness_n_per_m",
-    "stiffness_variation",
-    "contact_ratio",
-    "natural_frequency_hz",
-    "damping_ratio",
-    "error_bound",
-    "error_estimate",
+    *("stage", "mesh_frequency_hz", "mean_stiffness_n_per_m", "stiffness_variation"),
+    *("contact_ratio", "natural_frequency_hz", "damping_ratio", "error_bound", "error_estimate"),
 )
 #: What is assumed of expected lines, and known of recordings.
 ASSUMED = ("path_gain", "wander", "wander_time_s")
@@ -73,13 +66,12 @@ _ALONG_ACTION = (
     help="orders and frequencies of every shaft, mesh, assembly phase, hunting tooth and bearing",
     example="gearmon lines machine.toml",
 )
-def lines(arguments: argparse.Namespace) -> int:
+def lines(arguments: Namespace) -> int:
     """Run `gearmon lines`."""
     from gearmon.gears.kinematics import line_table
-    from gearmon.report.text import line_table_text
 
     table = line_table(machine_of(arguments.machine))
-    return finish(arguments, table, lambda: [line_table_text(table)])
+    return finish(arguments, table, lambda: [report.line_table_text(table)])
 
 
 @command(
@@ -95,7 +87,7 @@ def lines(arguments: argparse.Namespace) -> int:
     example="gearmon stiffness machine.toml --fault crack:1:pinion:5:1.5mm -o stiffness.csv",
     beside=("{}.png", "{}-stage*.png"),
 )
-def stiffness(arguments: argparse.Namespace) -> int:
+def stiffness(arguments: Namespace) -> int:
     """Run `gearmon stiffness`."""
     from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 
@@ -128,23 +120,20 @@ def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
     endings=(".csv", ".json", ".parquet"),
     beside=("{}.png",),
 )
-def baseline(arguments: argparse.Namespace) -> int:
+def baseline(arguments: Namespace) -> int:
     """Run `gearmon baseline`."""
-    from gearmon.signatures.expected.baseline import expected_signature
-    from gearmon.signatures.signature import write_signature
-
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
-    signature = expected_signature(
+    signature = gearmon.expected_signature(
         machine, faults, tolerance=arguments.tolerance, max_hz=arguments.max_hz
     )
     result = signature.to_dict()
     if arguments.output:
-        write_signature(signature, arguments.output)
+        gearmon.write_signature(signature, arguments.output)
         result["tables"] = [arguments.output]
     return finish(arguments, result, lambda: _baseline_lines(signature), figures=signature.figures)
 
 
-def _baseline_lines(signature: Signature) -> list[str]:
+def _baseline_lines(signature: gearmon.Signature) -> list[str]:
     """Show what holds for each stage, and the strongest lines."""
     stages, rows = signature.header["stages"], list(signature.rows())
     told = [{name: stage[name] for name in _STAGE_SHOWN} for stage in stages]
@@ -180,12 +169,9 @@ def _baseline_lines(signature: Signature) -> list[str]:
     endings=(".csv", ".json", ".parquet"),
     beside=("{}.png",),
 )
-def family(arguments: argparse.Namespace) -> int:
+def family(arguments: Namespace) -> int:
     """Run `gearmon family`."""
-    from gearmon.signatures.expected.fault_family import fault_family
-    from gearmon.signatures.signature import write_signature
-
-    family = fault_family(
+    family = gearmon.fault_family(
         machine_of(arguments.machine),
         kinds=arguments.kind or None,
         sizes=arguments.size or None,
@@ -199,7 +185,7 @@ def family(arguments: argparse.Namespace) -> int:
     result = family.to_dict()
     if arguments.output:
         table = family.table(arguments.mesh_harmonics, arguments.sidebands)
-        write_signature(table, arguments.output)
+        gearmon.write_signature(table, arguments.output)
         result["tables"] = [arguments.output]
     return finish(arguments, result, lambda: _family_lines(result), figures=family.figures)
 
@@ -225,19 +211,18 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
     example="gearmon stability machine.toml -o stability.csv",
     beside=("{}-stage*.png",),
 )
-def stability(arguments: argparse.Namespace) -> int:
+def stability(arguments: Namespace) -> int:
     """Run `gearmon stability`."""
     from gearmon.dynamics.stability import stability_margin
     from gearmon.signatures.expected.mesh import mesh_problem
 
     machine = machine_of(arguments.machine)
     stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)
-    problems = {
-        stage: mesh_problem(machine, stage, form=arguments.form, harmonics=arguments.harmonics)
-        for stage in stages
-    }
-    rows = []
-    for stage, problem in problems.items():
+    problems, rows = {}, []
+    for stage in stages:
+        form, harmonics = arguments.form, arguments.harmonics
+        problem = mesh_problem(machine, stage, form=form, harmonics=harmonics)
+        problems[stage] = problem
         margin = stability_margin(problem, search=problem.frequency_ratio <= MOST_RATIO_SEARCHED)
         factor = margin.variation_factor
         rows.append(
@@ -257,11 +242,12 @@ def stability(arguments: argparse.Namespace) -> int:
 
     def charts() -> dict[str, Any]:
         from gearmon.dynamics.tongues import stability_map_of
-        from gearmon.report.expected_plots import stability_figure
 
         drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
         return {
-            f"-stage{stage}": stability_figure(stability_map_of(problem, points=CHART_POINTS))
+            f"-stage{stage}": report.stability_figure(
+                stability_map_of(problem, points=CHART_POINTS)
+            )
             for stage, problem in followed(drawn.items(), len(drawn), arguments.progress)
         }
 
@@ -277,11 +263,9 @@ def stability(arguments: argparse.Namespace) -> int:
     example="gearmon modes machine.toml -o modes.csv",
     beside=("{}.png", "{}-campbell.*"),
 )
-def modes(arguments: argparse.Namespace) -> int:
+def modes(arguments: Namespace) -> int:
     """Run `gearmon modes`."""
-    from gearmon.signatures.expected.modes import modes
-
-    found = modes(
+    found = gearmon.modes(
         machine_of(arguments.machine),
         harmonics=arguments.harmonics,
         highest_rpm=arguments.to_rpm,
@@ -327,20 +311,21 @@ def _modes_lines(found: Modes) -> list[str]:
     output="write the recording to this file; needed",
     beside=("{}.json",),
 )
-def simulate(arguments: argparse.Namespace) -> int:
+def simulate(arguments: Namespace) -> int:
     """Run `gearmon simulate`."""
-    from gearmon.simulation import simulate, write_simulation
+    from gearmon.simulation import write_simulation
 
     if not arguments.output:
         raise ArgumentError("simulate: -o PATH is missing; name the CSV file to write")
     machine = machine_of(arguments.machine)
     settings = {name: vars(arguments)[name] for name in _SETTINGS}
     tacho, progress = 1 if arguments.tacho else None, arguments.progress
-    recording = simulate(machine, arguments.fault, **settings, tacho_shaft=tacho, progress=progress)
+    recording = gearmon.simulate(
+        machine, arguments.fault, **settings, tacho_shaft=tacho, progress=progress
+    )
     files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
     result = {"recording": str(files[0]), "truth": str(files[1])}
-    show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
-    return DONE
+    return show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
 
 
 @command(
@@ -375,11 +360,10 @@ def simulate(arguments: argparse.Namespace) -> int:
     output="write the result to this file, and pictures beside it",
     beside=("{}-energy.png", "{}-tuning.png", "{}-positions.png", "{}-response.png"),
 )
-def harvest(arguments: argparse.Namespace) -> int:
+def harvest(arguments: Namespace) -> int:
     """Run `gearmon harvest`."""
     from gearmon.harvesting.placement import survey_expected, survey_measured
     from gearmon.harvesting.request import built_in, load_harvester
-    from gearmon.report.survey_text import harvest_lines
 
     machine = machine_of(arguments.machine)
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
@@ -406,10 +390,12 @@ def harvest(arguments: argparse.Namespace) -> int:
             **{name: value for name, value in assumed.items() if value is not None},
             count=arguments.count,
         )
-    return finish(arguments, survey, lambda: harvest_lines(survey, published=arguments.published))
+    return finish(
+        arguments, survey, lambda: report.harvest_lines(survey, published=arguments.published)
+    )
 
 
-def _refuse_mixed(arguments: argparse.Namespace) -> None:
+def _refuse_mixed(arguments: Namespace) -> None:
     """Refuse options of expected lines beside recordings, and of recordings without any."""
     if not arguments.recording:
         for name in ("share", "share_error", "degraded", "channel", "sampling_rate"):
