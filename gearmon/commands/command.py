@@ -211,6 +211,19 @@ def recordings(
     )
 
 
+def given(arguments: Namespace, *names: str) -> dict[str, Any]:
+    """Return options by name, as the function that knows their defaults takes them.
+
+    Parameters
+    ----------
+    arguments : Namespace
+    *names : str
+        What was left out, None or an empty list, is left out here too.
+    """
+    own = {name: getattr(arguments, name) for name in names}
+    return {name: value for name, value in own.items() if value not in (None, [])}
+
+
 #: Version of what JSON output holds: keys may be added within it, none is renamed or goes.
 SCHEMA = "gearmon/1"
 Rows = Callable[[], list[dict[str, Any]]]

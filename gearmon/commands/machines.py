@@ -16,6 +16,7 @@ from gearmon.commands.command import (
     command,
     fault,
     finish,
+    given,
     show,
 )
 from gearmon.commands.inputs import machine_of, recording_of
@@ -123,9 +124,8 @@ def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
 def baseline(arguments: Namespace) -> int:
     """Run `gearmon baseline`."""
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
-    signature = gearmon.expected_signature(
-        machine, faults, tolerance=arguments.tolerance, max_hz=arguments.max_hz
-    )
+    settings = given(arguments, "tolerance", "max_hz")
+    signature = gearmon.expected_signature(machine, faults, **settings)
     result = signature.to_dict()
     if arguments.output:
         gearmon.write_signature(signature, arguments.output)
@@ -154,11 +154,14 @@ def _baseline_lines(signature: gearmon.Signature) -> list[str]:
         "--kind KIND...",
         "stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, profile, "
         "cumulative, eccentricity or misalignment (nine of these)",
+        dest="kinds",
     ),
     argument(
-        "--size SIZE...", "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)"
+        "--size SIZE...",
+        "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)",
+        dest="sizes",
     ),
-    argument("--gear STAGE:GEAR...", "such as 1:pinion (all)"),
+    argument("--gear STAGE:GEAR...", "such as 1:pinion (all)", dest="gears"),
     argument("--operating N...", "operating point, from 0 (all)"),
     argument("--tolerance X", "relative error of what a fault adds", 1e-6),
     _MAX_HZ,
@@ -171,15 +174,8 @@ def _baseline_lines(signature: gearmon.Signature) -> list[str]:
 )
 def family(arguments: Namespace) -> int:
     """Run `gearmon family`."""
-    family = gearmon.fault_family(
-        machine_of(arguments.machine),
-        kinds=arguments.kind or None,
-        sizes=arguments.size or None,
-        gears=arguments.gear or None,
-        operating=arguments.operating or None,
-        max_hz=arguments.max_hz,
-        tolerance=arguments.tolerance,
-    )
+    named = given(arguments, "kinds", "sizes", "gears", "operating", "max_hz", "tolerance")
+    family = gearmon.fault_family(machine_of(arguments.machine), **named)
     if not len(family):
         raise ArgumentError("no fault is left: " + "; ".join(family.notes))
     result = family.to_dict()
@@ -220,8 +216,7 @@ def stability(arguments: Namespace) -> int:
     stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)
     problems, rows = {}, []
     for stage in stages:
-        form, harmonics = arguments.form, arguments.harmonics
-        problem = mesh_problem(machine, stage, form=form, harmonics=harmonics)
+        problem = mesh_problem(machine, stage, **given(arguments, "form", "harmonics"))
         problems[stage] = problem
         margin = stability_margin(problem, search=problem.frequency_ratio <= MOST_RATIO_SEARCHED)
         factor = margin.variation_factor
@@ -257,7 +252,9 @@ def stability(arguments: Namespace) -> int:
 @command(
     MACHINE,
     argument("--harmonics N", "mesh harmonics of the Campbell table", 10),
-    argument("--to-rpm RPM", "its highest speed of shaft 1 (1.5 times the nominal)"),
+    argument(
+        "--to-rpm RPM", "its highest speed of shaft 1 (1.5 times the nominal)", dest="highest_rpm"
+    ),
     _FORM,
     help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
     example="gearmon modes machine.toml -o modes.csv",
@@ -265,12 +262,8 @@ def stability(arguments: Namespace) -> int:
 )
 def modes(arguments: Namespace) -> int:
     """Run `gearmon modes`."""
-    found = gearmon.modes(
-        machine_of(arguments.machine),
-        harmonics=arguments.harmonics,
-        highest_rpm=arguments.to_rpm,
-        form=arguments.form,
-    )
+    named = given(arguments, "harmonics", "highest_rpm", "form")
+    found = gearmon.modes(machine_of(arguments.machine), **named)
     tables = {"": found.frame_rows, "-campbell": found.campbell_rows}
     result = found.to_dict()
     return finish(arguments, result, lambda: _modes_lines(found), tables, found.figures)
@@ -337,7 +330,7 @@ def simulate(arguments: Namespace) -> int:
     ),
     argument("--harvester FILE", "harvester file (TOML); a 15 mm bimorph by default"),
     argument("--count N", "harvesters of a set, 1 to 3", 1),
-    argument("--share F...", "share of time of each recording, in their order"),
+    argument("--share F...", "share of time of each recording, in their order", dest="shares"),
     argument(
         "--degraded RECORDING...", "the same operating point with a damaged gear, in the same order"
     ),
@@ -369,27 +362,15 @@ def harvest(arguments: Namespace) -> int:
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
     _refuse_mixed(arguments)
     if arguments.recording:
-        survey = survey_measured(
-            machine,
-            harvester,
-            [recording_of(path, arguments, machine) for path in arguments.recording],
-            budget,
-            shares=arguments.share or (),
-            share_error=arguments.share_error or 0.0,
-            degraded=[recording_of(path, arguments, machine) for path in arguments.degraded],
-            count=arguments.count,
-            progress=arguments.progress,
+        read, damaged = (
+            [recording_of(path, arguments, machine) for path in paths]
+            for paths in (arguments.recording, arguments.degraded)
         )
+        named = given(arguments, "shares", "share_error", "count", "progress")
+        survey = survey_measured(machine, harvester, read, budget, degraded=damaged, **named)
     else:
-        assumed = {name: getattr(arguments, name) for name in ASSUMED}
-        survey = survey_expected(
-            machine,
-            harvester,
-            budget,
-            faults=tuple(arguments.fault),
-            **{name: value for name, value in assumed.items() if value is not None},
-            count=arguments.count,
-        )
+        named = given(arguments, "count", *ASSUMED)
+        survey = survey_expected(machine, harvester, budget, faults=tuple(arguments.fault), **named)
     return finish(
         arguments, survey, lambda: report.harvest_lines(survey, published=arguments.published)
     )
@@ -398,9 +379,9 @@ def harvest(arguments: Namespace) -> int:
 def _refuse_mixed(arguments: Namespace) -> None:
     """Refuse options of expected lines beside recordings, and of recordings without any."""
     if not arguments.recording:
-        for name in ("share", "share_error", "degraded", "channel", "sampling_rate"):
+        for name in ("shares", "share_error", "degraded", "channel", "sampling_rate"):
             if getattr(arguments, name):
-                option = name.replace("_", "-")
+                option = name.removesuffix("s").replace("_", "-")
                 told = "only beside recordings; name them after the machine"
                 raise ArgumentError(f"--{option}: {told}")
         return
@@ -412,5 +393,5 @@ def _refuse_mixed(arguments: Namespace) -> None:
         if getattr(arguments, name) is not None:
             option = name.removesuffix("_s").replace("_", "-")
             raise ArgumentError(f"--{option}: only for expected lines; recordings hold their own")
-    if arguments.share_error is not None and not arguments.share:
+    if arguments.share_error is not None and not arguments.shares:
         raise ArgumentError("--share-error: only beside --share")

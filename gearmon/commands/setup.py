@@ -18,6 +18,7 @@ from gearmon.commands.command import (
     argument,
     command,
     finish,
+    given,
     show,
 )
 from gearmon.commands.inputs import machine_of
@@ -219,14 +220,8 @@ def benchmark(arguments: Namespace) -> int:
     """Run `gearmon benchmark`."""
     from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
 
-    rows = run_case(
-        arguments.case,
-        arguments.progress,
-        ross_python=arguments.ross_python,
-        quick=arguments.quick,
-        seed=arguments.seed,
-        count=arguments.count,
-    )
+    named = given(arguments, "ross_python", "quick", "seed", "count")
+    rows = run_case(arguments.case, arguments.progress, **named)
     result: dict[str, Any] = {"case": arguments.case, "rows": rows}
     figures = partial(case_figures, arguments.case, rows) if arguments.case in PICTURED else None
     lines = partial(summary_rows, arguments.case, rows)

@@ -21,6 +21,7 @@ from gearmon.commands.command import (
     command,
     fault,
     finish,
+    given,
     recordings,
 )
 from gearmon.commands.inputs import channel_of, each_of, machine_of, recording_of
@@ -44,9 +45,12 @@ _PICTURED: dict[str, Any] = {
 }
 _ORDERS_BESIDE = ("{}.png", "{}-map.*", "{}-averages.*", "{}-lines.*", "{}-average-[0-9]*-*.png")
 _WINDOW = argument(
-    "--window NAME", "hann (default), flat-top, blackman-harris or rectangular", "hann"
+    "--window NAME",
+    "hann (default), flat-top, blackman-harris or rectangular",
+    "hann",
+    dest="window_name",
 )
-_PEAKS = argument("--peaks N", "peaks listed a channel", 12)
+_PEAKS = argument("--peaks N", "peaks listed a channel", 12, dest="most_peaks")
 
 
 @command(
@@ -136,14 +140,9 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
 def spectrum(arguments: Namespace) -> int:
     """Run `gearmon spectrum`."""
     machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
-    found = gearmon.recording_spectrum(
-        recording_of(arguments.recording[0], arguments, machine),
-        arguments.kind,
-        machine=machine,
-        band=tuple(arguments.band) if arguments.band else None,
-        window_name=arguments.window,
-        most_peaks=arguments.peaks,
-    )
+    recording = recording_of(arguments.recording[0], arguments, machine)
+    named = given(arguments, "kind", "band", "window_name", "most_peaks")
+    found = gearmon.recording_spectrum(recording, machine=machine, **named)
     title = f"{found.recording}: {found.value_name}, highest peaks"
     lines = partial(_peak_lines, title, found.to_dict())
     return finish(arguments, found, lines, rows_in_json=True)
@@ -153,8 +152,8 @@ def spectrum(arguments: Namespace) -> int:
     *recordings("RECORDING"),
     argument("--shaft N", "whose turns orders count", 1),
     argument("--map", "write the map only, in full resolution"),
-    argument("--against WHAT", "of the map: time (default) or speed", "time"),
-    argument("--max-order X", "no orders above this one"),
+    argument("--against WHAT", "of the map: time (default) or speed", "time", dest="map_against"),
+    argument("--max-order X", "no orders above this one", dest="top"),
     _WINDOW,
     _PEAKS,
     help="order spectrum, order map, and the synchronous average of every gear with its scatter",
@@ -167,15 +166,8 @@ def orders(arguments: Namespace) -> int:
     """Run `gearmon orders`."""
     machine = machine_of(arguments.machine, arguments.speed_hint)
     recording = recording_of(arguments.recording[0], arguments, machine)
-    found = gearmon.order_spectra(
-        recording,
-        machine,
-        arguments.shaft,
-        top=arguments.max_order,
-        window_name=arguments.window,
-        most_peaks=arguments.peaks,
-        map_against=arguments.against,
-    )
+    named = given(arguments, "shaft", "top", "window_name", "most_peaks", "map_against")
+    found = gearmon.order_spectra(recording, machine, **named)
     averages = gearmon.gear_averages(recording, machine, signature=found.signature)
     own = averages.to_dict()
     notes = dict.fromkeys([*found.to_dict()["warnings"], *own["warnings"]])
