@@ -341,11 +341,11 @@ def _exposure_rows(told: list[Told]) -> list[dict[str, Any]]:
 def _exposure_figures(told: list[Told]) -> dict[str, Any]:
     """Return the pictures by what is added to the name: of several recordings their numbers."""
     figures: dict[str, Any] = {}
-    number = 0
-    added = {"GearShare": "-gearbox", "DayExposure": "-day"}
+    number, added = 0, {"GearShare": "-gearbox", "DayExposure": "-day"}
     for own in told:
-        number += type(own).__name__ == "Exposure"
+        kind = type(own).__name__
+        number += kind == "Exposure"
         if own.picture:
-            which = f"-{number}" if number > 1 and type(own).__name__ != "DayExposure" else ""
-            figures[which + added.get(type(own).__name__, "")] = own.figures()[""]
+            which = f"-{number}" if number > 1 and kind != "DayExposure" else ""
+            figures[which + added.get(kind, "")] = own.figures()[""]
     return figures
