@@ -17,7 +17,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file, recorded, told
-from gearmon.diagnosis import history as kept
+from gearmon.diagnosis import history as histories
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.fault_types.judgement import analysis_features, judge_kind
@@ -193,17 +193,16 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     drive = Conveyor.learned(folder, progress, RECORDINGS, 100, loads)
     losses = [true_loss(number) for number in range(RECORDINGS)]
     loaded = np.random.default_rng(7).uniform(0.7, 1.0, RECORDINGS).tolist()
-    history = kept.History(machine=drive.machine.name)
+    history = histories.History(machine=drive.machine.name)
     weeks = followed(zip(loaded, losses, strict=True), RECORDINGS, drive.progress)
     for number, (load, loss) in enumerate(weeks):
         faults = [f"crack:1:pinion:{TOOTH}:{loss!r}"] if loss else []
         _, analysis = drive.judged(f"week-{number + 1:02d}", number, faults, load=load)
-        history = history.with_entry(kept.entry_of(analysis, START + number * WEEK))
+        history = history.with_entry(histories.entry_of(analysis, START + number * WEEK))
     store = folder / "history.db"
-    kept.append(
-        store, history.entries, replace=True
-    )  # a second run of the demo is the same history
-    found = kept.history_trends(kept.read_history(store, history.machine), limit=LIMIT)
+    # a second run of the demo is the same history
+    histories.append(store, history.entries, replace=True)
+    found = histories.history_trends(histories.read_history(store, history.machine), limit=LIMIT)
     flagged = _first_flagged(found)
     first = None if flagged is None else flagged + 1
     facts = {"true_loss": losses, "first_flagged": first, "history": found.to_dict()}
@@ -211,7 +210,7 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     return told(folder, "growth", figure, _growth_story(found, losses, flagged), facts)
 
 
-def _first_flagged(found: kept.HistoryTrends) -> int | None:
+def _first_flagged(found: histories.HistoryTrends) -> int | None:
     """Return the number of the first recording, from 0, from which on all are flagged."""
     sound = [n for n, entry in enumerate(found.history.entries) if entry.verdict != "fault"]
     first = sound[-1] + 1 if sound else 0
@@ -219,7 +218,7 @@ def _first_flagged(found: kept.HistoryTrends) -> int | None:
 
 
 def _growth_story(
-    found: kept.HistoryTrends, losses: Sequence[float], flagged: int | None
+    found: histories.HistoryTrends, losses: Sequence[float], flagged: int | None
 ) -> Iterator[str]:
     """Tell the story."""
     entries = found.history.entries
