@@ -156,6 +156,22 @@ def _state(path: Path) -> str:
     return f"{found.st_size} {found.st_mtime_ns}"
 
 
+def made_folder(path: str | Path) -> Path:
+    """Make a folder, with all above it, if it is not there; return it.
+
+    Raises
+    ------
+    ArgumentError
+        If it cannot be made.
+    """
+    folder = Path(path)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArgumentError(f"{folder}: cannot make this folder ({error.strerror})") from None
+    return folder
+
+
 @contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
     """Give a temporary path beside `path`; on success it takes the place of `path`.

@@ -25,7 +25,7 @@ ALLOWED = {
     "signals": FOUNDATIONS,
     "signatures": FOUNDATIONS | {"machine", "gears", "dynamics", "signals"},
     "diagnosis": FOUNDATIONS | {"machine", "gears", "dynamics", "signals", "signatures"},
-    "simulation": FOUNDATIONS | {"machine", "gears", "dynamics"},
+    "simulation": FOUNDATIONS | {"machine", "gears", "dynamics", "terminal"},
     "harvesting": FOUNDATIONS | {"machine", "dynamics", "signals", "signatures"},
     "exposure": FOUNDATIONS | {"machine", "gears", "signals", "signatures"},
 }
@@ -34,7 +34,8 @@ ALLOWED["report"] = COMPUTING
 ALLOWED["terminal"] = {"errors"}
 ALLOWED["fleet"] = COMPUTING | {"report"}
 ALLOWED["benchmark"] = COMPUTING | {"report", "terminal"}
-ALLOWED["study"] = FOUNDATIONS | {"gears", "dynamics", "harvesting", "report", "benchmark"}
+ALLOWED["study"] = FOUNDATIONS | {"gears", "dynamics", "harvesting"}
+ALLOWED["study"] |= {"report", "benchmark", "terminal"}
 # the front door hands out public names; the commands may use everything
 ALLOWED["gearmon"] = COMPUTING | {"report"}
 ALLOWED["__main__"] = {"cli"}

@@ -8,12 +8,14 @@ import os
 import re
 import sys
 import textwrap
+from argparse import Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gearmon import report
 from gearmon.errors import ArgumentError
 from gearmon.terminal import coloured, line_cleared
 
@@ -28,7 +30,7 @@ _ERRORS = (
 )
 
 
-Run = Callable[[argparse.Namespace], int]
+Run = Callable[[Namespace], int]
 #: Names and settings of an argument, as a parser takes them.
 Argument = tuple[tuple[str, ...], dict[str, Any]]
 
@@ -209,6 +211,19 @@ def recordings(
     )
 
 
+def given(arguments: Namespace, *names: str) -> dict[str, Any]:
+    """Return options by name, as the function that knows their defaults takes them.
+
+    Parameters
+    ----------
+    arguments : Namespace
+    *names : str
+        What was left out, None or an empty list, is left out here too.
+    """
+    own = {name: getattr(arguments, name) for name in names}
+    return {name: value for name, value in own.items() if value not in (None, [])}
+
+
 #: Version of what JSON output holds: keys may be added within it, none is renamed or goes.
 SCHEMA = "gearmon/1"
 Rows = Callable[[], list[dict[str, Any]]]
@@ -242,9 +257,9 @@ def complain(message: str) -> None:
 
 
 def show(
-    arguments: argparse.Namespace, result: Mapping[str, Any], lines: Callable[[], Iterable[str]]
-) -> None:
-    """Print a result: one JSON object with --json, else lines of text."""
+    arguments: Namespace, result: Mapping[str, Any], lines: Callable[[], Iterable[str]]
+) -> int:
+    """Print a result: one JSON object with --json, else lines of text; return the exit code."""
     text = as_json(result) if arguments.json else coloured(_plain("\n".join(lines())))
     if arguments.progress is not None:
         arguments.progress.close()
@@ -253,6 +268,7 @@ def show(
     except OSError as error:
         _no_more(error)
     flushed()
+    return DONE
 
 
 def _plain(text: str) -> str:
@@ -284,7 +300,7 @@ def _no_more(error: OSError) -> None:
 
 
 def finish(
-    arguments: argparse.Namespace,
+    arguments: Namespace,
     found: Result | dict[str, Any],
     lines: Callable[[], list[str]],
     rows: Rows | Mapping[str, Rows] | None = None,
@@ -327,13 +343,10 @@ def finish(
                 written.append(path)
             result["tables"] = written
         if figures is not None:
-            from gearmon.report.plots import save_all
-
-            pictures = save_all(figures(), target.with_suffix(".png"))
+            pictures = report.save_all(figures(), target.with_suffix(".png"))
             result["pictures"] = [str(path) for path in pictures]
     files = [path for key in ("tables", "pictures") for path in result.get(key, ())]
-    show(arguments, result, lambda: [*lines(), *(f"wrote {path}" for path in files)])
-    return DONE
+    return show(arguments, result, lambda: [*lines(), *(f"wrote {path}" for path in files)])
 
 
 def write_table(path: str, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import Namespace
 from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -43,7 +43,7 @@ _SHOWN, _EVERY_S = 20, 60.0
     "who is told. All results are kept in one store, which gearmon history --name MACHINE reads. "
     "Exit code: 0 if no alarm stands, 1 if one does, 2 if a recording cannot be used.",
 )
-def fleet(arguments: argparse.Namespace) -> int:
+def fleet(arguments: Namespace) -> int:
     """Run `gearmon fleet`."""
     from gearmon.fleet import read_fleet
 
@@ -52,7 +52,7 @@ def fleet(arguments: argparse.Namespace) -> int:
     return code
 
 
-def _run(arguments: argparse.Namespace, fleet: Fleet) -> int:
+def _run(arguments: Namespace, fleet: Fleet) -> int:
     from gearmon.fleet import deliver, run_fleet
 
     with progress_line("fleet run") as progress:
@@ -66,7 +66,7 @@ def _run(arguments: argparse.Namespace, fleet: Fleet) -> int:
     return BAD_INPUT if run.failed else FLAGGED if result["alarms"] else DONE
 
 
-def _engine(arguments: argparse.Namespace) -> Any:
+def _engine(arguments: Namespace) -> Any:
     from gearmon.fleet import in_processes, on_dask
 
     check_word("--engine ", arguments.engine, ("processes", "dask"))
@@ -97,7 +97,7 @@ def _lines(result: dict[str, Any]) -> Iterator[str]:
     yield from (f"wrote {path}" for path in result["results"])
 
 
-def _watch(arguments: argparse.Namespace, fleet: Fleet) -> int:
+def _watch(arguments: Namespace, fleet: Fleet) -> int:
     from gearmon.fleet import watch_fleet
 
     check_range("--every", arguments.every, 0.1, 86400.0, "s")
@@ -112,7 +112,7 @@ def _watch(arguments: argparse.Namespace, fleet: Fleet) -> int:
     return DONE
 
 
-def _serve(arguments: argparse.Namespace, fleet: Fleet) -> int:
+def _serve(arguments: Namespace, fleet: Fleet) -> int:
     from gearmon.fleet.pages import serve
 
     check_range("--port", arguments.port, 1, 65535)
@@ -120,7 +120,7 @@ def _serve(arguments: argparse.Namespace, fleet: Fleet) -> int:
     return DONE
 
 
-def _rank(arguments: argparse.Namespace, fleet: Fleet) -> int:
+def _rank(arguments: Namespace, fleet: Fleet) -> int:
     from gearmon.fleet.rank import compare, rank
 
     rows = {"rank": rank, "compare": compare}[arguments.action](fleet)

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
 import glob
 import os
 import shutil
 import signal
 import sys
 import tempfile
+from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import gearmon
 from gearmon.commands.command import complain
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import check_output, protecting
 from gearmon.signals.threads import THREADS, cores
 from gearmon.terminal import Progress, followed
-
-if TYPE_CHECKING:
-    from gearmon.machine import Machine
-    from gearmon.signals.recording import Recording
 
 # A process takes as long to start as one file of ten seconds takes to analyse.
 _FILES_A_PROCESS = 2
@@ -43,12 +40,12 @@ _READ = ("machine", "reference", "harvester", "past", "day", "floor")
 _KEPT = ("history", "store", "trained")
 
 
-def check_names(arguments: argparse.Namespace) -> None:
+def check_names(arguments: Namespace) -> None:
     """Refuse names of files that cannot work, before any work is done.
 
     Parameters
     ----------
-    arguments : argparse.Namespace
+    arguments : Namespace
         Parsed arguments; `output_endings` holds the endings that the output may have, if not any.
 
     Raises
@@ -69,7 +66,7 @@ def check_names(arguments: argparse.Namespace) -> None:
 
 
 @contextmanager
-def outputs_claimed(arguments: argparse.Namespace) -> Iterator[None]:
+def outputs_claimed(arguments: Namespace) -> Iterator[None]:
     """Check all files that a command will write, before it does any work, and guard the others.
 
     Raises
@@ -91,12 +88,12 @@ def outputs_claimed(arguments: argparse.Namespace) -> Iterator[None]:
         yield
 
 
-def output_files(arguments: argparse.Namespace) -> list[Path]:
+def output_files(arguments: Namespace) -> list[Path]:
     """Return the files that a command will write, and those there are already beside them.
 
     Parameters
     ----------
-    arguments : argparse.Namespace
+    arguments : Namespace
         Parsed arguments.
     """
     found: list[Path] = []
@@ -107,11 +104,9 @@ def output_files(arguments: argparse.Namespace) -> list[Path]:
     return [] if arguments.folder else found
 
 
-def machine_of(path: str, speed_hint_rpm: float | None = None) -> Machine:
+def machine_of(path: str, speed_hint_rpm: float | None = None) -> gearmon.Machine:
     """Read a machine file; a speed that is known better takes the place of its nominal ones."""
-    from gearmon.machine import load_machine
-
-    machine = load_machine(path)
+    machine = gearmon.load_machine(path)
     if speed_hint_rpm is None:
         return machine
     check_positive("--speed-hint", speed_hint_rpm, "rpm")
@@ -138,7 +133,9 @@ def recordings_named(given: Sequence[str]) -> list[str]:
     return named
 
 
-def recording_of(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Recording:
+def recording_of(
+    path: str, arguments: Namespace, machine: gearmon.Machine | None
+) -> gearmon.Recording:
     """Read a recording as the options of the command, and the sensors of the machine, say."""
     if path == STANDARD_INPUT:
         with tempfile.NamedTemporaryFile(suffix=".csv") as file:
@@ -149,12 +146,11 @@ def recording_of(path: str, arguments: argparse.Namespace, machine: Machine | No
     return _read(path, arguments, machine)
 
 
-def _read(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Recording:
-    from gearmon.signals.recording import read_recording
+def _read(path: str, arguments: Namespace, machine: gearmon.Machine | None) -> gearmon.Recording:
 
     if Path(path).is_dir():
         raise ArgumentError(f"{path}: a folder without recordings ({', '.join(_RECORDED)})")
-    return read_recording(
+    return gearmon.read_recording(
         path,
         sampling_rate_hz=arguments.sampling_rate,
         channels=[channel_of(text) for text in arguments.channel] if arguments.channel else None,

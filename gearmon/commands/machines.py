@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import math
+from argparse import Namespace
 from typing import TYPE_CHECKING, Any
 
+import gearmon
+from gearmon import report
 from gearmon.commands.command import (
-    DONE,
     MACHINE,
     SAMPLING_RATE,
     TACHO,
@@ -15,6 +16,7 @@ from gearmon.commands.command import (
     command,
     fault,
     finish,
+    given,
     show,
 )
 from gearmon.commands.inputs import machine_of, recording_of
@@ -24,7 +26,6 @@ from gearmon.terminal import followed
 
 if TYPE_CHECKING:
     from gearmon.signatures.expected.modes import Modes
-    from gearmon.signatures.signature import Signature
 
 #: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
 #: tongues are many and too narrow to be seen.
@@ -35,15 +36,8 @@ HIDDEN_OF_FAMILY = {"teeth", "lines", "method"}
 MOST_ROWS, MOST_MEETINGS, MOST_LINES = 60, 20, 30
 #: What it shows of each stage of a signature.
 _STAGE_SHOWN = (
-    "stage",
-    "mesh_frequency_hz",
-    "mean_stiffness_n_per_m",
-    "stiffness_variation",
-    "contact_ratio",
-    "natural_frequency_hz",
-    "damping_ratio",
-    "error_bound",
-    "error_estimate",
+    *("stage", "mesh_frequency_hz", "mean_stiffness_n_per_m", "stiffness_variation"),
+    *("contact_ratio", "natural_frequency_hz", "damping_ratio", "error_bound", "error_estimate"),
 )
 #: What is assumed of expected lines, and known of recordings.
 ASSUMED = ("path_gain", "wander", "wander_time_s")
@@ -73,13 +67,12 @@ _ALONG_ACTION = (
     help="orders and frequencies of every shaft, mesh, assembly phase, hunting tooth and bearing",
     example="gearmon lines machine.toml",
 )
-def lines(arguments: argparse.Namespace) -> int:
+def lines(arguments: Namespace) -> int:
     """Run `gearmon lines`."""
     from gearmon.gears.kinematics import line_table
-    from gearmon.report.text import line_table_text
 
     table = line_table(machine_of(arguments.machine))
-    return finish(arguments, table, lambda: [line_table_text(table)])
+    return finish(arguments, table, lambda: [report.line_table_text(table)])
 
 
 @command(
@@ -95,7 +88,7 @@ def lines(arguments: argparse.Namespace) -> int:
     example="gearmon stiffness machine.toml --fault crack:1:pinion:5:1.5mm -o stiffness.csv",
     beside=("{}.png", "{}-stage*.png"),
 )
-def stiffness(arguments: argparse.Namespace) -> int:
+def stiffness(arguments: Namespace) -> int:
     """Run `gearmon stiffness`."""
     from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 
@@ -128,23 +121,19 @@ def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
     endings=(".csv", ".json", ".parquet"),
     beside=("{}.png",),
 )
-def baseline(arguments: argparse.Namespace) -> int:
+def baseline(arguments: Namespace) -> int:
     """Run `gearmon baseline`."""
-    from gearmon.signatures.expected.baseline import expected_signature
-    from gearmon.signatures.signature import write_signature
-
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
-    signature = expected_signature(
-        machine, faults, tolerance=arguments.tolerance, max_hz=arguments.max_hz
-    )
+    settings = given(arguments, "tolerance", "max_hz")
+    signature = gearmon.expected_signature(machine, faults, **settings)
     result = signature.to_dict()
     if arguments.output:
-        write_signature(signature, arguments.output)
+        gearmon.write_signature(signature, arguments.output)
         result["tables"] = [arguments.output]
     return finish(arguments, result, lambda: _baseline_lines(signature), figures=signature.figures)
 
 
-def _baseline_lines(signature: Signature) -> list[str]:
+def _baseline_lines(signature: gearmon.Signature) -> list[str]:
     """Show what holds for each stage, and the strongest lines."""
     stages, rows = signature.header["stages"], list(signature.rows())
     told = [{name: stage[name] for name in _STAGE_SHOWN} for stage in stages]
@@ -165,11 +154,14 @@ def _baseline_lines(signature: Signature) -> list[str]:
         "--kind KIND...",
         "stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, profile, "
         "cumulative, eccentricity or misalignment (nine of these)",
+        dest="kinds",
     ),
     argument(
-        "--size SIZE...", "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)"
+        "--size SIZE...",
+        "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)",
+        dest="sizes",
     ),
-    argument("--gear STAGE:GEAR...", "such as 1:pinion (all)"),
+    argument("--gear STAGE:GEAR...", "such as 1:pinion (all)", dest="gears"),
     argument("--operating N...", "operating point, from 0 (all)"),
     argument("--tolerance X", "relative error of what a fault adds", 1e-6),
     _MAX_HZ,
@@ -180,26 +172,16 @@ def _baseline_lines(signature: Signature) -> list[str]:
     endings=(".csv", ".json", ".parquet"),
     beside=("{}.png",),
 )
-def family(arguments: argparse.Namespace) -> int:
+def family(arguments: Namespace) -> int:
     """Run `gearmon family`."""
-    from gearmon.signatures.expected.fault_family import fault_family
-    from gearmon.signatures.signature import write_signature
-
-    family = fault_family(
-        machine_of(arguments.machine),
-        kinds=arguments.kind or None,
-        sizes=arguments.size or None,
-        gears=arguments.gear or None,
-        operating=arguments.operating or None,
-        max_hz=arguments.max_hz,
-        tolerance=arguments.tolerance,
-    )
+    named = given(arguments, "kinds", "sizes", "gears", "operating", "max_hz", "tolerance")
+    family = gearmon.fault_family(machine_of(arguments.machine), **named)
     if not len(family):
         raise ArgumentError("no fault is left: " + "; ".join(family.notes))
     result = family.to_dict()
     if arguments.output:
         table = family.table(arguments.mesh_harmonics, arguments.sidebands)
-        write_signature(table, arguments.output)
+        gearmon.write_signature(table, arguments.output)
         result["tables"] = [arguments.output]
     return finish(arguments, result, lambda: _family_lines(result), figures=family.figures)
 
@@ -225,19 +207,17 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
     example="gearmon stability machine.toml -o stability.csv",
     beside=("{}-stage*.png",),
 )
-def stability(arguments: argparse.Namespace) -> int:
+def stability(arguments: Namespace) -> int:
     """Run `gearmon stability`."""
     from gearmon.dynamics.stability import stability_margin
     from gearmon.signatures.expected.mesh import mesh_problem
 
     machine = machine_of(arguments.machine)
     stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)
-    problems = {
-        stage: mesh_problem(machine, stage, form=arguments.form, harmonics=arguments.harmonics)
-        for stage in stages
-    }
-    rows = []
-    for stage, problem in problems.items():
+    problems, rows = {}, []
+    for stage in stages:
+        problem = mesh_problem(machine, stage, **given(arguments, "form", "harmonics"))
+        problems[stage] = problem
         margin = stability_margin(problem, search=problem.frequency_ratio <= MOST_RATIO_SEARCHED)
         factor = margin.variation_factor
         rows.append(
@@ -257,11 +237,12 @@ def stability(arguments: argparse.Namespace) -> int:
 
     def charts() -> dict[str, Any]:
         from gearmon.dynamics.tongues import stability_map_of
-        from gearmon.report.expected_plots import stability_figure
 
         drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
         return {
-            f"-stage{stage}": stability_figure(stability_map_of(problem, points=CHART_POINTS))
+            f"-stage{stage}": report.stability_figure(
+                stability_map_of(problem, points=CHART_POINTS)
+            )
             for stage, problem in followed(drawn.items(), len(drawn), arguments.progress)
         }
 
@@ -271,22 +252,18 @@ def stability(arguments: argparse.Namespace) -> int:
 @command(
     MACHINE,
     argument("--harmonics N", "mesh harmonics of the Campbell table", 10),
-    argument("--to-rpm RPM", "its highest speed of shaft 1 (1.5 times the nominal)"),
+    argument(
+        "--to-rpm RPM", "its highest speed of shaft 1 (1.5 times the nominal)", dest="highest_rpm"
+    ),
     _FORM,
     help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
     example="gearmon modes machine.toml -o modes.csv",
     beside=("{}.png", "{}-campbell.*"),
 )
-def modes(arguments: argparse.Namespace) -> int:
+def modes(arguments: Namespace) -> int:
     """Run `gearmon modes`."""
-    from gearmon.signatures.expected.modes import modes
-
-    found = modes(
-        machine_of(arguments.machine),
-        harmonics=arguments.harmonics,
-        highest_rpm=arguments.to_rpm,
-        form=arguments.form,
-    )
+    named = given(arguments, "harmonics", "highest_rpm", "form")
+    found = gearmon.modes(machine_of(arguments.machine), **named)
     tables = {"": found.frame_rows, "-campbell": found.campbell_rows}
     result = found.to_dict()
     return finish(arguments, result, lambda: _modes_lines(found), tables, found.figures)
@@ -327,20 +304,21 @@ def _modes_lines(found: Modes) -> list[str]:
     output="write the recording to this file; needed",
     beside=("{}.json",),
 )
-def simulate(arguments: argparse.Namespace) -> int:
+def simulate(arguments: Namespace) -> int:
     """Run `gearmon simulate`."""
-    from gearmon.simulation import simulate, write_simulation
+    from gearmon.simulation import write_simulation
 
     if not arguments.output:
         raise ArgumentError("simulate: -o PATH is missing; name the CSV file to write")
     machine = machine_of(arguments.machine)
     settings = {name: vars(arguments)[name] for name in _SETTINGS}
     tacho, progress = 1 if arguments.tacho else None, arguments.progress
-    recording = simulate(machine, arguments.fault, **settings, tacho_shaft=tacho, progress=progress)
+    recording = gearmon.simulate(
+        machine, arguments.fault, **settings, tacho_shaft=tacho, progress=progress
+    )
     files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
     result = {"recording": str(files[0]), "truth": str(files[1])}
-    show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
-    return DONE
+    return show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
 
 
 @command(
@@ -352,7 +330,7 @@ def simulate(arguments: argparse.Namespace) -> int:
     ),
     argument("--harvester FILE", "harvester file (TOML); a 15 mm bimorph by default"),
     argument("--count N", "harvesters of a set, 1 to 3", 1),
-    argument("--share F...", "share of time of each recording, in their order"),
+    argument("--share F...", "share of time of each recording, in their order", dest="shares"),
     argument(
         "--degraded RECORDING...", "the same operating point with a damaged gear, in the same order"
     ),
@@ -375,46 +353,35 @@ def simulate(arguments: argparse.Namespace) -> int:
     output="write the result to this file, and pictures beside it",
     beside=("{}-energy.png", "{}-tuning.png", "{}-positions.png", "{}-response.png"),
 )
-def harvest(arguments: argparse.Namespace) -> int:
+def harvest(arguments: Namespace) -> int:
     """Run `gearmon harvest`."""
     from gearmon.harvesting.placement import survey_expected, survey_measured
     from gearmon.harvesting.request import built_in, load_harvester
-    from gearmon.report.survey_text import harvest_lines
 
     machine = machine_of(arguments.machine)
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
     _refuse_mixed(arguments)
     if arguments.recording:
-        survey = survey_measured(
-            machine,
-            harvester,
-            [recording_of(path, arguments, machine) for path in arguments.recording],
-            budget,
-            shares=arguments.share or (),
-            share_error=arguments.share_error or 0.0,
-            degraded=[recording_of(path, arguments, machine) for path in arguments.degraded],
-            count=arguments.count,
-            progress=arguments.progress,
+        read, damaged = (
+            [recording_of(path, arguments, machine) for path in paths]
+            for paths in (arguments.recording, arguments.degraded)
         )
+        named = given(arguments, "shares", "share_error", "count", "progress")
+        survey = survey_measured(machine, harvester, read, budget, degraded=damaged, **named)
     else:
-        assumed = {name: getattr(arguments, name) for name in ASSUMED}
-        survey = survey_expected(
-            machine,
-            harvester,
-            budget,
-            faults=tuple(arguments.fault),
-            **{name: value for name, value in assumed.items() if value is not None},
-            count=arguments.count,
-        )
-    return finish(arguments, survey, lambda: harvest_lines(survey, published=arguments.published))
+        named = given(arguments, "count", *ASSUMED)
+        survey = survey_expected(machine, harvester, budget, faults=tuple(arguments.fault), **named)
+    return finish(
+        arguments, survey, lambda: report.harvest_lines(survey, published=arguments.published)
+    )
 
 
-def _refuse_mixed(arguments: argparse.Namespace) -> None:
+def _refuse_mixed(arguments: Namespace) -> None:
     """Refuse options of expected lines beside recordings, and of recordings without any."""
     if not arguments.recording:
-        for name in ("share", "share_error", "degraded", "channel", "sampling_rate"):
+        for name in ("shares", "share_error", "degraded", "channel", "sampling_rate"):
             if getattr(arguments, name):
-                option = name.replace("_", "-")
+                option = name.removesuffix("s").replace("_", "-")
                 told = "only beside recordings; name them after the machine"
                 raise ArgumentError(f"--{option}: {told}")
         return
@@ -426,5 +393,5 @@ def _refuse_mixed(arguments: argparse.Namespace) -> None:
         if getattr(arguments, name) is not None:
             option = name.removesuffix("_s").replace("_", "-")
             raise ArgumentError(f"--{option}: only for expected lines; recordings hold their own")
-    if arguments.share_error is not None and not arguments.share:
+    if arguments.share_error is not None and not arguments.shares:
         raise ArgumentError("--share-error: only beside --share")

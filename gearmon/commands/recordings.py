@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import Namespace
 from dataclasses import replace
 from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gearmon
+from gearmon import report
 from gearmon.commands.command import (
-    DONE,
     REFERENCE,
     argument,
     command,
@@ -28,10 +29,6 @@ from gearmon.terminal import followed, part_of
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
     from gearmon.diagnosis.history import Entry, HistoryTrends
-    from gearmon.diagnosis.results import Analysis
-    from gearmon.machine import Machine
-    from gearmon.signals.recording import Recording
-    from gearmon.signatures.measured.reference import Reference
 
 #: Examples that a classifier is trained on; kinds less probable than this are not shown.
 EXAMPLES, LEAST_SHOWN = 1600, 0.01
@@ -48,22 +45,19 @@ _EXIT_CODES = (
     example="gearmon learn idle.csv half.csv full.csv --machine machine.toml -o healthy.ref",
     output="write the reference to this file, of any name; needed",
 )
-def learn(arguments: argparse.Namespace) -> int:
+def learn(arguments: Namespace) -> int:
     """Run `gearmon learn`."""
     from gearmon.diagnosis.analysis import learned
-    from gearmon.report.text import reference_text
-    from gearmon.signatures.measured.measurement import measure_signature
-    from gearmon.signatures.measured.reference import write_reference
 
     if not arguments.output:
         raise ArgumentError("learn: -o REFERENCE is missing; name the reference file to write")
     machine = machine_of(arguments.machine, arguments.speed_hint)
     signatures = [
-        measure_signature(recording_of(path, arguments, machine), machine)
+        gearmon.measure_signature(recording_of(path, arguments, machine), machine)
         for path in followed(arguments.recording, len(arguments.recording), arguments.progress)
     ]
     reference = learned(signatures, machine)
-    write_reference(reference, arguments.output)
+    gearmon.write_reference(reference, arguments.output)
     result = {
         "reference": arguments.output,
         "machine": reference.machine,
@@ -75,8 +69,9 @@ def learn(arguments: argparse.Namespace) -> int:
         ],
         "warnings": list(reference.notes),
     }
-    show(arguments, result, lambda: [reference_text(reference), f"wrote {arguments.output}"])
-    return DONE
+    return show(
+        arguments, result, lambda: [report.reference_text(reference), f"wrote {arguments.output}"]
+    )
 
 
 @command(
@@ -98,7 +93,7 @@ def learn(arguments: argparse.Namespace) -> int:
     more="Without --reference only a gross fault of one tooth can be called, and no machine is "
     f"called healthy. {_EXIT_CODES}",
 )
-def analyse(arguments: argparse.Namespace) -> int:
+def analyse(arguments: Namespace) -> int:
     """Run `gearmon analyse`."""
     from gearmon.diagnosis.history import history_trends, read_history
 
@@ -112,7 +107,7 @@ def analyse(arguments: argparse.Namespace) -> int:
     analysed = part_of(arguments.progress, 0.0, share)
     # what goes to other processes
     kept_here = {"progress": None, "recording": (), "run": None}
-    alone = argparse.Namespace(**vars(arguments) | kept_here)
+    alone = Namespace(**vars(arguments) | kept_here)
     known: dict[str, Any] = {"machine": machine, "reference": reference}
     task = partial(_analysed, arguments=alone, must_notice=must_notice, **known)
     done = each_of(arguments.recording, analysed, task, side_by_side=True)
@@ -121,12 +116,12 @@ def analyse(arguments: argparse.Namespace) -> int:
     analyses, recordings = [own[1] for own in good], [own[2] for own in good]
     result: dict[str, Any] = {"recordings": results}
     if arguments.report and good:
-        from gearmon.report.html import Failure, write_report
-
         bad = [entry for entry in results if "error" in entry]
-        failures = [Failure(recording=e["recording"], message=e["error"]) for e in bad]
+        failures = [report.Failure(recording=e["recording"], message=e["error"]) for e in bad]
         more: dict[str, Any] = {"failures": failures, "history": past, "progress": reported}
-        files = write_report(analyses, recordings, reference, machine, arguments.report, **more)
+        files = gearmon.write_report(
+            analyses, recordings, reference, machine, arguments.report, **more
+        )
         result["report"] = [str(file) for file in files]
     # a list of no rows: there is no table but the JSON
     finish(arguments, result, lambda: _analysis_lines(result, analyses, past), list)
@@ -135,46 +130,43 @@ def analyse(arguments: argparse.Namespace) -> int:
 
 def _analysed(
     path: str,
-    arguments: argparse.Namespace,
-    machine: Machine,
-    reference: Reference | None,
+    arguments: Namespace,
+    machine: gearmon.Machine,
+    reference: gearmon.Reference | None,
     must_notice: float | None,
-) -> tuple[dict[str, Any], Analysis | None, Recording | None]:
+) -> tuple[dict[str, Any], gearmon.Analysis | None, gearmon.Recording | None]:
     """Analyse one recording; with the answer, what is worded of it and what a report draws."""
-    from gearmon.diagnosis.analysis import analyse
-
     recording = recording_of(path, arguments, machine)
     options: dict[str, Any] = {} if must_notice is None else {"must_notice": must_notice}
-    analysis = analyse(recording, machine, reference, **options)
+    analysis = gearmon.analyse(recording, machine, reference, **options)
     worded = analysis if arguments.report or not arguments.json else None
     return analysis.to_dict(), worded, recording if arguments.report else None
 
 
 def _analysis_lines(
-    result: dict[str, Any], analyses: list[Analysis], past: HistoryTrends | None
+    result: dict[str, Any], analyses: list[gearmon.Analysis], past: HistoryTrends | None
 ) -> list[str]:
-    from gearmon.report.text import analysis_text, overview_lines, worst_first
+    from gearmon.report.text import overview_lines, worst_first
 
     lines = overview_lines(analyses) if len(analyses) > 1 else []
     shown = [analyses[place] for place in worst_first(analyses)]
-    lines += [text for analysis in shown for text in (analysis_text(analysis, past), "")]
+    lines += [text for analysis in shown for text in (report.analysis_text(analysis, past), "")]
     lines += [f"{e['recording']}: not analysed" for e in result["recordings"] if "error" in e]
     if "report" in result:
         lines.append(f"report: {result['report'][0]} and {len(result['report']) - 1} pictures")
     return lines
 
 
-def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference | None:
+def reference_of(arguments: Namespace, machine: gearmon.Machine) -> gearmon.Reference | None:
     """Return the reference that is named, or learn it from the healthy recording that is named."""
-    from gearmon.diagnosis.analysis import learn
-    from gearmon.signatures.measured.reference import is_reference, read_reference
+    from gearmon.signatures.measured.reference import is_reference
 
     if not arguments.reference:
         return None
     path = Path(arguments.reference)
     if is_reference(path) or not path.is_file():
-        return read_reference(path)
-    return learn([recording_of(str(path), arguments, machine)], machine)
+        return gearmon.read_reference(path)
+    return gearmon.learn([recording_of(str(path), arguments, machine)], machine)
 
 
 @command(
@@ -195,7 +187,7 @@ def reference_of(arguments: argparse.Namespace, machine: Machine) -> Reference |
     "yours, and there it is right in two of three. A kind is judged only where gearmon analyse "
     f"calls a fault. {_EXIT_CODES}",
 )
-def kinds(arguments: argparse.Namespace) -> int:
+def kinds(arguments: Namespace) -> int:
     """Run `gearmon kinds`."""
     if arguments.recording and not arguments.reference:
         raise ArgumentError(
@@ -209,11 +201,10 @@ def kinds(arguments: argparse.Namespace) -> int:
     classifier, trained = _classifier(arguments, machine)
 
     def kind_of(path: str) -> dict[str, Any]:
-        from gearmon.diagnosis.analysis import analyse
         from gearmon.diagnosis.fault_types.judgement import kind_of_analysis
 
         assert reference is not None
-        analysis = analyse(recording_of(path, arguments, machine), machine, reference)
+        analysis = gearmon.analyse(recording_of(path, arguments, machine), machine, reference)
         judgement = kind_of_analysis(analysis, reference, classifier)
         return {
             "recording": path,
@@ -232,11 +223,11 @@ def kinds(arguments: argparse.Namespace) -> int:
     return judged(results, flagged=any(entry.get("flagged") for entry in results))
 
 
-def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindClassifier, bool]:
+def _classifier(arguments: Namespace, machine: gearmon.Machine) -> tuple[KindClassifier, bool]:
     """Read the classifier that is named, or train it and keep it under that name."""
     from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
     from gearmon.diagnosis.fault_types.features import NAMES
-    from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN, train_kinds
+    from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN
     from gearmon.signatures.measured.reference import tooth_counts
 
     path = arguments.trained
@@ -256,7 +247,7 @@ def _classifier(arguments: argparse.Namespace, machine: Machine) -> tuple[KindCl
     check_range("--examples", arguments.examples, *EXAMPLES_BETWEEN)
     check_range("--seed", arguments.seed, 0, 2**63 - 1)
     count, progress = arguments.examples, arguments.progress
-    classifier = train_kinds(machine, arguments.seed, count, progress=progress)
+    classifier = gearmon.train_kinds(machine, arguments.seed, count, progress=progress)
     if path:
         write_kinds(classifier, path)
     return classifier, True
@@ -319,15 +310,9 @@ def _kind_lines(result: dict[str, Any]) -> list[str]:
     f"changes are looked for in six or more. {_EXIT_CODES}",
     beside=("{}.png",),
 )
-def history(arguments: argparse.Namespace) -> int:
+def history(arguments: Namespace) -> int:
     """Run `gearmon history`."""
-    from gearmon.diagnosis.history import (
-        History,
-        append,
-        history_trends,
-        read_history,
-        recording_times,
-    )
+    from gearmon.diagnosis import history as kept
 
     if not arguments.recording and not arguments.store:
         raise ArgumentError("history: name recordings, or with --store a history file to look at")
@@ -336,19 +321,19 @@ def history(arguments: argparse.Namespace) -> int:
     machine = replace(machine, name=arguments.name or machine.name)
     times = []
     if arguments.recording:
-        times = recording_times(arguments.recording, arguments.times, arguments.time_from)
+        times = kept.recording_times(arguments.recording, arguments.times, arguments.time_from)
     _refuse_known(arguments, machine, times)
     entries, errors = _history_entries(arguments, machine, times)
     replaced = 0
     if arguments.store:
         if entries:
-            replaced = append(arguments.store, entries, replace=arguments.replace)
-        history = read_history(arguments.store, machine.name)
+            replaced = kept.append(arguments.store, entries, replace=arguments.replace)
+        history = kept.read_history(arguments.store, machine.name)
     else:
-        history = History(machine=machine.name)
+        history = kept.History(machine=machine.name)
         for entry in entries:
             history = history.with_entry(entry, replace=arguments.replace)
-    found = history_trends(history, limit=limit)
+    found = kept.history_trends(history, limit=limit)
     result = found.to_dict() | {"errors": errors, "replaced": replaced}
     if arguments.output:
         result["files"] = _history_written(arguments.output, found, result)
@@ -357,7 +342,7 @@ def history(arguments: argparse.Namespace) -> int:
     return judged(told, flagged=found.raised)
 
 
-def _refuse_known(arguments: argparse.Namespace, machine: Machine, times: list[datetime]) -> None:
+def _refuse_known(arguments: Namespace, machine: gearmon.Machine, times: list[datetime]) -> None:
     """Refuse times that the history has already, before any recording is analysed."""
     from gearmon.diagnosis.history import read_history
 
@@ -374,12 +359,11 @@ def _refuse_known(arguments: argparse.Namespace, machine: Machine, times: list[d
 
 
 def _history_entries(
-    arguments: argparse.Namespace, machine: Machine, times: list[datetime]
+    arguments: Namespace, machine: gearmon.Machine, times: list[datetime]
 ) -> tuple[list[Entry], list[dict[str, str]]]:
     """Analyse the recordings; a bad one is reported in its place and the others are kept."""
     if not arguments.recording:
         return [], []
-    from gearmon.diagnosis.analysis import analyse
     from gearmon.diagnosis.history import entry_of
 
     reference = reference_of(arguments, machine)
@@ -388,7 +372,7 @@ def _history_entries(
 
     def entry(path: str) -> dict[str, Any]:
         moment = next(moments)
-        analysis = analyse(recording_of(path, arguments, machine), machine, reference)
+        analysis = gearmon.analyse(recording_of(path, arguments, machine), machine, reference)
         entries.append(entry_of(analysis, moment, source))
         return {}
 
@@ -399,8 +383,6 @@ def _history_entries(
 def _history_written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[str]:
     """Write the table under the name, and the picture beside it."""
     from gearmon.diagnosis.history import export_history
-    from gearmon.report.history_plots import history_figure
-    from gearmon.report.plots import save
 
     target, files = Path(output), []
     if target.suffix.lower() == ".json":
@@ -409,14 +391,13 @@ def _history_written(output: str, found: HistoryTrends, result: dict[str, Any]) 
     elif target.suffix.lower() != ".png":
         files.append(str(export_history(found.history, target)))
     if found.history.entries:
-        files.append(str(save(history_figure(found), target.with_suffix(".png"))))
+        files.append(str(report.save(report.history_figure(found), target.with_suffix(".png"))))
     return files
 
 
 def _history_lines(found: HistoryTrends, result: dict[str, Any]) -> list[str]:
-    from gearmon.report.history_text import history_lines
 
-    lines = history_lines(found)
+    lines: list[str] = report.history_lines(found)
     lines += [f"{entry['recording']}: not analysed" for entry in result["errors"]]
     if result["replaced"]:
         lines.append(f"replaced: {result['replaced']}")

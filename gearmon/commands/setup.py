@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import re
 import sys
 import tomllib
-from collections.abc import Mapping
+from argparse import Namespace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gearmon
 from gearmon.commands.command import (
-    DONE,
     OF_MACHINE,
     SAMPLING_RATE,
     argument,
     command,
     finish,
+    given,
     show,
 )
 from gearmon.commands.inputs import machine_of
@@ -28,8 +28,6 @@ from gearmon.units import is_unit
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.reference_check import ReferenceCheck
-    from gearmon.machine import Machine
-    from gearmon.signals.recording import Recording
 
 # Gears of one stage reduce by up to 8 or 10 (Niemann, Maschinenelemente II); beyond, a tooth count
 # is rather mistyped. A shaft slower than the second is rather told in Hz than in 1/min.
@@ -57,11 +55,10 @@ _TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.
     more="What is not given is asked for. It is said where numbers look mistaken: a speed in Hz, a "
     "time in ms, swapped tooth counts.",
 )
-def init(arguments: argparse.Namespace) -> int:
+def init(arguments: Namespace) -> int:
     """Run `gearmon init`."""
     from gearmon.files import write_atomically
     from gearmon.gears.kinematics import kinematics
-    from gearmon.machine import load_machine
     from gearmon.report.wording import template
 
     if not arguments.output:
@@ -74,7 +71,7 @@ def init(arguments: argparse.Namespace) -> int:
     known = {"name": name, "rpm": rpm, "stages": stages, "given": vars(arguments)}
     written = partial(template("init.toml", "gearmon.commands").render, known, is_unit=is_unit)
     text = written(columns=())
-    machine = load_machine(tomllib.loads(text))
+    machine = gearmon.load_machine(tomllib.loads(text))
     meshes = [mesh.order * rpm / 60.0 for mesh in kinematics(machine).meshes]
     notes = _doubts(machine)
     if arguments.recording:
@@ -86,8 +83,7 @@ def init(arguments: argparse.Namespace) -> int:
     result = {"machine": arguments.output, "mesh_hz": meshes, "warnings": notes}
     lines = [f"meshes at nominal speed: {', '.join(f'{own:.4g} Hz' for own in meshes)}"]
     lines += [*(f"note: {note}" for note in notes), f"wrote {arguments.output}"]
-    show(arguments, result, lambda: lines)
-    return DONE
+    return show(arguments, result, lambda: lines)
 
 
 def _asked(option: str, question: str) -> str:
@@ -123,7 +119,7 @@ def _stage(text: str) -> list[str]:
     return [own for own in match.groups() if own is not None]
 
 
-def _doubts(machine: Machine) -> list[str]:
+def _doubts(machine: gearmon.Machine) -> list[str]:
     """Name tooth counts that are rather mistyped than meant."""
     from gearmon.machine import ParallelStage
 
@@ -145,11 +141,9 @@ def _doubts(machine: Machine) -> list[str]:
     return notes
 
 
-def _recorded(arguments: argparse.Namespace, machine: Machine, mesh_hz: float) -> Recording:
+def _recorded(arguments: Namespace, machine: gearmon.Machine, mesh_hz: float) -> gearmon.Recording:
     """Read the recording that shows what the columns are; refuse a rate that cannot be."""
-    from gearmon.signals.recording import read_recording
-
-    found = read_recording(arguments.recording[0], arguments.sampling_rate)
+    found = gearmon.read_recording(arguments.recording[0], arguments.sampling_rate)
     if found.sampling_rate_hz < 2.0 * mesh_hz:
         raise ArgumentError(
             f"{arguments.recording[0]}: sampled at {found.sampling_rate_hz:.6g} Hz, too slow for "
@@ -165,13 +159,10 @@ def _recorded(arguments: argparse.Namespace, machine: Machine, mesh_hz: float) -
     help="say what a reference covers, what it would find, and which recording to add",
     example="gearmon check healthy.ref --machine machine.toml -o check.csv",
 )
-def check(arguments: argparse.Namespace) -> int:
+def check(arguments: Namespace) -> int:
     """Run `gearmon check`."""
-    from gearmon.diagnosis.reference_check import check_reference
-    from gearmon.signatures.measured.reference import read_reference
-
     machine = machine_of(arguments.machine)
-    found = check_reference(read_reference(arguments.reference), machine)
+    found = gearmon.check_reference(gearmon.read_reference(arguments.reference), machine)
     return finish(arguments, found, lambda: _check_lines(found))
 
 
@@ -202,14 +193,13 @@ def _check_lines(found: ReferenceCheck) -> list[str]:
     output="write into this folder (gearmon-NAME)",
     folder=True,
 )
-def demo(arguments: argparse.Namespace) -> int:
+def demo(arguments: Namespace) -> int:
     """Run `gearmon demo`."""
     from gearmon.demos import run_demo
 
     usual = "gearmon-demo" if arguments.name == "crack" else f"gearmon-{arguments.name}"
     result = run_demo(arguments.name, Path(arguments.output or usual), arguments.progress)
-    show(arguments, result.to_dict(), result.lines)
-    return DONE
+    return show(arguments, result.to_dict(), result.lines)
 
 
 @command(
@@ -226,25 +216,13 @@ def demo(arguments: argparse.Namespace) -> int:
     example="gearmon benchmark dynamics --quick -o benchmark.csv",
     beside=("{}.png", "{}-*.png"),
 )
-def benchmark(arguments: argparse.Namespace) -> int:
+def benchmark(arguments: Namespace) -> int:
     """Run `gearmon benchmark`."""
     from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
 
-    rows = run_case(
-        arguments.case,
-        arguments.progress,
-        ross_python=arguments.ross_python,
-        quick=arguments.quick,
-        seed=arguments.seed,
-        count=arguments.count,
-    )
+    named = given(arguments, "ross_python", "quick", "seed", "count")
+    rows = run_case(arguments.case, arguments.progress, **named)
     result: dict[str, Any] = {"case": arguments.case, "rows": rows}
-
-    def lines() -> list[str]:
-        return table_lines(summary_rows(arguments.case, rows))
-
-    def figures() -> Mapping[str, Any]:
-        return case_figures(arguments.case, rows)
-
-    drawn = figures if arguments.case in PICTURED else None
-    return finish(arguments, result, lines, lambda: rows, drawn)
+    figures = partial(case_figures, arguments.case, rows) if arguments.case in PICTURED else None
+    lines = partial(summary_rows, arguments.case, rows)
+    return finish(arguments, result, lambda: table_lines(lines()), lambda: rows, figures)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
+from argparse import Namespace
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import gearmon
+from gearmon import report
 from gearmon.commands.command import (
     BAD_INPUT,
     DONE,
@@ -19,6 +21,7 @@ from gearmon.commands.command import (
     command,
     fault,
     finish,
+    given,
     recordings,
 )
 from gearmon.commands.inputs import channel_of, each_of, machine_of, recording_of
@@ -26,7 +29,6 @@ from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 
 if TYPE_CHECKING:
-    from gearmon.machine import Machine
     from gearmon.report.survey_text import Told
     from gearmon.signatures.measured.indicators import IndicatorTable
 
@@ -35,12 +37,20 @@ _SHOWN = ("channel", "stage", "gear", "indicator", "value", "unit", "input")
 _AVERAGE_SHOWN = ("stage", "gear", "teeth", "rotation_order", "turns")
 # Columns of a map that is written beside others: what a table program can open.
 _MAP_COLUMNS = 1000
-_WRITTEN = "write the table to this file, and a picture beside it"
+#: What is written by those that draw one picture.
+_PICTURED: dict[str, Any] = {
+    "endings": (".csv", ".json", ".png"),
+    "output": "write the table to this file, and a picture beside it",
+    "beside": ("{}.png",),
+}
 _ORDERS_BESIDE = ("{}.png", "{}-map.*", "{}-averages.*", "{}-lines.*", "{}-average-[0-9]*-*.png")
 _WINDOW = argument(
-    "--window NAME", "hann (default), flat-top, blackman-harris or rectangular", "hann"
+    "--window NAME",
+    "hann (default), flat-top, blackman-harris or rectangular",
+    "hann",
+    dest="window_name",
 )
-_PEAKS = argument("--peaks N", "peaks listed a channel", 12)
+_PEAKS = argument("--peaks N", "peaks listed a channel", 12, dest="most_peaks")
 
 
 @command(
@@ -51,13 +61,11 @@ _PEAKS = argument("--peaks N", "peaks listed a channel", 12)
     argument("--history FILE", "go on with the run in this file (JSON), and write it"),
     help="every condition indicator of recordings, with its input; several are those of a run",
     example="gearmon indicators monday.csv tuesday.csv --machine machine.toml -o indicators.csv",
-    endings=(".csv", ".json", ".png"),
-    output=_WRITTEN,
-    beside=("{}.png",),
+    **_PICTURED,
 )
-def indicators(arguments: argparse.Namespace) -> int:
+def indicators(arguments: Namespace) -> int:
     """Run `gearmon indicators`."""
-    from gearmon.signatures.measured.indicators import indicator_table, read_history, write_history
+    from gearmon.signatures.measured.indicators import read_history, write_history
 
     machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
     known = arguments.history and Path(arguments.history).exists()
@@ -67,7 +75,7 @@ def indicators(arguments: argparse.Namespace) -> int:
     def table_of(path: str) -> dict[str, Any]:
         recording = recording_of(path, arguments, machine)
         before = tables[-1].history if tables else history
-        tables.append(indicator_table(recording, machine, before, arguments.baseline))
+        tables.append(gearmon.indicator_table(recording, machine, before, arguments.baseline))
         return tables[-1].to_dict()
 
     entries = each_of(arguments.recording, arguments.progress, table_of)
@@ -127,23 +135,14 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
     help="a calibrated spectrum of a recording, of any kind, as table and picture",
     example="gearmon spectrum new.csv --kind envelope --band 2000 4000 --machine machine.toml "
     "-o spectrum.csv",
-    endings=(".csv", ".json", ".png"),
-    output=_WRITTEN,
-    beside=("{}.png",),
+    **_PICTURED,
 )
-def spectrum(arguments: argparse.Namespace) -> int:
+def spectrum(arguments: Namespace) -> int:
     """Run `gearmon spectrum`."""
-    from gearmon.signatures.recording_spectrum import recording_spectrum
-
     machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
-    found = recording_spectrum(
-        recording_of(arguments.recording[0], arguments, machine),
-        arguments.kind,
-        machine=machine,
-        band=tuple(arguments.band) if arguments.band else None,
-        window_name=arguments.window,
-        most_peaks=arguments.peaks,
-    )
+    recording = recording_of(arguments.recording[0], arguments, machine)
+    named = given(arguments, "kind", "band", "window_name", "most_peaks")
+    found = gearmon.recording_spectrum(recording, machine=machine, **named)
     title = f"{found.recording}: {found.value_name}, highest peaks"
     lines = partial(_peak_lines, title, found.to_dict())
     return finish(arguments, found, lines, rows_in_json=True)
@@ -153,8 +152,8 @@ def spectrum(arguments: argparse.Namespace) -> int:
     *recordings("RECORDING"),
     argument("--shaft N", "whose turns orders count", 1),
     argument("--map", "write the map only, in full resolution"),
-    argument("--against WHAT", "of the map: time (default) or speed", "time"),
-    argument("--max-order X", "no orders above this one"),
+    argument("--against WHAT", "of the map: time (default) or speed", "time", dest="map_against"),
+    argument("--max-order X", "no orders above this one", dest="top"),
     _WINDOW,
     _PEAKS,
     help="order spectrum, order map, and the synchronous average of every gear with its scatter",
@@ -163,23 +162,13 @@ def spectrum(arguments: argparse.Namespace) -> int:
     output="write the tables to files of this name and others beside it, with pictures",
     beside=_ORDERS_BESIDE,
 )
-def orders(arguments: argparse.Namespace) -> int:
+def orders(arguments: Namespace) -> int:
     """Run `gearmon orders`."""
-    from gearmon.signatures.gear_averages import gear_averages
-    from gearmon.signatures.recording_spectrum import order_spectra
-
     machine = machine_of(arguments.machine, arguments.speed_hint)
     recording = recording_of(arguments.recording[0], arguments, machine)
-    found = order_spectra(
-        recording,
-        machine,
-        arguments.shaft,
-        top=arguments.max_order,
-        window_name=arguments.window,
-        most_peaks=arguments.peaks,
-        map_against=arguments.against,
-    )
-    averages = gear_averages(recording, machine, signature=found.signature)
+    named = given(arguments, "shaft", "top", "window_name", "most_peaks", "map_against")
+    found = gearmon.order_spectra(recording, machine, **named)
+    averages = gearmon.gear_averages(recording, machine, signature=found.signature)
     own = averages.to_dict()
     notes = dict.fromkeys([*found.to_dict()["warnings"], *own["warnings"]])
     result = {**found.to_dict(), "averages": own["averages"], "warnings": list(notes)}
@@ -231,6 +220,8 @@ def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) ->
     return lines + [f"note: {note}" for note in result["warnings"]]
 
 
+#: Key in JSON of what is told beside an exposure, by its class.
+_BESIDE = {"SeatFactor": "seat_factor", "GearShare": "gearbox"}
 _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 
 
@@ -256,10 +247,8 @@ _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
     more="A plan has a [[job]] for each job of the day, with name, recording and hours. Exit code "
     "1: the day reaches an action value, of Directive 2002/44/EC or of the plan's [limits].",
 )
-def exposure(arguments: argparse.Namespace) -> int:
+def exposure(arguments: Namespace) -> int:
     """Run `gearmon exposure`."""
-    from gearmon.exposure import exposure_day
-
     _check_exposure(arguments)
     machine = machine_of(arguments.machine) if arguments.machine else None
     told: list[Told] = []
@@ -267,34 +256,26 @@ def exposure(arguments: argparse.Namespace) -> int:
     def weighed(path: str) -> dict[str, Any]:
         found = list(_felt(path, arguments, machine))
         told.extend(found)
-        names = ("SeatFactor", "GearShare")
-        extra = {name: own.to_dict() for own in found if (name := type(own).__name__) in names}
-        more = {"seat_factor": extra.get(names[0]), "gearbox": extra.get(names[1])}
-        return found[0].to_dict() | more
+        more = {_BESIDE[type(own).__name__]: own.to_dict() for own in found[1:]}
+        return found[0].to_dict() | dict.fromkeys(_BESIDE.values()) | more
 
     entries = each_of(arguments.recording, arguments.progress, weighed)
     day = None
     if arguments.day:
-        day = exposure_day(arguments.day, _axes(arguments.axes), **_reading(arguments, machine))
+        axes, reading = _axes(arguments.axes), _reading(arguments, machine)
+        day = gearmon.exposure_day(arguments.day, axes, **reading)
         told.append(day)
     result: dict[str, Any] = {"recordings": entries, "day": day.to_dict() if day else None}
     if arguments.report and told:
-        from gearmon.report.survey_text import write_exposure_report
-
-        result["report"] = str(write_exposure_report(told, arguments.report))
-    finish(
-        arguments,
-        result,
-        lambda: _exposure_lines(told, result),
-        lambda: _exposure_rows(told),
-        lambda: _exposure_figures(told),
-    )
+        result["report"] = str(report.write_exposure_report(told, arguments.report))
+    rows, figures = partial(_exposure_rows, told), partial(_exposure_figures, told)
+    finish(arguments, result, lambda: _exposure_lines(told, result), rows, figures)
     if any("error" in entry for entry in entries):
         return BAD_INPUT
     return FLAGGED if day is not None and day.flagged else DONE
 
 
-def _check_exposure(arguments: argparse.Namespace) -> None:
+def _check_exposure(arguments: Namespace) -> None:
     """Refuse what cannot go together, before any work is done."""
     if not arguments.recording and not arguments.day:
         raise ArgumentError("exposure: name recordings, or with --day the plan of a day")
@@ -304,25 +285,24 @@ def _check_exposure(arguments: argparse.Namespace) -> None:
         raise ArgumentError("--floor: belongs to one recording, of the seat on that floor")
 
 
-def _felt(path: str, arguments: argparse.Namespace, machine: Machine | None) -> Iterator[Told]:
+def _felt(path: str, arguments: Namespace, machine: gearmon.Machine | None) -> Iterator[Told]:
     """Weigh a recording, its floor, and look for the gearbox in it."""
-    from gearmon.exposure import gear_share, seat_factor, vibration_exposure
-    from gearmon.signals.recording import open_recording
-
     axes, reading = _axes(arguments.axes), _reading(arguments, machine)
-    exposure = vibration_exposure(path, arguments.position, axes, **reading)
+    exposure = gearmon.vibration_exposure(path, arguments.position, axes, **reading)
     yield exposure
     if arguments.floor:
-        floor = vibration_exposure(arguments.floor, arguments.position, axes, **reading)
-        yield seat_factor(exposure, floor)
+        floor = gearmon.vibration_exposure(arguments.floor, arguments.position, axes, **reading)
+        yield gearmon.seat_factor(exposure, floor)
     if machine is not None:
         tacho = channel_of(arguments.tacho) if arguments.tacho else None
         named = [axis.channel for axis in exposure.axes]
-        recording = open_recording(path, arguments.sampling_rate, named, tacho, machine.sensors)
-        yield gear_share(recording, exposure, machine, arguments.fault)
+        recording = gearmon.open_recording(
+            path, arguments.sampling_rate, named, tacho, machine.sensors
+        )
+        yield gearmon.gear_share(recording, exposure, machine, arguments.fault)
 
 
-def _reading(arguments: argparse.Namespace, machine: Machine | None) -> dict[str, Any]:
+def _reading(arguments: Namespace, machine: gearmon.Machine | None) -> dict[str, Any]:
     return {
         "sampling_rate_hz": arguments.sampling_rate,
         "unit": arguments.unit,
@@ -344,29 +324,28 @@ def _axes(text: str | None) -> dict[str, str | int] | None:
 
 
 def _exposure_lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:
-    from gearmon.report.survey_text import exposure_lines
 
-    lines = [line for own in told for line in (*exposure_lines(own), "")]
+    lines = [line for own in told for line in (*report.exposure_lines(own), "")]
     lines += [f"{e['recording']}: not weighed" for e in result["recordings"] if "error" in e]
     return [*lines, *([f"report: {result['report']}"] if "report" in result else [])]
 
 
 def _exposure_rows(told: list[Told]) -> list[dict[str, Any]]:
     """Return a row an axis of each recording, else one a job of the day."""
-    from gearmon.exposure import DayExposure, Exposure
+    from gearmon.exposure import DayExposure
 
-    rows = [row for own in told if isinstance(own, Exposure) for row in own.frame_rows()]
+    rows = [row for own in told if isinstance(own, gearmon.Exposure) for row in own.frame_rows()]
     return rows or [row for own in told if isinstance(own, DayExposure) for row in own.frame_rows()]
 
 
 def _exposure_figures(told: list[Told]) -> dict[str, Any]:
     """Return the pictures by what is added to the name: of several recordings their numbers."""
     figures: dict[str, Any] = {}
-    number = 0
-    added = {"GearShare": "-gearbox", "DayExposure": "-day"}
+    number, added = 0, {"GearShare": "-gearbox", "DayExposure": "-day"}
     for own in told:
-        number += type(own).__name__ == "Exposure"
+        kind = type(own).__name__
+        number += kind == "Exposure"
         if own.picture:
-            which = f"-{number}" if number > 1 and type(own).__name__ != "DayExposure" else ""
-            figures[which + added.get(type(own).__name__, "")] = own.figures()[""]
+            which = f"-{number}" if number > 1 and kind != "DayExposure" else ""
+            figures[which + added.get(kind, "")] = own.figures()[""]
     return figures

@@ -7,16 +7,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib import import_module, resources
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol
 
 from gearmon.errors import ArgumentError
+from gearmon.files import made_folder, write_atomically
 from gearmon.terminal import Progress
 
-Item = TypeVar("Item")
+if TYPE_CHECKING:
+    from gearmon.machine import Machine
+    from gearmon.signals.recording import Recording
 
 #: Name of a demo -> its function, as "module:function".
 DEMOS = {
@@ -89,10 +92,7 @@ def run_demo(name: str, folder: Path, progress: Progress | None = None) -> Told:
     """
     if name not in DEMOS:
         raise ArgumentError(f"demo={name!r} must be one of {', '.join(DEMOS)}")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"{folder}: cannot make this folder ({error.strerror})") from None
+    made_folder(folder)
     module, _, function = DEMOS[name].partition(":")
     done: Told = getattr(import_module(module), function)(folder, progress)
     return done
@@ -100,31 +100,35 @@ def run_demo(name: str, folder: Path, progress: Progress | None = None) -> Told:
 
 def given_file(name: str, folder: Path, as_name: str, **values: Any) -> Path:
     """Copy a file of a demo to where a user would have it, with the values that it asks for."""
-    from gearmon.files import write_atomically
-
     text = resources.files("gearmon.demos").joinpath(name).read_text("utf-8")
     write_atomically(folder / as_name, text.format(**values))
     return folder / as_name
 
 
-class Steps:
-    """Goes through what a demo does, and tells the progress after each of so many steps."""
+def recorded(
+    path: Path, machine: Machine, faults: Sequence[str], duration_s: float, **settings: Any
+) -> Recording:
+    """Simulate a recording, write it and read it back: a demo sees what a user's files would hold.
 
-    def __init__(self, progress: Progress | None, total: int) -> None:
-        self.progress, self.total, self.done = progress, total, 0
+    Parameters
+    ----------
+    path : Path
+        Of the file.
+    machine : Machine
+    faults : sequence of str
+    duration_s : float
+    **settings
+        See `gearmon.simulate`.
+    """
+    from gearmon.signals.recording import read_recording
+    from gearmon.simulation import simulate, write_simulation
 
-    def through(self, items: Iterable[Item]) -> Iterator[Item]:
-        """Give the items one by one: each is a step."""
-        for item in items:
-            yield item
-            self.done += 1
-            if self.progress is not None:
-                self.progress(self.done / self.total)
+    write_simulation(simulate(machine, faults, duration_s, **settings), path)
+    return read_recording(path, sensors=machine.sensors)
 
 
 def told(folder: Path, name: str, figure: Any, story: Iterable[str], facts: dict[str, Any]) -> Demo:
     """Write the picture and the story of a demo, and return it."""
-    from gearmon.files import write_atomically
     from gearmon.report.plots import save
 
     lines = tuple(story)

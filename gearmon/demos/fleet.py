@@ -119,11 +119,9 @@ def _made(folder: Path, name: str) -> None:
     known = {"kind": kind, "pinion": pinion, "gear": gear, "speed": speed}
     machine = load_machine(given_file("fleet_machine.toml", folder, f"{name}.toml", **known))
     what, first = WRONG.get(name, ("", RECORDINGS))
-    heard = {
-        c: _heard(machine, seed, what if ":" in what else "", load) for c, load in LOADS.items()
-    }
-    generator = np.random.default_rng(seed)
-    classes = list(LOADS)
+    fault = what if ":" in what else ""
+    heard = {label: _heard(machine, seed, fault, load) for label, load in LOADS.items()}
+    generator, classes = np.random.default_rng(seed), list(LOADS)
     healthy = []
     for count in range(LEARNED):
         samples = _stretch(*heard[classes[count % 2]], 0.0, generator)

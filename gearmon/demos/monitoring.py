@@ -16,19 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.demos import Demo, Steps, given_file, told
+from gearmon.demos import Demo, given_file, recorded, told
+from gearmon.diagnosis import history as histories
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.fault_types.judgement import analysis_features, judge_kind
 from gearmon.diagnosis.fault_types.training import train_kinds
-from gearmon.diagnosis.history import (
-    History,
-    HistoryTrends,
-    append,
-    entry_of,
-    history_trends,
-    read_history,
-)
 from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault
@@ -41,8 +34,8 @@ from gearmon.report.history_text import history_lines, moment_text
 from gearmon.report.wording import percent, table_lines
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signatures.measured.reference import Reference, write_reference
-from gearmon.simulation import simulate, write_simulation
-from gearmon.terminal import Progress
+from gearmon.simulation import simulate
+from gearmon.terminal import Progress, followed, part_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,14 +57,14 @@ class Conveyor:
     healthy : list of Recording
         What was learned from.
     reference : Reference
-    steps : Steps
-        Goes on with what is judged.
+    progress : callable or None
+        Told of what is judged.
     """
 
     machine: Machine
     healthy: list[Recording]
     reference: Reference
-    steps: Steps
+    progress: Progress | None
 
     @classmethod
     def learned(
@@ -99,11 +92,12 @@ class Conveyor:
             Of each recording.
         """
         machine = load_machine(given_file("conveyor.toml", folder, "machine.toml"))
-        steps, healthy = Steps(progress, len(settings) + further), []
-        for number, own in enumerate(steps.through(settings), start=seed):
+        learned, total, healthy = len(settings), len(settings) + further, []
+        for number, own in enumerate(followed(settings, total, progress), start=seed):
             healthy.append(_recorded(machine, name.format(**own), number, **own))
         reference = _kept(machine, healthy, folder)
-        return cls(machine=machine, healthy=healthy, reference=reference, steps=steps)
+        rest = part_of(progress, learned / total, further / total)
+        return cls(machine=machine, healthy=healthy, reference=reference, progress=rest)
 
     def judged(
         self, name: str, seed: int, faults: Sequence[Fault | str] = (), **settings: Any
@@ -151,15 +145,13 @@ def crack_demo(folder: Path, progress: Progress | None = None) -> Demo:
         Called with the share done, 0 to 1.
     """
     write_atomically(folder / "machine.toml", example_machine())
-    machine, steps = load_machine(folder / "machine.toml"), Steps(progress, len(PLAN) + 1)
-    recordings = []
-    for number, (name, (load, fault)) in enumerate(steps.through(PLAN.items())):
+    machine, recordings = load_machine(folder / "machine.toml"), []
+    kept: dict[str, Any] = {"channels": 2, "tacho_shaft": 1, "machine_seed": 1}
+    steps = followed(PLAN.items(), len(PLAN) + 1, progress)
+    for number, (name, (load, fault)) in enumerate(steps):
+        own = kept | {"sampling_rate_hz": RATE_HZ, "recording_seed": number, "load": load}
         faults, path = [fault] if fault else [], folder / f"{name}.csv"
-        kept: dict[str, Any] = {"channels": 2, "tacho_shaft": 1, "machine_seed": 1}
-        made = simulate(machine, faults, 6.0, 10_240.0, recording_seed=number, load=load, **kept)
-        write_simulation(made, path)
-        # read back: the demo sees what a user's files would hold
-        recordings.append(read_recording(path))
+        recordings.append(recorded(path, machine, faults, 6.0, **own))
     reference = _kept(machine, recordings[:3], folder)
     analyses = [analyse(recording, machine, reference) for recording in recordings[3:]]
     report = folder / "report.html"
@@ -201,14 +193,16 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     drive = Conveyor.learned(folder, progress, RECORDINGS, 100, loads)
     losses = [true_loss(number) for number in range(RECORDINGS)]
     loaded = np.random.default_rng(7).uniform(0.7, 1.0, RECORDINGS).tolist()
-    history = History(machine=drive.machine.name)
-    for number, (load, loss) in enumerate(drive.steps.through(zip(loaded, losses, strict=True))):
+    history = histories.History(machine=drive.machine.name)
+    weeks = followed(zip(loaded, losses, strict=True), RECORDINGS, drive.progress)
+    for number, (load, loss) in enumerate(weeks):
         faults = [f"crack:1:pinion:{TOOTH}:{loss!r}"] if loss else []
         _, analysis = drive.judged(f"week-{number + 1:02d}", number, faults, load=load)
-        history = history.with_entry(entry_of(analysis, START + number * WEEK))
+        history = history.with_entry(histories.entry_of(analysis, START + number * WEEK))
     store = folder / "history.db"
-    append(store, history.entries, replace=True)  # a second run of the demo is the same history
-    found = history_trends(read_history(store, history.machine), limit=LIMIT)
+    # a second run of the demo is the same history
+    histories.append(store, history.entries, replace=True)
+    found = histories.history_trends(histories.read_history(store, history.machine), limit=LIMIT)
     flagged = _first_flagged(found)
     first = None if flagged is None else flagged + 1
     facts = {"true_loss": losses, "first_flagged": first, "history": found.to_dict()}
@@ -216,7 +210,7 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     return told(folder, "growth", figure, _growth_story(found, losses, flagged), facts)
 
 
-def _first_flagged(found: HistoryTrends) -> int | None:
+def _first_flagged(found: histories.HistoryTrends) -> int | None:
     """Return the number of the first recording, from 0, from which on all are flagged."""
     sound = [n for n, entry in enumerate(found.history.entries) if entry.verdict != "fault"]
     first = sound[-1] + 1 if sound else 0
@@ -224,7 +218,7 @@ def _first_flagged(found: HistoryTrends) -> int | None:
 
 
 def _growth_story(
-    found: HistoryTrends, losses: Sequence[float], flagged: int | None
+    found: histories.HistoryTrends, losses: Sequence[float], flagged: int | None
 ) -> Iterator[str]:
     """Tell the story."""
     entries = found.history.entries
@@ -308,10 +302,11 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
     loads = [{"load": load} for load in KIND_LOADS]
     further = 1 + len(STATES) * len(NEW_LOADS)
     drive = Conveyor.learned(folder, progress, further, 100, loads, "{load:.0%} load")
-    for _ in drive.steps.through(["training"]):
-        classifier = train_kinds(drive.machine, count=EXAMPLES)
+    training = part_of(drive.progress, 0.0, 1 / further)
+    classifier = train_kinds(drive.machine, count=EXAMPLES, progress=training)
     judged: list[dict[str, Any]] = []
-    for truth, load in drive.steps.through(product(STATES, NEW_LOADS)):
+    judging = part_of(drive.progress, 1 / further, 1 - 1 / further)
+    for truth, load in followed(product(STATES, NEW_LOADS), further - 1, judging):
         faults, seed = STATES[truth][0], len(judged)
         _, analysis = drive.judged(f"{load:.0%} load", seed, faults, load=load)
         own = _told_kind(analysis, drive.reference, classifier)
@@ -406,7 +401,8 @@ def day_demo(folder: Path, progress: Progress | None = None) -> Demo:
     usual_db = np.mean([_level_db(recording) for recording in drive.healthy], axis=0)
     analyses, hours = [], []
     wander: dict[str, Any] = {"speed_drift": 0.01, "load_drift": 0.06}
-    for number, (load, slip) in enumerate(drive.steps.through(zip(*_day(), strict=True))):
+    rides = followed(zip(*_day(), strict=True), HOURS, drive.progress)
+    for number, (load, slip) in enumerate(rides):
         name = f"{MORNING + timedelta(hours=number):%H:%M}"
         recording, analysis = drive.judged(name, number, load=load, slip=slip, **wander)
         analyses.append(analysis)

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.demos import Demo, Steps, given_file
+from gearmon.demos import Demo, given_file, recorded
 from gearmon.exposure import exposure_day, gear_share, vibration_exposure
 from gearmon.files import write_atomically
 from gearmon.harvesting import load_harvester, survey_measured
 from gearmon.machine import Machine, load_machine
 from gearmon.report import exposure_lines, harvest_lines, save_all, write_exposure_report
-from gearmon.signals.recording import Recording, read_recording
-from gearmon.simulation import simulate, write_simulation
-from gearmon.terminal import Progress
+from gearmon.signals.recording import Recording
+from gearmon.terminal import Progress, followed
 
 FAULT = "crack:1:pinion:5:30%"
+AT_THREE_PLACES: dict[str, Any] = {"sampling_rate_hz": 12_800.0, "channels": 3}
 
 
 def harvest_demo(folder: Path, progress: Progress | None = None) -> Demo:
@@ -34,7 +34,7 @@ def harvest_demo(folder: Path, progress: Progress | None = None) -> Demo:
     machine = load_machine(given_file("tractor.toml", folder, "machine.toml"))
     harvester, budget = load_harvester(given_file("harvester.toml", folder, "harvester.toml"))
     sound, damaged, points = [], [], machine.operating
-    for number in Steps(progress, len(points) + 1).through(range(len(points))):
+    for number in followed(range(len(points)), len(points) + 1, progress):
         sound.append(_recorded(machine, folder, number, ""))
         damaged.append(_recorded(machine, folder, number, FAULT))
     shares = [point.share for point in points]
@@ -48,14 +48,12 @@ def harvest_demo(folder: Path, progress: Progress | None = None) -> Demo:
 
 
 def _recorded(machine: Machine, folder: Path, number: int, fault: str) -> Recording:
-    """Simulate an operating point, write it and read it back as a user would."""
+    """Record an operating point at three places."""
     point = machine.operating[number]
-    seeds: dict[str, Any] = {"machine_seed": 4, "recording_seed": 2 * number + bool(fault)}
     faults, state = ([fault], "damaged") if fault else ([], "sound")
+    seeds: dict[str, Any] = {"machine_seed": 4, "recording_seed": 2 * number + bool(fault)}
     path = folder / f"{point.name.split(',')[0]}-{state}.csv"
-    made = simulate(machine, faults, 12.0, 12_800.0, point=point, channels=3, **seeds)
-    write_simulation(made, path)
-    return read_recording(path, sensors=machine.sensors)
+    return recorded(path, machine, faults, 12.0, point=point, **AT_THREE_PLACES, **seeds)
 
 
 RATE_HZ, DURATION_S, LEVER_S = 400.0, 240.0, 12.0
@@ -77,8 +75,7 @@ def exposure_demo(folder: Path, progress: Progress | None = None) -> Demo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
-    steps = Steps(progress, len(_JOBS) + 2)
-    for number, job in enumerate(steps.through(_JOBS)):
+    for number, job in enumerate(followed(_JOBS, len(_JOBS) + 2, progress)):
         path, (level, bumps) = folder / f"{job}.csv", _JOBS[job]
         frame = _ridden(level, bumps, np.random.default_rng(number)).to_frame()
         write_atomically(path, frame.to_csv(index=False, float_format="%.6g"))
@@ -86,9 +83,7 @@ def exposure_demo(folder: Path, progress: Progress | None = None) -> Demo:
     machine = load_machine(given_file("tractor.toml", folder, "machine.toml"))
     day = exposure_day(plan)
     point, lever = machine.operating[0], folder / "lever.csv"
-    for _ in steps.through(["lever"]):
-        made = simulate(machine, [], LEVER_S, 12_800.0, point=point, channels=3, machine_seed=4)
-        write_simulation(made, lever)
+    recorded(lever, machine, [], LEVER_S, point=point, machine_seed=4, **AT_THREE_PLACES)
     axes: dict[str, str | int] = {"x": "a1", "y": "a2", "z": "a3"}
     hand = vibration_exposure(str(lever), "hand", axes)
     gears = gear_share(lever, hand, machine, [WEAR])

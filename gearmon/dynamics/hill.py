@@ -31,7 +31,7 @@ NO_HARMONICS.flags.writeable = False
 
 
 @dataclass(frozen=True, eq=False)
-class HillProblem:
+class HillProblem(Result):
     """One mass on a periodic spring.
 
     Parameters

@@ -196,24 +196,19 @@ class Wander:
 
     def value(self, time_s: ArrayLike) -> FloatArray:
         """Departure at the given times (any shape)."""
-        time = np.asarray(time_s, dtype=np.float64)
-        total = np.zeros(time.shape)
-        for amplitude, rate, phase in self._lines():
-            total += amplitude * np.cos(rate * time + phase)
-        return total
+        return self._sum(time_s, np.cos, self.amplitudes)
 
     def integral(self, time_s: ArrayLike) -> FloatArray:
         """Integral of the departure from time 0 [s]."""
-        time = np.asarray(time_s, dtype=np.float64)
-        total = np.zeros(time.shape)
-        for amplitude, rate, phase in self._lines():
-            total += amplitude / rate * (np.sin(rate * time + phase) - math.sin(phase))
-        return total
+        weights = self.amplitudes / (2 * math.pi * self.frequencies_hz)
+        return self._sum(time_s, np.sin, weights) - self._sum(0.0, np.sin, weights)
 
-    def _lines(self) -> list[tuple[float, float, float]]:
-        rates = 2 * math.pi * self.frequencies_hz
-        rows = zip(self.amplitudes, rates, self.phases_rad, strict=True)
-        return [(float(a), float(rate), float(phase)) for a, rate, phase in rows if a]
+    def _sum(self, time_s: ArrayLike, wave: np.ufunc, weights: FloatArray) -> FloatArray:
+        time, rates = np.asarray(time_s, dtype=np.float64), 2 * math.pi * self.frequencies_hz
+        total = np.zeros(time.shape)
+        for line in np.flatnonzero(weights):
+            total += weights[line] * wave(rates[line] * time + self.phases_rad[line])
+        return total
 
 
 def random_wander(deviation: float, generator: np.random.Generator) -> Wander:

@@ -15,15 +15,14 @@ one that the chunk after it continues.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from gearmon.arrays import FloatArray
+from gearmon.terminal import Progress, part_of
 
 IntArray = NDArray[np.intp]
 
@@ -248,7 +247,7 @@ class March:
         count: int,
         substeps: int,
         record: NDArray[np.float32] | None = None,
-        progress: Callable[[float], None] | None = None,
+        progress: Progress | None = None,
     ) -> FloatArray:
         """Advance all chunks by the same number of pieces.
 
@@ -423,7 +422,7 @@ def integrate(
     run_in: int,
     start: FloatArray | None = None,
     chunks: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> MeshForces:
     """Integrate the equations of motion along a course.
 
@@ -466,7 +465,7 @@ def _integrated(
     run_in: int,
     start: FloatArray | None,
     chunks: int,
-    tell: Callable[[float], None],
+    tell: Progress,
 ) -> MeshForces:
     """Integrate in chunks, each with a run-in; `tell` how often all of the course has been done."""
     length = -(-course.pieces // chunks)
@@ -522,7 +521,7 @@ def _join(
     begun: FloatArray,
     ended: FloatArray,
     first: IntArray,
-    tell: Callable[[float], None],
+    tell: Progress,
 ) -> float:
     """Make the chunks continue one another, in place; return how well they did in the end."""
     length, system, times = record.shape[2] // SUBSTEPS, march.system, march.course.times_s
@@ -551,17 +550,13 @@ def _join(
         loose = 1 + np.flatnonzero(np.maximum(mismatch, size(jumps)) > JOINT_TOLERANCE)
         before = begun[:, loose] + jumps[:, loose - 1]
         again = np.empty((*record.shape[:-1], len(loose)), dtype=np.float32)
-        told = partial(_after, tell, passes + 1)
+        told = part_of(tell, passes + 1, 1.0)
         reached = march.run(before, first[loose], length, SUBSTEPS, again, told)
         if last:
             record[..., loose] = _faded(again, record[..., loose])
             break
         begun[:, loose], ended[:, loose], record[..., loose] = before, reached, again
     return float(mismatch.max(initial=0.0))
-
-
-def _after(tell: Callable[[float], None], before: int, done: float) -> None:
-    tell(before + done)
 
 
 def _dying(system: GearedSystem, spans_s: FloatArray) -> FloatArray:

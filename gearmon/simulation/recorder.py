@@ -19,18 +19,18 @@ from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
 from gearmon.result import Result, sample_rows, with_units
-from gearmon.simulation.contact import Drive, ShaftMotion, ToothMesh, random_wander
+from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
 from gearmon.simulation.train import Settings, Train, build_train, stream
 from gearmon.simulation.vibration import (
     BEARING_SLIP,
     Integration,
-    Progress,
     mesh_vibration,
     noise,
     shaft_lines,
     tacho_pulses,
     tones,
 )
+from gearmon.terminal import Progress
 
 #: Voltage and length of a tacho pulse.
 TACHO_HIGH_V, TACHO_WIDTH_TURNS = 5.0, 0.05
@@ -281,10 +281,8 @@ def _additions(
     train = kinematics(machine)
     rms = np.asarray(np.sqrt(np.mean(vibration**2, axis=1)), dtype=np.float64)
     orders = [shaft.order for shaft in train.shafts]
-    extra = settings.unbalance * shaft_lines(
-        settings.machine_seed, orders, turns, speed_hz, settings.channels
-    )
     seed = settings.machine_seed
+    extra = settings.unbalance * shaft_lines(seed, orders, turns, speed_hz, settings.channels)
     if settings.bearing_tones:
         lines = [x.order * (1 - BEARING_SLIP) for x in train.lines if x.kind == "bearing"]
         extra += tones(seed, lines, turns, settings.bearing_tones * rms, 3)
@@ -384,6 +382,7 @@ def _speed(settings: Settings, point: OperatingPoint, drive: Drive) -> dict[str,
     motion, times = drive.motion, _times(settings)
     speed = motion.speed_hz(times)
     first, last = motion.turns(times[[0, -1]])
+    turn_times = motion.times_s(np.arange(np.ceil(first), np.floor(last) + 1))
     return {
         "shaft": 1,
         "nominal_hz": point.shaft1_hz,
@@ -391,9 +390,7 @@ def _speed(settings: Settings, point: OperatingPoint, drive: Drive) -> dict[str,
         "min_hz": float(speed.min()),
         "max_hz": float(speed.max()),
         "start_turns": motion.start_turns,
-        "turn_times_s": np.round(
-            motion.times_s(np.arange(np.ceil(first), np.floor(last) + 1)), 9
-        ).tolist(),
+        "turn_times_s": np.round(turn_times, 9).tolist(),
     }
 
 
@@ -417,15 +414,11 @@ def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
         "contact_ratio": stiffness.contact_ratio,
         "overlap_ratio": stiffness.overlap_ratio,
         "backlash_m": mesh.backlash_m,
-        "errors": _errors(mesh),
+        "errors": [
+            {name: np.round(value, 12).tolist() for name, value in vars(errors).items()}
+            for errors in mesh.errors
+        ],
     }
-
-
-def _errors(mesh: ToothMesh) -> list[dict[str, Any]]:
-    return [
-        {name: np.round(value, 12).tolist() for name, value in vars(errors).items()}
-        for errors in mesh.errors
-    ]
 
 
 def _remarks(integration: Integration, train: Train) -> list[str]:

@@ -12,6 +12,7 @@ import math
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -281,12 +282,8 @@ def build_train(
     # a bearing that tells only its balls stays rigid: the path to the sensors has its softness, and
     # by Hertz, with no damper told, a sound pair at half load swung at 1.5 times its mesh
     modelled = {section.shaft for section in machine.sections}
-    yielding = [
-        own
-        for own in machine.bearings
-        if own.stiffness_n_per_m is not None or own.shaft in modelled
-    ]
-    train = drive_train(replace(machine, bearings=tuple(yielding)), running)
+    soft = [b for b in machine.bearings if b.shaft in modelled or b.stiffness_n_per_m is not None]
+    train = drive_train(replace(machine, bearings=tuple(soft)), running)
     springs = [train.meshes(number) for number in range(1, len(pairs) + 1)]
     sides = [
         side for own in zip(pairs, springs, strict=True) for side in _meshes(made, train, *own)
@@ -294,9 +291,7 @@ def build_train(
     meshes, mechanics = zip(*sides, strict=True)
     floats = "a floating sun shares the load among planets but for the pitch deviations"
     return Train(
-        system=_system(
-            train, [mesh for own in springs for mesh in own], meshes, mechanics, carried_hz
-        ),
+        system=_system(train, list(chain(*springs)), meshes, mechanics, carried_hz),
         meshes=meshes,
         mechanics=mechanics,
         gear_mass_kg=sum(_gear_mass_kg(own[0]) for own in pairs),

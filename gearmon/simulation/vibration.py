@@ -8,7 +8,6 @@ are added.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,14 +19,13 @@ from gearmon.gears.kinematics import PLANET_PASS_DEPTH
 from gearmon.simulation.contact import Drive, contact_course
 from gearmon.simulation.integrate import SUBSTEPS, MeshForces, integrate
 from gearmon.simulation.train import Settings, Train, stream
+from gearmon.terminal import Progress, part_of
 
 Floats32 = NDArray[np.float32]
 
 #: The recording's response is flat up to this share of its sampling rate and zero from a half on.
 FLAT_SHARE = 0.4
 
-
-Progress = Callable[[float], None]
 #: Steps of the integration in a period of the fastest natural frequency that the recording carries:
 #: the dynamic mesh force is then right to about 3e-4 of its rms.
 STEPS_PER_PERIOD = 24
@@ -273,7 +271,7 @@ def _stage_forces(
         course = contact_course(train.meshes, drive, span, step_s)
         # pieces end at events too: most are shorter than the longest
         run_in = math.ceil(run_in_s * course.pieces / (span[1] - span[0]))
-        share = _share(progress, first / grid.cells, (last - first) / grid.cells)
+        share = part_of(progress, first / grid.cells, (last - first) / grid.cells)
         result = integrate(train.system, course, run_in=run_in, start=state, progress=share)
         means, carried = triangle_means(
             result, grid.edge_s(first), grid.cell_s, last - first, carried
@@ -291,12 +289,6 @@ def _longest_step_s(frequencies_hz: FloatArray, rate_hz: float) -> float:
     carried = frequencies_hz[frequencies_hz <= CARRIED_SHARE * rate_hz]
     slow = STEPS_PER_PERIOD * float(carried.max(initial=0.0))
     return 1 / max(slow, STEPS_PER_FAST_PERIOD * float(frequencies_hz.max()))
-
-
-def _share(progress: Progress | None, start: float, part: float) -> Progress | None:
-    if progress is None:
-        return None
-    return lambda done: progress(start + part * done)
 
 
 def _add_to_stages(
@@ -362,9 +354,8 @@ class ModalPath:
         """Return acceleration over mesh force [1/kg] at the given frequencies, shape (n,)."""
         total = np.zeros(len(frequency_hz), dtype=np.complex128)
         weights = self.sensor_shapes[channel] * self.stage_shapes[stage]
-        for own_hz, damping, weight in zip(
-            self.frequencies_hz, self.damping_ratios, weights, strict=True
-        ):
+        modes = zip(self.frequencies_hz, self.damping_ratios, weights, strict=True)
+        for own_hz, damping, weight in modes:
             total -= weight / _resonance(frequency_hz, own_hz, damping)
         total *= frequency_hz * frequency_hz / self.housing_mass_kg
         bearing_hz = float(self.bearing_hz[stage])

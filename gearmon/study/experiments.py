@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,50 +11,29 @@ from typing import Any
 import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.benchmark.equations import Case, Lines, as_lines, solve_reference
-from gearmon.benchmark.rivals import Contender, PlainOscillator, integrate, measured
+from gearmon.benchmark.equations import VARIATION, Case, Lines, as_lines, solve_reference
+from gearmon.benchmark.rivals import Contender, PlainOscillator, Row, integrate, measured
 from gearmon.benchmark.timing import facts_of_run
 from gearmon.dynamics import HillProblem, Response, steady_state
-from gearmon.dynamics.fourier import fast_length, rms, samples
+from gearmon.dynamics.fourier import rms
 from gearmon.dynamics.multiple_scales import Expansion, expand
 from gearmon.gears.stiffness import Parabolic
 from gearmon.harvesting.harvester import InertialHarvester
-from gearmon.study.pair import (
-    CONTACT_RATIO,
-    PINION_TEETH,
-    REFERENCE,
-    MeshParameters,
-    Operation,
-    StiffnessSignal,
-    Trajectory,
-    acceleration_error,
-    operate,
-    simulate,
-    solved,
-    solved_start,
-    stiffness_signals,
-    waveform_error,
-)
+from gearmon.study import pair
+from gearmon.terminal import Progress, followed, part_of
 
-#: Mesh periods from rest under each form of stiffness, and points in each.
-PERIODS, POINTS = 3, 1000
-#: A vibration has settled once it stays this close to the quasi-static deflection, as a share of
-#: the difference of F/k between the two levels of the rectangle.
-SETTLED = 0.05
-
-#: Orders that are solved and drawn; the published solution ends at the second.
-HIGHEST_ORDER, PUBLISHED_ORDER = 6, 2
+#: Orders that are solved and drawn.
+HIGHEST_ORDER = 6
 # Below the published variation the error falls by its order; above, the next orders mix in.
 VARIATIONS = (0.0125, 0.025, 0.05, 0.1)
 
 # Swept values. Of the stiffness and of the mass only the ends and some values between are printed.
-STIFFNESS_VALUES = (2e8, 3e8, 4e8, 5e8, 6e8, 8e8, 1e9, 1.2e9)
-MASS_VALUES = (0.2, 0.28, 0.4, 0.6, 1.0, 1.5, 2.0, 2.5, 3.0)
 DAMPING_VALUES = (3e3, 6e3, 9e3, 12e3, 15e3, 18e3, 30e3, 60e3, 90e3)
+STIFFNESS_VALUES = (2e8, 3e8, 4e8, 5e8, 6e8, 8e8, 1e9, 1.2e9)
 #: Parameter -> label, unit shown, SI units in one of them, values.
 SWEEPS = {
     "stiffness_n_per_m": ("mesh stiffness", "GN/m", 1e9, STIFFNESS_VALUES),
-    "mass_kg": ("equivalent mass", "kg", 1.0, MASS_VALUES),
+    "mass_kg": ("equivalent mass", "kg", 1.0, (0.2, 0.28, 0.4, 0.6, 1.0, 1.5, 2.0, 2.5, 3.0)),
     "damping_ns_per_m": ("mesh damping", "kN s/m", 1e3, DAMPING_VALUES),
 }
 
@@ -84,79 +64,12 @@ SOLUTION = "new solution with guaranteed error"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class FormResponse:
-    """The reference case under one form of stiffness.
-
-    Attributes
-    ----------
-    signal : StiffnessSignal
-    steady : Response
-        Of the form's Fourier series, by multiple scales.
-    simulated : Trajectory
-        From rest, by direct integration of the form itself with its jumps.
-    solved : Trajectory
-        The same by multiple scales, acceleration and force from the equation of motion.
-    """
-
-    signal: StiffnessSignal
-    steady: Response
-    simulated: Trajectory
-    solved: Trajectory
-
-    @property
-    def last_period(self) -> slice:
-        """The last mesh period of the trajectories, without its end point."""
-        return slice(-POINTS - 1, -1)
-
-    @property
-    def phase(self) -> FloatArray:
-        """Phases of the last period, 0 to 1."""
-        return np.arange(POINTS) / POINTS
-
-    @property
-    def longest_settling_s(self) -> float:
-        """Settling time after the slower of both changes of the number of pairs [s]."""
-        cut = 0.5 if self.signal.key == "fourier-half" else CONTACT_RATIO - 1
-        phi = REFERENCE.variation * self.signal.smooth_shape(self.phase)
-        quasi_static = REFERENCE.static_deflection_m / (1 + phi)
-        step = 2 * REFERENCE.variation * REFERENCE.static_deflection_m
-        z = self.simulated.displacement_m[self.last_period]
-        late = self.phase[np.abs(z - quasi_static) > SETTLED * step]
-        lag = max(late[late < cut].max(initial=0.0), late.max(initial=cut) - cut)
-        return float(lag) * REFERENCE.period_s
-
-
-def form_responses() -> dict[str, FormResponse]:
-    """Solve and simulate the reference case under every form."""
-    time = np.arange(PERIODS * POINTS + 1) / POINTS * REFERENCE.period_s
-    found = {}
-    for key, signal in stiffness_signals().items():
-        modulation = signal.modulation(REFERENCE)
-        steady = solved(REFERENCE.problem(REFERENCE.variation * signal.shape_harmonics()))
-        found[key] = FormResponse(
-            signal=signal,
-            steady=steady,
-            simulated=simulate(REFERENCE, modulation, time, signal.jumps, 1e-8),
-            solved=solved_start(REFERENCE, steady, modulation, time),
-        )
-    return found
-
-
-def dynamic_difference(one: FormResponse, other: FormResponse) -> float:
-    """Difference of two steady displacements without their means, over the size of `other`."""
-    last = [r.simulated.displacement_m[r.last_period] for r in (one, other)]
-    a, b = (z - z.mean() for z in last)
-    return float(np.linalg.norm(a - b) / np.linalg.norm(b))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class OrderStudy:
     """Orders 0, 1, 2 ... of the reference case.
 
     Attributes
     ----------
     expansion : Expansion
-    exact : Response
     displacement_errors : ndarray, shape (HIGHEST_ORDER + 1,)
         Largest error of the waveform of each order's sum, over the largest displacement.
     acceleration_errors : ndarray, same shape
@@ -168,34 +81,31 @@ class OrderStudy:
     """
 
     expansion: Expansion
-    exact: Response
     displacement_errors: FloatArray
     acceleration_errors: FloatArray
     errors_of_variation: FloatArray
     slopes: FloatArray
 
 
-def study_orders() -> OrderStudy:
-    """Expand the reference case and measure the error of every order, and its power of eps."""
-    problem = REFERENCE.problem()
-    exact, expansion = solved(problem), expand(problem, HIGHEST_ORDER)
+def study_orders(exact: Response) -> OrderStudy:
+    """Expand what was solved and measure the error of every order, and its power of eps."""
+    expansion = expand(exact.problem, HIGHEST_ORDER)
     sums = np.cumsum(expansion.terms, axis=0)
     errors = np.array([_errors_of_orders(variation) for variation in VARIATIONS])
     return OrderStudy(
         expansion=expansion,
-        exact=exact,
-        displacement_errors=np.array([waveform_error(z, exact) for z in sums]),
-        acceleration_errors=np.array([acceleration_error(z, exact) for z in sums]),
+        displacement_errors=np.array([pair.waveform_error(z, exact) for z in sums]),
+        acceleration_errors=np.array([pair.acceleration_error(z, exact) for z in sums]),
         errors_of_variation=errors,
         slopes=np.polyfit(np.log(VARIATIONS), np.log(errors), 1)[0],
     )
 
 
 def _errors_of_orders(variation: float) -> FloatArray:
-    problem = replace(REFERENCE, variation=variation).problem()
+    problem = pair.varied(pair.REFERENCE, "variation", variation)
     exact = expand(problem, 4 * HIGHEST_ORDER, 300).displacement
     sums = np.cumsum(expand(problem, HIGHEST_ORDER, 300).terms, axis=0)
-    return np.array([rms(z - exact) for z in sums]) / REFERENCE.static_deflection_m
+    return np.array([rms(z - exact) for z in sums]) / pair.STATIC_DEFLECTION_M
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,7 +115,7 @@ class Sweep:
     Attributes
     ----------
     name : str
-        Field of `MeshParameters`.
+        Field of `HillProblem`.
     label, unit : str
         To be shown, with `scale` parameter units in one shown unit.
     scale : float
@@ -216,32 +126,30 @@ class Sweep:
     label: str
     unit: str
     scale: float
-    points: tuple[Operation, ...]
+    points: tuple[pair.Operation, ...]
 
     @property
     def values(self) -> FloatArray:
         """Values of the parameter, SI."""
-        return np.array([getattr(point.parameters, self.name) for point in self.points])
+        return np.array([getattr(point.response.problem, self.name) for point in self.points])
 
     @property
     def shown(self) -> list[str]:
         """Values as they are to be shown, with unit."""
         return [f"{value / self.scale:.4g} {self.unit}" for value in self.values]
 
-    def take(self, what: Callable[[Operation], float]) -> FloatArray:
+    def take(self, what: Callable[[pair.Operation], float]) -> FloatArray:
         """One number for every value."""
         return np.array([what(point) for point in self.points])
 
 
-def run_sweeps(progress: Callable[[float], None]) -> dict[str, Sweep]:
+def run_sweeps(progress: Progress | None) -> dict[str, Sweep]:
     """Solve all sweeps; the keys are the names of the parameters."""
-    cases = [(name, value) for name, (*_, values) in SWEEPS.items() for value in values]
-    points: dict[str, list[Operation]] = {name: [] for name in SWEEPS}
-    for number, (name, value) in enumerate(cases, start=1):
-        points[name].append(operate(replace(REFERENCE, **{name: value})))
-        progress(number / len(cases))
-    told = SWEEPS.items()
-    return {name: Sweep(name, *row[:3], tuple(points[name])) for name, row in told}
+    sweeps: dict[str, Sweep] = {}
+    for name, (label, unit, scale, values) in followed(SWEEPS.items(), len(SWEEPS), progress):
+        points = (pair.operate(pair.varied(pair.REFERENCE, name, value)) for value in values)
+        sweeps[name] = Sweep(name, label, unit, scale, tuple(points))
+    return sweeps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -282,18 +190,14 @@ class ContactStudy:
     @property
     def least_in_study(self) -> float:
         """Least mesh force over F within the study's ranges of mass and damping together."""
-        light = self.map_masses_kg <= LARGEST_STUDIED_MASS_KG
         damped = self.map_dampings >= min(DAMPING_VALUES)
-        return float(self.of_both[np.ix_(damped, light)].min())
+        return float(self.of_both[damped][:, self.map_masses_kg <= LARGEST_STUDIED_MASS_KG].min())
 
 
-def least_force(parameters: MeshParameters) -> float:
+def least_force(problem: HillProblem) -> float:
     """Smallest mesh force of the steady vibration over F; -inf where there is no steady state."""
-    response = steady_state(parameters.problem(), SCAN_TOLERANCE)
-    if response.stable is False:
-        return -np.inf
-    force = response.mesh_force
-    return float(samples(force, fast_length(8 * len(force))).min()) / parameters.force_n
+    response = steady_state(problem, SCAN_TOLERANCE)
+    return -np.inf if response.stable is False else response.mesh_force_margin
 
 
 def study_contact(every: int = 1) -> ContactStudy:
@@ -304,36 +208,34 @@ def study_contact(every: int = 1) -> ContactStudy:
     every : int, >= 1
         Takes every so many of the values to scan.
     """
-    heavy = replace(REFERENCE, mass_kg=LARGEST_STUDIED_MASS_KG)
+    heavy = replace(pair.REFERENCE, mass_kg=LARGEST_STUDIED_MASS_KG)
     masses, dampings = MAP_MASSES_KG[::every], MAP_DAMPINGS[::every]
     both = [
-        [least_force(replace(REFERENCE, damping_ns_per_m=c, mass_kg=m)) for m in masses.tolist()]
-        for c in dampings.tolist()
+        least_force(replace(pair.REFERENCE, damping_ns_per_m=damping, mass_kg=mass))
+        for damping, mass in itertools.product(dampings.tolist(), masses.tolist())
     ]
     # from the harmless end on: light, well damped, little varied
-    harmless_first = np.geomspace(30.0, 9e4, 61)[::every][::-1]
     return ContactStudy(
-        mass=_scan(REFERENCE, "mass_kg", np.geomspace(0.2, 200.0, 161)[::every]),
-        damping=_scan(heavy, "damping_ns_per_m", harmless_first),
+        mass=_scan(pair.REFERENCE, "mass_kg", np.geomspace(0.2, 200.0, 161)[::every]),
+        damping=_scan(heavy, "damping_ns_per_m", np.geomspace(30.0, 9e4, 61)[::every][::-1]),
         variation=_scan(heavy, "variation", np.linspace(0.02, 0.98, 49)[::every]),
         map_masses_kg=masses,
         map_dampings=dampings,
-        of_both=np.array(both),
+        of_both=np.reshape(both, (len(dampings), len(masses))),
     )
 
 
-def _scan(parameters: MeshParameters, name: str, values: FloatArray) -> Scan:
+def _scan(problem: HillProblem, name: str, values: FloatArray) -> Scan:
     """Scan one parameter, and find between two values where the force first reaches zero."""
     from scipy.optimize import bisect
 
     def force_at(value: float) -> float:
-        return least_force(replace(parameters, **{name: float(value)}))
+        return least_force(pair.varied(problem, name, value))
 
-    found = np.array([force_at(value) for value in values])
-    if found.min() > 0:
-        return Scan(values=values, least_force=found, first=None)
-    lost = int((found <= 0).argmax())
-    first = float(bisect(force_at, values[max(0, lost - 1)], values[lost], rtol=1e-4))
+    found, first = np.array([force_at(value) for value in values.tolist()]), None
+    if found.min() <= 0:
+        lost = int((found <= 0).argmax())
+        first = float(bisect(force_at, values[max(0, lost - 1)], values[lost], rtol=1e-4))
     return Scan(values=values, least_force=found, first=first)
 
 
@@ -343,21 +245,18 @@ class DamageStudy:
 
     Attributes
     ----------
-    losses : ndarray, shape (L,)
-        Share of the pair stiffness lost.
     responses : tuple of Response
         Steady vibration over a turn for each loss.
-    levels_db : ndarray, shape (L,)
+    levels_db : ndarray, shape of `LOSSES`
         RMS acceleration of all lines that are no mesh harmonics over that of the mesh harmonics of
         the healthy pair [dB].
     """
 
-    losses: FloatArray
     responses: tuple[Response, ...]
     levels_db: FloatArray
 
 
-def study_damage(healthy: StiffnessSignal) -> DamageStudy:
+def study_damage(healthy: pair.StiffnessSignal) -> DamageStudy:
     """Solve a turn of the pinion with one weaker tooth.
 
     Parameters
@@ -367,118 +266,76 @@ def study_damage(healthy: StiffnessSignal) -> DamageStudy:
     """
     problems = (_turn_problem(healthy, loss) for loss in (0.0, *LOSSES))
     sound, *hurt = (steady_state(problem, DAMAGE_TOLERANCE) for problem in problems)
-    mesh_rms = np.linalg.norm(sound.acceleration[PINION_TEETH::PINION_TEETH])
-    between = [np.arange(len(r.acceleration)) % PINION_TEETH > 0 for r in hurt]
+    mesh_rms = np.linalg.norm(sound.acceleration[pair.PINION_TEETH :: pair.PINION_TEETH])
+    between = [np.arange(len(r.acceleration)) % pair.PINION_TEETH > 0 for r in hurt]
     sidebands = [np.linalg.norm(r.acceleration[b]) for r, b in zip(hurt, between, strict=True)]
     levels = 20 * np.log10(np.array(sidebands) / mesh_rms)
-    return DamageStudy(losses=np.array(LOSSES), responses=tuple(hurt), levels_db=levels)
+    return DamageStudy(responses=tuple(hurt), levels_db=levels)
 
 
-def _turn_problem(healthy: StiffnessSignal, loss: float) -> HillProblem:
+def _turn_problem(healthy: pair.StiffnessSignal, loss: float) -> HillProblem:
     """Hill's equation over a turn: tooth 1 loses `loss` of the parabola of its pair."""
-    turn = np.zeros(healthy.harmonic_count * PINION_TEETH, dtype=np.complex128)
-    turn[PINION_TEETH - 1 :: PINION_TEETH] = REFERENCE.variation * healthy.shape_harmonics()
-    orders = np.arange(len(turn) + 1) / PINION_TEETH
-    pulse = Parabolic().pulse(CONTACT_RATIO)
-    lost: ComplexArray = -loss * pulse.transform(orders) / (pulse.area * PINION_TEETH)
+    turn = np.zeros(healthy.harmonic_count * pair.PINION_TEETH, dtype=np.complex128)
+    turn[pair.PINION_TEETH - 1 :: pair.PINION_TEETH] = VARIATION * healthy.shape_harmonics()
+    orders = np.arange(len(turn) + 1) / pair.PINION_TEETH
+    pulse = Parabolic().pulse(pair.CONTACT_RATIO)
+    lost: ComplexArray = -loss * pulse.transform(orders) / (pulse.area * pair.PINION_TEETH)
     mean = 1.0 + lost[0].real
-    p = REFERENCE
-    weaker = replace(
-        p, stiffness_n_per_m=p.stiffness_n_per_m * mean, period_s=p.period_s * PINION_TEETH
+    return replace(
+        pair.REFERENCE,
+        stiffness_n_per_m=pair.REFERENCE.stiffness_n_per_m * mean,
+        period_s=pair.REFERENCE.period_s * pair.PINION_TEETH,
+        stiffness_harmonics=(turn + lost[1:]) / mean,
     )
-    return weaker.problem((turn + lost[1:]) / mean)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class HarvestStudy:
-    """Power that a matched inertial harvester takes from each line, tuned to it.
+def harvested_w(response: Response) -> FloatArray:
+    """Mean electrical power of a harvester tuned and matched to line 1, 2 ... in turn [W].
 
-    Attributes
-    ----------
-    frequency_hz : ndarray, shape (N,)
-        Lines 1, 2 ... that its spring can be built for.
-    power_w : ndarray, shape (N,)
-        Mean electrical power with the housing moving as the pair does: an upper end, since the
-        way from the mesh to the housing is not part of the model.
-    generated_first_line_w : float
-        Power that leaves the motion at line 1, in the generator and as heat [W].
+    An upper end: its housing moves as the pair does, since the way from the mesh to the housing is
+    not part of the model.
     """
-
-    frequency_hz: FloatArray
-    power_w: FloatArray
-    generated_first_line_w: float
-
-
-def study_harvest(response: Response) -> HarvestStudy:
-    """Tune a harvester to every line of a steady vibration in turn."""
     frequency = response.frequency_hz[1:]
     frequency = frequency[frequency <= HARVESTER.highest_hz]
-    matched = HARVESTER.with_load(HARVESTER.mechanical_damping_ratio)
-    gains = [float(matched.retuned(f).gains([f]).power_w[0]) for f in frequency.tolist()]
-    powers = np.array(gains) * (2 * np.abs(response.acceleration[1 : len(gains) + 1])) ** 2
-    # matched: as much again goes into heat
-    generated = 2 * float(powers[0])
-    return HarvestStudy(frequency_hz=frequency, power_w=powers, generated_first_line_w=generated)
-
-
-@dataclass(frozen=True)
-class Cost:
-    """One way to obtain the steady vibration of one set of parameters.
-
-    Attributes
-    ----------
-    way : str
-        `SUBSTITUTION`, `MANY`, `SOLUTION` or the name of SciPy's method.
-    setting : str
-        Order or tolerance.
-    error : float
-        Relative L2 error of the acceleration over a steady period.
-    seconds : float
-        Median over the repeats, one set.
-    """
-
-    way: str
-    setting: str
-    error: float
-    seconds: float
+    # tuned and matched it gives the most that any load takes
+    most = np.array([HARVESTER.retuned(f).power_bound_w() for f in frequency.tolist()])
+    amplitudes = 2 * np.abs(response.acceleration[1 : len(most) + 1])
+    return np.asarray(most * amplitudes**2)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedStudy:
-    """Costs measured side by side on this machine.
+    """Costs of ways to the steady vibration of one set of parameters, measured side by side.
 
     Attributes
     ----------
-    costs : tuple of Cost
+    costs : list of Row
+        Of `measured`: method (`SUBSTITUTION`, `MANY`, `SOLUTION` or SciPy's), setting (order or
+        tolerance), error (of the acceleration over a steady period, relative L2) and median_s.
     repeats : int
     machine : str
         Processor, Python and NumPy.
     """
 
-    costs: tuple[Cost, ...]
+    costs: list[Row]
     repeats: int
     machine: str
 
-    def ratio(self, of: Cost) -> tuple[Cost, float] | None:
+    def ratio(self, of: Row) -> tuple[Row, float] | None:
         """Fastest simulation that is at least as accurate, and its time over that of `of`."""
-        as_good = [c for c in self.costs if c.way in METHODS and c.error <= of.error]
-        fastest = min(as_good, key=lambda cost: cost.seconds, default=None)
-        return None if fastest is None else (fastest, fastest.seconds / of.seconds)
+        as_good = [c for c in self.costs if c["method"] in METHODS and c["error"] <= of["error"]]
+        fastest = min(as_good, key=lambda cost: float(cost["median_s"]), default=None)
+        return None if fastest is None else (fastest, fastest["median_s"] / of["median_s"])
 
-    @property
-    def published_order(self) -> Cost:
-        """Substitution in the expansion to second order, one set."""
-        return self.substitution(f"{PUBLISHED_ORDER}")
-
-    def substitution(self, order: str, way: str = SUBSTITUTION) -> Cost:
+    def substitution(self, order: str = f"{pair.PUBLISHED_ORDER}", way: str = SUBSTITUTION) -> Row:
         """Cost of a substitution at one order, one set or many at once."""
-        return next(c for c in self.costs if (c.way, c.setting) == (way, order))
+        return next(c for c in self.costs if (c["method"], c["setting"]) == (way, order))
 
     @property
-    def finest(self) -> Cost:
+    def finest(self) -> Row:
         """Most accurate substitution that some simulation still matches."""
-        matched = [c for c in self.costs if c.way == SUBSTITUTION and self.ratio(c)]
-        return min(matched, key=lambda cost: cost.error)
+        matched = [c for c in self.costs if c["method"] == SUBSTITUTION and self.ratio(c)]
+        return min(matched, key=lambda cost: float(cost["error"]))
 
 
 def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> SpeedStudy:
@@ -493,11 +350,9 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
     tolerances : sequence of float
         Of the simulations.
     """
-    case, facts = Case(name="reference", problem=REFERENCE.problem()), facts_of_run()
-    rows = measured(list(_ways(case, tolerances)), repeats, LONGEST_S, solve_reference(case))
-    columns = ("method", "setting", "error", "median_s")
+    case, facts = Case(name="reference", problem=pair.REFERENCE), facts_of_run()
     return SpeedStudy(
-        costs=tuple(Cost(*(row[name] for name in columns)) for row in rows),
+        costs=measured(list(_ways(case, tolerances)), repeats, LONGEST_S, solve_reference(case)),
         repeats=repeats,
         machine="{processor}, {cores} processors, Python {python}, NumPy {numpy}".format(**facts),
     )
@@ -505,7 +360,7 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
 
 def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
     """Yield every way; of many sets that are substituted at once the first is the reference."""
-    p, oscillator = REFERENCE, PlainOscillator(case)
+    p, oscillator = pair.REFERENCE, PlainOscillator(case)
     for order in ORDERS:
         formula = expand(case.problem, order, HIGHEST).formula
         for way, sets in ((SUBSTITUTION, 1), (MANY, AT_ONCE)):
@@ -523,7 +378,7 @@ def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
 
 
 def _first_set(found: ComplexArray) -> Lines:
-    return Lines(found[0] / REFERENCE.static_deflection_m)
+    return Lines(found[0] / pair.STATIC_DEFLECTION_M)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -541,21 +396,22 @@ class StudyResults:
     orders : OrderStudy
     contact : ContactStudy
     damage : DamageStudy
-    harvest : HarvestStudy
+    harvested_w : ndarray, shape (N,)
+        See `harvested_w`.
     speed : SpeedStudy
     """
 
-    forms: dict[str, FormResponse]
-    reference: Operation
+    forms: dict[str, pair.FormResponse]
+    reference: pair.Operation
     sweeps: dict[str, Sweep]
     orders: OrderStudy
     contact: ContactStudy
     damage: DamageStudy
-    harvest: HarvestStudy
+    harvested_w: FloatArray
     speed: SpeedStudy
 
 
-def run_study(progress: Callable[[float], None] | None = None, quick: bool = False) -> StudyResults:
+def run_study(progress: Progress | None = None, quick: bool = False) -> StudyResults:
     """Compute the whole study, in about 20 s.
 
     Parameters
@@ -569,18 +425,14 @@ def run_study(progress: Callable[[float], None] | None = None, quick: bool = Fal
     -------
     StudyResults
     """
-    done = progress or (lambda _: None)
-    forms, reference = form_responses(), operate(REFERENCE)
-    done(0.25)
-    results = StudyResults(
+    forms, reference = pair.form_responses(), pair.operate(pair.REFERENCE)
+    return StudyResults(
         forms=forms,
         reference=reference,
-        sweeps=run_sweeps(lambda share: done(0.25 + 0.3 * share)),
-        orders=study_orders(),
+        sweeps=run_sweeps(part_of(progress, 0.25, 0.3)),
+        orders=study_orders(reference.response),
         contact=study_contact(every=4 if quick else 1),
         damage=study_damage(forms["fourier-half"].signal),
-        harvest=study_harvest(reference.response),
+        harvested_w=harvested_w(reference.response),
         speed=study_speed(1, QUICK_TOLERANCES) if quick else study_speed(),
     )
-    done(1.0)
-    return results

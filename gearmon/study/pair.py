@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,19 +18,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.benchmark.equations import VARIATION, pair
 from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import rms
 from gearmon.dynamics.free_vibration import transient
+from gearmon.dynamics.hill import KINDS
 from gearmon.dynamics.multiple_scales import expand
-from gearmon.gears.pulses import Pulse
-from gearmon.gears.stiffness import (
-    FourierSum,
-    Parabolic,
-    Rectangular,
-    StiffnessForm,
-    Wave,
-    zone_means,
-)
+from gearmon.gears import stiffness as forms
+from gearmon.gears.pulses import Pulse, PulseTrain
 
 Modulation = Callable[[FloatArray], FloatArray]
 
@@ -42,78 +37,35 @@ PATH_OF_CONTACT_MM = 8.338
 SPEED_RPM, TORQUE_NM = 1460.0, 98.12
 
 #: Highest harmonic of the Fourier sum of the stiffness; with half duty only odd ones are present.
-HIGHEST_STIFFNESS_HARMONIC = 41
+HIGHEST = 41
+#: Half the step between the levels of the rectangle, in units of the greatest stiffness of a pair:
+#: eps is counted in it.
+HALF_JUMP = -0.5 * float(np.diff(forms.zone_means(CONTACT_RATIO))[0])
 #: Harmonics kept where a form is solved by its Fourier series although it jumps.
 HARMONICS_OF_JUMPS = 400
+#: The published solution ends at this order.
+PUBLISHED_ORDER = 2
 #: Relative error of the acceleration that every steady state must meet.
 TOLERANCE = 1e-9
 #: Order of the free vibration that dies out after a start, and stiffness harmonics that it sees.
 FREE_ORDER, FREE_HARMONICS = 6, 100
 #: Damping ratios between which both free vibrations are too much alike to be expanded one by one.
 NEAR_CRITICAL = (0.95, 1.05)
-PERIODS_FROM_REST = 4
-POINTS_PER_PERIOD = 600
+PERIODS_FROM_REST, POINTS_PER_PERIOD = 4, 600
 #: Lines with at least this share of the largest line's energy make up the band.
 BAND_SHARE = 0.1
+#: Mesh periods from rest under each form of stiffness, and points in each.
+PERIODS, POINTS = 3, 1000
+#: Phases of a mesh period, and where trajectories hold the last one, without its end point.
+PHASE, LAST_PERIOD = np.arange(POINTS) / POINTS, slice(-POINTS - 1, -1)
+#: A vibration has settled once it stays this close to the quasi-static deflection, as a share of
+#: the difference of F/k between the two levels of the rectangle.
+SETTLED = 0.05
 # A phase this close to a jump is taken from the side of the piece that is being integrated.
 _INSIDE = 1e-12
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeshParameters:
-    """Parameters of ``m z'' + c z' + k0 [1 + eps f(t)] z = F``, f a square wave of +-1.
-
-    Parameters
-    ----------
-    mass_kg : float, > 0
-        Equivalent mass on the line of action.
-    damping_ns_per_m : float, > 0
-        Mesh damping.
-    stiffness_n_per_m : float, > 0
-        Mean mesh stiffness k0.
-    variation : float, in [0, 1)
-        eps.
-    period_s : float, > 0
-        Mesh period.
-    force_n : float, > 0
-        Normal force.
-    """
-
-    mass_kg: float = 0.28
-    damping_ns_per_m: float = 9e3
-    stiffness_n_per_m: float = 8e8
-    variation: float = 0.13
-    period_s: float = 1.6e-3
-    force_n: float = 4e3
-
-    @property
-    def static_deflection_m(self) -> float:
-        """F/k0 [m]."""
-        return self.force_n / self.stiffness_n_per_m
-
-    @property
-    def decay_rate(self) -> float:
-        """Decay rate h = c/(2 m) [1/s] of free vibrations."""
-        return self.damping_ns_per_m / (2 * self.mass_kg)
-
-    def problem(self, harmonics: ComplexArray | None = None) -> HillProblem:
-        """Return Hill's equation, by default with the Fourier sum of the square wave.
-
-        Parameters
-        ----------
-        harmonics : complex ndarray, shape (J,), optional
-            c_1..c_J of the stiffness relative to its mean.
-        """
-        own = self.variation * square_wave_harmonics() if harmonics is None else harmonics
-        mass, damping, stiffness = self.mass_kg, self.damping_ns_per_m, self.stiffness_n_per_m
-        return HillProblem(mass, damping, stiffness, own, self.period_s, self.force_n)
-
-
-#: The published reference values.
-REFERENCE = MeshParameters()
-
-
-def square_wave_harmonics(highest: int = HIGHEST_STIFFNESS_HARMONIC) -> ComplexArray:
+def square_wave_harmonics(highest: int = HIGHEST) -> ComplexArray:
     """c_1..c_highest of the +-1 square wave that is high in the first half of the period.
 
     Parameters
@@ -129,6 +81,19 @@ def square_wave_harmonics(highest: int = HIGHEST_STIFFNESS_HARMONIC) -> ComplexA
     """
     orders = np.arange(1, highest + 1)
     return np.where(orders % 2 == 1, -2j / (math.pi * orders), 0.0)
+
+
+#: The published values: m z'' + c z' + k0 [1 + eps f(t)] z = F, f a square wave of +-1.
+REFERENCE = pair(VARIATION * square_wave_harmonics())
+STATIC_DEFLECTION_M = REFERENCE.force_n / REFERENCE.stiffness_n_per_m
+
+
+def varied(problem: HillProblem, name: str, value: float) -> HillProblem:
+    """Return the pair with another value of its equation, or of "variation", eps of its wave."""
+    changed: dict[str, Any] = {name: value}
+    if name == "variation":
+        changed = {"stiffness_harmonics": value * square_wave_harmonics()}
+    return replace(problem, **changed)
 
 
 def decoded() -> dict[str, float]:
@@ -156,104 +121,71 @@ def decoded() -> dict[str, float]:
     }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class StiffnessSignal:
     """One form of mesh stiffness over the mesh phase (0: a pair enters contact).
 
     Parameters
     ----------
-    key, label : str
-        Short name and name to show.
-    pulse : Pulse
-        Stiffness of one pair, in units of the greatest of a single pair.
-    outline : Pulse
-        The same without the ripple of a Fourier sum: its rectangle.
-    half_jump : float
-        Half the step between the levels of the rectangle, same unit: eps is counted in it.
+    label : str
+        Name to show.
+    form : StiffnessForm
     harmonic_count : int
         Harmonics that are kept in a series: all of a Fourier sum, many of a form with jumps.
     jumps : tuple of float
         Phases in [0, 1) where the curve or its slope jumps; empty for a Fourier sum.
     """
 
-    key: str
     label: str
-    pulse: Pulse = field(repr=False)
-    outline: Pulse = field(repr=False)
-    half_jump: float
-    harmonic_count: int
-    jumps: tuple[float, ...]
+    form: forms.StiffnessForm
+    harmonic_count: int = HARMONICS_OF_JUMPS
+    jumps: tuple[float, ...] = (0.0, CONTACT_RATIO - 1)
 
-    def level(self, phase: ArrayLike) -> FloatArray:
-        """Stiffness in units of the greatest of a single pair, at `phase` [mesh periods]."""
-        return _pairs_added(self.pulse, phase)
+    @cached_property
+    def pulse(self) -> Pulse:
+        """Stiffness of one pair, in units of the greatest of a single pair."""
+        return self.form.pulse(CONTACT_RATIO)
 
-    @property
-    def mean(self) -> float:
-        """Mean over the mesh period, in units of the greatest of a single pair."""
-        return self.pulse.area
+    def level(self, phase: ArrayLike, *, smooth: bool = False) -> FloatArray:
+        """Stiffness in units of the greatest of a single pair.
 
-    def shape(self, phase: ArrayLike) -> FloatArray:
+        Parameters
+        ----------
+        phase : array_like
+            In mesh periods.
+        smooth : bool
+            Whether to leave out the ripple of a Fourier sum.
+        """
+        pulse = self.form.outline(CONTACT_RATIO) if smooth else self.pulse
+        return PulseTrain.healthy(pulse, 0.0).at(phase)
+
+    def shape(self, phase: ArrayLike, *, smooth: bool = False) -> FloatArray:
         """Shape f = (K - mean)/half jump: zero mean, with the jumps of a +-1 square wave."""
-        return (self.level(phase) - self.mean) / self.half_jump
-
-    def smooth_shape(self, phase: ArrayLike) -> FloatArray:
-        """Shape f without the ripple of a Fourier sum."""
-        return (_pairs_added(self.outline, phase) - self.mean) / self.half_jump
+        return (self.level(phase, smooth=smooth) - self.pulse.area) / HALF_JUMP
 
     def shape_harmonics(self, count: int | None = None) -> ComplexArray:
         """f_1..f_count of ``f = sum_n (f_n e^{2 pi i n phase} + conjugate)``."""
-        orders = np.arange(1, (count or self.harmonic_count) + 1)
-        return self.pulse.transform(orders) / self.half_jump
+        return self.pulse.transform(np.arange(1, (count or self.harmonic_count) + 1)) / HALF_JUMP
 
-    def modulation(self, parameters: MeshParameters) -> Modulation:
-        """Return the function of the phase that gives k/k0 - 1 = eps f."""
-        if not self.jumps:
-            return series(parameters.variation * self.shape_harmonics())
-        return lambda phase: parameters.variation * self.shape(phase)
+    def modulation(self, phase: FloatArray) -> FloatArray:
+        """k/k0 - 1 = eps f."""
+        return VARIATION * self.shape(phase)
 
 
-def _pairs_added(pulse: Pulse, phase: ArrayLike) -> FloatArray:
-    """Sum of the pairs in contact: those that entered in this period and in the one before."""
-    x = np.mod(np.asarray(phase, dtype=np.float64), 1.0)
-    return pulse.value(x) + pulse.value(x + 1.0)
-
-
-def stiffness_signals() -> dict[str, StiffnessSignal]:
-    """Return the forms by key: parabolic, wave, rectangular, fourier, fourier-half.
-
-    The first four share the duty 0.412 that the contact ratio asks for; "fourier" is the sum of the
-    rectangle. "fourier-half" is the sum of a square wave of half duty: only that has the odd
-    cosines alone that the study speaks of, and it is what the sweeps use.
-
-    Examples
-    --------
-    >>> signals = stiffness_signals()
-    >>> [round(float(signals["rectangular"].level(x)), 6) for x in (0.2, 0.7)]
-    [1.523046, 0.973988]
-    """
-    high, low = zone_means(CONTACT_RATIO)
-    odd = (HIGHEST_STIFFNESS_HARMONIC + 1) // 2
-    true, half = FourierSum(terms=2 * odd - 1, duty="true"), FourierSum(terms=odd)
-    forms: dict[str, tuple[str, StiffnessForm]] = {
-        "parabolic": ("parabolic reference", Parabolic()),
-        "wave": ("wave-shaped", Wave()),
-        "rectangular": ("rectangular", Rectangular()),
-        "fourier": ("Fourier sum of the rectangle", true),
-        "fourier-half": ("Fourier sum at half duty", half),
-    }
-    return {
-        key: StiffnessSignal(
-            key=key,
-            label=label,
-            pulse=form.pulse(CONTACT_RATIO),
-            outline=form.outline(CONTACT_RATIO),
-            half_jump=0.5 * (high - low),
-            harmonic_count=2 * odd - 1 if key.startswith("fourier") else HARMONICS_OF_JUMPS,
-            jumps=() if key.startswith("fourier") else (0.0, CONTACT_RATIO - 1),
-        )
-        for key, (label, form) in forms.items()
-    }
+#: The first four share the duty 0.412 that the contact ratio asks for; "fourier" is the sum of the
+#: rectangle. "fourier-half" is the sum of a square wave of half duty: only that has the odd cosines
+#: alone that the study speaks of, and it is what the sweeps use.
+SIGNALS = {
+    "parabolic": StiffnessSignal("parabolic reference", forms.Parabolic()),
+    "wave": StiffnessSignal("wave-shaped", forms.Wave()),
+    "rectangular": StiffnessSignal("rectangular", forms.Rectangular()),
+    "fourier": StiffnessSignal(
+        "Fourier sum of the rectangle", forms.FourierSum(terms=HIGHEST, duty="true"), HIGHEST, ()
+    ),
+    "fourier-half": StiffnessSignal(
+        "Fourier sum at half duty", forms.FourierSum(terms=(HIGHEST + 1) // 2), HIGHEST, ()
+    ),
+}
 
 
 def series(harmonics: ComplexArray) -> Modulation:
@@ -283,22 +215,16 @@ class Trajectory:
 
 
 def motion(
-    parameters: MeshParameters,
-    modulation: Modulation,
-    time_s: FloatArray,
-    displacement_m: FloatArray,
-    velocity_ms: FloatArray,
+    problem: HillProblem, modulation: Modulation, time_s: FloatArray, z: FloatArray, v: FloatArray
 ) -> Trajectory:
     """Complete displacement and velocity by what the equation of motion says of the rest."""
-    phi = modulation(np.mod(time_s / parameters.period_s, 1.0))
-    stiffness = parameters.stiffness_n_per_m * (1 + phi)
-    force = stiffness * displacement_m + parameters.damping_ns_per_m * velocity_ms
-    acceleration = (parameters.force_n - force) / parameters.mass_kg
-    return Trajectory(time_s, displacement_m, velocity_ms, acceleration, force)
+    phi = modulation(np.mod(time_s / problem.period_s, 1.0))
+    force = problem.stiffness_n_per_m * (1 + phi) * z + problem.damping_ns_per_m * v
+    return Trajectory(time_s, z, v, (problem.force_n - force) / problem.mass_kg, force)
 
 
 def simulate(
-    parameters: MeshParameters,
+    problem: HillProblem,
     modulation: Modulation,
     time_s: FloatArray,
     jumps: Sequence[float] = (),
@@ -308,7 +234,8 @@ def simulate(
 
     Parameters
     ----------
-    parameters : MeshParameters
+    problem : HillProblem
+        All but its stiffness harmonics.
     modulation : callable
         k/k0 - 1 as a function of the phase [mesh periods].
     time_s : ndarray, shape (n,)
@@ -324,34 +251,25 @@ def simulate(
     """
     from scipy.integrate import solve_ivp
 
-    period, state, end = parameters.period_s, np.zeros(2), float(time_s[-1])
-    mass, force, stiffness = parameters.mass_kg, parameters.force_n, parameters.stiffness_n_per_m
-    damping = parameters.damping_ns_per_m
+    p, period, state = problem, problem.period_s, np.zeros(2)
 
-    def slope(time: float, state: FloatArray, low: float, high: float) -> tuple[float, float]:
+    def rates(time: float, state: FloatArray, low: float, high: float) -> tuple[float, float]:
         phase = min(max(time / period, low), high) % 1.0
-        restoring = stiffness * (1 + float(modulation(np.asarray(phase)))) * state[0]
-        return state[1], (force - damping * state[1] - restoring) / mass
+        restoring = p.stiffness_n_per_m * (1 + float(modulation(np.asarray(phase)))) * state[0]
+        return state[1], (p.force_n - p.damping_ns_per_m * state[1] - restoring) / p.mass_kg
 
-    scale = parameters.static_deflection_m * np.array([1.0, 2 * np.pi / period])
-    found = np.zeros((2, len(time_s)))
-    marks = np.add.outer(np.arange(math.ceil(end / period)), sorted({0.0, *jumps})).ravel()
-    edges = [*marks[marks < end / period].tolist(), end / period]
-    for start, stop in itertools.pairwise(edges):
-        inside = (time_s >= start * period) & (time_s < stop * period * (1 - _INSIDE))
-        solution = solve_ivp(
-            slope,
-            (start * period, stop * period),
-            state,
-            method="DOP853",
-            t_eval=np.append(time_s[inside], stop * period),
-            args=(start + _INSIDE, stop - _INSIDE),
-            rtol=tolerance,
-            atol=tolerance * scale,
-        )
-        found[:, inside], state = solution.y[:, :-1], solution.y[:, -1]
-    found[:, time_s >= end * (1 - _INSIDE)] = state[:, None]
-    return motion(parameters, modulation, time_s, found[0], found[1])
+    sizes = p.force_n / p.stiffness_n_per_m * np.array([1.0, p.angular_frequency])
+    how: dict[str, Any] = {"method": "DOP853", "rtol": tolerance, "atol": tolerance * sizes}
+    periods, found = float(time_s[-1]) / period, np.zeros((2, len(time_s)))
+    marks = np.add.outer(np.arange(math.ceil(periods)), sorted({0.0, *jumps})).ravel()
+    for low, high in itertools.pairwise([*marks[marks < periods].tolist(), periods]):
+        inside = (time_s >= low * period) & (time_s < high * period * (1 - _INSIDE))
+        wanted, span = np.append(time_s[inside], high * period), (low * period, high * period)
+        sides = (low + _INSIDE, high - _INSIDE)
+        states = solve_ivp(rates, span, state, t_eval=wanted, args=sides, **how).y
+        found[:, inside], state = states[:, :-1], states[:, -1]
+    found[:, time_s >= periods * period * (1 - _INSIDE)] = state[:, None]
+    return motion(problem, modulation, time_s, *found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -374,13 +292,12 @@ class Start:
 
 
 def start_from_rest(
-    parameters: MeshParameters, steady: Response, periods: int, points: int
+    steady: Response, periods: int = PERIODS_FROM_REST, points: int = POINTS_PER_PERIOD
 ) -> Start:
     """Solve the start by multiple scales and measure its error against direct integration.
 
     Parameters
     ----------
-    parameters : MeshParameters
     steady : Response
         What the motion settles to.
     periods, points : int
@@ -391,19 +308,17 @@ def start_from_rest(
     Start
         By direct integration where the damping is within 5 % of the critical one.
     """
-    time = np.arange(periods * points + 1) / points * parameters.period_s
+    time = np.arange(periods * points + 1) / points * steady.problem.period_s
     modulation = series(steady.problem.stiffness_harmonics)
-    simulated = simulate(parameters, modulation, time, tolerance=1e-8)
+    simulated = simulate(steady.problem, modulation, time, tolerance=1e-8)
     if NEAR_CRITICAL[0] < steady.problem.damping_ratio < NEAR_CRITICAL[1]:
         return Start(simulated, 0.0, "direct integration")
-    found = solved_start(parameters, steady, modulation, time)
+    found = solved_start(steady, modulation, time)
     apart = largest_difference(simulated.displacement_m, found.displacement_m)
     return Start(found, apart, "multiple scales")
 
 
-def solved_start(
-    parameters: MeshParameters, steady: Response, modulation: Modulation, time_s: FloatArray
-) -> Trajectory:
+def solved_start(steady: Response, modulation: Modulation, time_s: FloatArray) -> Trajectory:
     """Add to the steady vibration the free one that brings it to rest at t = 0.
 
     The free vibration has the damping in order zero and `FREE_HARMONICS` of the stiffness.
@@ -414,7 +329,7 @@ def solved_start(
     displacement, velocity = (-float(steady.at(0.0, kind)) for kind in kinds)
     free = transient(unforced, displacement, velocity, FREE_ORDER)
     z, v = (steady.at(time_s, kind) + free.at(time_s, kind) for kind in kinds)
-    return motion(parameters, modulation, time_s, z, v)
+    return motion(steady.problem, modulation, time_s, z, v)
 
 
 def largest_difference(true: FloatArray, other: FloatArray) -> float:
@@ -422,24 +337,19 @@ def largest_difference(true: FloatArray, other: FloatArray) -> float:
     return float(np.abs(true - other).max() / np.abs(true).max())
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Operation:
     """The pair under one set of parameters.
 
     Attributes
     ----------
-    parameters : MeshParameters
     response : Response
         Steady vibration to `TOLERANCE`.
-    second_order : complex ndarray, shape (M,)
-        Harmonics of the displacement by multiple scales, orders 0 to 2 [m].
     start : Start
         From rest, `PERIODS_FROM_REST` mesh periods.
     """
 
-    parameters: MeshParameters
     response: Response
-    second_order: ComplexArray
     start: Start
 
     @cached_property
@@ -447,33 +357,18 @@ class Operation:
         """Amplitudes of the acceleration of harmonics 0, 1, 2 ... [m/s2]."""
         return np.asarray(2 * np.abs(self.response.acceleration))
 
-    @property
-    def peak_harmonic(self) -> int:
-        """Harmonic of the largest acceleration line."""
-        return int(self.acceleration_lines.argmax())
-
-    @property
-    def peak_acceleration(self) -> float:
-        """Amplitude of the largest acceleration line [m/s2]."""
-        return float(self.acceleration_lines.max())
-
-    @property
-    def energy(self) -> FloatArray:
-        """E_n = (2 pi f_n A_n)^2/2 of the lines [J/kg]."""
-        return self.response.energy_lines
-
     @cached_property
     def waveform(self) -> Trajectory:
         """One steady mesh period, `POINTS_PER_PERIOD` equal steps."""
-        time = np.arange(POINTS_PER_PERIOD) / POINTS_PER_PERIOD * self.parameters.period_s
-        kinds = ("displacement", "velocity", "acceleration", "mesh_force")
-        return Trajectory(time, *(self.response.at(time, kind) for kind in kinds))
+        time = np.arange(POINTS_PER_PERIOD) / POINTS_PER_PERIOD * self.response.problem.period_s
+        return Trajectory(time, *(self.response.at(time, kind) for kind in KINDS))
 
     @cached_property
     def figures(self) -> dict[str, Any]:
         """All that is told of it, by the columns of sweeps.csv."""
-        response, waveform, energy = self.response, self.waveform, self.energy
+        response, waveform, energy = self.response, self.waveform, self.response.energy_lines
         total, frequency = float(energy.sum()), response.frequency_hz
+        second_order = expand(response.problem, PUBLISHED_ORDER).displacement
         strong = np.flatnonzero(energy >= BAND_SHARE * energy.max())
         return {
             "natural_frequency_hz": response.problem.natural_frequency_hz,
@@ -482,13 +377,13 @@ class Operation:
             "displacement_swing_m": float(np.ptp(waveform.displacement_m)),
             "least_displacement_m": float(waveform.displacement_m.min()),
             "least_mesh_force_n": float(waveform.mesh_force_n.min()),
-            "peak_acceleration_ms2": self.peak_acceleration,
-            "peak_harmonic": self.peak_harmonic,
+            "peak_acceleration_ms2": float(self.acceleration_lines.max()),
+            "peak_harmonic": int(self.acceleration_lines.argmax()),
             "total_energy_j_per_kg": total,
-            "total_energy_j": total * self.parameters.mass_kg,
+            "total_energy_j": total * response.problem.mass_kg,
             "mean_energy_frequency_hz": float(energy @ frequency) / total,
             "energy_band_hz": float(frequency[strong[-1]]),
-            "second_order_error": acceleration_error(self.second_order, response),
+            "second_order_error": acceleration_error(second_order, response),
             "start_error": self.start.error,
             "start_method": self.start.method,
             "error_bound": response.error_bound,
@@ -496,15 +391,10 @@ class Operation:
         }
 
 
-def operate(parameters: MeshParameters) -> Operation:
+def operate(problem: HillProblem) -> Operation:
     """Solve one set of parameters."""
-    response = solved(parameters.problem())
-    return Operation(
-        parameters=parameters,
-        response=response,
-        second_order=expand(response.problem, 2).displacement,
-        start=start_from_rest(parameters, response, PERIODS_FROM_REST, POINTS_PER_PERIOD),
-    )
+    response = solved(problem)
+    return Operation(response, start_from_rest(response))
 
 
 def solved(problem: HillProblem) -> Response:
@@ -515,11 +405,9 @@ def solved(problem: HillProblem) -> Response:
 def acceleration_error(displacement: ComplexArray, exact: Response) -> float:
     """Relative L2 error of the acceleration that these harmonics of the displacement give."""
     size = max(len(displacement), len(exact.displacement))
-    difference = np.zeros(size, dtype=np.complex128)
-    difference[: len(displacement)] += displacement
-    difference[: len(exact.displacement)] -= exact.displacement
-    squares = np.arange(size) ** 2 * exact.problem.angular_frequency**2
-    return rms(squares * difference) / rms(exact.acceleration)
+    given, true = (np.pad(z, (0, size - len(z))) for z in (displacement, exact.displacement))
+    squares = np.arange(size) ** 2
+    return rms(squares * (given - true)) / rms(squares * true)
 
 
 def waveform_error(displacement: ComplexArray, exact: Response, points: int = 4096) -> float:
@@ -527,3 +415,55 @@ def waveform_error(displacement: ComplexArray, exact: Response, points: int = 40
     share = np.arange(points) / points
     given = displacement[0].real + series(displacement[1:])(share)
     return largest_difference(exact.at(share * exact.problem.period_s), given)
+
+
+@dataclass(frozen=True, eq=False)
+class FormResponse:
+    """The reference case under one form of stiffness.
+
+    Attributes
+    ----------
+    signal : StiffnessSignal
+    steady : Response
+        Of the form's Fourier series, by multiple scales.
+    simulated : Trajectory
+        From rest, by direct integration of the form itself with its jumps.
+    solved : Trajectory
+        The same by multiple scales, acceleration and force from the equation of motion.
+    """
+
+    signal: StiffnessSignal
+    steady: Response
+    simulated: Trajectory
+    solved: Trajectory
+
+    @property
+    def longest_settling_s(self) -> float:
+        """Settling time after the slower of both changes of the number of pairs [s]."""
+        cut = 0.5 if self.signal is SIGNALS["fourier-half"] else CONTACT_RATIO - 1
+        quasi_static = STATIC_DEFLECTION_M / (1 + VARIATION * self.signal.shape(PHASE, smooth=True))
+        z, step = self.simulated.displacement_m[LAST_PERIOD], 2 * VARIATION * STATIC_DEFLECTION_M
+        late = PHASE[np.abs(z - quasi_static) > SETTLED * step]
+        lag = max(late[late < cut].max(initial=0.0), late.max(initial=cut) - cut)
+        return float(lag) * REFERENCE.period_s
+
+
+def form_responses() -> dict[str, FormResponse]:
+    """Solve and simulate the reference case under every form."""
+    time = np.arange(PERIODS * POINTS + 1) / POINTS * REFERENCE.period_s
+    return {key: _form_response(signal, time) for key, signal in SIGNALS.items()}
+
+
+def _form_response(signal: StiffnessSignal, time: FloatArray) -> FormResponse:
+    harmonics = VARIATION * signal.shape_harmonics()
+    steady = solved(replace(REFERENCE, stiffness_harmonics=harmonics))
+    modulation = signal.modulation if signal.jumps else series(harmonics)
+    simulated = simulate(REFERENCE, modulation, time, signal.jumps, 1e-8)
+    return FormResponse(signal, steady, simulated, solved_start(steady, modulation, time))
+
+
+def dynamic_difference(one: FormResponse, other: FormResponse) -> float:
+    """Difference of two steady displacements without their means, over the size of `other`."""
+    last = (form.simulated.displacement_m[LAST_PERIOD] for form in (one, other))
+    a, b = (z - z.mean() for z in last)
+    return float(np.linalg.norm(a - b) / np.linalg.norm(b))

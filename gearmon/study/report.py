@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from gearmon.errors import ArgumentError
-from gearmon.files import write_atomically
+from gearmon.benchmark.equations import VARIATION
+from gearmon.files import made_folder, write_atomically
 from gearmon.report.wording import base64_text, rows_as_csv, template
-from gearmon.study.claims import Evidence, Finding, Verdict, judge, study_table
+from gearmon.study.claims import STUDY, Evidence, Finding, Verdict, judge
 from gearmon.study.experiments import StudyResults, run_study
+from gearmon.study.pair import REFERENCE
+from gearmon.terminal import Progress, followed, part_of
 
 #: Share of the time that computing takes; the rest is drawing.
 COMPUTING_SHARE = 0.6
@@ -22,7 +23,7 @@ WIDTH = 100
 
 
 #: Name (of file and drawing), figures of the study that it stands for, title and caption of each.
-PICTURES = study_table()["picture"]
+PICTURES = STUDY["picture"]
 #: Figure of the study -> the picture that stands for it.
 FIGURES = {number: row for number in range(1, 37) for row in PICTURES if number in row["figures"]}
 
@@ -33,7 +34,6 @@ class StudyReport:
 
     Attributes
     ----------
-    results : StudyResults
     judged : tuple of Finding
     page : Path
         The HTML page.
@@ -41,7 +41,6 @@ class StudyReport:
         Everything written, the page first.
     """
 
-    results: StudyResults
     judged: tuple[Finding, ...]
     page: Path
     files: tuple[Path, ...]
@@ -55,13 +54,9 @@ class StudyReport:
             told += textwrap.wrap(margin + entry.reason, WIDTH, subsequent_indent=margin)
         counts = ", ".join(f"{n} {verdict}" for verdict, n in _counts(self.judged).items())
         pictures = f"{len(PICTURES)} pictures for figures 1 to {max(FIGURES)}"
-        return [
-            *told,
-            "",
-            f"{len(self.judged)} claims: {counts}",
-            f"{pictures}, and tables: {self.page.parent}",
-            f"report: {self.page}",
-        ]
+        told += ["", f"{len(self.judged)} claims: {counts}"]
+        told += [f"{pictures}, and tables: {self.page.parent}", f"report: {self.page}"]
+        return told
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
@@ -76,7 +71,7 @@ class StudyReport:
         }
 
 
-def write_study(folder: str | Path, progress: Callable[[float], None] | None = None) -> StudyReport:
+def write_study(folder: str | Path, progress: Progress | None = None) -> StudyReport:
     """Compute the study, hold it against its claims, and write everything to a folder.
 
     Parameters
@@ -100,87 +95,65 @@ def write_study(folder: str | Path, progress: Callable[[float], None] | None = N
     -----
     About half a minute: it integrates many equations of motion and measures run times.
     """
-    target, tell = Path(folder), progress or (lambda _: None)
-    try:
-        target.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"{target}: cannot make this folder ({error.strerror})") from None
-    share = COMPUTING_SHARE
-    results = run_study(lambda done: tell(share * done))
-    return write_results(results, target, lambda done: tell(share + (1 - share) * done))
+    target = made_folder(folder)
+    results = run_study(part_of(progress, 0.0, COMPUTING_SHARE))
+    return write_results(results, target, part_of(progress, COMPUTING_SHARE, 1 - COMPUTING_SHARE))
 
 
-def write_results(
-    results: StudyResults, folder: Path, progress: Callable[[float], None] | None = None
-) -> StudyReport:
+def write_results(results: StudyResults, folder: Path, progress: Progress | None) -> StudyReport:
     """Write a study that is computed already; see `write_study`."""
     from gearmon.study.plots import save_picture  # drawing is slow to load
 
-    judged, pictures = judge(results), []
-    for number, picture in enumerate(PICTURES, start=1):
-        pictures.append(folder / f"{picture['name']}.png")
-        save_picture(picture["name"], results, pictures[-1])
-        if progress is not None:
-            progress(number / len(PICTURES))
-    figures = [
-        {"figure": number, "picture": f"{row['name']}.png", "title": row["title"]}
-        for number, row in FIGURES.items()
-    ]
+    judged = judge(results)
+    pictures = [folder / f"{picture['name']}.png" for picture in PICTURES]
+    for path in followed(pictures, len(pictures), progress):
+        save_picture(path.stem, results, path)
     tables = {
         "claims.csv": claim_rows(judged),
         "sweeps.csv": sweep_rows(results),
-        "figures.csv": figures,
+        "figures.csv": [
+            {"figure": number, "picture": f"{row['name']}.png", "title": row["title"]}
+            for number, row in FIGURES.items()
+        ],
     }
     for name, rows in tables.items():
         write_atomically(folder / name, rows_as_csv(rows))
     page = folder / "study.html"
     write_atomically(page, _rendered(results, judged, pictures))
     files = (page, *pictures, *(folder / name for name in tables))
-    return StudyReport(results=results, judged=judged, page=page, files=files)
+    return StudyReport(judged=judged, page=page, files=files)
 
 
 def _rendered(results: StudyResults, judged: tuple[Finding, ...], pictures: list[Path]) -> str:
-    data = [base64_text(path.read_bytes()) for path in pictures]
-    pairs = zip(PICTURES, data, strict=True)
     return template("study.html", "gearmon.study").render(
         number=shown_number,
         difference=shown_difference,
-        parameters=results.reference.parameters,
-        problem=results.reference.response.problem,
+        problem=REFERENCE,
+        variation=VARIATION,
         judged=judged,
         counts=_counts(judged),
         index=FIGURES,
-        pictures=[{"picture": picture, "data": png} for picture, png in pairs],
-        sweeps=[
-            (sweep.label, zip(sweep.shown, (point.figures for point in sweep.points), strict=True))
-            for sweep in results.sweeps.values()
-        ],
-        speed=results.speed,
+        pictures=zip(PICTURES, (base64_text(p.read_bytes()) for p in pictures), strict=True),
+        results=results,
     )
 
 
 def _counts(judged: Sequence[Finding]) -> dict[str, int]:
     """Count the verdicts, in the order from reproduced to not checkable."""
-    found = Counter(entry.verdict for entry in judged)
-    return {verdict: found[verdict] for verdict in get_args(Verdict)}
+    return {kind: sum(entry.verdict == kind for entry in judged) for kind in get_args(Verdict)}
 
 
 def claim_rows(judged: Sequence[Finding]) -> list[dict[str, Any]]:
     """One row for every number behind every claim."""
-    return [
-        {
-            "claim": entry.claim.key,
-            "text": entry.claim.text,
-            "where": entry.claim.where,
-            "verdict": entry.verdict,
-            "reason": entry.reason,
-            **asdict(item),
-            "difference": item.difference,
-            "agrees": item.agrees if item.expected is not None else None,
-        }
-        for entry in judged
-        for item in entry.evidence
-    ]
+    rows = []
+    for entry in judged:
+        claim = entry.claim
+        head = {"claim": claim.key, "text": claim.text, "where": claim.where}
+        head |= {"verdict": entry.verdict, "reason": entry.reason}
+        for item in entry.evidence:
+            agrees = None if item.expected is None else item.agrees
+            rows.append(head | asdict(item) | {"difference": item.difference, "agrees": agrees})
+    return rows
 
 
 def sweep_rows(results: StudyResults) -> list[dict[str, Any]]:

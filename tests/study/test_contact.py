@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gearmon.study.experiments import least_force
-from gearmon.study.pair import REFERENCE
+from gearmon.study.pair import REFERENCE, varied
 
 
 def test_first_losses_are_where_the_force_is_zero(results):
@@ -16,7 +16,7 @@ def test_first_losses_are_where_the_force_is_zero(results):
     at_mass = replace(REFERENCE, mass_kg=contact.mass.first)
     assert abs(least_force(at_mass)) < 5e-3
     heavy = replace(REFERENCE, mass_kg=3.0)
-    assert abs(least_force(replace(heavy, variation=contact.variation.first))) < 5e-3
+    assert abs(least_force(varied(heavy, "variation", contact.variation.first))) < 5e-3
 
 
 def test_contact_is_lost_near_resonance(results):
@@ -26,7 +26,7 @@ def test_contact_is_lost_near_resonance(results):
 
 
 def test_without_variation_the_force_is_constant():
-    assert least_force(replace(REFERENCE, variation=0.0)) == pytest.approx(1.0)
+    assert least_force(varied(REFERENCE, "variation", 0.0)) == pytest.approx(1.0)
 
 
 def test_unstable_means_no_contact():

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.study.pair import REFERENCE, stiffness_signals
-
-SIGNALS = stiffness_signals()
+from gearmon.benchmark.equations import VARIATION
+from gearmon.study.pair import SIGNALS
 
 
 @pytest.mark.parametrize("key", SIGNALS)
@@ -23,7 +22,7 @@ def test_no_mean_and_exact_harmonics(key):
 
 def test_levels_of_the_published_table():
     parabola = SIGNALS["parabolic"]
-    assert parabola.mean == pytest.approx(1.200200, abs=1e-9)
+    assert parabola.pulse.area == pytest.approx(1.200200, abs=1e-9)
     assert parabola.level(0.0) == pytest.approx(1.471964, abs=1e-6)
     assert parabola.level(0.206) == pytest.approx(1.548588, abs=1e-6)
     assert parabola.level(1 - 1e-12) == pytest.approx(0.921964, abs=1e-6)
@@ -37,9 +36,9 @@ def test_wave_meets_the_parabola_at_ends_and_middles():
 
 
 def test_rectangle_jumps_by_twice_the_variation():
-    modulation = SIGNALS["rectangular"].modulation(REFERENCE)
+    modulation = SIGNALS["rectangular"].modulation
     high, low = modulation(np.array([0.2, 0.7]))
-    assert high - low == pytest.approx(2 * REFERENCE.variation)
+    assert high - low == pytest.approx(2 * VARIATION)
 
 
 def test_fourier_sums_have_no_jumps_and_end():

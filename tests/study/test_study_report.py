@@ -55,7 +55,7 @@ def test_panels_name_their_figure_and_axes_their_units(results, picture):
 def test_energy_panel_holds_the_lines(results):
     figure = DRAWINGS["energy_of_reference"](results)
     heights = figure.axes[0].lines[0].get_ydata()
-    odd = 1e6 * results.reference.energy[1:16:2]
+    odd = 1e6 * results.reference.response.energy_lines[1:16:2]
     assert all(np.isclose(heights, value).any() for value in odd)
 
 

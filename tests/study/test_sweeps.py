@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearmon.study.experiments import HIGHEST_ORDER
-from gearmon.study.pair import waveform_error
+from gearmon.study.pair import LAST_PERIOD, PHASE, waveform_error
 
 # amplitudes 2|z_n| in m: exact, and first or (for even lines) second order
 LINES = {
@@ -25,7 +25,9 @@ def test_lines_exact_and_by_second_order(results, line):
     exact, second = LINES[line]
     # half a unit of the last digit known
     digits = 5e-5 if line % 2 else 3e-4
-    assert 2 * abs(results.orders.exact.displacement[line]) == pytest.approx(exact, rel=digits)
+    assert 2 * abs(results.reference.response.displacement[line]) == pytest.approx(
+        exact, rel=digits
+    )
     sums = results.orders.expansion.terms[:3].sum(axis=0)
     assert 2 * abs(sums[line]) == pytest.approx(second, rel=digits)
 
@@ -37,8 +39,8 @@ def test_waveform_of_the_reference(results):
     assert 1e6 * z.min() == pytest.approx(3.9045, abs=1e-4)
     assert 1e6 * z.max() == pytest.approx(6.2005, abs=1e-4)
     assert 1e6 * z.std() == pytest.approx(0.67721, abs=1e-5)
-    assert point.peak_harmonic == 13
-    assert point.peak_acceleration == pytest.approx(276.2, abs=0.05)
+    assert point.figures["peak_harmonic"] == 13
+    assert point.figures["peak_acceleration_ms2"] == pytest.approx(276.2, abs=0.05)
 
 
 def test_errors_of_the_orders(results):
@@ -50,15 +52,15 @@ def test_errors_of_the_orders(results):
 
 def test_peak_acceleration_stays_over_stiffness(results):
     sweep = results.sweeps["stiffness_n_per_m"]
-    peaks = sweep.take(lambda p: p.peak_acceleration)
+    peaks = sweep.take(lambda p: p.figures["peak_acceleration_ms2"])
     assert (round(peaks.min()), round(peaks.max())) == (276, 291)
-    harmonics = sweep.take(lambda p: p.peak_harmonic)
+    harmonics = sweep.take(lambda p: p.figures["peak_harmonic"])
     assert (harmonics[0], harmonics[-1]) == (7, 17)
 
 
 def test_peak_acceleration_over_damping(results):
     sweep = results.sweeps["damping_ns_per_m"]
-    found = [round(p.peak_acceleration) for p in sweep.points]
+    found = [round(p.figures["peak_acceleration_ms2"]) for p in sweep.points]
     expected = [646, 388, 276, 213, 172, 145, 88, 44, 29]
     # 144.55 is printed as 145
     assert np.abs(np.subtract(found, expected)).max() <= 1
@@ -66,7 +68,7 @@ def test_peak_acceleration_over_damping(results):
 
 
 def test_energy_lines_of_the_reference(results):
-    found = 1e6 * results.reference.energy[1:16:2]
+    found = 1e6 * results.reference.response.energy_lines[1:16:2]
     expected = [5.5, 5.9, 6.9, 8.6, 11.3, 14.4, 14.6, 10.8]
     np.testing.assert_allclose(found, expected, atol=0.05)
 
@@ -87,7 +89,7 @@ def test_total_energy_is_what_the_damping_spends(results):
     """Mean power balance: the work of the varying spring is what c z'^2 takes away."""
     for sweep in results.sweeps.values():
         for point in sweep.points:
-            p, motion = point.parameters, point.waveform
+            p, motion = point.response.problem, point.waveform
             velocity, force = motion.velocity_ms, motion.mesh_force_n
             spring = force - p.damping_ns_per_m * velocity
             supplied = -(spring * velocity).mean()
@@ -117,10 +119,10 @@ def test_settling_ends_where_the_motion_stays_near_the_quasi_static_one(results)
     """Sample by sample from the end of each zone of one settled period."""
     for key in ("wave", "rectangular", "fourier"):
         form, step = results.forms[key], 2 * 0.13 * 5e-6
-        settled = 5e-6 / (1 + 0.13 * form.signal.smooth_shape(form.phase))
-        off = np.abs(form.simulated.displacement_m[form.last_period] - settled) > 0.05 * step
-        lags = []
+        settled = 5e-6 / (1 + 0.13 * form.signal.shape(PHASE, smooth=True))
+        off = np.abs(form.simulated.displacement_m[LAST_PERIOD] - settled) > 0.05 * step
+        lags, phase = [], PHASE
         for start, end in ((0.0, 0.412), (0.412, 1.0)):
-            zone = np.flatnonzero((form.phase >= start) & (form.phase < end) & off)
-            lags.append(form.phase[zone[-1]] - start if len(zone) else 0.0)
+            zone = np.flatnonzero((phase >= start) & (phase < end) & off)
+            lags.append(PHASE[zone[-1]] - start if len(zone) else 0.0)
         assert form.longest_settling_s == pytest.approx(1.6e-3 * max(lags), abs=1e-9)
