@@ -17,9 +17,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.arrays import IntArray
 from gearmon.dynamics import floquet
 from gearmon.dynamics.fourier import Complex, Curve, Modulation, Real, turning
-from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
+from gearmon.errors import ArgumentError, check_finite, check_positive, check_range, check_word
 from gearmon.result import Result
 
 LARGEST = 1e9
@@ -141,12 +142,22 @@ def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:
     vector: Complex = np.array(values, dtype=complex)
     if vector.ndim != 1:
         raise ArgumentError(f"{name}: shape {vector.shape} must be one row of coefficients")
-    # the sum of squares is finite only if all are, and cheaper; it may overflow, then look closer
-    if not math.isfinite(np.vdot(vector, vector).real) and not np.isfinite(vector).all():
-        bad = int(np.flatnonzero(~np.isfinite(vector))[0]) + 1
-        raise ArgumentError(f"{name}: coefficient {bad} is {vector[bad - 1]}, must be finite")
+    check_entries(name, vector)
     vector.flags.writeable = False
     return vector
+
+
+def check_entries(name: str, array: Complex | Real, unit: str = "") -> None:
+    """Raise with the first entry that is no finite number."""
+    # the sum of squares is finite only if all are, and cheaper; it may overflow, then look closer
+    if not math.isfinite(np.vdot(array, array).real) and not np.isfinite(array).all():
+        place = np.argwhere(~np.isfinite(array))[0]
+        raise ArgumentError(f"{_entry(name, array, place, unit)} must be a finite number")
+
+
+def _entry(name: str, array: Complex | Real, place: IntArray, unit: str) -> str:
+    index = f"[{', '.join(map(str, place))}]" if len(place) else ""
+    return f"{name}{index}={array[tuple(place)]} {unit}".rstrip()
 
 
 def check_swing(name: str, harmonics: Complex) -> None:
@@ -212,8 +223,7 @@ def broadcast_values(
         Shape of what else broadcasts with them.
     """
     for name in values:
-        if name not in UNITS:
-            raise ArgumentError(f"{name}: is none of {', '.join(UNITS)}")
+        check_word("", name, UNITS)
     checked = {name: _checked_array(name, value) for name, value in values.items()}
     try:
         shape = np.broadcast_shapes(axes, *(value.shape for value in checked.values()))
@@ -230,22 +240,43 @@ def _checked_array(name: str, values: npt.ArrayLike) -> Real:
     if np.iscomplexobj(values):
         raise ArgumentError(f"{name}: complex numbers, must be real")
     numbers = np.asarray(values, dtype=float)
-    positive, signed = name in ("mass_kg", "stiffness_n_per_m", "period_s"), name == "force_n"
-    bad = ~np.isfinite(numbers) | (positive & (numbers <= 0)) | ((numbers < 0) & (not signed))
-    if bad.any():
-        where = tuple(int(i) for i in np.argwhere(bad)[0])
-        index = f"[{', '.join(map(str, where))}]" if where else ""
-        shown = f"{name}{index}={numbers[where]}{f' {UNITS[name]}' if UNITS[name] else ''}"
-        if not math.isfinite(numbers[where]):
-            raise ArgumentError(f"{shown} must be a finite number")
+    check_entries(name, numbers, UNITS[name])
+    positive = name in ("mass_kg", "stiffness_n_per_m", "period_s")
+    bad = np.argwhere((numbers <= 0 if positive else numbers < 0) & (name != "force_n"))
+    if len(bad):
+        shown = _entry(name, numbers, bad[0], UNITS[name])
         raise ArgumentError(f"{shown} must be {'> 0' if positive else '>= 0'}")
     return numbers
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PeriodicVibration(Result, ABC):
-    """What lines 0..N, on the first axis, tell of a steady vibration."""
+    """What lines 0..N, on the first axis, tell of a steady vibration.
+
+    Attributes
+    ----------
+    displacement : complex ndarray, shape (N+1, ...)
+        Lines [m], x(t) = x_0 + sum_{n>=1} (x_n e^{inwt} + conjugate). Amplitudes are 2|x_n|.
+    error_bound : float
+        Guaranteed bound of the relative L2 error of the acceleration, of the harmonics given here
+        and of all coordinates together; infinite if none could be computed or if there is no steady
+        state.
+    method : str
+        "msm", "msm least residual", "harmonic balance" or "shooting".
+    order : int
+        Number of orders of the expansion used; 0 for harmonic balance and shooting.
+    stable : bool
+        Whether free vibrations die out.
+    message : str
+        One line: which method and why, or what is wrong, with the number.
+    """
 
     displacement: Complex
+    error_bound: float
+    method: str
+    order: int
+    stable: bool
+    message: str
 
     @property
     @abstractmethod
@@ -313,8 +344,7 @@ KINDS = ("displacement", "velocity", "acceleration", "mesh_force")
 
 def check_kind(kind: str) -> str:
     """Return what to evaluate at times, or raise ArgumentError."""
-    if kind not in KINDS:
-        raise ArgumentError(f"kind={kind!r} must be one of: {', '.join(KINDS)}")
+    check_word("kind=", kind, KINDS)
     return kind
 
 
@@ -327,28 +357,10 @@ class Response(PeriodicVibration):
     problem : HillProblem
         What was solved.
     displacement : complex ndarray, shape (N+1,)
-        z_0..z_N [m], z(t) = z_0 + sum_{n>=1} (z_n e^{inwt} + conjugate). Line amplitudes are
-        2|z_n|.
-    error_bound : float
-        Guaranteed bound of the relative L2 error of the acceleration, of the harmonics given here;
-        infinite if none could be computed or if there is no steady state.
-    method : str
-        "msm", "msm least residual", "harmonic balance", "shooting" or "sidebands".
-    order : int
-        Number of orders of the expansion used; 0 for harmonic balance and shooting.
-    stable : bool or None
-        Whether free vibrations die out. None only where it could not be settled.
-    message : str
-        One line: which method and why, or what is wrong, with the number.
+        z_0..z_N [m].
     """
 
     problem: HillProblem
-    displacement: Complex
-    error_bound: float
-    method: str
-    order: int
-    stable: bool | None
-    message: str
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", frozen_vector("displacement", self.displacement))

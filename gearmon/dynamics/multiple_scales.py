@@ -50,7 +50,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real
-from gearmon.dynamics.hill import HillProblem, broadcast_values, dynamic_stiffness
+from gearmon.dynamics.hill import UNITS, HillProblem, broadcast_values, dynamic_stiffness
 from gearmon.errors import ArgumentError, check_range
 from gearmon.result import Result
 
@@ -238,11 +238,10 @@ class Formula:
         ArgumentError
             If a value is not finite or out of its range, or the shapes do not broadcast.
         """
-        names = ("mass_kg", "damping_ns_per_m", "stiffness_n_per_m", "period_s", "force_n")
-        given = {name: getattr(self.problem, name) for name in names} | values
-        sets = broadcast_values(given | {"scale": variation})
+        own = {name: getattr(self.problem, name) for name in UNITS if name != "scale"}
+        sets = broadcast_values(own | values | {"scale": variation})
         shape = sets["scale"].shape
-        flat = np.array([sets[name].ravel() for name in (*names, "scale")])
+        flat = np.array([sets[name].ravel() for name in UNITS])
         found = np.empty((flat.shape[1], self.highest + 1), dtype=complex)
         rows = max(1, VALUES_AT_ONCE // (self.highest + 1))
         for first in range(0, len(found), rows):

@@ -26,7 +26,13 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.hill import HillProblem, PeriodicVibration, check_swing, least_over_mean
+from gearmon.dynamics.hill import (
+    HillProblem,
+    PeriodicVibration,
+    check_entries,
+    check_swing,
+    least_over_mean,
+)
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.result import Result
 
@@ -213,9 +219,7 @@ def _frozen(name: str, value: npt.ArrayLike, kind: type, axes: int) -> npt.NDArr
     array: npt.NDArray[Any] = np.array(value, dtype=kind, ndmin=axes)
     if array.ndim != axes:
         raise ArgumentError(f"{name}: {array.ndim} axes, must have {axes}")
-    if not np.isfinite(array).all():
-        where = ", ".join(str(int(i)) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ArgumentError(f"{name}: entry [{where}] must be finite")
+    check_entries(name, array)
     array.flags.writeable = False
     return array
 
@@ -236,35 +240,17 @@ class SystemResponse(PeriodicVibration):
     system : HillSystem
         What was solved.
     displacement : complex ndarray, shape (N+1, n)
-        q_0..q_N, q(t) = q_0 + sum_{i>=1} (q_i e^{iiwt} + conjugate) [m]. Rigid-body motions are
-        given without their mean.
+        q_0..q_N [m]. Rigid-body motions are given without their mean.
     mesh_force : complex ndarray, shape (N+1, meshes)
         Force between the teeth k_j(t) d_j + c_j d_j' [N].
-    error_bound : float
-        Bound of the relative L2 error of the acceleration of all coordinates together; infinite if
-        none could be computed or there is no steady state.
-    method : str
-        "msm", "msm least residual" or "harmonic balance".
-    order : int
-        Number of orders of the expansion used; 0 for harmonic balance.
     floquet_multipliers : complex ndarray, shape (modes,)
         Factors by which free vibrations change over a period, the largest modulus first; free
         rigid-body motions left out.
-    stable : bool
-        Whether free vibrations die out.
-    message : str
-        One line: which method, or what is wrong, with the number.
     """
 
     system: HillSystem
-    displacement: Complex
     mesh_force: Complex
-    error_bound: float
-    method: str
-    order: int
     floquet_multipliers: Complex
-    stable: bool
-    message: str
 
     @property
     def _period_s(self) -> float:
