@@ -97,9 +97,9 @@ class PairCompliance:
 
     motion = answer
 
-    def state(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, Complex]:
-        """Deflections, twice, since they are the motion; `answered` if x/D is known."""
-        u = self.answer(x) if answered is None else answered.copy()
+    def state(self, x: Complex) -> tuple[Complex, Complex]:
+        """Deflections, twice, since they are the motion."""
+        u = self.answer(x)
         count = min(len(self.forces), u.shape[-1])
         u[..., :count] += self.forces[:count] / self.stiffness(u.shape[-1] - 1)[..., :count]
         return u, u
@@ -261,10 +261,9 @@ class SystemCompliance:
         modal = np.einsum("lnm,ml->nl", self._modal(x.shape[1])[first:], x[:, first:])
         return np.asarray(self.shapes @ np.pad(modal, [(0, 0), (first, 0)]))
 
-    def state(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, Complex]:
+    def state(self, x: Complex) -> tuple[Complex, Complex]:
         """Deflections (meshes, N+1) and motion (n, N+1)."""
-        u = self.answer(x) if answered is None else answered
-        q, still = self.motion(x), self._forced[:, : x.shape[1]]
+        u, q, still = self.answer(x), self.motion(x), self._forced[:, : x.shape[1]]
         u[:, : still.shape[1]] += self.meshes.T @ still
         q[:, : still.shape[1]] += self.shapes @ still
         for half in (u, q):

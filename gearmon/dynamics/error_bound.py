@@ -56,8 +56,8 @@ from gearmon.dynamics.floquet import LARGE, exponentials, growth, growth_of, mul
 from gearmon.dynamics.fourier import (
     Complex,
     Real,
+    extremes,
     fast_length,
-    middle_and_swing,
     rms,
     rms_of_each,
     samples,
@@ -89,9 +89,14 @@ class Pattern:
     harmonics: Complex
 
     @cached_property
+    def _extremes(self) -> tuple[float, float, float]:
+        return extremes(with_zero_mean(self.harmonics)) if self.harmonics.size else (0.0, 0.0, 1.0)
+
+    @cached_property
     def highest(self) -> float:
         """Bound of max|phi|, of all meshes."""
-        return supremum(with_zero_mean(self.harmonics)) if self.harmonics.size else 0.0
+        low, high, share = self._extremes
+        return max(high, -low) / share
 
     @cached_property
     def size(self) -> Real:
@@ -100,8 +105,9 @@ class Pattern:
 
     @cached_property
     def middle_and_swing(self) -> tuple[float, float]:
-        """A number b midway between the extremes of phi, and a bound of max|phi - b|."""
-        return middle_and_swing(self.harmonics) if len(self.harmonics) else (0.0, 0.0)
+        """A number b about midway between the extremes of phi, and a bound of max|phi - b|."""
+        low, high, share = self._extremes
+        return (high + low) / 2, (high - low) / 2 / share
 
     @cached_property
     def _slopes(self) -> Complex:
@@ -348,7 +354,8 @@ def _steps(
     h, lower = 2 * math.pi * ratio / count, -(1 + mean) + 2 * zeta * offset
     diagonal = zeta - offset
     matrices, log = exponentials(diagonal * h, h, lower * h, (diagonal**2 + lower) * h**2)
-    matrices *= np.exp(log)
+    if log.any():
+        matrices *= np.exp(log)
     return *running_products(matrices), matrices
 
 

@@ -106,30 +106,22 @@ class Modulation:
         return product
 
 
-def supremum(half: Complex) -> float:
-    """Bound of max |y(x)| over all x (and rows), at most 8 % above the truth.
+def extremes(half: Complex) -> tuple[float, float, float]:
+    """Least and largest sample of y(x), of all rows, and what max |y| may be divided by for it.
 
     A trigonometric polynomial of degree N is nowhere larger than its largest value on L > 2N
     equal steps divided by cos(pi N/L) (Ehlich and Zeller, Math. Z. 86, 1964). Here L >= 8N + 8.
     """
     degree = half.shape[-1] - 1
     length = fast_length(8 * degree + 8)
-    return float(np.abs(samples(half, length)).max()) / math.cos(math.pi * degree / length)
+    values = samples(half, length)
+    return float(values.min()), float(values.max()), math.cos(math.pi * degree / length)
 
 
-def middle_and_swing(harmonics: Complex) -> tuple[float, float]:
-    """Return a number b about midway between the extremes of phi, and a bound of max|phi - b|.
-
-    Parameters
-    ----------
-    harmonics : complex ndarray, shape (J,)
-        c_1..c_J of phi, J >= 1.
-    """
-    degree = len(harmonics)
-    length = fast_length(8 * degree + 8)
-    values = samples(with_zero_mean(harmonics), length)
-    high, low = float(values.max()), float(values.min())
-    return (high + low) / 2, (high - low) / 2 / math.cos(math.pi * degree / length)
+def supremum(half: Complex) -> float:
+    """Bound of max |y(x)| over all x (and rows), at most 8 % above the truth."""
+    low, high, share = extremes(half)
+    return max(high, -low) / share
 
 
 PARTS = 8

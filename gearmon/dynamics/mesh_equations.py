@@ -57,25 +57,6 @@ SMALLEST = 1e-200
 
 
 @dataclass(frozen=True, kw_only=True)
-class Bound:
-    """What is known of the error of approximations; rms of acceleration over w0^2 for pairs.
-
-    Attributes
-    ----------
-    relative : float ndarray
-        Guaranteed relative L2 error of the acceleration; may be infinite.
-    size : float ndarray
-        Rms of the acceleration handed out.
-    total : float ndarray
-        Bound of the rms error.
-    """
-
-    relative: Real
-    size: Real
-    total: Real
-
-
-@dataclass(frozen=True, kw_only=True)
 class Approximation:
     """An approximate steady vibration, and how good it is.
 
@@ -87,8 +68,10 @@ class Approximation:
         u, and the lines of all coordinates; of a pair the same.
     residual : complex ndarray, shape (..., N+J+1)
         Of the full equation.
-    bound : Bound
-        Of the error of the harmonics handed out.
+    relative : float ndarray
+        Guaranteed relative L2 error of the acceleration handed out; may be infinite.
+    size, error : float ndarray
+        Rms of the acceleration handed out, and bound of its rms error; of pairs over w0^2.
     orders : int
         Orders of the expansion that went into it.
     """
@@ -97,7 +80,9 @@ class Approximation:
     deflection: Complex
     motion: Complex
     residual: Complex
-    bound: Bound
+    relative: Real
+    size: Real
+    error: Real
     orders: int
 
     @property
@@ -181,37 +166,33 @@ class MeshEquations:
         """Harmonic above which |G| max|phi| <= 1/10 and |G| <= 1/10: each order gains a digit."""
         return self.compliance.quiet_above(0.1 / max(1.0, self.swing))
 
-    def residual(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, ...]:
-        """Deflections, motion and residual of x, shape (..., N+1); `answered` is G x if known."""
-        c = self.pattern.harmonics
-        u, motion = self.compliance.state(x, answered)
+    def judge(self, x: Complex, orders: int = 0) -> Approximation:
+        """Compute residual and bound of x, shape (..., N+1), that `orders` orders made."""
+        c, count, size = self.pattern.harmonics, x.shape[-1], self.compliance.size
+        u, motion = self.compliance.state(x)
         # phi times the large mean deflection is known without a transform and its rounding
         mean = u[..., :1].real.copy()
-        u[..., 0] = 0
-        highest = x.shape[-1] - 1 + c.shape[-1]
+        u[..., :1] = 0
+        highest = count - 1 + c.shape[-1]
         left = self.modulate(u, highest) if u.any() else self.zeros(highest)
         left[..., 1 : c.shape[-1] + 1] += mean * c
-        u[..., :1] = mean
-        left[..., : x.shape[-1]] += x
-        return u, motion, np.negative(left, out=left)
-
-    def judge(self, x: Complex, orders: int = 0, answered: Complex | None = None) -> Approximation:
-        """Compute residual and bound of x, with the parameters of `residual`."""
-        c = self.pattern.harmonics
-        u, motion, residual = self.residual(x, answered)
-        mean = u[..., :1].real.copy()
-        u[..., :1] = 0
-        swinging = self.compliance.size(u)
-        u[..., :1] = mean
+        left[..., :count] += x
+        residual: Complex = np.negative(left, out=left)
         # rounding of x, of the forces and of a product by transforms
-        depth = self.compliance.depth + math.log2(4 * x.shape[-1] + 2 * c.shape[-1])
-        rounding = self.compliance.size(x) + self.compliance.swinging_forces
-        rounding = rounding + depth * self.swing * swinging
-        static: Complex = np.asarray(mean * self.pattern.size, dtype=complex)
-        rounding = rounding + self.compliance.size(static)
-        bound = self._bound(motion, residual, UNIT_ROUNDOFF * rounding)
+        depth = self.compliance.depth + math.log2(4 * count + 2 * c.shape[-1])
+        rounding = size(x) + self.compliance.swinging_forces + depth * self.swing * size(u)
+        rounding = rounding + size(np.asarray(mean * self.pattern.size, dtype=complex))
+        u[..., :1] = mean
+        relative, whole, error = self._bound(motion, residual, UNIT_ROUNDOFF * rounding)
         return Approximation(
-            swing=x, deflection=u, motion=motion, residual=residual, bound=bound, orders=orders
+            swing=x,
+            deflection=u,
+            motion=motion,
+            residual=residual,
+            relative=relative,
+            size=whole,
+            error=error,
+            orders=orders,
         )
 
     def size(self, motion: Complex) -> Real:
@@ -220,16 +201,14 @@ class MeshEquations:
         last = highest if self.shown is None else min(self.shown, highest)
         return self.compliance.size(self.compliance.weights(last) * motion[..., : last + 1])
 
-    def _bound(self, motion: Complex, residual: Complex, rounding: Real) -> Bound:
-        highest = int(motion.shape[-1]) - 1
-        core = min(self.core, highest)
-        inner, above = self._shares(residual, core)
+    def _bound(self, motion: Complex, residual: Complex, rounding: Real) -> tuple[Real, Real, Real]:
+        """Relative error, size, and error of the acceleration."""
+        inner, above = self._shares(residual, min(self.core, motion.shape[-1] - 1))
         rounding, size = _times(self.gain.acceleration, rounding), self.size(motion)
         total = inner + above + rounding
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = np.where(total < size, total / (size - total), np.inf)
-        relative = np.where(total == 0, 0.0, relative)
-        return Bound(relative=relative, size=size, total=total)
+        return np.where(total == 0, 0.0, relative), size, total
 
     def _shares(self, residual: Complex, core: int) -> tuple[Real, Real]:
         """Bounds of the error that residuals of the core and above it cause."""
@@ -411,7 +390,7 @@ def _target(
     gain, size = equations.gain.acceleration, equations.compliance.size(right_side)
     motion = known.motion.copy()
     motion[..., : right_side.shape[-1]] += equations.compliance.motion(right_side)
-    swing = np.maximum(known.bound.size, equations.size(motion))
+    swing = np.maximum(known.size, equations.size(motion))
     return float(1e-3 * size if np.isinf(gain) else 0.4 * swing / gain) * tolerance
 
 
@@ -431,8 +410,7 @@ def plain_sum(
             whole = equations.size(compliance.state(total)[1])
             smallest = min(smallest, float(size))
             if size <= 0.1 * tolerance * whole and (
-                size <= 1e-3 * tolerance * whole
-                or equations.judge(total).bound.relative <= tolerance
+                size <= 1e-3 * tolerance * whole or equations.judge(total).relative <= tolerance
             ):
                 break
             if size > 1e3 * smallest:
@@ -512,7 +490,7 @@ def widen(
     found = improve(equations.zeros(first_highest(equations, tolerance)))
     orders = found.orders
     for _ in range(MOST_ROUNDS if repeat else 0):
-        if found.bound.relative <= tolerance:
+        if found.relative <= tolerance:
             break
         highest = _larger(equations, found, tolerance)
         padding = equations.zeros(highest - found.highest - 1)
@@ -534,7 +512,7 @@ def _larger(equations: MeshEquations, found: Approximation, tolerance: float) ->
     if gain < math.inf:
         answer = compliance.answer(left, first)
         worth = worth + gain * equations.swing * compliance.per_line(answer)
-    worth = worth / (tolerance * found.bound.size)
+    worth = worth / (tolerance * found.size)
     beyond = np.sqrt(2 * np.cumsum((worth**2)[::-1]))[::-1]
     if beyond[0] <= 0.4:
         return found.highest
@@ -547,7 +525,7 @@ def sharpened(equations: MeshEquations, found: Approximation) -> Approximation:
     if not equations.gain.stable:
         return found
     for _ in range(2):
-        wanted = max(1e-12, 0.05 * min(float(found.bound.relative), 0.1))
+        wanted = max(1e-12, 0.05 * min(float(found.relative), 0.1))
 
         def improve(x: Complex, wanted: float = wanted) -> Approximation:
             return recombine(equations, x, wanted, MOST_ORDERS)
@@ -557,9 +535,9 @@ def sharpened(equations: MeshEquations, found: Approximation) -> Approximation:
         apart = np.zeros((*better.motion.shape[:-1], count), dtype=complex)
         apart[..., : better.highest + 1] = better.motion
         apart[..., : found.highest + 1] -= found.motion
-        size, left = equations.size(better.motion), better.bound.total
+        size, left = equations.size(better.motion), better.error
         if left < size:
             relative = (equations.size(apart) + left) / (size - left)
-            relative = np.minimum(found.bound.relative, relative)
-            found = replace(found, bound=replace(found.bound, relative=relative))
+            relative = np.minimum(found.relative, relative)
+            found = replace(found, relative=relative)
     return found

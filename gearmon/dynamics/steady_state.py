@@ -204,7 +204,7 @@ def _plain(equations: MeshEquations, tolerance: float, order: int | None) -> App
         least = max(1, lines, equations.shown or 1)
         highest = max(least, min(reached, first_highest(equations, 1e-13)))
         found = plain_sum(equations, highest, tolerance, order)
-    return found if found.bound.relative <= tolerance else sharpened(equations, found)
+    return found if found.relative <= tolerance else sharpened(equations, found)
 
 
 def _response(
@@ -266,7 +266,7 @@ def _respond(
     tolerance: float,
 ) -> Response | SystemResponse:
     """Hand out the harmonics asked for, with what there is to say about them."""
-    bound, stable = float(found.bound.relative), bool(equations.gain.stable)
+    bound, stable = float(found.relative), bool(equations.gain.stable)
     text = f"{_HOW[method].format(found.orders)}, harmonics 0 to {found.highest}: "
     if math.isfinite(bound):
         text += _verdict(bound, tolerance)
