@@ -33,6 +33,7 @@ import numpy as np
 
 from gearmon.dynamics.error_bound import Pattern
 from gearmon.dynamics.fourier import (
+    UNIT_ROUNDOFF,
     Complex,
     Real,
     fast_length,
@@ -396,7 +397,7 @@ def _norm_from_core(
     except np.linalg.LinAlgError:
         return math.inf, math.inf
     inner = _crude_norm(inverse)
-    rounding = inner * _crude_norm(matrix) * len(matrix) * 2.0**-52
+    rounding = inner * _crude_norm(matrix) * len(matrix) * UNIT_ROUNDOFF
     rest = 1 / (1 - tail)
     loop = inner * tail * rest * edge
     if rounding > 0.5 or loop > 0.98:

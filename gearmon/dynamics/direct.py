@@ -26,15 +26,12 @@ from __future__ import annotations
 import cmath
 import math
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearmon.dynamics.fourier import Complex, Real, supremum, with_zero_mean
-from gearmon.dynamics.hill import HillProblem, largest_responses
-
-if TYPE_CHECKING:
-    from gearmon.dynamics.hill import HillProblem
+from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Real, supremum, with_zero_mean
+from gearmon.dynamics.hill import HillProblem, largest_responses, stiffness_at
 
 MOST_LINES = 4000
 NEAR_ONE = 0.9
@@ -146,19 +143,15 @@ class BandSystem:
         band = self.band
         self.solved = solved
         x = two_sided(solved) * (1 / self.ratio)
-        squares = x * x
+        self.squares, self.diagonal = (x * x)[solved:], stiffness_at(x, self.zeta)
+        self.stiffness = self.diagonal[solved:]
         matrix = np.empty((2 * solved + 1, 3 * band + 1), dtype=complex)
         kernel = self.kernel = np.zeros(2 * band + 1, dtype=complex)
         kernel[band + 1 :] = self.c
         np.conjugate(self.c[::-1], out=kernel[:band])
         # LAPACK fills the first J rows of its storage itself
         matrix[:, band:] = kernel
-        diagonal = matrix[:, 2 * band]
-        np.subtract(1.0, squares, out=diagonal.real)
-        np.multiply(x, 2 * self.zeta, out=diagonal.imag)
-        self.squares = squares[solved:]
-        self.diagonal = diagonal.copy()
-        self.stiffness = self.diagonal[solved:]
+        matrix[:, 2 * band] = self.diagonal
         forcing = self._forcing()
         # LAPACK reads the rows of this array as the columns of its band storage
         self.factors, self.pivots, self.core, failed = _lapack()[0](
@@ -189,9 +182,6 @@ class BandSystem:
 
     def begin(self) -> None:
         """Take the answer of the core, and what it makes of many lines above it."""
-        # sweeps before may have gone farther
-        if len(self.stiffness) > self.solved + 1:
-            self._stiffness(self.solved + 1)
         padded = self.core[self.solved - self.band :]
         self._take(padded if self.band <= FEW_HARMONICS else self._with_lines_above(padded))
 
@@ -227,11 +217,7 @@ class BandSystem:
     def _stiffness(self, count: int) -> None:
         """Provide D_n and (n/R)^2 of lines 0..count - 1."""
         x = counting(count) * (1 / self.ratio)
-        self.squares = x * x
-        stiffness = np.empty(count, dtype=complex)
-        np.subtract(1.0, self.squares, out=stiffness.real)
-        np.multiply(x, 2 * self.zeta, out=stiffness.imag)
-        self.stiffness = stiffness
+        self.squares, self.stiffness = x * x, stiffness_at(x, self.zeta)
 
     def _take(self, padded: Complex) -> None:
         """Take lines -J..-1, to be set, and 0.., and compute what they leave of the equations.
@@ -271,7 +257,6 @@ FARTHEST = 1 << 40
 MOST_BEYOND = 0.5
 MOST_GROWTH = 600.0
 LEAST = 1e-300
-UNIT_ROUNDOFF = 2.0**-52
 
 
 class Solution(NamedTuple):
@@ -405,11 +390,9 @@ def relative_bound(system: BandSystem, inverse: InverseBound, last: int) -> floa
     )
     error = inverse.gain * UNIT_ROUNDOFF * rounding
     edge = inverse.inside + 1
+    error += inverse.gain * _size(system.excess[:edge])
     if edge < len(system.excess):
         error += inverse.edge_gain * _size(system.excess[edge:])
-        error += inverse.gain * _size(system.excess[:edge])
-    else:
-        error += inverse.gain * _size(system.excess)
     if last < len(accelerations) - 1:
         size = _size(accelerations[: last + 1])
     return error / (size - error) + 2 * UNIT_ROUNDOFF if error < size else math.inf
@@ -459,7 +442,6 @@ def _distance(system: BandSystem) -> tuple[int, float, float] | None:
     Lines within J of the edge are k jumps away from those up to n = N - kJ, and each jump costs
     max|phi|/|D_n+1|.
     """
-    system.swing = 2 * system.sum
     if system.swing > 0.1 * system.nearest(system.solved - system.band + 1):
         system.swing = supremum(with_zero_mean(system.c))
     swing, best = system.swing, None

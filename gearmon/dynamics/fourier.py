@@ -17,6 +17,8 @@ import numpy.typing as npt
 Complex = npt.NDArray[np.complex128]
 Real = npt.NDArray[np.float64]
 
+UNIT_ROUNDOFF = 2.0**-52
+
 #: Spectra and harmonics for which one product of matrices takes less time than transforms
 #: (measured: 0.8 against 4 microseconds a spectrum of 60 harmonics, equal at about 250).
 FEWEST_FOR_A_MATRIX, LARGEST_MATRIX = 32, 250

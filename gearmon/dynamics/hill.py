@@ -80,16 +80,14 @@ class HillProblem:
         self._check_numbers()
 
     def _check_numbers(self) -> None:
-        mass = check_positive("mass_kg", self.mass_kg, "kg")
-        damping = check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m")
-        if damping < 0:
+        check_positive("mass_kg", self.mass_kg, "kg")
+        if check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m") < 0:
             raise ArgumentError(f"damping_ns_per_m={self.damping_ns_per_m} N s/m must be >= 0")
         stiffness = check_positive("stiffness_n_per_m", self.stiffness_n_per_m, "N/m")
-        period = check_positive("period_s", self.period_s, "s")
-        force = check_finite("force_n", self.force_n, "N")
-        ratio = math.sqrt(stiffness) / math.sqrt(mass) * period / (2 * math.pi)
-        zeta, static = damping / (2 * math.sqrt(stiffness) * math.sqrt(mass)), force / stiffness
-        if 1 / LARGEST <= ratio <= LARGEST and zeta <= LARGEST and abs(static) <= LARGEST:
+        check_positive("period_s", self.period_s, "s")
+        static = abs(check_finite("force_n", self.force_n, "N")) / stiffness
+        ratio, zeta = self.frequency_ratio, self.damping_ratio
+        if 1 / LARGEST <= ratio <= LARGEST and zeta <= LARGEST and static <= LARGEST:
             return
         values = (
             f"mass_kg={self.mass_kg}, damping_ns_per_m={self.damping_ns_per_m}, "
@@ -97,8 +95,7 @@ class HillProblem:
         )
         check_range(f"{values}: natural over mesh frequency", ratio, 1 / LARGEST, LARGEST)
         check_range(f"{values}: damping ratio", zeta, 0.0, LARGEST)
-        name = f"force_n={self.force_n}: force over stiffness"
-        check_range(name, abs(static), 0.0, LARGEST, "m")
+        check_range(f"force_n={self.force_n}: force over stiffness", static, 0.0, LARGEST, "m")
 
     @property
     def angular_frequency(self) -> float:
@@ -172,9 +169,14 @@ def check_swing(name: str, harmonics: Complex) -> None:
 
 def dynamic_stiffness(ratio: float | Real, zeta: float | Real, highest: int) -> Complex:
     """D_n of lines 0..highest for R = `ratio`, relative to k0; `ratio`, `zeta` may be columns."""
-    x = np.arange(highest + 1) / ratio
-    stiffness = np.empty(np.broadcast_shapes(x.shape, np.shape(zeta)), dtype=complex)
-    stiffness.real, stiffness.imag = 1 - x * x, 2 * zeta * x
+    return stiffness_at(np.arange(highest + 1) / ratio, zeta)
+
+
+def stiffness_at(x: Real, zeta: float | Real) -> Complex:
+    """D = 1 - x^2 + 2 i zeta x at frequencies x relative to the natural one."""
+    stiffness: Complex = np.empty(x.shape, dtype=complex)
+    np.subtract(1.0, x * x, out=stiffness.real)
+    np.multiply(x, 2 * zeta, out=stiffness.imag)
     return stiffness
 
 

@@ -43,11 +43,10 @@ import numpy as np
 from gearmon.dynamics.compliance import PairCompliance, SystemCompliance, inverse_norm
 from gearmon.dynamics.error_bound import Gain, Pattern, best_gain
 from gearmon.dynamics.floquet import SETTLED, system_multipliers
-from gearmon.dynamics.fourier import Complex, Modulation, Real
+from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Modulation, Real
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.system import HillSystem
 
-UNIT_ROUNDOFF = 2.0**-52
 MOST_ROUNDS, MOST_ORDERS = 12, 400
 BYTES_FOR_BASIS = 400e6
 #: A residual that falls by less makes a poor next direction: the last image is taken.

@@ -25,7 +25,8 @@ from typing import NamedTuple
 import numpy as np
 
 from gearmon.dynamics.error_bound import Pattern
-from gearmon.dynamics.fourier import Complex, Real, samples, with_zero_mean
+from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Real, samples, with_zero_mean
+from gearmon.dynamics.hill import stiffness_at
 
 #: Samples a period of the natural frequency at least: with them one round meets 1e-6, with 7 it
 #: takes two.
@@ -35,7 +36,6 @@ MOST_ROUNDS = 8
 FEW = 0.1
 #: A round that leaves more than this share of the bound before is the last.
 STALLED = 0.5
-UNIT_ROUNDOFF = 2.0**-52
 
 
 class Shot(NamedTuple):
@@ -96,10 +96,7 @@ class Shooting:
         self.band, self.gain, self.zeta = count, gain, zeta
         self.swing = scale * pattern.highest
         x = np.arange(self.length // 2 + 1, dtype=float)[:, None] * (1 / ratio)
-        self.squares = x * x
-        stiffness = np.empty(x.shape, dtype=complex)
-        np.subtract(1, self.squares, out=stiffness.real)
-        np.multiply(x, 2 * zeta, out=stiffness.imag)
+        self.squares, stiffness = x * x, stiffness_at(x, zeta)
         self.weights = _squares(stiffness)
         self.compliance = stiffness.conj()
         self.compliance /= self.weights
