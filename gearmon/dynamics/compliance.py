@@ -55,11 +55,11 @@ MOST_LINES = 20_000
 
 
 class PairCompliance:
-    """One mesh.
+    """One mesh; or, for `shooting`, many pairs.
 
     Parameters
     ----------
-    ratio, zeta : float ndarray, shape (1,)
+    ratio, zeta : float ndarray, shape (1,) or (B,)
         R = w0/w and damping ratio.
     forces : complex ndarray, shape (G+1,)
         (F, f_1..f_G)/k0 [m].

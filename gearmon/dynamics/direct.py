@@ -425,15 +425,10 @@ def _by_determinant(system: BandSystem) -> InverseBound | None:
     norm_bound *= math.exp(beyond)
     gain = largest * norm_bound
     # residuals of lines well above resonance reach it only through jumps of phi/D
-    local = _acceleration(system, inside + 1) * nearest / margin
+    # beyond resonance x^2/|D| falls, or never exceeds 1.16 where damping is strong
+    local = max(1.16, ((inside + 1) / system.ratio) ** 2 / nearest) * nearest / margin
     edge_gain = gain * decay + local * (1 + system.swing * static * norm_bound * decay)
     return InverseBound(gain, edge_gain, system.solved - system.band, stable)
-
-
-def _acceleration(system: BandSystem, line: int) -> float:
-    """Bound of x^2/|D| of the lines from one above resonance on."""
-    # beyond resonance x^2/|D| falls, or never exceeds 1.16 where damping is strong
-    return max(1.16, (line / system.ratio) ** 2 / system.nearest(line))
 
 
 def _distance(system: BandSystem) -> tuple[int, float, float] | None:

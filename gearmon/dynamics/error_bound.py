@@ -89,8 +89,13 @@ class Pattern:
     harmonics: Complex
 
     @cached_property
+    def half(self) -> Complex:
+        """Half spectrum of phi."""
+        return with_zero_mean(self.harmonics)
+
+    @cached_property
     def _extremes(self) -> tuple[float, float, float]:
-        return extremes(with_zero_mean(self.harmonics)) if self.harmonics.size else (0.0, 0.0, 1.0)
+        return extremes(self.half)
 
     @cached_property
     def highest(self) -> float:
@@ -101,7 +106,7 @@ class Pattern:
     @cached_property
     def size(self) -> Real:
         """Rms of phi, shape (1,) or (meshes, 1)."""
-        return rms_of_each(with_zero_mean(self.harmonics))[..., None]
+        return rms_of_each(self.half)[..., None]
 
     @cached_property
     def middle_and_swing(self) -> tuple[float, float]:
@@ -111,22 +116,20 @@ class Pattern:
 
     @cached_property
     def _slopes(self) -> Complex:
-        return with_zero_mean(1j * np.arange(1, len(self.harmonics) + 1) * self.harmonics)
+        return 1j * np.arange(len(self.half)) * self.half
 
     @cached_property
     def slope(self) -> float:
         """Bound of max |dphi/dx|."""
-        return supremum(self._slopes) if len(self.harmonics) else 0.0
+        return supremum(self._slopes)
 
     @cached_property
     def variation(self) -> float:
         """Bound of the total variation of phi in a period."""
         count = len(self.harmonics)
-        if not count:
-            return 0.0
         curvature = supremum(1j * np.arange(count + 1) * self._slopes)
         length = fast_length(max(512, 32 * count))
-        grid = samples(with_zero_mean(self.harmonics), length)
+        grid = samples(self.half, length)
         # phi' has at most 2 J zeros, and only a step with a zero varies more than its ends show
         seen = float(np.abs(np.diff(grid, append=grid[:1])).sum())
         proven = seen + count * (2 * math.pi / length) ** 2 * curvature

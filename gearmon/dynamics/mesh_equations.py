@@ -36,7 +36,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -394,12 +394,14 @@ def _target(
 
 
 def plain_sum(
-    equations: MeshEquations, highest: int, tolerance: float, order: int | None
+    equations: MeshEquations, x: Complex, tolerance: float, order: int | None
 ) -> Approximation:
-    """Sum the orders as they come: `order` of them, or until they meet the tolerance or diverge."""
-    compliance = equations.compliance
-    total = equations.zeros(highest)
-    term = equations.judge(total).residual[..., : highest + 1]
+    """Sum the orders as they come: `order` of them, or until they meet the tolerance or diverge.
+
+    Only the number of lines is taken from x.
+    """
+    compliance, total = equations.compliance, np.zeros_like(x)
+    term = equations.judge(total).residual[..., : x.shape[-1]]
     smallest, used = math.inf, 0
     while used < (MOST_ORDERS if order is None else order):
         total = total + term
@@ -414,21 +416,21 @@ def plain_sum(
                 break
             if size > 1e3 * smallest:
                 break
-        term = -equations.modulate(compliance.answer(term), highest)
+        term = -equations.modulate(compliance.answer(term), x.shape[-1] - 1)
     return equations.judge(total, used)
 
 
-def balance(equations: MeshEquations, highest: int) -> Approximation:
-    """Harmonics 0..highest together, refined once so that only rounding is left.
+def balance(equations: MeshEquations, x: Complex) -> Approximation:
+    """Solve all lines of x together, refined once so that only rounding is left.
 
     Raises
     ------
     ArgumentError
         If the matrix would not fit in memory.
     """
-    x = equations.zeros(highest)
+    x = np.zeros_like(x)
     for _ in range(2):
-        residual = equations.judge(x).residual[..., : highest + 1]
+        residual = equations.judge(x).residual[..., : x.shape[-1]]
         x = x + equations.compliance.together(equations.pattern, residual)
     return equations.judge(x)
 
@@ -525,10 +527,7 @@ def sharpened(equations: MeshEquations, found: Approximation) -> Approximation:
         return found
     for _ in range(2):
         wanted = max(1e-12, 0.05 * min(float(found.relative), 0.1))
-
-        def improve(x: Complex, wanted: float = wanted) -> Approximation:
-            return recombine(equations, x, wanted, MOST_ORDERS)
-
+        improve = partial(recombine, equations, tolerance=wanted, most=MOST_ORDERS)
         better = widen(equations, wanted, improve)
         count = max(found.highest, better.highest) + 1
         apart = np.zeros((*better.motion.shape[:-1], count), dtype=complex)

@@ -24,8 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.error_bound import Pattern
-from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Real, samples, with_zero_mean
+from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Real, samples
 from gearmon.dynamics.hill import stiffness_at
 
 #: Samples a period of the natural frequency at least: with them one round meets 1e-6, with 7 it
@@ -68,29 +69,20 @@ class Shooting:
 
     Parameters
     ----------
-    ratio, zeta, scale : float ndarray, shape (B,)
-        R = w0/w, damping ratio > 0, and factor of phi.
-    gain : float ndarray, shape (B,)
-        Bound of the inverse operators, see `error_bound`.
+    pairs : PairCompliance
+        R = w0/w and damping ratio > 0 of every set, shape (B,), and their forces.
+    scale, gain : float ndarray, shape (B,)
+        Factor of phi, and bound of the inverse operators, see `error_bound`.
     pattern : Pattern
         phi, J harmonics.
-    forces : complex ndarray, shape (G+1,)
-        (F, f_1..f_G)/k0, of all sets.
     highest : int
         Lines that matter.
     """
 
     def __init__(
-        self,
-        ratio: Real,
-        zeta: Real,
-        scale: Real,
-        gain: Real,
-        pattern: Pattern,
-        forces: Complex,
-        highest: int,
+        self, pairs: PairCompliance, scale: Real, gain: Real, pattern: Pattern, highest: int
     ) -> None:
-        count = len(pattern.harmonics)
+        count, ratio, zeta, forces = len(pattern.harmonics), pairs.ratio, pairs.zeta, pairs.forces
         least = max(2 * (highest + count) + 1, math.ceil(FINENESS * float(ratio.max())))
         self.length = odd_length(least)
         self.band, self.gain, self.zeta = count, gain, zeta
@@ -102,7 +94,7 @@ class Shooting:
         self.compliance /= self.weights
         self.forced = np.zeros_like(stiffness)
         self.forced[: len(forces)] = self.compliance[: len(forces)] * forces[:, None]
-        self.phi = samples(with_zero_mean(pattern.harmonics), self.length)[:, None] * scale
+        self.phi = samples(pattern.half, self.length)[:, None] * scale
         self.stencil = _stencil(2 * math.pi * ratio / self.length, zeta)
         self._prepare()
 

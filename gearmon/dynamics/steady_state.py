@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Literal, get_args, overload
 
 import numpy as np
@@ -137,17 +138,13 @@ def _solve(
     equations: MeshEquations, tolerance: float, method: str, order: int | None
 ) -> tuple[Approximation, str]:
     """Solve by the cheapest method, or the one asked for; return its name, too."""
-    most = MOST_ORDERS if order is None else order
-
-    def recombined(x: Complex) -> Approximation:
-        return recombine(equations, x, tolerance, most)
-
     if method == "msm":
         return _plain(equations, tolerance, order), method
     if method == "harmonic balance":
-        improve = lambda x: balance(equations, x.shape[-1] - 1)  # noqa: E731
-        return widen(equations, tolerance, improve), method
-    return widen(equations, tolerance, recombined, repeat=order is None), "msm least residual"
+        return widen(equations, tolerance, partial(balance, equations)), method
+    most = MOST_ORDERS if order is None else order
+    improve = partial(recombine, equations, tolerance=tolerance, most=most)
+    return widen(equations, tolerance, improve, repeat=order is None), "msm least residual"
 
 
 def _shot(equations: MeshEquations, tolerance: float) -> Solution | None:
@@ -161,8 +158,8 @@ def _shot(equations: MeshEquations, tolerance: float) -> Solution | None:
         gain = equations.gain_by_inverse if by_inverse else equations.gain.acceleration
         if not math.isfinite(gain):
             continue
-        known = gain[None], equations.pattern, pair.forces, math.ceil(more * highest)
-        shot = Shooting(pair.ratio, pair.zeta, np.ones(1), *known).solve(tolerance, equations.shown)
+        known = np.ones(1), gain[None], equations.pattern, math.ceil(more * highest)
+        shot = Shooting(pair, *known).solve(tolerance, equations.shown)
         if shot.relative[0] <= tolerance:
             half, bound = shot.lines[:, 0], float(shot.relative[0])
             return Solution(_cut(half, equations.shown), bound, True, len(half) - 1, False)
@@ -192,18 +189,14 @@ def _check(tolerance: float, method: str, order: int | None, harmonics: int | No
 
 def _plain(equations: MeshEquations, tolerance: float, order: int | None) -> Approximation:
     if order is None:
-        found = widen(
-            equations,
-            tolerance,
-            lambda x: plain_sum(equations, x.shape[-1] - 1, tolerance, None),
-            counts_add=False,
-        )
+        improve = partial(plain_sum, equations, tolerance=tolerance, order=None)
+        found = widen(equations, tolerance, improve, counts_add=False)
     else:
         lines = len(equations.compliance.forces) - 1
         reached = lines + order * equations.pattern.harmonics.shape[-1]
         least = max(1, lines, equations.shown or 1)
         highest = max(least, min(reached, first_highest(equations, 1e-13)))
-        found = plain_sum(equations, highest, tolerance, order)
+        found = plain_sum(equations, equations.zeros(highest), tolerance, order)
     return found if found.relative <= tolerance else sharpened(equations, found)
 
 

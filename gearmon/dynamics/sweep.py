@@ -283,20 +283,18 @@ class _Work:
         ratio, zeta, scale = (x[sets] for x in (self.ratio, self.zeta, self.values["scale"]))
         # the lines that matter grow in proportion to w0/w
         ends, hardest = ratio[[0, -1], None], Pattern(scale.max() * pattern.harmonics)
-        pairs = (PairCompliance(end, zeta.min(keepdims=True), UNIT) for end in ends)
-        needed = [
-            more * first_highest(MeshEquations(pair, hardest, self.shown), self.tolerance)
-            for pair in pairs
-        ]
+        extremes = (PairCompliance(end, zeta.min(keepdims=True), UNIT) for end in ends)
+        equations = (MeshEquations(pair, hardest, self.shown) for pair in extremes)
+        needed = [more * first_highest(own, self.tolerance) for own in equations]
         highest = np.interp(ratio, ends[:, 0], needed)
 
         first = 0
         while first < len(sets):
             count = int(VALUES_TOGETHER / (2 * highest[first] + 2 * len(pattern.harmonics)))
             part = slice(first, first + max(FEWEST_TOGETHER, count))
-            known = gain[part], pattern, UNIT, math.ceil(highest[part][-1])
-            shooting = Shooting(ratio[part], zeta[part], scale[part], *known)
-            lines, bound = shooting.solve(self.tolerance, self.shown)
+            pairs = PairCompliance(ratio[part], zeta[part], UNIT)
+            known = scale[part], gain[part], pattern, math.ceil(highest[part][-1])
+            lines, bound = Shooting(pairs, *known).solve(self.tolerance, self.shown)
             good, own = bound <= self.tolerance, sets[part]
             last = None if self.shown is None else self.shown + 1
             self._parts.append((own[good], lines[:last].T[good]))
