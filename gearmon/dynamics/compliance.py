@@ -201,8 +201,7 @@ class SystemCompliance:
     @cached_property
     def far(self) -> int:
         """Line from which on the bounds for high frequencies hold and are within a factor of 2."""
-        skew = (self.damping - self.damping.T) / 2
-        turning = float(np.linalg.norm(skew, 2)) if self.system.gyroscopic is not None else 0.0
+        turning = float(np.linalg.norm(self.shapes.T @ self.system.gyroscopic @ self.shapes, 2))
         top = turning + math.sqrt(turning**2 + 2 * float(self.squares[-1]))
         return math.ceil(top / self.system.angular_frequency) + 1
 
@@ -237,9 +236,7 @@ class SystemCompliance:
     @cached_property
     def _forced(self) -> Complex:
         """Modal answers to the forces alone, shape (n, lines)."""
-        forces = self.system.force_n[None].astype(complex)
-        if self.system.force_harmonics_n is not None:
-            forces = np.concatenate([forces, self.system.force_harmonics_n])
+        forces = np.concatenate([self.system.force_n[None], self.system.force_harmonics_n])
         lines = np.arange(len(forces), dtype=float)
         return np.asarray(self._answers(lines, (forces @ self.shapes)[..., None])[..., 0].T)
 

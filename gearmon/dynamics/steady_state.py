@@ -289,10 +289,8 @@ def _mesh_forces(system: HillSystem, found: Approximation) -> Complex:
     scale, u = np.sqrt(system.mesh_stiffness_n_per_m)[:, None], found.deflection
     # the swing that these deflections make, one order better than the one they come from
     force: Complex = scale * (u - found.swing - found.residual[:, : u.shape[1]])
-    if system.mesh_damping_ns_per_m is not None:
-        rates = 1j * system.angular_frequency * np.arange(u.shape[1]) * u
-        force += system.mesh_damping_ns_per_m[:, None] / scale * rates
-    return force
+    rates = 1j * system.angular_frequency * np.arange(u.shape[1]) * u
+    return force + system.mesh_damping_ns_per_m[:, None] / scale * rates
 
 
 def _verdict(bound: float, tolerance: float) -> str:
