@@ -30,7 +30,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Real, supremum, with_zero_mean
+from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Real, cut, supremum, with_zero_mean
 from gearmon.dynamics.hill import HillProblem, largest_responses, stiffness_at
 
 MOST_LINES = 4000
@@ -172,14 +172,6 @@ class BandSystem:
         self.forcing: Complex = forcing[solved:].copy()
         return forcing
 
-    def solve_core(self, right_side: Complex) -> Complex:
-        """Answer of the lines solved together to right sides of theirs, overwritten."""
-        band = self.band
-        answer: Complex = _lapack()[1](
-            self.factors, band, band, right_side, self.pivots, overwrite_b=1
-        )[0]
-        return answer
-
     def begin(self) -> None:
         """Take the answer of the core, and what it makes of many lines above it."""
         padded = self.core[self.solved - self.band :]
@@ -201,7 +193,8 @@ class BandSystem:
         solved, band = self.solved, self.band
         residual = np.negative(self.excess)
         inner = residual[: solved + 1]
-        core = self.solve_core(np.concatenate([inner[:0:-1].conj(), inner]))
+        whole = np.concatenate([inner[:0:-1].conj(), inner])
+        core = _lapack()[1](self.factors, band, band, whole, self.pivots, overwrite_b=1)[0]
         reach = len(residual)
         self._stiffness(reach)
         padded = np.zeros(reach + band, dtype=complex)
@@ -241,11 +234,7 @@ class BandSystem:
         whole: Complex = self.swinging * self.unit
         whole[0] += self.unit * self.mean
         last = len(whole) - 1
-        if shown is None:
-            return whole, last
-        if shown > last:
-            whole = np.concatenate([whole, np.zeros(shown - last, dtype=complex)])
-        return whole[: shown + 1], min(shown, last)
+        return cut(whole, shown), last if shown is None else min(shown, last)
 
 
 # N J^2 up to which factors take less time than orders, of which few do where they converge fast
@@ -321,14 +310,12 @@ def _refine(
     """Sweep until the bound meets the tolerance or rounding keeps it from falling."""
     system.begin()
     bound = math.inf
-    if not inverse.stable:
-        return Solution(system.vibration(shown)[0], bound, False, system.solved, False)
     for sweep in range(MOST_SWEEPS + 1):
         if sweep:
             system.sweep()
         displacement, last = system.vibration(shown)
         before, bound = bound, relative_bound(system, inverse, last)
-        if bound <= tolerance or bound > 0.5 * before < math.inf:
+        if not inverse.stable or bound <= tolerance or bound > 0.5 * before < math.inf:
             break
     return Solution(displacement, bound, inverse.stable, system.solved, system.pressed)
 

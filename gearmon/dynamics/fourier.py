@@ -61,6 +61,14 @@ def with_zero_mean(harmonics: Complex, count: int | None = None) -> Complex:
     return np.concatenate([np.zeros((*kept.shape[:-1], 1), dtype=complex), kept], axis=-1)
 
 
+def cut(half: Complex, highest: int | None) -> Complex:
+    """Lines 0..highest of the last axis, zeros where there are none; all of them for None."""
+    if highest is None:
+        return half
+    missing = np.zeros((*half.shape[:-1], max(0, highest + 1 - half.shape[-1])))
+    return np.concatenate([half, missing], axis=-1)[..., : highest + 1]
+
+
 def turning(angle: Real, lines: Real) -> Complex:
     """Return e^{i angle n} of evenly spaced lines n, shape (*angle.shape, lines).
 

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from gearmon.arrays import IntArray
 from gearmon.dynamics import floquet
-from gearmon.dynamics.fourier import Complex, Curve, Modulation, Real, turning
+from gearmon.dynamics.fourier import Complex, Curve, Modulation, Real, cut, turning
 from gearmon.errors import ArgumentError, check_finite, check_positive, check_range, check_word
 from gearmon.result import Result
 
@@ -124,12 +124,8 @@ class HillProblem:
 
     def static_forcing(self, highest: int) -> Complex:
         """(F, f_1, ..., f_highest)/k0 [m], shape (highest+1,)."""
-        forcing: Complex = np.zeros(highest + 1, dtype=np.complex128)
-        forcing[0] = self.force_n
-        count = min(highest, len(self.force_harmonics_n))
-        forcing[1 : count + 1] = self.force_harmonics_n[:count]
-        forcing /= self.stiffness_n_per_m
-        return forcing
+        forcing = cut(np.append(self.force_n, self.force_harmonics_n), highest)
+        return forcing / self.stiffness_n_per_m
 
 
 def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:

@@ -43,7 +43,7 @@ import numpy as np
 from gearmon.dynamics.compliance import PairCompliance, SystemCompliance, inverse_norm
 from gearmon.dynamics.error_bound import Gain, Pattern, best_gain
 from gearmon.dynamics.floquet import SETTLED, system_multipliers
-from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Modulation, Real
+from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Modulation, Real, cut
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.system import HillSystem
 
@@ -55,7 +55,7 @@ STALLED = 0.95
 SMALLEST = 1e-200
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Approximation:
     """An approximate steady vibration, and how good it is.
 
@@ -109,12 +109,6 @@ class MeshEquations:
         shown: int | None = None,
     ) -> None:
         self.compliance, self.pattern, self.shown = compliance, pattern, shown
-
-    @property
-    def pair(self) -> PairCompliance:
-        """The compliance of a pair."""
-        assert isinstance(self.compliance, PairCompliance)
-        return self.compliance
 
     @cached_property
     def gain(self) -> Gain:
@@ -182,17 +176,8 @@ class MeshEquations:
         rounding = size(x) + self.compliance.swinging_forces + depth * self.swing * size(u)
         rounding = rounding + size(np.asarray(mean * self.pattern.size, dtype=complex))
         u[..., :1] = mean
-        relative, whole, error = self._bound(motion, residual, UNIT_ROUNDOFF * rounding)
-        return Approximation(
-            swing=x,
-            deflection=u,
-            motion=motion,
-            residual=residual,
-            relative=relative,
-            size=whole,
-            error=error,
-            orders=orders,
-        )
+        bound = self._bound(motion, residual, UNIT_ROUNDOFF * rounding)
+        return Approximation(x, u, motion, residual, *bound, orders)
 
     def size(self, motion: Complex) -> Real:
         """Rms acceleration of the harmonics of a motion that are handed out."""
@@ -213,8 +198,8 @@ class MeshEquations:
         """Bounds of the error that residuals of the core and above it cause."""
         compliance, gain = self.compliance, self.gain.acceleration
         extra = compliance.answer(residual, core + 1)
-        moved = extra if isinstance(compliance, PairCompliance) else None
-        direct = self.size(compliance.motion(residual, core + 1) if moved is None else moved)
+        pair = isinstance(compliance, PairCompliance)
+        direct = self.size(extra if pair else compliance.motion(residual, core + 1))
         inner = _times(gain, compliance.size(residual[..., : core + 1]))
         spread = self.swing * compliance.size(extra)
         coupled = _times(gain, spread)
@@ -494,8 +479,7 @@ def widen(
         if found.relative <= tolerance:
             break
         highest = _larger(equations, found, tolerance)
-        padding = equations.zeros(highest - found.highest - 1)
-        better = improve(np.concatenate([found.swing, padding], axis=-1))
+        better = improve(cut(found.swing, highest))
         orders = better.orders + counts_add * orders
         old, found = found, replace(better, orders=orders)
         left, before = (equations.compliance.size(one.residual) for one in (found, old))
@@ -529,10 +513,8 @@ def sharpened(equations: MeshEquations, found: Approximation) -> Approximation:
         wanted = max(1e-12, 0.05 * min(float(found.relative), 0.1))
         improve = partial(recombine, equations, tolerance=wanted, most=MOST_ORDERS)
         better = widen(equations, wanted, improve)
-        count = max(found.highest, better.highest) + 1
-        apart = np.zeros((*better.motion.shape[:-1], count), dtype=complex)
-        apart[..., : better.highest + 1] = better.motion
-        apart[..., : found.highest + 1] -= found.motion
+        last = max(found.highest, better.highest)
+        apart = cut(better.motion, last) - cut(found.motion, last)
         size, left = equations.size(better.motion), better.error
         if left < size:
             relative = (equations.size(apart) + left) / (size - left)

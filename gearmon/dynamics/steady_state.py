@@ -9,9 +9,10 @@ from typing import Literal, get_args, overload
 
 import numpy as np
 
-from gearmon.dynamics import direct, floquet
+from gearmon.dynamics import direct
+from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.direct import Solution, counting
-from gearmon.dynamics.fourier import Complex
+from gearmon.dynamics.fourier import Complex, cut
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.mesh_equations import (
     MOST_ORDERS,
@@ -115,7 +116,7 @@ def steady_state(
     >>> 1e-4 < plain.error_bound < 1e-1
     True
     """
-    _check(tolerance, method, order, harmonics)
+    check_arguments(tolerance, harmonics, method, order)
     is_free = method == "auto" and order is None
     if isinstance(problem, HillProblem):
         _check_lines(problem)
@@ -149,7 +150,8 @@ def _solve(
 
 def _shot(equations: MeshEquations, tolerance: float) -> Solution | None:
     """Shoot for the motion of a pair, or None where that does not meet the tolerance."""
-    pair, highest = equations.pair, first_highest(equations, tolerance)
+    pair, highest = equations.compliance, first_highest(equations, tolerance)
+    assert isinstance(pair, PairCompliance)
     if not (equations.gain.stable and equations.pattern.harmonics.any()):
         return None
     for more, by_inverse in ((1.0, False), (1.5, False), (1.5, True)):
@@ -162,7 +164,7 @@ def _shot(equations: MeshEquations, tolerance: float) -> Solution | None:
         shot = Shooting(pair, *known).solve(tolerance, equations.shown)
         if shot.relative[0] <= tolerance:
             half, bound = shot.lines[:, 0], float(shot.relative[0])
-            return Solution(_cut(half, equations.shown), bound, True, len(half) - 1, False)
+            return Solution(cut(half, equations.shown), bound, True, len(half) - 1, False)
     return None
 
 
@@ -176,7 +178,10 @@ def _check_lines(problem: HillProblem) -> None:
         )
 
 
-def _check(tolerance: float, method: str, order: int | None, harmonics: int | None) -> None:
+def check_arguments(
+    tolerance: float, harmonics: int | None, method: str = "auto", order: int | None = None
+) -> None:
+    """Raise if what is asked for is out of its range."""
     check_range("tolerance", tolerance, 1e-13, 1.0)
     check_word("method=", method, METHODS)
     if order is not None:
@@ -205,12 +210,6 @@ def _response(
 ) -> Response:
     """Put an answer into words: `message` is what to say of a steady vibration."""
     stable = found.stable and problem.damping_ns_per_m > 0
-    if problem.damping_ns_per_m == 0:
-        message = UNDAMPED
-    elif not stable:
-        p = problem
-        known = floquet.multipliers(p.frequency_ratio, p.damping_ratio, p.stiffness_harmonics)
-        message = growing_by(abs(known[0]))
     response = Response(
         problem=problem,
         displacement=found.displacement,
@@ -220,6 +219,10 @@ def _response(
         stable=stable,
         message=message,
     )
+    if problem.damping_ns_per_m == 0:
+        return replace(response, message=UNDAMPED)
+    if not stable:
+        return replace(response, message=growing_by(abs(response.floquet_multipliers[0])))
     return response if found.pressed else _with_contact(response)
 
 
@@ -231,7 +234,7 @@ def _with_contact(response: Response) -> Response:
     swing = p.mass_kg * p.angular_frequency**2 * float(np.dot(squares, np.abs(z)))
     if len(p.force_harmonics_n):
         swing += float(np.abs(p.force_harmonics_n).sum())
-    if 2.001 * swing < abs(p.force_n) or not (response.stable and response.error_bound < 1):
+    if 2.001 * swing < abs(p.force_n) or not response.error_bound < 1:
         return response
     angle = response.contact_loss_angle_rad
     if angle is None:
@@ -241,14 +244,6 @@ def _with_contact(response: Response) -> Response:
         f"{response.mesh_force_margin:.3g} of its mean): the linear model ends there"
     )
     return replace(response, message=response.message + lost)
-
-
-def _cut(half: Complex, shown: int | None) -> Complex:
-    """Lines 0..shown of the last axis, zeros where there are none."""
-    if shown is None:
-        return half
-    missing = max(0, shown + 1 - half.shape[-1])
-    return np.pad(half, [(0, 0)] * (half.ndim - 1) + [(0, missing)])[..., : shown + 1]
 
 
 def _respond(
@@ -266,7 +261,7 @@ def _respond(
     else:
         why = _NO_INVERSE if math.isinf(equations.gain.acceleration) else _TOO_LARGE
         text += f"no error bound could be given ({why})"
-    shown = _cut(found.motion, equations.shown)
+    shown = cut(found.motion, equations.shown)
     if isinstance(problem, HillProblem):
         solution = Solution(shown, bound, stable, found.highest, False)
         return _response(problem, solution, method, found.orders, text)
@@ -274,7 +269,7 @@ def _respond(
     return SystemResponse(
         system=problem,
         displacement=shown.T,
-        mesh_force=_cut(_mesh_forces(problem, found), equations.shown).T,
+        mesh_force=cut(_mesh_forces(problem, found), equations.shown).T,
         error_bound=bound if stable else math.inf,
         method=method,
         order=found.orders,

@@ -32,8 +32,14 @@ from gearmon.dynamics.hill import (
 )
 from gearmon.dynamics.mesh_equations import MeshEquations, first_highest
 from gearmon.dynamics.shooting import Shooting
-from gearmon.dynamics.steady_state import MOST_RATIO, UNDAMPED, growing_by, steady_state
-from gearmon.errors import ArgumentError, check_range
+from gearmon.dynamics.steady_state import (
+    MOST_RATIO,
+    UNDAMPED,
+    check_arguments,
+    growing_by,
+    steady_state,
+)
+from gearmon.errors import ArgumentError
 from gearmon.result import Result
 
 #: Fewer sets of one pattern are solved faster by themselves.
@@ -186,9 +192,7 @@ def sweep(
     >>> found.displacement.shape[:2], bool(found.met.all()), bool(found.stable.all())
     ((2, 3), True, True)
     """
-    check_range("tolerance", tolerance, 1e-13, 1.0)
-    if harmonics is not None:
-        check_range("harmonics", harmonics, 1, 10_000_000)
+    check_arguments(tolerance, harmonics)
     pattern: Complex = np.array(stiffness_harmonics, dtype=complex)
     if pattern.ndim == 0:
         raise ArgumentError("stiffness_harmonics: a number, must be one row of coefficients")
@@ -264,9 +268,8 @@ class _Work:
         gain = best_gain(self.ratio[at], self.zeta[at], scale, pattern)
         self.stable[at] = gain.stable
         for i in np.flatnonzero(~gain.stable):
-            growth = float(gain.growth[i])
-            grown = growing_by(math.exp(min(growth, 700.0)))
-            self.reason[at[i]] = UNDAMPED if math.isinf(growth) else grown
+            grown = growing_by(math.exp(min(float(gain.growth[i]), 700.0)))
+            self.reason[at[i]] = UNDAMPED if math.isinf(gain.growth[i]) else grown
         # what does not vibrate has no relative error
         sure = gain.stable & np.isfinite(gain.acceleration) & (scale > 0)
         left = np.flatnonzero(sure) if len(pattern.harmonics) else np.zeros(0, dtype=int)

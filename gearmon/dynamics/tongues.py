@@ -87,10 +87,7 @@ ROUNDED = 1e-12
 
 
 def tongue_edges(
-    shape: FourierShape,
-    tongue: int,
-    variations: npt.ArrayLike,
-    damping_ratio: float = 0.0,
+    shape: FourierShape, tongue: int, variations: npt.ArrayLike, damping_ratio: float = 0.0
 ) -> Real:
     """Lower and upper w/w0 of an unstable tongue.
 
@@ -548,9 +545,7 @@ def _near_tips(boundaries: Boundaries, number: int, grid: Real) -> Real:
 
 
 def stability_map_of(
-    problem: HillProblem,
-    orders: tuple[int, ...] = (1, 2),
-    points: tuple[int, int] = (320, 120),
+    problem: HillProblem, orders: tuple[int, ...] = (1, 2), points: tuple[int, int] = (320, 120)
 ) -> StabilityMap:
     """Map around a problem, with its own stiffness form and damping, and a mark at its place.
 

@@ -21,7 +21,7 @@ def turn_with_a_weak_tooth(meshes, zeta=0.3, lines=12):
 
 def shooting_of(problem, highest):
     equations = equations_of(problem)
-    pair, gain = equations.pair, equations.gain.acceleration[None]
+    pair, gain = equations.compliance, equations.gain.acceleration[None]
     return Shooting(pair, np.ones(1), gain, equations.pattern, highest)
 
 
@@ -64,7 +64,7 @@ def test_one_set_is_marched_like_many():
     p = published_pair(damping=900.0)
     one, equations = shooting_of(p, 60), equations_of(p)
     two = np.ones(2)
-    pair, gain = equations.pair, equations.gain.acceleration
+    pair, gain = equations.compliance, equations.gain.acceleration
     pairs = PairCompliance(pair.ratio * two, pair.zeta * two, pair.forces)
     many = Shooting(pairs, two, gain * two, equations.pattern, 60)
     np.testing.assert_allclose(many.free, np.repeat(one.free, 2, axis=-1), atol=1e-12)
