@@ -127,8 +127,7 @@ class Coupling:
 
     def exponents(self, lines: Real) -> Complex:
         """Diagonal s+- - i n/R of order zero, shape (2, M)."""
-        diagonal: Complex = np.array(self.roots)[:, None] - 1j * lines / self.ratio
-        return diagonal
+        return np.asarray(np.array(self.roots)[:, None] - 1j * lines / self.ratio)
 
     def __call__(self, y: Complex) -> Complex:
         """V y for states y, shape (2, M, ...), on consecutive lines."""
@@ -144,8 +143,7 @@ class Coupling:
 
     def driven(self, force: Complex) -> Complex:
         """Rates of both free vibrations under a force [relative to k0], shape (2, M, ...)."""
-        rates: Complex = np.array([force, -force]) / (self.roots[0] - self.roots[1])
-        return rates
+        return np.asarray(np.array([force, -force]) / (self.roots[0] - self.roots[1]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

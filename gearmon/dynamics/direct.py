@@ -40,18 +40,10 @@ SPARE = 1e-3
 SPARE_WEAK = 1e-5
 
 
-@lru_cache(maxsize=128)
-def counting(count: int) -> Real:
-    """0, 1, ..., count - 1 as floats, read-only."""
-    numbers = np.arange(count, dtype=float)
-    numbers.flags.writeable = False
-    return numbers
-
-
-@lru_cache(maxsize=128)
-def two_sided(highest: int) -> Real:
-    """-highest, ..., highest as floats, read-only."""
-    numbers = np.arange(-highest, highest + 1, dtype=float)
+@lru_cache(maxsize=256)
+def lines(first: int, last: int) -> Real:
+    """Return first, ..., last as floats, read-only."""
+    numbers = np.arange(first, last + 1, dtype=float)
     numbers.flags.writeable = False
     return numbers
 
@@ -81,6 +73,9 @@ class BandSystem:
         With damping and at least one stiffness harmonic.
     """
 
+    #: z without the mean deflection under the mean force, harmonics 0.. in units of `unit`
+    swinging: Complex
+
     def __init__(self, problem: HillProblem) -> None:
         self.c = problem.stiffness_harmonics
         self.band = len(self.c)
@@ -100,8 +95,6 @@ class BandSystem:
         self.peak = peak(self.zeta)
         self.loop = self.swing * self.peak
         self.pressed = False
-        #: z without the mean deflection under the mean force, harmonics 0.. in units of `unit`
-        self.swinging: Complex = np.zeros(1, dtype=complex)
 
     def nearest(self, line: int) -> float:
         """|D_n|; above resonance, the least of all from there on."""
@@ -118,7 +111,7 @@ class BandSystem:
         top = max(band, math.ceil(1.2 * ratio) + 1, len(self.forces), 2)
         if not total:
             return top
-        jump = max(1, round(float(counting(band + 1)[1:].dot(self.sizes)) / total))
+        jump = max(1, round(float(lines(1, band).dot(self.sizes)) / total))
         weak = self.loop >= NEAR_ONE
         wanted = (SPARE_WEAK if weak else SPARE) * tolerance
         reached, share, step = 1.2, 1.0, jump / ratio
@@ -142,7 +135,7 @@ class BandSystem:
         """
         band = self.band
         self.solved = solved
-        x = two_sided(solved) * (1 / self.ratio)
+        x = lines(-solved, solved) * (1 / self.ratio)
         self.squares, self.diagonal = (x * x)[solved:], stiffness_at(x, self.zeta)
         self.stiffness = self.diagonal[solved:]
         matrix = np.empty((2 * solved + 1, 3 * band + 1), dtype=complex)
@@ -209,7 +202,7 @@ class BandSystem:
 
     def _stiffness(self, count: int) -> None:
         """Provide D_n and (n/R)^2 of lines 0..count - 1."""
-        x = counting(count) * (1 / self.ratio)
+        x = lines(0, count - 1) * (1 / self.ratio)
         self.squares, self.stiffness = x * x, stiffness_at(x, self.zeta)
 
     def _take(self, padded: Complex) -> None:
@@ -458,7 +451,7 @@ def determinant(system: BandSystem, power: float) -> Determinant | None:
         return None
     upper = system.factors[2 * system.band]
     value = float(np.multiply.reduce(upper / system.diagonal).real)
-    if np.count_nonzero(system.pivots != counting(len(upper))) % 2:
+    if np.count_nonzero(system.pivots != lines(0, len(upper) - 1)) % 2:
         value = -value
     if not abs(value) > LEAST:
         return None
@@ -498,7 +491,7 @@ def beyond_lines(system: BandSystem, edge: float, power: float) -> float:
     """
     outer = 1 / system.nearest(system.solved + 1)
     sizes = system.sizes
-    reaching = 2 * float(counting(system.band + 1)[1:].dot(sizes * sizes))
+    reaching = 2 * float(lines(1, system.band).dot(sizes * sizes))
     trace = edge * reaching * outer
     tail = tail_squares_above(system.ratio, system.solved)
     size = math.sqrt(power * tail) + edge * system.swing * math.sqrt(reaching) * outer

@@ -64,6 +64,7 @@ from gearmon.dynamics.fourier import (
     supremum,
     with_zero_mean,
 )
+from gearmon.dynamics.hill import stiffness_at
 
 #: A gain this many times the response of the mean spring is worth improving.
 LOOSE = 1e3
@@ -219,9 +220,11 @@ def small_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tuple[
     with np.errstate(divide="ignore"):
         for side in (np.floor, np.ceil):
             x = side(ratio * np.sqrt(np.maximum(bend, 0.0))) / ratio
-            softest = np.maximum(softest, 1 / _stiffness(x, zeta))
+            softest = np.maximum(softest, 1 / np.abs(stiffness_at(x, zeta)))
             x = side(ratio / np.sqrt(np.where(bend > 0, bend, 1.0))) / ratio
-            response = np.maximum(response, np.where(bend > 0, x**2 / _stiffness(x, zeta), 1.0))
+            response = np.maximum(
+                response, np.where(bend > 0, x**2 / np.abs(stiffness_at(x, zeta)), 1.0)
+            )
         # over the lines, and over all frequencies
         loop, around = (np.where(swing > 0, swing * most, 0.0) for most in (softest, peak(zeta)))
     proven = (middle > -1) & (loop < 1) & (around < 1)
@@ -240,11 +243,6 @@ def peak(zeta: Real | float) -> Real:
     inner = np.minimum(zeta, math.sqrt(0.5))
     with np.errstate(divide="ignore"):
         return np.asarray(1 / (2 * inner * np.sqrt(1 - inner * inner)))
-
-
-def _stiffness(x: Real, zeta: Real) -> Real:
-    square = x * x
-    return np.asarray(np.sqrt((1 - square) ** 2 + 4 * zeta * zeta * square))
 
 
 def energy_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> Real:

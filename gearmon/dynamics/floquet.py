@@ -104,16 +104,16 @@ def half_traces_over(
         Takes arrays (E or 1, X) of w0/w and (E, 1) of eps; returns what `half_traces` does.
     """
     known, share = {"zeta": np.asarray(zeta), "harmonics": harmonics}, 0.1 * tolerance
-    ends = [(float(v.min()), float(v.max())) for v in (ratios, variations)]
-    centres, halves = zip(*(((b + a) / 2, (b - a) / 2) for a, b in ends), strict=True)
-    spans = 2 * halves[0], 2 * halves[1] * float(ratios.max())
+    # middle and half of the extent of both
+    sides = [((v.max() + v.min()) / 2, (v.max() - v.min()) / 2) for v in (ratios, variations)]
+    spans = 2 * sides[0][1], 2 * sides[1][1] * float(ratios.max())
     counts = [
         math.ceil(1 - least * math.log10(share) + each * span) if span else 1
         for least, each, span in zip(NODES_A_DIGIT, NODES_A_UNIT, spans, strict=True)
     ]
     while math.prod(counts) <= most:
         points = [chebyshev.chebpts1(n) for n in counts]
-        x, y = (c + h * p for c, h, p in zip(centres, halves, points, strict=True))
+        x, y = (c + h * p for (c, h), p in zip(sides, points, strict=True))
         value, log = half_traces(x, y[:, None], **known, tolerance=share)
         with np.errstate(over="ignore"):
             traces = value * np.exp(log)
@@ -122,7 +122,7 @@ def half_traces_over(
         terms = _analysis(points[1]) @ traces @ _analysis(points[0]).T
         open_ = [_tail(t) > share for t in (terms.T, terms)]
         if not any(open_):
-            return partial(_interpolated, terms, centres, halves)
+            return partial(_interpolated, terms, sides)
         counts = [math.ceil(MORE_NODES * n) if o else n for n, o in zip(counts, open_, strict=True)]
     return partial(half_traces, **known, tolerance=tolerance)
 
@@ -140,15 +140,11 @@ def _tail(terms: Real) -> float:
 
 
 def _interpolated(
-    terms: Real,
-    centres: tuple[float, float],
-    halves: tuple[float, float],
-    ratio: Real,
-    variation: Real,
+    terms: Real, sides: list[tuple[float, float]], ratio: Real, variation: Real
 ) -> tuple[Real, Real]:
     x, y = (
         chebyshev.chebvander((v - c) / (h or 1.0), n - 1)
-        for v, c, h, n in zip((ratio, variation), centres, halves, terms.shape[::-1], strict=True)
+        for v, (c, h), n in zip((ratio, variation), sides, terms.shape[::-1], strict=True)
     )
     rows = y @ terms
     # one product of matrices where all rows share their w0/w

@@ -112,8 +112,7 @@ class Modulation:
             return np.asarray((np.ascontiguousarray(half).view(float) @ self.matrix).view(complex))
         y = np.fft.irfft(half, self.length, norm="forward")
         y *= self.values
-        product: Complex = np.fft.rfft(y, norm="forward")[..., : self.outputs + 1]
-        return product
+        return np.fft.rfft(y, norm="forward")[..., : self.outputs + 1]
 
 
 def extremes(half: Complex) -> tuple[float, float, float]:
@@ -150,16 +149,14 @@ class Curve:
 
     def __init__(self, half: Complex) -> None:
         self.half = half
-        orders = np.arange(len(half))
-        self.orders = orders
+        orders = self.orders = np.arange(len(half))
         self.size = float(2 * np.abs(half).sum())
         self.bend = float(2 * (orders**2 * np.abs(half)).sum())
 
     def at(self, x: Real) -> Real:
         """Values at x, shape of x."""
         phases = np.exp(1j * x[..., None] * self.orders[1:])
-        values: Real = self.half[0].real + 2 * (phases @ self.half[1:]).real
-        return values
+        return np.asarray(self.half[0].real + 2 * (phases @ self.half[1:]).real)
 
     def lowest(self) -> float:
         """Return min y(x), to 1e-12 of the sum of all amplitudes."""

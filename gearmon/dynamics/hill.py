@@ -304,8 +304,7 @@ class PeriodicVibration(Result, ABC):
     @property
     def energy_lines(self) -> Real:
         """E_n = (2 pi f_n A_n)^2/2 [J/kg] of each line, A_n = 2|z_n|, shape of the displacement."""
-        energy: Real = 2 * np.abs(self.velocity) ** 2
-        return energy
+        return 2 * np.abs(self.velocity) ** 2
 
     def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
         """Displacement [m], velocity [m/s], acceleration [m/s2] or mesh force [N] at any times.

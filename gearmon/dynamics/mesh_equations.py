@@ -279,8 +279,7 @@ class LeastResidual:
         return self._half(self.sum)
 
     def _flat(self, half: Complex) -> Real:
-        scaled: Complex = np.ascontiguousarray(self.weights * half)
-        return scaled.view(float).ravel()
+        return np.asarray((self.weights * half).ravel().view(float))
 
     def _half(self, row: Real) -> Complex:
         return np.asarray(row.view(complex).reshape(self.shape) / self.weights)

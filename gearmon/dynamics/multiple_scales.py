@@ -86,8 +86,7 @@ class Expansion(Result):
     @property
     def displacement(self) -> Complex:
         """Sum of all orders [m], shape (N+1,)."""
-        total: Complex = self.terms.sum(axis=0)
-        return total
+        return np.asarray(self.terms.sum(axis=0))
 
     @cached_property
     def _products(self) -> tuple[Modulation, Modulation]:

@@ -18,14 +18,7 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics.floquet import (
-    HalfTraces,
-    growth,
-    growth_of,
-    half_traces,
-    half_traces_over,
-    multipliers,
-)
+from gearmon.dynamics import floquet
 from gearmon.dynamics.fourier import Complex, Real, fast_length, samples, with_zero_mean
 from gearmon.dynamics.hill import HillProblem, frozen_vector
 from gearmon.errors import ArgumentError, check_range
@@ -168,14 +161,16 @@ def stability_chart(
     check_range("damping_ratio", damping_ratio, 0.0, 100.0)
     check_range("tolerance", tolerance, 1e-15, 0.1)
     most = x.size * eps.size // 2
-    traces = half_traces_over(1 / x, eps, damping_ratio, shape.harmonics, tolerance, most)
-    grown = growth(*traces(1 / x[None, :], eps[:, None])) - 2 * math.pi * damping_ratio / x
+    traces = floquet.half_traces_over(1 / x, eps, damping_ratio, shape.harmonics, tolerance, most)
+    grown = floquet.growth(*traces(1 / x[None, :], eps[:, None])) - 2 * math.pi * damping_ratio / x
     return StabilityChart(
         shape=shape, speeds=x, variations=eps, damping_ratio=float(damping_ratio), growth=grown
     )
 
 
-def excess(traces: HalfTraces, ratio: Real, variation: Real, zeta: float) -> tuple[Real, Real]:
+def excess(
+    traces: floquet.HalfTraces, ratio: Real, variation: Real, zeta: float
+) -> tuple[Real, Real]:
     """Smooth measure of instability, by which of +1 and -1 it comes.
 
     Returns
@@ -249,8 +244,10 @@ def stability_margin(problem: HillProblem, search: bool = True) -> StabilityMarg
     """
     shape = _variation_of(problem)
     ratio, zeta = problem.frequency_ratio, problem.damping_ratio
-    pair = multipliers(ratio, zeta, shape.harmonics, 1e-12)
-    grown = float(growth_of(np.array(ratio), np.array(1.0), np.array(zeta), shape.harmonics))
+    pair = floquet.multipliers(ratio, zeta, shape.harmonics, 1e-12)
+    grown = float(
+        floquet.growth_of(np.array(ratio), np.array(1.0), np.array(zeta), shape.harmonics)
+    )
     low = -shape.extremes[0]
     positive = 1 / low if low > 0 else math.inf
     factor = _first_unstable(shape, ratio, zeta, positive) if search else math.nan
@@ -287,7 +284,7 @@ def _first_unstable(shape: FourierShape, ratio: float, zeta: float, most: float)
     grid = np.linspace(least, most, 64 + 16 * math.ceil(2 * ratio) + 1)
 
     def values(factors: Real | float, tolerance: float = 1e-12) -> Real:
-        known = partial(half_traces, zeta=np.asarray(zeta), harmonics=shape.harmonics)
+        known = partial(floquet.half_traces, zeta=np.asarray(zeta), harmonics=shape.harmonics)
         traces = partial(known, tolerance=tolerance)
         return np.maximum(*excess(traces, np.array(ratio), np.asarray(factors), zeta))
 

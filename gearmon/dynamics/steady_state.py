@@ -11,7 +11,7 @@ import numpy as np
 
 from gearmon.dynamics import direct
 from gearmon.dynamics.compliance import PairCompliance
-from gearmon.dynamics.direct import Solution, counting
+from gearmon.dynamics.direct import Solution, lines
 from gearmon.dynamics.fourier import Complex, cut
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.mesh_equations import (
@@ -197,9 +197,9 @@ def _plain(equations: MeshEquations, tolerance: float, order: int | None) -> App
         improve = partial(plain_sum, equations, tolerance=tolerance, order=None)
         found = widen(equations, tolerance, improve, counts_add=False)
     else:
-        lines = len(equations.compliance.forces) - 1
-        reached = lines + order * equations.pattern.harmonics.shape[-1]
-        least = max(1, lines, equations.shown or 1)
+        forced = len(equations.compliance.forces) - 1
+        reached = forced + order * equations.pattern.harmonics.shape[-1]
+        least = max(1, forced, equations.shown or 1)
         highest = max(least, min(reached, first_highest(equations, 1e-13)))
         found = plain_sum(equations, equations.zeros(highest), tolerance, order)
     return found if found.relative <= tolerance else sharpened(equations, found)
@@ -229,7 +229,7 @@ def _response(
 def _with_contact(response: Response) -> Response:
     """Add to the message where the teeth part, if they do."""
     p, z = response.problem, response.displacement
-    squares = counting(len(z)) ** 2
+    squares = lines(0, len(z) - 1) ** 2
     # the mesh force is F + f - m z'': where the lines together stay below F it cannot vanish
     swing = p.mass_kg * p.angular_frequency**2 * float(np.dot(squares, np.abs(z)))
     if len(p.force_harmonics_n):

@@ -274,8 +274,7 @@ class SystemResponse(PeriodicVibration):
             [N].
         """
         moved: Complex = self.displacement @ np.atleast_2d(np.asarray(vectors, dtype=float)).T
-        force: Complex = moved * np.asarray(stiffness_n_per_m)
-        return force
+        return np.asarray(moved * np.asarray(stiffness_n_per_m))
 
     @cached_property
     def mesh_force_margin(self) -> Real:
