@@ -130,8 +130,7 @@ def growth(ratio: float, zeta: float, shape: Complex, variations: Real) -> Real:
     ndarray, shape (V,)
         It only draws systems; whether one is stable is judged by the reference.
     """
-    known = np.array(ratio), variations, np.array(zeta)
-    return floquet.growth_of(*known, shape, TRACE_TOLERANCE)
+    return floquet.growth_of(ratio, variations, zeta, shape, TRACE_TOLERANCE)
 
 
 def run_stress(

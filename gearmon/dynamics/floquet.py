@@ -48,11 +48,12 @@ ROUNDING = 1e-14
 #: e to this is the largest number; beyond e to the other |H| + 1 is |H|.
 LARGEST_EXPONENT, LARGE = 709.0, 30.0
 
+Numbers = Real | float
 HalfTraces = Callable[[Real, Real], tuple[Real, Real]]
 
 
 def half_traces(
-    ratio: Real, variation: Real, zeta: Real, harmonics: Complex, tolerance: float = 1e-12
+    ratio: Numbers, variation: Numbers, zeta: Numbers, harmonics: Complex, tolerance: float = 1e-12
 ) -> tuple[Real, Real]:
     """Half traces for k(t) = k0 [1 + eps f(t)] with f given by its Fourier coefficients.
 
@@ -286,8 +287,7 @@ def multipliers(
     >>> abs(first) > 1, round(abs(first * second), 9)
     (True, 1.0)
     """
-    known = np.array(ratio), np.array(1.0), np.array(zeta), harmonics
-    value, log = half_traces(*known, tolerance)
+    value, log = half_traces(ratio, 1.0, zeta, harmonics, tolerance)
     decay = 2 * math.pi * ratio * zeta
     angle = math.acos(max(-1.0, min(1.0, float(value * np.exp(np.minimum(log, LARGE))))))
     exponent = complex(float(growth(value, log)), angle)
@@ -300,7 +300,7 @@ def _exponential(exponent: complex) -> complex:
 
 
 def growth_of(
-    ratio: Real, variation: Real, zeta: Real, harmonics: Complex, tolerance: float = 1e-12
+    ratio: Numbers, variation: Numbers, zeta: Numbers, harmonics: Complex, tolerance: float = 1e-12
 ) -> Real:
     """Logarithm of the largest multiplier's modulus per period, as `half_traces`."""
     traces = half_traces(ratio, variation, zeta, harmonics, tolerance)

@@ -245,9 +245,7 @@ def stability_margin(problem: HillProblem, search: bool = True) -> StabilityMarg
     shape = _variation_of(problem)
     ratio, zeta = problem.frequency_ratio, problem.damping_ratio
     pair = floquet.multipliers(ratio, zeta, shape.harmonics, 1e-12)
-    grown = float(
-        floquet.growth_of(np.array(ratio), np.array(1.0), np.array(zeta), shape.harmonics)
-    )
+    grown = float(floquet.growth_of(ratio, 1.0, zeta, shape.harmonics))
     low = -shape.extremes[0]
     positive = 1 / low if low > 0 else math.inf
     factor = _first_unstable(shape, ratio, zeta, positive) if search else math.nan
@@ -284,7 +282,7 @@ def _first_unstable(shape: FourierShape, ratio: float, zeta: float, most: float)
     grid = np.linspace(least, most, 64 + 16 * math.ceil(2 * ratio) + 1)
 
     def values(factors: Real | float, tolerance: float = 1e-12) -> Real:
-        known = partial(floquet.half_traces, zeta=np.asarray(zeta), harmonics=shape.harmonics)
+        known = partial(floquet.half_traces, zeta=zeta, harmonics=shape.harmonics)
         traces = partial(known, tolerance=tolerance)
         return np.maximum(*excess(traces, np.array(ratio), np.asarray(factors), zeta))
 
