@@ -213,7 +213,7 @@ class BandSystem:
         band = self.band
         swinging = padded[band:]
         # rounding of the unsymmetric factors must not feed on itself
-        swinging[0] = swinging[0].real
+        swinging.imag[0] = 0.0
         np.conjugate(swinging[band:0:-1], out=padded[:band])
         self.swinging = swinging
         # phi_{n-m} is the conjugate of phi_{m-n}: the product is a correlation
