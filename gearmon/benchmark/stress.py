@@ -32,7 +32,7 @@ from gearmon.benchmark.equations import (
     reference_and_doubt,
 )
 from gearmon.benchmark.timing import task_time
-from gearmon.dynamics import HillProblem, Response, period_trace, steady_state
+from gearmon.dynamics import HillProblem, Response, floquet, steady_state
 from gearmon.errors import ArgumentError, check_range
 from gearmon.terminal import Progress, followed
 
@@ -130,9 +130,7 @@ def growth(ratio: float, zeta: float, shape: Complex, variations: Real) -> Real:
     ndarray, shape (V,)
         It only draws systems; whether one is stable is judged by the reference.
     """
-    known = np.array(ratio), variations, np.array(zeta)
-    half_trace = period_trace.of_fourier(*known, shape, TRACE_TOLERANCE)
-    return np.asarray(period_trace.growth(*half_trace) - 2 * math.pi * ratio * zeta)
+    return floquet.growth_of(ratio, variations, zeta, shape, TRACE_TOLERANCE)
 
 
 def run_stress(

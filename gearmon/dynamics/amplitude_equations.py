@@ -127,8 +127,7 @@ class Coupling:
 
     def exponents(self, lines: Real) -> Complex:
         """Diagonal s+- - i n/R of order zero, shape (2, M)."""
-        diagonal: Complex = np.array(self.roots)[:, None] - 1j * lines / self.ratio
-        return diagonal
+        return np.asarray(np.array(self.roots)[:, None] - 1j * lines / self.ratio)
 
     def __call__(self, y: Complex) -> Complex:
         """V y for states y, shape (2, M, ...), on consecutive lines."""
@@ -144,8 +143,7 @@ class Coupling:
 
     def driven(self, force: Complex) -> Complex:
         """Rates of both free vibrations under a force [relative to k0], shape (2, M, ...)."""
-        rates: Complex = np.array([force, -force]) / (self.roots[0] - self.roots[1])
-        return rates
+        return np.asarray(np.array([force, -force]) / (self.roots[0] - self.roots[1]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -371,7 +369,7 @@ def amplitude_equations(
     problem: HillProblem,
     slow: list[State],
     order: int,
-    rate_order: int,
+    rate_order: int | None = None,
     small_damping: bool = False,
     apart: bool = False,
 ) -> AmplitudeEquations:
@@ -386,9 +384,9 @@ def amplitude_equations(
         where 3 w is near 2 w0. All whole harmonics, or all halves.
     order : int
         N: highest order of the lines.
-    rate_order : int
-        K: highest order of L and b. With damping and detuning of order r, amplitudes have an error
-        of order N+1 if K >= N + r.
+    rate_order : int, optional
+        K: highest order of L and b; by default N + 2. With damping and detuning of order r,
+        amplitudes have an error of order N+1 if K >= N + r.
     small_damping : bool
         Damping of order one instead of zero.
     apart : bool
@@ -401,6 +399,7 @@ def amplitude_equations(
         If orders are out of range, two states coincide, damping is critical, or a harmonic that is
         not kept lies on the natural frequency.
     """
+    rate_order = order + 2 if rate_order is None else rate_order
     check_range("order", order, 0, MOST_ORDERS)
     check_range("rate_order", rate_order, 0, MOST_ORDERS)
     offsets = {n % 1 for _, n in slow}
@@ -476,7 +475,6 @@ def forced_resonance(
     for n in chosen:
         check_range("lines", n, 0, 100_000)
     slow = [(sign, float(sign * n)) for n in chosen for sign in (1, -1)]
-    rate_order = order + 2 if rate_order is None else rate_order
     return amplitude_equations(problem, slow, order, rate_order, small_damping)
 
 
@@ -518,7 +516,6 @@ def parametric_resonance(
     near = natural_line(problem, small_damping)
     n = max(1, round(2 * near)) if number is None else int(number)
     check_range("number", n, 1, 100_000)
-    rate_order = order + 2 if rate_order is None else rate_order
     slow = [(1, n / 2), (-1, -n / 2)]
     return amplitude_equations(problem, slow, order, rate_order, small_damping)
 

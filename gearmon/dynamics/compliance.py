@@ -33,6 +33,7 @@ import numpy as np
 
 from gearmon.dynamics.error_bound import Pattern
 from gearmon.dynamics.fourier import (
+    UNIT_ROUNDOFF,
     Complex,
     Real,
     fast_length,
@@ -54,11 +55,11 @@ MOST_LINES = 20_000
 
 
 class PairCompliance:
-    """One mesh.
+    """One mesh; or, for `shooting`, many pairs.
 
     Parameters
     ----------
-    ratio, zeta : float ndarray, shape (1,)
+    ratio, zeta : float ndarray, shape (1,) or (B,)
         R = w0/w and damping ratio.
     forces : complex ndarray, shape (G+1,)
         (F, f_1..f_G)/k0 [m].
@@ -97,9 +98,9 @@ class PairCompliance:
 
     motion = answer
 
-    def state(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, Complex]:
-        """Deflections, twice, since they are the motion; `answered` if x/D is known."""
-        u = self.answer(x) if answered is None else answered.copy()
+    def state(self, x: Complex) -> tuple[Complex, Complex]:
+        """Deflections, twice, since they are the motion."""
+        u = self.answer(x)
         count = min(len(self.forces), u.shape[-1])
         u[..., :count] += self.forces[:count] / self.stiffness(u.shape[-1] - 1)[..., :count]
         return u, u
@@ -200,8 +201,7 @@ class SystemCompliance:
     @cached_property
     def far(self) -> int:
         """Line from which on the bounds for high frequencies hold and are within a factor of 2."""
-        skew = (self.damping - self.damping.T) / 2
-        turning = float(np.linalg.norm(skew, 2)) if self.system.gyroscopic is not None else 0.0
+        turning = float(np.linalg.norm(self.shapes.T @ self.system.gyroscopic @ self.shapes, 2))
         top = turning + math.sqrt(turning**2 + 2 * float(self.squares[-1]))
         return math.ceil(top / self.system.angular_frequency) + 1
 
@@ -236,9 +236,7 @@ class SystemCompliance:
     @cached_property
     def _forced(self) -> Complex:
         """Modal answers to the forces alone, shape (n, lines)."""
-        forces = self.system.force_n[None].astype(complex)
-        if self.system.force_harmonics_n is not None:
-            forces = np.concatenate([forces, self.system.force_harmonics_n])
+        forces = np.concatenate([self.system.force_n[None], self.system.force_harmonics_n])
         lines = np.arange(len(forces), dtype=float)
         return np.asarray(self._answers(lines, (forces @ self.shapes)[..., None])[..., 0].T)
 
@@ -261,10 +259,9 @@ class SystemCompliance:
         modal = np.einsum("lnm,ml->nl", self._modal(x.shape[1])[first:], x[:, first:])
         return np.asarray(self.shapes @ np.pad(modal, [(0, 0), (first, 0)]))
 
-    def state(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, Complex]:
+    def state(self, x: Complex) -> tuple[Complex, Complex]:
         """Deflections (meshes, N+1) and motion (n, N+1)."""
-        u = self.answer(x) if answered is None else answered
-        q, still = self.motion(x), self._forced[:, : x.shape[1]]
+        u, q, still = self.answer(x), self.motion(x), self._forced[:, : x.shape[1]]
         u[:, : still.shape[1]] += self.meshes.T @ still
         q[:, : still.shape[1]] += self.shapes @ still
         for half in (u, q):
@@ -397,7 +394,7 @@ def _norm_from_core(
     except np.linalg.LinAlgError:
         return math.inf, math.inf
     inner = _crude_norm(inverse)
-    rounding = inner * _crude_norm(matrix) * len(matrix) * 2.0**-52
+    rounding = inner * _crude_norm(matrix) * len(matrix) * UNIT_ROUNDOFF
     rest = 1 / (1 - tail)
     loop = inner * tail * rest * edge
     if rounding > 0.5 or loop > 0.98:

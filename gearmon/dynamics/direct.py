@@ -26,15 +26,12 @@ from __future__ import annotations
 import cmath
 import math
 from functools import cache, lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearmon.dynamics.fourier import Complex, Real, supremum, with_zero_mean
-from gearmon.dynamics.hill import HillProblem, largest_responses
-
-if TYPE_CHECKING:
-    from gearmon.dynamics.hill import HillProblem
+from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Real, cut, supremum, with_zero_mean
+from gearmon.dynamics.hill import HillProblem, largest_responses, stiffness_at
 
 MOST_LINES = 4000
 NEAR_ONE = 0.9
@@ -43,18 +40,10 @@ SPARE = 1e-3
 SPARE_WEAK = 1e-5
 
 
-@lru_cache(maxsize=128)
-def counting(count: int) -> Real:
-    """0, 1, ..., count - 1 as floats, read-only."""
-    numbers = np.arange(count, dtype=float)
-    numbers.flags.writeable = False
-    return numbers
-
-
-@lru_cache(maxsize=128)
-def two_sided(highest: int) -> Real:
-    """-highest, ..., highest as floats, read-only."""
-    numbers = np.arange(-highest, highest + 1, dtype=float)
+@lru_cache(maxsize=256)
+def lines(first: int, last: int) -> Real:
+    """Return first, ..., last as floats, read-only."""
+    numbers = np.arange(first, last + 1, dtype=float)
     numbers.flags.writeable = False
     return numbers
 
@@ -84,6 +73,9 @@ class BandSystem:
         With damping and at least one stiffness harmonic.
     """
 
+    #: z without the mean deflection under the mean force, harmonics 0.. in units of `unit`
+    swinging: Complex
+
     def __init__(self, problem: HillProblem) -> None:
         self.c = problem.stiffness_harmonics
         self.band = len(self.c)
@@ -103,8 +95,6 @@ class BandSystem:
         self.peak = peak(self.zeta)
         self.loop = self.swing * self.peak
         self.pressed = False
-        #: z without the mean deflection under the mean force, harmonics 0.. in units of `unit`
-        self.swinging: Complex = np.zeros(1, dtype=complex)
 
     def nearest(self, line: int) -> float:
         """|D_n|; above resonance, the least of all from there on."""
@@ -121,7 +111,7 @@ class BandSystem:
         top = max(band, math.ceil(1.2 * ratio) + 1, len(self.forces), 2)
         if not total:
             return top
-        jump = max(1, round(float(counting(band + 1)[1:].dot(self.sizes)) / total))
+        jump = max(1, round(float(lines(1, band).dot(self.sizes)) / total))
         weak = self.loop >= NEAR_ONE
         wanted = (SPARE_WEAK if weak else SPARE) * tolerance
         reached, share, step = 1.2, 1.0, jump / ratio
@@ -145,20 +135,16 @@ class BandSystem:
         """
         band = self.band
         self.solved = solved
-        x = two_sided(solved) * (1 / self.ratio)
-        squares = x * x
+        x = lines(-solved, solved) * (1 / self.ratio)
+        self.squares, self.diagonal = (x * x)[solved:], stiffness_at(x, self.zeta)
+        self.stiffness = self.diagonal[solved:]
         matrix = np.empty((2 * solved + 1, 3 * band + 1), dtype=complex)
         kernel = self.kernel = np.zeros(2 * band + 1, dtype=complex)
         kernel[band + 1 :] = self.c
         np.conjugate(self.c[::-1], out=kernel[:band])
         # LAPACK fills the first J rows of its storage itself
         matrix[:, band:] = kernel
-        diagonal = matrix[:, 2 * band]
-        np.subtract(1.0, squares, out=diagonal.real)
-        np.multiply(x, 2 * self.zeta, out=diagonal.imag)
-        self.squares = squares[solved:]
-        self.diagonal = diagonal.copy()
-        self.stiffness = self.diagonal[solved:]
+        matrix[:, 2 * band] = self.diagonal
         forcing = self._forcing()
         # LAPACK reads the rows of this array as the columns of its band storage
         self.factors, self.pivots, self.core, failed = _lapack()[0](
@@ -179,19 +165,8 @@ class BandSystem:
         self.forcing: Complex = forcing[solved:].copy()
         return forcing
 
-    def solve_core(self, right_side: Complex) -> Complex:
-        """Answer of the lines solved together to right sides of theirs, overwritten."""
-        band = self.band
-        answer: Complex = _lapack()[1](
-            self.factors, band, band, right_side, self.pivots, overwrite_b=1
-        )[0]
-        return answer
-
     def begin(self) -> None:
         """Take the answer of the core, and what it makes of many lines above it."""
-        # sweeps before may have gone farther
-        if len(self.stiffness) > self.solved + 1:
-            self._stiffness(self.solved + 1)
         padded = self.core[self.solved - self.band :]
         self._take(padded if self.band <= FEW_HARMONICS else self._with_lines_above(padded))
 
@@ -211,7 +186,8 @@ class BandSystem:
         solved, band = self.solved, self.band
         residual = np.negative(self.excess)
         inner = residual[: solved + 1]
-        core = self.solve_core(np.concatenate([inner[:0:-1].conj(), inner]))
+        whole = np.concatenate([inner[:0:-1].conj(), inner])
+        core = _lapack()[1](self.factors, band, band, whole, self.pivots, overwrite_b=1)[0]
         reach = len(residual)
         self._stiffness(reach)
         padded = np.zeros(reach + band, dtype=complex)
@@ -226,12 +202,8 @@ class BandSystem:
 
     def _stiffness(self, count: int) -> None:
         """Provide D_n and (n/R)^2 of lines 0..count - 1."""
-        x = counting(count) * (1 / self.ratio)
-        self.squares = x * x
-        stiffness = np.empty(count, dtype=complex)
-        np.subtract(1.0, self.squares, out=stiffness.real)
-        np.multiply(x, 2 * self.zeta, out=stiffness.imag)
-        self.stiffness = stiffness
+        x = lines(0, count - 1) * (1 / self.ratio)
+        self.squares, self.stiffness = x * x, stiffness_at(x, self.zeta)
 
     def _take(self, padded: Complex) -> None:
         """Take lines -J..-1, to be set, and 0.., and compute what they leave of the equations.
@@ -241,7 +213,7 @@ class BandSystem:
         band = self.band
         swinging = padded[band:]
         # rounding of the unsymmetric factors must not feed on itself
-        swinging[0] = swinging[0].real
+        swinging.imag[0] = 0.0
         np.conjugate(swinging[band:0:-1], out=padded[:band])
         self.swinging = swinging
         # phi_{n-m} is the conjugate of phi_{m-n}: the product is a correlation
@@ -255,11 +227,7 @@ class BandSystem:
         whole: Complex = self.swinging * self.unit
         whole[0] += self.unit * self.mean
         last = len(whole) - 1
-        if shown is None:
-            return whole, last
-        if shown > last:
-            whole = np.concatenate([whole, np.zeros(shown - last, dtype=complex)])
-        return whole[: shown + 1], min(shown, last)
+        return cut(whole, shown), last if shown is None else min(shown, last)
 
 
 # N J^2 up to which factors take less time than orders, of which few do where they converge fast
@@ -271,7 +239,6 @@ FARTHEST = 1 << 40
 MOST_BEYOND = 0.5
 MOST_GROWTH = 600.0
 LEAST = 1e-300
-UNIT_ROUNDOFF = 2.0**-52
 
 
 class Solution(NamedTuple):
@@ -336,14 +303,12 @@ def _refine(
     """Sweep until the bound meets the tolerance or rounding keeps it from falling."""
     system.begin()
     bound = math.inf
-    if not inverse.stable:
-        return Solution(system.vibration(shown)[0], bound, False, system.solved, False)
     for sweep in range(MOST_SWEEPS + 1):
         if sweep:
             system.sweep()
         displacement, last = system.vibration(shown)
         before, bound = bound, relative_bound(system, inverse, last)
-        if bound <= tolerance or bound > 0.5 * before < math.inf:
+        if not inverse.stable or bound <= tolerance or bound > 0.5 * before < math.inf:
             break
     return Solution(displacement, bound, inverse.stable, system.solved, system.pressed)
 
@@ -405,11 +370,9 @@ def relative_bound(system: BandSystem, inverse: InverseBound, last: int) -> floa
     )
     error = inverse.gain * UNIT_ROUNDOFF * rounding
     edge = inverse.inside + 1
+    error += inverse.gain * _size(system.excess[:edge])
     if edge < len(system.excess):
         error += inverse.edge_gain * _size(system.excess[edge:])
-        error += inverse.gain * _size(system.excess[:edge])
-    else:
-        error += inverse.gain * _size(system.excess)
     if last < len(accelerations) - 1:
         size = _size(accelerations[: last + 1])
     return error / (size - error) + 2 * UNIT_ROUNDOFF if error < size else math.inf
@@ -442,15 +405,10 @@ def _by_determinant(system: BandSystem) -> InverseBound | None:
     norm_bound *= math.exp(beyond)
     gain = largest * norm_bound
     # residuals of lines well above resonance reach it only through jumps of phi/D
-    local = _acceleration(system, inside + 1) * nearest / margin
+    # beyond resonance x^2/|D| falls, or never exceeds 1.16 where damping is strong
+    local = max(1.16, ((inside + 1) / system.ratio) ** 2 / nearest) * nearest / margin
     edge_gain = gain * decay + local * (1 + system.swing * static * norm_bound * decay)
     return InverseBound(gain, edge_gain, system.solved - system.band, stable)
-
-
-def _acceleration(system: BandSystem, line: int) -> float:
-    """Bound of x^2/|D| of the lines from one above resonance on."""
-    # beyond resonance x^2/|D| falls, or never exceeds 1.16 where damping is strong
-    return max(1.16, (line / system.ratio) ** 2 / system.nearest(line))
 
 
 def _distance(system: BandSystem) -> tuple[int, float, float] | None:
@@ -459,7 +417,6 @@ def _distance(system: BandSystem) -> tuple[int, float, float] | None:
     Lines within J of the edge are k jumps away from those up to n = N - kJ, and each jump costs
     max|phi|/|D_n+1|.
     """
-    system.swing = 2 * system.sum
     if system.swing > 0.1 * system.nearest(system.solved - system.band + 1):
         system.swing = supremum(with_zero_mean(system.c))
     swing, best = system.swing, None
@@ -494,7 +451,7 @@ def determinant(system: BandSystem, power: float) -> Determinant | None:
         return None
     upper = system.factors[2 * system.band]
     value = float(np.multiply.reduce(upper / system.diagonal).real)
-    if np.count_nonzero(system.pivots != counting(len(upper))) % 2:
+    if np.count_nonzero(system.pivots != lines(0, len(upper) - 1)) % 2:
         value = -value
     if not abs(value) > LEAST:
         return None
@@ -534,7 +491,7 @@ def beyond_lines(system: BandSystem, edge: float, power: float) -> float:
     """
     outer = 1 / system.nearest(system.solved + 1)
     sizes = system.sizes
-    reaching = 2 * float(counting(system.band + 1)[1:].dot(sizes * sizes))
+    reaching = 2 * float(lines(1, system.band).dot(sizes * sizes))
     trace = edge * reaching * outer
     tail = tail_squares_above(system.ratio, system.solved)
     size = math.sqrt(power * tail) + edge * system.swing * math.sqrt(reaching) * outer

@@ -1,55 +1,261 @@
-"""Floquet theory of the homogeneous equation: multipliers, and how strongly it can amplify.
+"""Floquet multipliers: factors by which free vibrations change over a period.
 
-In the dimensionless time s = w0 t the equation is z'' + 2 zeta z' + (1 + phi(s)) z = r with
-phi(s) = sum_j (c_j e^{ijs/R} + conjugate) and R = w0/w. The multipliers follow from the trace of
-the period map (`period_trace`).
+With the damping taken out, y = e^{zeta s} z, s = w0 t, the equation of a pair is
 
-For the gain of the inverse operator the period is cut into steps, at the same angles for all sets
-that share phi. Within a step phi is split into its mean and a rest kappa = q' whose integral q
-vanishes at both ends. With v = z' + q z the state x = (z, v) obeys
+    y'' + q(s) y = 0,     q = 1 - zeta^2 + eps f(s/R),
 
-    x' = [ -q             1        ] x + [0, r]
-         [ -(1 + mean) + 2 zeta q - q^2,  -2 zeta + q ]
+and its period map has determinant one. Free vibrations change over a period by the factors
+e^{-2 pi R zeta} times the eigenvalues of that map, which follow from half its trace, H: they lie on
+the unit circle for |H| <= 1 and are +-e^{+-arcosh|H|} beyond. H is returned as value * e^log.
 
-so that the rest enters through q = O(step^2) only. Keeping the mean of q in the constant part
-makes the step matrix accurate to the fourth order; what is left is bounded by
-A = step^2 max|phi'|/8 and added by a Neumann argument. Step matrices are closed form, with
-e^{-zeta s} split off so that their determinant is one.
+For a Fourier stiffness the period is cut into steps of a Magnus expansion of sixth order (Gauss
+points; Blanes, Casas and Ros, BIT 40, 2000, 434), whose matrices are exponentials and so exact for
+constant q however fast the vibration; halving the step removes the next term of the error.
 
-With the periodic change of variables x = P(s) y that makes the matrix constant, each component of y
-is a scalar equation whose gain is 1/|in/R - exponent| exactly, and the gain of the inverse is at
-most cond(P) times the larger of the two. The columns of P are the real and imaginary part of one
-free vibration where the two multipliers have equal moduli, and else both free vibrations, each with
-its mean growth taken out.
+H is an entire function of R and of eps, so that over a rectangle of both a few Chebyshev nodes tell
+all of it (`half_traces_over`): a chart of 40,000 points takes some 250 period maps.
 
-Arrays have the steps on axis 2 behind the 2 x 2 matrices, and the sets behind them.
+The period map of a machine of several meshes is made of its free vibrations between kicks
+(`system_multipliers`).
 """
 
 from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
-from gearmon.dynamics import period_trace
+from gearmon.arrays import IntArray
 from gearmon.dynamics.fourier import Complex, Real, samples, with_zero_mean
 from gearmon.errors import ArgumentError
 
 if TYPE_CHECKING:
     from gearmon.dynamics.compliance import SystemCompliance
-    from gearmon.dynamics.error_bound import Pattern
 
-MOST_STEPS = 1 << 21
-#: Steps times sets that are followed together.
-BLOCK = 1 << 16
-#: Sets from which on their common cost counts more than the sharpness of each bound.
-FEWEST_TOGETHER = 16
-#: Steps multiplied one after another before their products are, pair by pair.
-IN_A_ROW = 16
-#: e to this is the largest number.
-LARGEST_EXPONENT = 709.0
+#: Entries of one array of steps x systems.
+BLOCK = 1 << 14
+MOST_STEPS = 1 << 20
+#: Chebyshev nodes along w0/w and along eps at first, for each digit of the tolerance, for each unit
+#: of w0/w and for each of eps times the largest w0/w, and factor by which they grow.
+NODES_A_DIGIT, NODES_A_UNIT, MORE_NODES = (1.3, 0.8), (5.5, 2.5), 1.3
+#: Rounding of an interpolated half trace, relative to the largest on the rectangle.
+ROUNDING = 1e-14
+#: e to this is the largest number; beyond e to the other |H| + 1 is |H|.
+LARGEST_EXPONENT, LARGE = 709.0, 30.0
+
+Numbers = Real | float
+HalfTraces = Callable[[Real, Real], tuple[Real, Real]]
+
+
+def half_traces(
+    ratio: Numbers, variation: Numbers, zeta: Numbers, harmonics: Complex, tolerance: float = 1e-12
+) -> tuple[Real, Real]:
+    """Half traces for k(t) = k0 [1 + eps f(t)] with f given by its Fourier coefficients.
+
+    Parameters
+    ----------
+    ratio, variation, zeta : float ndarray, broadcasting to (...)
+        R = w0/w > 0, eps, and damping ratio >= 0.
+    harmonics : complex ndarray, shape (J,)
+        f_1..f_J: f = sum (f_j e^{ijwt} + conjugate).
+    tolerance : float
+        Steps are halved until half the trace changes by less, relative to the larger of one and
+        itself; rounding limits it to about 1e-15 times the number of steps.
+
+    Returns
+    -------
+    value, log : float ndarray, shape (...)
+    """
+    given = np.array(np.broadcast_arrays(ratio, variation, zeta), dtype=np.float64)
+    systems = given.reshape(3, -1)
+    found = np.empty((2, systems.shape[1]))
+    counts = _first_counts(systems, harmonics, tolerance)
+    for count in np.unique(counts):
+        left = np.flatnonzero(counts == count)
+        width = max(1, BLOCK // int(count))
+        for first in range(0, len(left), width):
+            part = left[first : first + width]
+            found[:, part] = _refined(systems[:, part], harmonics, int(count), tolerance)
+    value, log = found.reshape(2, *given.shape[1:])
+    return value, log
+
+
+def half_traces_over(
+    ratios: Real, variations: Real, zeta: float, harmonics: Complex, tolerance: float, most: int
+) -> HalfTraces:
+    """Half traces within a rectangle of w0/w and eps, as a function of both.
+
+    Parameters
+    ----------
+    ratios, variations : float ndarray
+        Their extremes span the rectangle.
+    zeta, harmonics, tolerance
+        As of `half_traces`.
+    most : int
+        Period maps beyond which interpolation is not worth while.
+
+    Returns
+    -------
+    callable
+        Takes arrays (E or 1, X) of w0/w and (E, 1) of eps; returns what `half_traces` does.
+    """
+    known, share = {"zeta": np.asarray(zeta), "harmonics": harmonics}, 0.1 * tolerance
+    # middle and half of the extent of both
+    sides = [((v.max() + v.min()) / 2, (v.max() - v.min()) / 2) for v in (ratios, variations)]
+    spans = 2 * sides[0][1], 2 * sides[1][1] * float(ratios.max())
+    counts = [
+        math.ceil(1 - least * math.log10(share) + each * span) if span else 1
+        for least, each, span in zip(NODES_A_DIGIT, NODES_A_UNIT, spans, strict=True)
+    ]
+    while math.prod(counts) <= most:
+        points = [chebyshev.chebpts1(n) for n in counts]
+        x, y = (c + h * p for (c, h), p in zip(sides, points, strict=True))
+        value, log = half_traces(x, y[:, None], **known, tolerance=share)
+        with np.errstate(over="ignore"):
+            traces = value * np.exp(log)
+        if not ROUNDING * np.abs(traces).max() < tolerance:
+            break
+        terms = _analysis(points[1]) @ traces @ _analysis(points[0]).T
+        open_ = [_tail(t) > share for t in (terms.T, terms)]
+        if not any(open_):
+            return partial(_interpolated, terms, sides)
+        counts = [math.ceil(MORE_NODES * n) if o else n for n, o in zip(counts, open_, strict=True)]
+    return partial(half_traces, **known, tolerance=tolerance)
+
+
+def _analysis(points: Real) -> Real:
+    """Matrix that makes coefficients of values at Chebyshev nodes."""
+    rows = chebyshev.chebvander(points, len(points) - 1).T * (2 / len(points))
+    rows[0] /= 2
+    return np.asarray(rows)
+
+
+def _tail(terms: Real) -> float:
+    """Size of the last coefficients: two, since every other one may vanish."""
+    return float(np.abs(terms[-2:]).max()) if len(terms) > 1 else 0.0
+
+
+def _interpolated(
+    terms: Real, sides: list[tuple[float, float]], ratio: Real, variation: Real
+) -> tuple[Real, Real]:
+    x, y = (
+        chebyshev.chebvander((v - c) / (h or 1.0), n - 1)
+        for v, (c, h), n in zip((ratio, variation), sides, terms.shape[::-1], strict=True)
+    )
+    rows = y @ terms
+    # one product of matrices where all rows share their w0/w
+    made = rows[:, 0] @ x[0].T if len(x) == 1 else (rows @ x.swapaxes(1, 2))[:, 0]
+    return np.asarray(made), np.zeros(1)
+
+
+def _first_counts(systems: Real, harmonics: Complex, tolerance: float) -> IntArray:
+    """Powers of two: at 1e-7 a step a radian of the vibration or more, which the next doubles."""
+    ratio, variation, zeta = systems
+    size = 2 * float(np.abs(harmonics).sum())
+    radians = 2 * math.pi * ratio * np.sqrt(np.abs(1 - zeta**2) + np.abs(variation) * size)
+    each = (1e-7 / max(tolerance, 1e-12)) ** (1 / 6)
+    least = np.maximum(each * radians, 2.5 * len(harmonics) + 3)
+    return np.asarray(2 ** np.ceil(np.log2(np.minimum(least, MOST_STEPS / 4)))).astype(np.int_)
+
+
+def _refined(systems: Real, harmonics: Complex, count: int, tolerance: float) -> tuple[Real, Real]:
+    """Halve the steps until the extrapolated half traces agree."""
+    old, log = _magnus(systems, harmonics, count)
+    value, best_log = old.copy(), log.copy()
+    open_ = np.arange(len(old))
+    best = np.full(len(old), np.inf)
+    while len(open_):
+        count *= 2
+        new, new_log = _magnus(systems[:, open_], harmonics, count)
+        change = new - old * np.exp(log - new_log)
+        better = new + change / 63
+        value[open_], best_log[open_] = better, new_log
+        allowed = tolerance * np.maximum(np.abs(new), np.exp(-new_log))
+        # the next halving would divide the change by 64, and what extrapolation leaves by more
+        error = np.abs(change) / 63
+        going = (error > allowed) & (error < best[open_] / 4) & (count < MOST_STEPS)
+        best[open_] = np.minimum(best[open_], error)
+        old, log, open_ = new[going], new_log[going], open_[going]
+    return value, best_log
+
+
+def _magnus(systems: Real, harmonics: Complex, count: int) -> tuple[Real, Real]:
+    """Half traces with `count` equal steps, a power of two."""
+    ratio, variation, zeta = systems
+    length = 2 * math.pi * ratio / count
+    known = variation * length**2, (1 - zeta**2) * length**2
+    values = [known[0] * f[:, None] + known[1] for f in _at_gauss(harmonics, count)]
+    matrices, log = _steps(values, length)
+    for left in range(count.bit_length() - 2, -1, -1):
+        matrices = multiply(matrices[:, :, 1::2], matrices[:, :, ::2])
+        if left % 4 == 0:
+            size = np.abs(matrices).max(axis=(0, 1))
+            matrices /= size
+            log += np.log(size).sum(axis=0)
+    return (matrices[0, 0, 0] + matrices[1, 1, 0]) / 2, log
+
+
+def _at_gauss(harmonics: Complex, count: int) -> list[Real]:
+    """Values of f at the three Gauss points of each of `count` equal steps of the period."""
+    turns = 2j * math.pi / count * np.arange(1, len(harmonics) + 1)
+    offsets = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
+    return [samples(with_zero_mean(harmonics * np.exp(turns * x)), count) for x in offsets]
+
+
+def _steps(values: list[Real], length: Real) -> tuple[Real, Real]:
+    """Step matrices of sixth order, less the growth of all steps, and its logarithm.
+
+    Parameters
+    ----------
+    values : list of float ndarray, shape (n, ...)
+        h^2 q at the three Gauss points of each step.
+    length : float ndarray, shape (...)
+        h.
+    """
+    left, middle, right = values
+    first, second = math.sqrt(15) / 3 * (right - left), 10 / 3 * (right - 2 * middle + left)
+    # Omega = [[d, h e], [f/h, -d]], its commutators written out
+    d = first * (20 + 4 / 3 * middle + second / 30) / 240
+    e = 1 + (first**2 + 20 * second) / 3600
+    f = (20 * middle + second) * second / 3600 - first**2 * (1 / 120 + middle / 3600)
+    f -= middle + second / 12
+    matrices, log = exponentials(d, e * length, f / length, d**2 + e * f)
+    return matrices, log.sum(axis=0)
+
+
+def exponentials(d: Real, e: Real, f: Real, square: Real) -> tuple[Real, Real]:
+    """exp([[d, e], [f, -d]]) less its growth, and the logarithm of that; `square` is d^2 + e f."""
+    root = np.sqrt(np.maximum(np.abs(square), 1e-300))
+    even, odd = np.cos(root), np.sin(root) / root
+    grows = square > 0
+    if grows.any():
+        own = root[grows]
+        even[grows], odd[grows] = (1 + np.exp(-2 * own)) / 2, -np.expm1(-2 * own) / (2 * own)
+    d = odd * d
+    return np.array([[even + d, odd * e], [odd * f, even - d]]), np.where(grows, root, 0.0)
+
+
+def growth(value: Real, log: Real) -> Real:
+    """Logarithm >= 0 of the larger eigenvalue of the map whose half trace is value * e^log."""
+    size = np.abs(value)
+    found = np.arccosh(np.maximum(1.0, size * np.exp(np.minimum(log, LARGE))))
+    if not (log > LARGE).any():
+        return np.asarray(found)
+    with np.errstate(divide="ignore"):
+        known = np.maximum(found, np.log(2 * size) + log)
+    return np.asarray(np.where(log > LARGE, known, found))
+
+
+def multiply(left: Real, right: Real) -> Real:
+    """Products of stacks of 2 x 2 matrices, shapes (2, 2, ...)."""
+    (a, b), (c, d) = left
+    (e, f), (g, h) = right
+    return np.array([[a * e + b * g, a * f + b * h], [c * e + d * g, c * f + d * h]])
 
 
 def multipliers(
@@ -81,231 +287,24 @@ def multipliers(
     >>> abs(first) > 1, round(abs(first * second), 9)
     (True, 1.0)
     """
-    one = np.ones(())
-    value, log = period_trace.of_fourier(ratio * one, one, zeta * one, harmonics, tolerance)
+    value, log = half_traces(ratio, 1.0, zeta, harmonics, tolerance)
     decay = 2 * math.pi * ratio * zeta
-    growth = float(period_trace.growth(value, log))
-    angle = math.pi if value < 0 else 0.0
-    if growth == 0:
-        angle = math.acos(min(1.0, max(-1.0, float(value) * math.exp(min(float(log), 30.0)))))
-    exponent = complex(growth, angle)
+    angle = math.acos(max(-1.0, min(1.0, float(value * np.exp(np.minimum(log, LARGE))))))
+    exponent = complex(float(growth(value, log)), angle)
     return _exponential(exponent - decay), _exponential(-exponent - decay)
 
 
 def _exponential(exponent: complex) -> complex:
     """e^exponent, infinite where that exceeds the largest number."""
-    if exponent.real > LARGEST_EXPONENT:
-        return complex(math.inf, 0.0)
-    return cmath.exp(exponent)
+    return cmath.exp(exponent) if exponent.real <= LARGEST_EXPONENT else complex(math.inf, 0.0)
 
 
-def gain(ratio: Real, zeta: Real, scale: Real, shape: Pattern) -> tuple[Real, Real]:
-    """Gains of many sets that share phi; all arrays have the shape (B,).
-
-    Parameters
-    ----------
-    ratio, zeta, scale : float ndarray
-        R, damping ratio > 0, and the factor of phi.
-    shape : Pattern
-        Of phi.
-
-    Returns
-    -------
-    gain : float ndarray
-        ||(L^-1 r)''|| <= gain ||r||; infinite where nothing is proven or free vibrations grow.
-    growth : float ndarray
-        ln of the larger multiplier's modulus if it is above one for certain, else nan.
-    """
-    found, growth = np.full(len(ratio), np.inf), np.full(len(ratio), np.nan)
-    counts = _step_counts(ratio, zeta, scale, shape)
-    most = np.minimum(MOST_STEPS, 30 * counts)
-    waiting = np.arange(len(ratio))
-    for _ in range(4):
-        waiting = waiting[counts[waiting] <= most[waiting]]
-        waiting = waiting[np.argsort(counts[waiting])]
-        planned, start = counts[waiting], 0
-        while start < len(waiting):
-            alike = int(np.searchsorted(planned, 1.5 * planned[start], side="right"))
-            end = min(start + max(1, BLOCK // int(planned[start])), alike)
-            part, count = waiting[start:end], int(planned[end - 1])
-            start = end
-            found[part], growth[part], loop = _gain_of_steps(
-                ratio[part], zeta[part], scale[part], shape, count
-            )
-            # the loop falls with the square of the step
-            factor = np.where(np.isfinite(loop), 1.2 * np.sqrt(np.clip(loop, 1.0, 64.0)), 9.0)
-            counts[part] = _in_rows(count * np.maximum(1.5, factor))
-        waiting = waiting[np.isinf(found[waiting]) & np.isnan(growth[waiting])]
-    return found, growth
-
-
-def _step_counts(ratio: Real, zeta: Real, scale: Real, shape: Pattern) -> Real:
-    """Count steps short enough for the rest to be small beside a resonance at this damping."""
-    for_rest = np.sqrt(scale * shape.slope / ratio * (1 + zeta) / np.maximum(zeta, 1e-6))
-    # most of many sets need no more; for a few, a sharp bound spares harmonics
-    fewer = 0.6 if len(ratio) >= FEWEST_TOGETHER else 1.0
-    steps = fewer * 2 * math.pi * ratio * np.maximum(3 * (1 + zeta), for_rest)
-    return _in_rows(np.maximum(max(16, 2 * len(shape.harmonics) + 2), steps))
-
-
-def _in_rows(counts: Real) -> Real:
-    return np.asarray(IN_A_ROW * np.ceil(counts / IN_A_ROW))
-
-
-def _gain_of_steps(
-    ratio: Real, zeta: Real, scale: Real, shape: Pattern, count: int
-) -> tuple[Real, Real, Real]:
-    """Gains, certain growths, and twice the Neumann loop of sets cut into `count` steps."""
-    period = 2 * math.pi * ratio
-    length = period / count
-    # sets that grow too fast give nonsense here, and are left unsettled
-    with np.errstate(all="ignore"):
-        products, logs, matrices = _steps(ratio, zeta, scale, shape, count)
-        half_trace = (products[0, 0, -1] + products[1, 1, -1]) / 2
-        growth = period_trace.growth(half_trace, logs[-1])
-        turned = np.arccos(np.clip(half_trace * np.exp(np.minimum(logs[-1], 30.0)), -1, 1))
-        margin = zeta - growth / period
-        rest = scale * shape.slope / ratio * length**2 / 8
-        within = zeta + np.hypot(zeta + rest, scale * shape.highest / 2 + zeta * rest)
-        columns = _swinging_columns(products, logs)
-        if growth.any():
-            grown = _growing_columns(matrices, products, logs, growth)
-            columns = np.where(growth > 0, grown, columns)
-        state = _condition(columns) * np.exp(2 * length * within)
-        state /= np.hypot(margin, np.where(growth > 0, 0.0, turned) / period)
-        loop = state * (2 * rest * (1 + 2 * zeta) + rest**2)
-        force = np.hypot(1 + scale * shape.highest + 2 * zeta * rest, 2 * zeta)
-        found = 1 + force * state / (1 - loop)
-        proven = (margin > 0) & (loop < 0.5) & np.isfinite(found)
-        # close to the boundary the steps are not exact enough to tell
-        excess = growth - zeta * period
-        growing = excess > 1e-2 * (1 + zeta * period)
-    return np.where(proven, found, np.inf), np.where(growing, excess, np.nan), 2 * loop
-
-
-def _steps(
-    ratio: Real, zeta: Real, scale: Real, shape: Pattern, count: int
-) -> tuple[Real, Real, Real]:
-    """Products up to each step and ln of their scale, and the step matrices themselves."""
-    mean, offset = _step_averages(shape.harmonics, count)
-    mean, offset = scale * mean[:, None], scale * ratio * offset[:, None]
-    matrices = _exponentials(
-        zeta - offset, -(1 + mean) + 2 * zeta * offset, 2 * math.pi * ratio / count
-    )
-    return *running_products(matrices), matrices
-
-
-def _step_averages(harmonics: Complex, count: int) -> tuple[Real, Real]:
-    """Means over each of `count` steps of phi, and of q over R; needs count > 2 J."""
-    orders = np.arange(1, len(harmonics) + 1)
-    step = 2 * math.pi / count
-    half = orders * step / 2
-    middle = harmonics * np.exp(1j * half)
-    # integral of a e^{i j a} over a step about its middle; the series where it would cancel
-    series = step * half * (1 / 6 - half**2 / 60 * (1 - half**2 / 28))
-    closed = 2 * (np.sin(half) - half * np.cos(half)) / (orders**2 * step)
-    spectra = np.zeros((2, count // 2 + 1), dtype=complex)
-    spectra[0, 1 : len(harmonics) + 1] = middle * np.sinc(half / math.pi)
-    spectra[1, 1 : len(harmonics) + 1] = -1j * middle * np.where(half < 0.05, series, closed)
-    mean, offset = np.fft.irfft(spectra, count, norm="forward")
-    return mean, offset
-
-
-def _exponentials(diagonal: Real, lower: Real, length: Real) -> Real:
-    """exp(B h) for B = [[d, 1], [l, -d]]: B^2 = (d^2 + l) I."""
-    square = (diagonal**2 + lower) * length**2
-    root = np.sqrt(np.abs(square))
-    even, odd = np.cos(root), np.sinc(root / math.pi)
-    slow = square > 0
-    if slow.any():
-        even[slow] = np.cosh(root[slow])
-        odd[slow] = np.sinh(np.maximum(root[slow], 1e-9)) / np.maximum(root[slow], 1e-9)
-    odd *= length
-    return np.array([[even + odd * diagonal, odd], [odd * lower, even - odd * diagonal]])
-
-
-def running_products(matrices: Real) -> tuple[Real, Real]:
-    """S_i ... S_2 S_1 for all i, as (matrices of norm about one, natural logarithms of scale).
-
-    Parameters
-    ----------
-    matrices : float ndarray, shape (2, 2, n, B)
-        n a multiple of `IN_A_ROW`.
-    """
-    _, _, count, sets = matrices.shape
-    rows = matrices.reshape(2, 2, count // IN_A_ROW, IN_A_ROW, sets).copy()
-    for i in range(1, IN_A_ROW):
-        rows[:, :, :, i] = period_trace.multiply(rows[:, :, :, i], rows[:, :, :, i - 1])
-    ends, logs = rows[:, :, :, -1].copy(), np.zeros((count // IN_A_ROW, sets))
-    shift = 1
-    while shift < len(logs):
-        ends[:, :, shift:] = period_trace.multiply(ends[:, :, shift:], ends[:, :, :-shift])
-        logs[shift:] += logs[:-shift].copy()
-        size = np.abs(ends).max(axis=(0, 1))
-        ends /= size
-        logs += np.log(size)
-        shift *= 2
-    rows[:, :, 1:] = period_trace.multiply(rows[:, :, 1:], ends[:, :, :-1, None])
-    shifted = np.concatenate([np.zeros((1, sets)), logs[:-1]])
-    return rows.reshape(matrices.shape), np.repeat(shifted, IN_A_ROW, axis=0)
-
-
-def _swinging_columns(products: Real, logs: Real) -> Real:
-    """Both multipliers on the unit circle: P = (real, imaginary part) of one complex vector."""
-    last = products[:, :, -1] * np.exp(logs[-1])
-    half_trace = (last[0, 0] + last[1, 1]) / 2
-    swing = 1j * np.sqrt(np.maximum(0.0, 1 - half_trace**2))
-    upper = np.abs(last[0, 1]) >= np.abs(last[1, 0])
-    one = np.stack([last[0, 1] + 0j, half_trace + swing - last[0, 0]])
-    other = np.stack([half_trace + swing - last[1, 1], last[1, 0] + 0j])
-    vector = np.where(upper, one, other)
-    # where the period map is +-1 every vector returns, and (1, i) is the roundest choice
-    vector = np.where(np.abs(vector).max(axis=0) < 1e-14, np.array([[1], [1j]]), vector)
-    moved = products[:, 0] * vector[0] + products[:, 1] * vector[1]
-    moved *= np.exp(logs)
-    return np.stack([moved.real, moved.imag], axis=1)
-
-
-def _growing_columns(matrices: Real, products: Real, logs: Real, growth: Real) -> Real:
-    """Real multipliers: both vectors that return after a period, their mean growth taken out.
-
-    One is followed forwards and the other backwards, each where it outgrows rounding errors.
-    """
-    last = products[:, :, -1]
-    trace = last[0, 0] + last[1, 1]
-    shrink = np.copysign(np.exp(-growth - logs[-1]), trace)
-    unit = np.eye(2)[:, :, None]
-    first = _largest_column(last - shrink * unit)
-    second = _largest_column(last - (trace - shrink) * unit)
-    forward = products[:, 0] * first[0] + products[:, 1] * first[1]
-    after, after_logs = running_products(matrices[:, :, ::-1].transpose(1, 0, 2, 3))
-    # inverse of what is still to come after a step: the adjugate, its determinant being one
-    inverse = np.array([[after[1, 1], -after[1, 0]], [-after[0, 1], after[0, 0]]])
-    backward = (inverse[:, 0] * second[0] + inverse[:, 1] * second[1])[:, -2::-1]
-    backward = np.concatenate([backward, second[:, None]], axis=1)
-    columns = np.stack([forward, backward], axis=1)
-    lengths = np.hypot(columns[0], columns[1])
-    sizes = np.log(lengths)
-    sizes[0] += logs
-    sizes[1] += np.concatenate([after_logs[-2::-1], np.zeros((1, len(growth)))]) - growth
-    shares = (np.arange(1, sizes.shape[1] + 1) / sizes.shape[1])[:, None]
-    sizes -= shares * sizes[:, -1:]
-    sizes -= sizes.mean(axis=1, keepdims=True)
-    return np.asarray(columns / lengths * np.exp(sizes))
-
-
-def _largest_column(matrix: Real) -> Real:
-    lengths = np.hypot(matrix[0], matrix[1])
-    best = lengths[0] >= lengths[1]
-    return np.asarray(np.where(best, matrix[:, 0], matrix[:, 1]) / np.where(best, *lengths))
-
-
-def _condition(columns: Real) -> Real:
-    """max|P| max|P^-1| over stacks of 2 x 2 matrices, shape (2, 2, n, B)."""
-    areas = np.abs(columns[0, 0] * columns[1, 1] - columns[0, 1] * columns[1, 0])
-    squares = (columns**2).sum(axis=(0, 1))
-    largest = np.sqrt((squares + np.sqrt(np.maximum(0.0, squares**2 - 4 * areas**2))) / 2)
-    return np.asarray(largest.max(axis=0) * (largest / areas).max(axis=0))
+def growth_of(
+    ratio: Numbers, variation: Numbers, zeta: Numbers, harmonics: Complex, tolerance: float = 1e-12
+) -> Real:
+    """Logarithm of the largest multiplier's modulus per period, as `half_traces`."""
+    traces = half_traces(ratio, variation, zeta, harmonics, tolerance)
+    return np.asarray(growth(*traces) - 2 * math.pi * ratio * zeta)
 
 
 #: Steps of the period map of a machine at most, and change of the multiplier that is small.
@@ -332,14 +331,12 @@ def system_multipliers(compliance: SystemCompliance, harmonics: Complex) -> Comp
     felt = np.linalg.norm(meshes, axis=1) > 1e-6 * np.linalg.norm(meshes)
     fastest = math.sqrt(float(squares[felt].max(initial=0.0))) * compliance.system.period_s
     count = 1 << math.ceil(math.log2(max(32, 4 * harmonics.shape[1], 2 * fastest)))
-    rows = [[_period_map(compliance, harmonics, count)]]
-    old = math.nan
+    row, old = [_period_map(compliance, harmonics, count)], math.nan
     while True:
         count *= 2
-        row = [_period_map(compliance, harmonics, count)]
-        for k, before in enumerate(rows[-1][:3], start=1):
+        coarser, row = row, [_period_map(compliance, harmonics, count)]
+        for k, before in enumerate(coarser[:3], start=1):
             row.append(row[-1] + (row[-1] - before) / (4**k - 1))
-        rows.append(row)
         values = np.linalg.eigvals(row[-1])
         radius = float(np.abs(values).max(initial=0.0))
         settled = abs(radius - old) <= max(SETTLED, 1e-3 * abs(1 - radius))

@@ -125,10 +125,7 @@ class Motion(Result):
         found = np.empty(len(flat))
         for first in range(0, len(flat), rows):
             part = slice(first, first + rows)
-            if kind == "mesh_force":
-                found[part] = self._mesh_force(flat[part])
-            else:
-                found[part] = self._values(flat[part], derivative)
+            found[part] = self._values(flat[part], derivative)
         return found.reshape(time.shape)
 
     @cached_property
@@ -162,8 +159,10 @@ class Motion(Result):
         return first * (1 + np.exp(-twice)) / 2, first * time * share
 
     def _values(self, time: Real, derivative: int) -> Real:
-        """Differentiate the displacement at a few times."""
+        """Differentiate the displacement at a few times, or for 3 give the mesh force."""
         e = self.equations
+        if derivative == KINDS.index("mesh_force"):
+            return self._mesh_force(time)
         moved = turning(e.problem.angular_frequency * time, e.lines) @ self._shapes[derivative]
         z = (moved[:, :2] * self.amplitudes(time)).sum(axis=1) + moved[:, 2]
         return np.asarray(z.real, dtype=np.float64)
@@ -204,10 +203,7 @@ class FreeVibration(AmplitudeEquations):
 
 
 def free_vibration(
-    problem: HillProblem,
-    order: int = 2,
-    rate_order: int | None = None,
-    small_damping: bool = False,
+    problem: HillProblem, order: int = 2, rate_order: int | None = None, small_damping: bool = False
 ) -> FreeVibration:
     """Expand the free vibration.
 
@@ -289,7 +285,6 @@ def transient(
     zeta = 0.0 if small_damping else problem.damping_ratio
     near = problem.frequency_ratio * math.sqrt(max(0.0, 1 - zeta**2))
     line = round(2 * near) / 2
-    equations = amplitude_equations(
-        problem, [(1, line), (-1, -line)], order, order + 2, small_damping
-    )
+    slow = [(1, line), (-1, -line)]
+    equations = amplitude_equations(problem, slow, order, small_damping=small_damping)
     return Motion(equations=equations, displacement_m=displacement_m, velocity_ms=velocity_ms)

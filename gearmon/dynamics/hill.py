@@ -17,9 +17,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.arrays import IntArray
 from gearmon.dynamics import floquet
-from gearmon.dynamics.fourier import Complex, Curve, Modulation, Real, turning
-from gearmon.errors import ArgumentError, check_finite, check_positive, check_range
+from gearmon.dynamics.fourier import Complex, Curve, Modulation, Real, cut, turning
+from gearmon.errors import ArgumentError, check_finite, check_positive, check_range, check_word
 from gearmon.result import Result
 
 LARGEST = 1e9
@@ -79,16 +80,14 @@ class HillProblem(Result):
         self._check_numbers()
 
     def _check_numbers(self) -> None:
-        mass = check_positive("mass_kg", self.mass_kg, "kg")
-        damping = check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m")
-        if damping < 0:
+        check_positive("mass_kg", self.mass_kg, "kg")
+        if check_finite("damping_ns_per_m", self.damping_ns_per_m, "N s/m") < 0:
             raise ArgumentError(f"damping_ns_per_m={self.damping_ns_per_m} N s/m must be >= 0")
         stiffness = check_positive("stiffness_n_per_m", self.stiffness_n_per_m, "N/m")
-        period = check_positive("period_s", self.period_s, "s")
-        force = check_finite("force_n", self.force_n, "N")
-        ratio = math.sqrt(stiffness) / math.sqrt(mass) * period / (2 * math.pi)
-        zeta, static = damping / (2 * math.sqrt(stiffness) * math.sqrt(mass)), force / stiffness
-        if 1 / LARGEST <= ratio <= LARGEST and zeta <= LARGEST and abs(static) <= LARGEST:
+        check_positive("period_s", self.period_s, "s")
+        static = abs(check_finite("force_n", self.force_n, "N")) / stiffness
+        ratio, zeta = self.frequency_ratio, self.damping_ratio
+        if 1 / LARGEST <= ratio <= LARGEST and zeta <= LARGEST and static <= LARGEST:
             return
         values = (
             f"mass_kg={self.mass_kg}, damping_ns_per_m={self.damping_ns_per_m}, "
@@ -96,8 +95,7 @@ class HillProblem(Result):
         )
         check_range(f"{values}: natural over mesh frequency", ratio, 1 / LARGEST, LARGEST)
         check_range(f"{values}: damping ratio", zeta, 0.0, LARGEST)
-        name = f"force_n={self.force_n}: force over stiffness"
-        check_range(name, abs(static), 0.0, LARGEST, "m")
+        check_range(f"force_n={self.force_n}: force over stiffness", static, 0.0, LARGEST, "m")
 
     @property
     def angular_frequency(self) -> float:
@@ -126,12 +124,8 @@ class HillProblem(Result):
 
     def static_forcing(self, highest: int) -> Complex:
         """(F, f_1, ..., f_highest)/k0 [m], shape (highest+1,)."""
-        forcing: Complex = np.zeros(highest + 1, dtype=np.complex128)
-        forcing[0] = self.force_n
-        count = min(highest, len(self.force_harmonics_n))
-        forcing[1 : count + 1] = self.force_harmonics_n[:count]
-        forcing /= self.stiffness_n_per_m
-        return forcing
+        forcing = cut(np.append(self.force_n, self.force_harmonics_n), highest)
+        return forcing / self.stiffness_n_per_m
 
 
 def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:
@@ -141,12 +135,22 @@ def frozen_vector(name: str, values: npt.ArrayLike) -> Complex:
     vector: Complex = np.array(values, dtype=complex)
     if vector.ndim != 1:
         raise ArgumentError(f"{name}: shape {vector.shape} must be one row of coefficients")
-    # the sum of squares is finite only if all are, and cheaper; it may overflow, then look closer
-    if not math.isfinite(np.vdot(vector, vector).real) and not np.isfinite(vector).all():
-        bad = int(np.flatnonzero(~np.isfinite(vector))[0]) + 1
-        raise ArgumentError(f"{name}: coefficient {bad} is {vector[bad - 1]}, must be finite")
+    check_entries(name, vector)
     vector.flags.writeable = False
     return vector
+
+
+def check_entries(name: str, array: Complex | Real, unit: str = "") -> None:
+    """Raise with the first entry that is no finite number."""
+    # the sum of squares is finite only if all are, and cheaper; it may overflow, then look closer
+    if not math.isfinite(np.vdot(array, array).real) and not np.isfinite(array).all():
+        place = np.argwhere(~np.isfinite(array))[0]
+        raise ArgumentError(f"{_entry(name, array, place, unit)} must be a finite number")
+
+
+def _entry(name: str, array: Complex | Real, place: IntArray, unit: str) -> str:
+    index = f"[{', '.join(map(str, place))}]" if len(place) else ""
+    return f"{name}{index}={array[tuple(place)]} {unit}".rstrip()
 
 
 def check_swing(name: str, harmonics: Complex) -> None:
@@ -161,9 +165,14 @@ def check_swing(name: str, harmonics: Complex) -> None:
 
 def dynamic_stiffness(ratio: float | Real, zeta: float | Real, highest: int) -> Complex:
     """D_n of lines 0..highest for R = `ratio`, relative to k0; `ratio`, `zeta` may be columns."""
-    x = np.arange(highest + 1) / ratio
-    stiffness = np.empty(np.broadcast_shapes(x.shape, np.shape(zeta)), dtype=complex)
-    stiffness.real, stiffness.imag = 1 - x * x, 2 * zeta * x
+    return stiffness_at(np.arange(highest + 1) / ratio, zeta)
+
+
+def stiffness_at(x: Real, zeta: float | Real) -> Complex:
+    """D = 1 - x^2 + 2 i zeta x at frequencies x relative to the natural one."""
+    stiffness: Complex = np.empty(x.shape, dtype=complex)
+    np.subtract(1.0, x * x, out=stiffness.real)
+    np.multiply(x, 2 * zeta, out=stiffness.imag)
     return stiffness
 
 
@@ -212,8 +221,7 @@ def broadcast_values(
         Shape of what else broadcasts with them.
     """
     for name in values:
-        if name not in UNITS:
-            raise ArgumentError(f"{name}: is none of {', '.join(UNITS)}")
+        check_word("", name, UNITS)
     checked = {name: _checked_array(name, value) for name, value in values.items()}
     try:
         shape = np.broadcast_shapes(axes, *(value.shape for value in checked.values()))
@@ -230,22 +238,43 @@ def _checked_array(name: str, values: npt.ArrayLike) -> Real:
     if np.iscomplexobj(values):
         raise ArgumentError(f"{name}: complex numbers, must be real")
     numbers = np.asarray(values, dtype=float)
-    positive, signed = name in ("mass_kg", "stiffness_n_per_m", "period_s"), name == "force_n"
-    bad = ~np.isfinite(numbers) | (positive & (numbers <= 0)) | ((numbers < 0) & (not signed))
-    if bad.any():
-        where = tuple(int(i) for i in np.argwhere(bad)[0])
-        index = f"[{', '.join(map(str, where))}]" if where else ""
-        shown = f"{name}{index}={numbers[where]}{f' {UNITS[name]}' if UNITS[name] else ''}"
-        if not math.isfinite(numbers[where]):
-            raise ArgumentError(f"{shown} must be a finite number")
+    check_entries(name, numbers, UNITS[name])
+    positive = name in ("mass_kg", "stiffness_n_per_m", "period_s")
+    bad = np.argwhere((numbers <= 0 if positive else numbers < 0) & (name != "force_n"))
+    if len(bad):
+        shown = _entry(name, numbers, bad[0], UNITS[name])
         raise ArgumentError(f"{shown} must be {'> 0' if positive else '>= 0'}")
     return numbers
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PeriodicVibration(Result, ABC):
-    """What lines 0..N, on the first axis, tell of a steady vibration."""
+    """What lines 0..N, on the first axis, tell of a steady vibration.
+
+    Attributes
+    ----------
+    displacement : complex ndarray, shape (N+1, ...)
+        Lines [m], x(t) = x_0 + sum_{n>=1} (x_n e^{inwt} + conjugate). Amplitudes are 2|x_n|.
+    error_bound : float
+        Guaranteed bound of the relative L2 error of the acceleration, of the harmonics given here
+        and of all coordinates together; infinite if none could be computed or if there is no steady
+        state.
+    method : str
+        "msm", "msm least residual", "harmonic balance" or "shooting".
+    order : int
+        Number of orders of the expansion used; 0 for harmonic balance and shooting.
+    stable : bool
+        Whether free vibrations die out.
+    message : str
+        One line: which method and why, or what is wrong, with the number.
+    """
 
     displacement: Complex
+    error_bound: float
+    method: str
+    order: int
+    stable: bool
+    message: str
 
     @property
     @abstractmethod
@@ -275,8 +304,7 @@ class PeriodicVibration(Result, ABC):
     @property
     def energy_lines(self) -> Real:
         """E_n = (2 pi f_n A_n)^2/2 [J/kg] of each line, A_n = 2|z_n|, shape of the displacement."""
-        energy: Real = 2 * np.abs(self.velocity) ** 2
-        return energy
+        return 2 * np.abs(self.velocity) ** 2
 
     def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
         """Displacement [m], velocity [m/s], acceleration [m/s2] or mesh force [N] at any times.
@@ -313,8 +341,7 @@ KINDS = ("displacement", "velocity", "acceleration", "mesh_force")
 
 def check_kind(kind: str) -> str:
     """Return what to evaluate at times, or raise ArgumentError."""
-    if kind not in KINDS:
-        raise ArgumentError(f"kind={kind!r} must be one of: {', '.join(KINDS)}")
+    check_word("kind=", kind, KINDS)
     return kind
 
 
@@ -327,28 +354,10 @@ class Response(PeriodicVibration):
     problem : HillProblem
         What was solved.
     displacement : complex ndarray, shape (N+1,)
-        z_0..z_N [m], z(t) = z_0 + sum_{n>=1} (z_n e^{inwt} + conjugate). Line amplitudes are
-        2|z_n|.
-    error_bound : float
-        Guaranteed bound of the relative L2 error of the acceleration, of the harmonics given here;
-        infinite if none could be computed or if there is no steady state.
-    method : str
-        "msm", "msm least residual", "harmonic balance", "shooting" or "sidebands".
-    order : int
-        Number of orders of the expansion used; 0 for harmonic balance and shooting.
-    stable : bool or None
-        Whether free vibrations die out. None only where it could not be settled.
-    message : str
-        One line: which method and why, or what is wrong, with the number.
+        z_0..z_N [m].
     """
 
     problem: HillProblem
-    displacement: Complex
-    error_bound: float
-    method: str
-    order: int
-    stable: bool | None
-    message: str
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "displacement", frozen_vector("displacement", self.displacement))

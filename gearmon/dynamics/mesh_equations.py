@@ -36,18 +36,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from gearmon.dynamics.compliance import PairCompliance, SystemCompliance, inverse_norm
 from gearmon.dynamics.error_bound import Gain, Pattern, best_gain
 from gearmon.dynamics.floquet import SETTLED, system_multipliers
-from gearmon.dynamics.fourier import Complex, Modulation, Real
+from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Modulation, Real, cut
 from gearmon.dynamics.hill import HillProblem
 from gearmon.dynamics.system import HillSystem
 
-UNIT_ROUNDOFF = 2.0**-52
 MOST_ROUNDS, MOST_ORDERS = 12, 400
 BYTES_FOR_BASIS = 400e6
 #: A residual that falls by less makes a poor next direction: the last image is taken.
@@ -56,26 +55,7 @@ STALLED = 0.95
 SMALLEST = 1e-200
 
 
-@dataclass(frozen=True, kw_only=True)
-class Bound:
-    """What is known of the error of approximations; rms of acceleration over w0^2 for pairs.
-
-    Attributes
-    ----------
-    relative : float ndarray
-        Guaranteed relative L2 error of the acceleration; may be infinite.
-    size : float ndarray
-        Rms of the acceleration handed out.
-    total : float ndarray
-        Bound of the rms error.
-    """
-
-    relative: Real
-    size: Real
-    total: Real
-
-
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Approximation:
     """An approximate steady vibration, and how good it is.
 
@@ -87,8 +67,10 @@ class Approximation:
         u, and the lines of all coordinates; of a pair the same.
     residual : complex ndarray, shape (..., N+J+1)
         Of the full equation.
-    bound : Bound
-        Of the error of the harmonics handed out.
+    relative : float ndarray
+        Guaranteed relative L2 error of the acceleration handed out; may be infinite.
+    size, error : float ndarray
+        Rms of the acceleration handed out, and bound of its rms error; of pairs over w0^2.
     orders : int
         Orders of the expansion that went into it.
     """
@@ -97,7 +79,9 @@ class Approximation:
     deflection: Complex
     motion: Complex
     residual: Complex
-    bound: Bound
+    relative: Real
+    size: Real
+    error: Real
     orders: int
 
     @property
@@ -125,12 +109,6 @@ class MeshEquations:
         shown: int | None = None,
     ) -> None:
         self.compliance, self.pattern, self.shown = compliance, pattern, shown
-
-    @property
-    def pair(self) -> PairCompliance:
-        """The compliance of a pair."""
-        assert isinstance(self.compliance, PairCompliance)
-        return self.compliance
 
     @cached_property
     def gain(self) -> Gain:
@@ -181,38 +159,25 @@ class MeshEquations:
         """Harmonic above which |G| max|phi| <= 1/10 and |G| <= 1/10: each order gains a digit."""
         return self.compliance.quiet_above(0.1 / max(1.0, self.swing))
 
-    def residual(self, x: Complex, answered: Complex | None = None) -> tuple[Complex, ...]:
-        """Deflections, motion and residual of x, shape (..., N+1); `answered` is G x if known."""
-        c = self.pattern.harmonics
-        u, motion = self.compliance.state(x, answered)
+    def judge(self, x: Complex, orders: int = 0) -> Approximation:
+        """Compute residual and bound of x, shape (..., N+1), that `orders` orders made."""
+        c, count, size = self.pattern.harmonics, x.shape[-1], self.compliance.size
+        u, motion = self.compliance.state(x)
         # phi times the large mean deflection is known without a transform and its rounding
         mean = u[..., :1].real.copy()
-        u[..., 0] = 0
-        highest = x.shape[-1] - 1 + c.shape[-1]
+        u[..., :1] = 0
+        highest = count - 1 + c.shape[-1]
         left = self.modulate(u, highest) if u.any() else self.zeros(highest)
         left[..., 1 : c.shape[-1] + 1] += mean * c
-        u[..., :1] = mean
-        left[..., : x.shape[-1]] += x
-        return u, motion, np.negative(left, out=left)
-
-    def judge(self, x: Complex, orders: int = 0, answered: Complex | None = None) -> Approximation:
-        """Compute residual and bound of x, with the parameters of `residual`."""
-        c = self.pattern.harmonics
-        u, motion, residual = self.residual(x, answered)
-        mean = u[..., :1].real.copy()
-        u[..., :1] = 0
-        swinging = self.compliance.size(u)
-        u[..., :1] = mean
+        left[..., :count] += x
+        residual: Complex = np.negative(left, out=left)
         # rounding of x, of the forces and of a product by transforms
-        depth = self.compliance.depth + math.log2(4 * x.shape[-1] + 2 * c.shape[-1])
-        rounding = self.compliance.size(x) + self.compliance.swinging_forces
-        rounding = rounding + depth * self.swing * swinging
-        static: Complex = np.asarray(mean * self.pattern.size, dtype=complex)
-        rounding = rounding + self.compliance.size(static)
+        depth = self.compliance.depth + math.log2(4 * count + 2 * c.shape[-1])
+        rounding = size(x) + self.compliance.swinging_forces + depth * self.swing * size(u)
+        rounding = rounding + size(np.asarray(mean * self.pattern.size, dtype=complex))
+        u[..., :1] = mean
         bound = self._bound(motion, residual, UNIT_ROUNDOFF * rounding)
-        return Approximation(
-            swing=x, deflection=u, motion=motion, residual=residual, bound=bound, orders=orders
-        )
+        return Approximation(x, u, motion, residual, *bound, orders)
 
     def size(self, motion: Complex) -> Real:
         """Rms acceleration of the harmonics of a motion that are handed out."""
@@ -220,23 +185,21 @@ class MeshEquations:
         last = highest if self.shown is None else min(self.shown, highest)
         return self.compliance.size(self.compliance.weights(last) * motion[..., : last + 1])
 
-    def _bound(self, motion: Complex, residual: Complex, rounding: Real) -> Bound:
-        highest = int(motion.shape[-1]) - 1
-        core = min(self.core, highest)
-        inner, above = self._shares(residual, core)
+    def _bound(self, motion: Complex, residual: Complex, rounding: Real) -> tuple[Real, Real, Real]:
+        """Relative error, size, and error of the acceleration."""
+        inner, above = self._shares(residual, min(self.core, motion.shape[-1] - 1))
         rounding, size = _times(self.gain.acceleration, rounding), self.size(motion)
         total = inner + above + rounding
         with np.errstate(divide="ignore", invalid="ignore"):
             relative = np.where(total < size, total / (size - total), np.inf)
-        relative = np.where(total == 0, 0.0, relative)
-        return Bound(relative=relative, size=size, total=total)
+        return np.where(total == 0, 0.0, relative), size, total
 
     def _shares(self, residual: Complex, core: int) -> tuple[Real, Real]:
         """Bounds of the error that residuals of the core and above it cause."""
         compliance, gain = self.compliance, self.gain.acceleration
         extra = compliance.answer(residual, core + 1)
-        moved = extra if isinstance(compliance, PairCompliance) else None
-        direct = self.size(compliance.motion(residual, core + 1) if moved is None else moved)
+        pair = isinstance(compliance, PairCompliance)
+        direct = self.size(extra if pair else compliance.motion(residual, core + 1))
         inner = _times(gain, compliance.size(residual[..., : core + 1]))
         spread = self.swing * compliance.size(extra)
         coupled = _times(gain, spread)
@@ -316,8 +279,7 @@ class LeastResidual:
         return self._half(self.sum)
 
     def _flat(self, half: Complex) -> Real:
-        scaled: Complex = np.ascontiguousarray(self.weights * half)
-        return scaled.view(float).ravel()
+        return np.asarray((self.weights * half).ravel().view(float))
 
     def _half(self, row: Real) -> Complex:
         return np.asarray(row.view(complex).reshape(self.shape) / self.weights)
@@ -411,17 +373,19 @@ def _target(
     gain, size = equations.gain.acceleration, equations.compliance.size(right_side)
     motion = known.motion.copy()
     motion[..., : right_side.shape[-1]] += equations.compliance.motion(right_side)
-    swing = np.maximum(known.bound.size, equations.size(motion))
+    swing = np.maximum(known.size, equations.size(motion))
     return float(1e-3 * size if np.isinf(gain) else 0.4 * swing / gain) * tolerance
 
 
 def plain_sum(
-    equations: MeshEquations, highest: int, tolerance: float, order: int | None
+    equations: MeshEquations, x: Complex, tolerance: float, order: int | None
 ) -> Approximation:
-    """Sum the orders as they come: `order` of them, or until they meet the tolerance or diverge."""
-    compliance = equations.compliance
-    total = equations.zeros(highest)
-    term = equations.judge(total).residual[..., : highest + 1]
+    """Sum the orders as they come: `order` of them, or until they meet the tolerance or diverge.
+
+    Only the number of lines is taken from x.
+    """
+    compliance, total = equations.compliance, np.zeros_like(x)
+    term = equations.judge(total).residual[..., : x.shape[-1]]
     smallest, used = math.inf, 0
     while used < (MOST_ORDERS if order is None else order):
         total = total + term
@@ -431,27 +395,26 @@ def plain_sum(
             whole = equations.size(compliance.state(total)[1])
             smallest = min(smallest, float(size))
             if size <= 0.1 * tolerance * whole and (
-                size <= 1e-3 * tolerance * whole
-                or equations.judge(total).bound.relative <= tolerance
+                size <= 1e-3 * tolerance * whole or equations.judge(total).relative <= tolerance
             ):
                 break
             if size > 1e3 * smallest:
                 break
-        term = -equations.modulate(compliance.answer(term), highest)
+        term = -equations.modulate(compliance.answer(term), x.shape[-1] - 1)
     return equations.judge(total, used)
 
 
-def balance(equations: MeshEquations, highest: int) -> Approximation:
-    """Harmonics 0..highest together, refined once so that only rounding is left.
+def balance(equations: MeshEquations, x: Complex) -> Approximation:
+    """Solve all lines of x together, refined once so that only rounding is left.
 
     Raises
     ------
     ArgumentError
         If the matrix would not fit in memory.
     """
-    x = equations.zeros(highest)
+    x = np.zeros_like(x)
     for _ in range(2):
-        residual = equations.judge(x).residual[..., : highest + 1]
+        residual = equations.judge(x).residual[..., : x.shape[-1]]
         x = x + equations.compliance.together(equations.pattern, residual)
     return equations.judge(x)
 
@@ -512,11 +475,10 @@ def widen(
     found = improve(equations.zeros(first_highest(equations, tolerance)))
     orders = found.orders
     for _ in range(MOST_ROUNDS if repeat else 0):
-        if found.bound.relative <= tolerance:
+        if found.relative <= tolerance:
             break
         highest = _larger(equations, found, tolerance)
-        padding = equations.zeros(highest - found.highest - 1)
-        better = improve(np.concatenate([found.swing, padding], axis=-1))
+        better = improve(cut(found.swing, highest))
         orders = better.orders + counts_add * orders
         old, found = found, replace(better, orders=orders)
         left, before = (equations.compliance.size(one.residual) for one in (found, old))
@@ -534,7 +496,7 @@ def _larger(equations: MeshEquations, found: Approximation, tolerance: float) ->
     if gain < math.inf:
         answer = compliance.answer(left, first)
         worth = worth + gain * equations.swing * compliance.per_line(answer)
-    worth = worth / (tolerance * found.bound.size)
+    worth = worth / (tolerance * found.size)
     beyond = np.sqrt(2 * np.cumsum((worth**2)[::-1]))[::-1]
     if beyond[0] <= 0.4:
         return found.highest
@@ -547,19 +509,14 @@ def sharpened(equations: MeshEquations, found: Approximation) -> Approximation:
     if not equations.gain.stable:
         return found
     for _ in range(2):
-        wanted = max(1e-12, 0.05 * min(float(found.bound.relative), 0.1))
-
-        def improve(x: Complex, wanted: float = wanted) -> Approximation:
-            return recombine(equations, x, wanted, MOST_ORDERS)
-
+        wanted = max(1e-12, 0.05 * min(float(found.relative), 0.1))
+        improve = partial(recombine, equations, tolerance=wanted, most=MOST_ORDERS)
         better = widen(equations, wanted, improve)
-        count = max(found.highest, better.highest) + 1
-        apart = np.zeros((*better.motion.shape[:-1], count), dtype=complex)
-        apart[..., : better.highest + 1] = better.motion
-        apart[..., : found.highest + 1] -= found.motion
-        size, left = equations.size(better.motion), better.bound.total
+        last = max(found.highest, better.highest)
+        apart = cut(better.motion, last) - cut(found.motion, last)
+        size, left = equations.size(better.motion), better.error
         if left < size:
             relative = (equations.size(apart) + left) / (size - left)
-            relative = np.minimum(found.bound.relative, relative)
-            found = replace(found, bound=replace(found.bound, relative=relative))
+            relative = np.minimum(found.relative, relative)
+            found = replace(found, relative=relative)
     return found

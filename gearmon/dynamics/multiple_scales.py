@@ -24,7 +24,7 @@ ratio of meshes (0.03 to 0.3) is not small beside the variation of stiffness, wh
 order zero by default. Transients are in `motion`.
 
 Mass, damping, mean stiffness and period enter through D_n alone, the size of the variation through
-its power and the force as a factor: other values are substituted in the same orders (`Formula`).
+its power and the force as a factor: other values are substituted in the same orders.
 
 Where a line comes from. Order k of line n is a sum over paths: start at a line s that a force
 drives, take k steps by stiffness harmonics j_1, ..., j_k (negative for the conjugate) with
@@ -50,7 +50,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.dynamics.fourier import FEWEST_FOR_A_MATRIX, Complex, Modulation, Real
-from gearmon.dynamics.hill import HillProblem, broadcast_values, dynamic_stiffness
+from gearmon.dynamics.hill import UNITS, HillProblem, broadcast_values, dynamic_stiffness
 from gearmon.errors import ArgumentError, check_range
 from gearmon.result import Result
 
@@ -86,17 +86,65 @@ class Expansion(Result):
     @property
     def displacement(self) -> Complex:
         """Sum of all orders [m], shape (N+1,)."""
-        total: Complex = self.terms.sum(axis=0)
-        return total
+        return np.asarray(self.terms.sum(axis=0))
 
     @cached_property
-    def formula(self) -> Formula:
-        """The same orders and harmonics as a function of the parameters."""
-        return Formula(self.problem, self.order, self.terms.shape[1] - 1, self.small_damping)
+    def _products(self) -> tuple[Modulation, Modulation]:
+        """Product by k(t) of few sets and of many."""
+        c, highest = self.problem.stiffness_harmonics, self.terms.shape[1] - 1
+        one, many = (Modulation(c, highest, highest, sets) for sets in (1, 1000))
+        return one, many
 
-    def substitute(self, **values: npt.ArrayLike) -> Complex:
-        """Displacement [m] for other parameter values, many at once: see `Formula.at`."""
-        return self.formula.at(**values)
+    def substitute(self, *, variation: npt.ArrayLike = 1.0, **values: npt.ArrayLike) -> Complex:
+        """Displacement for other parameter values, which broadcast against each other.
+
+        Accurate where the series converges (max|phi| max 1/|D_n| below about 0.5 for order 10 and
+        1e-3); no error bound: `sweep` bounds the errors.
+
+        Parameters
+        ----------
+        variation : float array
+            Factor >= 0 of every c_j.
+        **values
+            mass_kg, damping_ns_per_m, stiffness_n_per_m, period_s, force_n : float array, as in
+            `HillProblem`; by default the problem's own.
+
+        Returns
+        -------
+        complex ndarray, shape (..., N+1)
+            z_0..z_N [m] of every set.
+
+        Raises
+        ------
+        ArgumentError
+            If a value is not finite or out of its range, or the shapes do not broadcast.
+        """
+        own = {name: getattr(self.problem, name) for name in UNITS if name != "scale"}
+        sets = broadcast_values(own | values | {"scale": variation})
+        flat = np.array([sets[name].ravel() for name in UNITS])
+        count = self.terms.shape[1]
+        found = np.empty((flat.shape[1], count), dtype=complex)
+        rows = max(1, VALUES_AT_ONCE // count)
+        for first in range(0, len(found), rows):
+            found[first : first + rows] = self._sum(flat[:, first : first + rows, None])
+        return found.reshape(*sets["scale"].shape, count)
+
+    def _sum(self, sets: Real) -> Complex:
+        """All orders for sets of shape (6, B, 1)."""
+        mass, damping, stiffness, period, force, scale = sets
+        root, highest = np.sqrt(stiffness * mass), self.terms.shape[1] - 1
+        ratio, zeta = root / mass * period / (2 * math.pi), damping / (2 * root)
+        # the force harmonics are not substituted
+        forcing = np.tile(self.problem.static_forcing(highest), (len(force), 1))
+        forcing *= self.problem.stiffness_n_per_m
+        forcing[:, :1] = force
+        product = self._products[len(force) >= FEWEST_FOR_A_MATRIX]
+        terms = _orders(
+            Zeroth.of(ratio, zeta, highest, self.small_damping),
+            forcing / stiffness,
+            lambda half: scale * product(half),
+        )
+        return np.asarray(sum(itertools.islice(terms, self.order + 1)))
 
 
 def expand(
@@ -186,85 +234,6 @@ def _orders(
     while True:
         yield term
         term = -(modulate(term) + zeroth.damping * term) * zeroth.compliance
-
-
-@dataclass(frozen=True, eq=False)
-class Formula:
-    """Sum of orders 0..order as a function of the parameters, evaluated for arrays of them.
-
-    What is planned once is the product by k(t). Accurate where the series converges (max|phi| max
-    1/|D_n| below about 0.5 for order 10 and 1e-3); no error bound: `sweep` bounds the errors.
-
-    Parameters
-    ----------
-    problem : HillProblem
-        Gives the shape of k(t), the force harmonics and all values that are not substituted.
-    order, highest : int
-        Highest order and harmonic.
-    small_damping : bool
-        Whether damping counts as order one.
-    """
-
-    problem: HillProblem
-    order: int
-    highest: int
-    small_damping: bool = False
-
-    @cached_property
-    def _products(self) -> tuple[Modulation, Modulation]:
-        """Of few sets and of many."""
-        c = self.problem.stiffness_harmonics
-        one, many = (Modulation(c, self.highest, self.highest, sets) for sets in (1, 1000))
-        return one, many
-
-    def at(self, *, variation: npt.ArrayLike = 1.0, **values: npt.ArrayLike) -> Complex:
-        """Displacement for parameter values, which broadcast against each other.
-
-        Parameters
-        ----------
-        variation : float array
-            Factor >= 0 of every c_j.
-        **values
-            mass_kg, damping_ns_per_m, stiffness_n_per_m, period_s, force_n : float array, as in
-            `HillProblem`; by default the problem's own.
-
-        Returns
-        -------
-        complex ndarray, shape (..., highest+1)
-            z_0..z_highest [m] of every set.
-
-        Raises
-        ------
-        ArgumentError
-            If a value is not finite or out of its range, or the shapes do not broadcast.
-        """
-        names = ("mass_kg", "damping_ns_per_m", "stiffness_n_per_m", "period_s", "force_n")
-        given = {name: getattr(self.problem, name) for name in names} | values
-        sets = broadcast_values(given | {"scale": variation})
-        shape = sets["scale"].shape
-        flat = np.array([sets[name].ravel() for name in (*names, "scale")])
-        found = np.empty((flat.shape[1], self.highest + 1), dtype=complex)
-        rows = max(1, VALUES_AT_ONCE // (self.highest + 1))
-        for first in range(0, len(found), rows):
-            part = slice(first, first + rows)
-            found[part] = self._sum(flat[:, part, None])
-        return found.reshape(*shape, self.highest + 1)
-
-    def _sum(self, sets: Real) -> Complex:
-        """All orders for sets of shape (6, B, 1)."""
-        mass, damping, stiffness, period, force, scale = sets
-        root = np.sqrt(stiffness * mass)
-        ratio, zeta = root / mass * period / (2 * math.pi), damping / (2 * root)
-        forcing = np.zeros((len(force), self.highest + 1), dtype=complex)
-        given = self.problem.force_harmonics_n[: self.highest]
-        forcing[:, :1], forcing[:, 1 : len(given) + 1] = force, given
-        product = self._products[len(force) >= FEWEST_FOR_A_MATRIX]
-        terms = _orders(
-            Zeroth.of(ratio, zeta, self.highest, self.small_damping),
-            forcing / stiffness,
-            lambda half: scale * product(half),
-        )
-        return np.asarray(sum(itertools.islice(terms, self.order + 1)))
 
 
 MOST_PATHS = 200_000

@@ -24,8 +24,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.error_bound import Pattern
-from gearmon.dynamics.fourier import Complex, Real, samples, with_zero_mean
+from gearmon.dynamics.fourier import UNIT_ROUNDOFF, Complex, Real, samples
+from gearmon.dynamics.hill import stiffness_at
 
 #: Samples a period of the natural frequency at least: with them one round meets 1e-6, with 7 it
 #: takes two.
@@ -35,7 +37,6 @@ MOST_ROUNDS = 8
 FEW = 0.1
 #: A round that leaves more than this share of the bound before is the last.
 STALLED = 0.5
-UNIT_ROUNDOFF = 2.0**-52
 
 
 class Shot(NamedTuple):
@@ -68,44 +69,32 @@ class Shooting:
 
     Parameters
     ----------
-    ratio, zeta, scale : float ndarray, shape (B,)
-        R = w0/w, damping ratio > 0, and factor of phi.
-    gain : float ndarray, shape (B,)
-        Bound of the inverse operators, see `error_bound`.
+    pairs : PairCompliance
+        R = w0/w and damping ratio > 0 of every set, shape (B,), and their forces.
+    scale, gain : float ndarray, shape (B,)
+        Factor of phi, and bound of the inverse operators, see `error_bound`.
     pattern : Pattern
         phi, J harmonics.
-    forces : complex ndarray, shape (G+1,)
-        (F, f_1..f_G)/k0, of all sets.
     highest : int
         Lines that matter.
     """
 
     def __init__(
-        self,
-        ratio: Real,
-        zeta: Real,
-        scale: Real,
-        gain: Real,
-        pattern: Pattern,
-        forces: Complex,
-        highest: int,
+        self, pairs: PairCompliance, scale: Real, gain: Real, pattern: Pattern, highest: int
     ) -> None:
-        count = len(pattern.harmonics)
+        count, ratio, zeta, forces = len(pattern.harmonics), pairs.ratio, pairs.zeta, pairs.forces
         least = max(2 * (highest + count) + 1, math.ceil(FINENESS * float(ratio.max())))
         self.length = odd_length(least)
         self.band, self.gain, self.zeta = count, gain, zeta
         self.swing = scale * pattern.highest
         x = np.arange(self.length // 2 + 1, dtype=float)[:, None] * (1 / ratio)
-        self.squares = x * x
-        stiffness = np.empty(x.shape, dtype=complex)
-        np.subtract(1, self.squares, out=stiffness.real)
-        np.multiply(x, 2 * zeta, out=stiffness.imag)
+        self.squares, stiffness = x * x, stiffness_at(x, zeta)
         self.weights = _squares(stiffness)
         self.compliance = stiffness.conj()
         self.compliance /= self.weights
         self.forced = np.zeros_like(stiffness)
         self.forced[: len(forces)] = self.compliance[: len(forces)] * forces[:, None]
-        self.phi = samples(with_zero_mean(pattern.harmonics), self.length)[:, None] * scale
+        self.phi = samples(pattern.half, self.length)[:, None] * scale
         self.stencil = _stencil(2 * math.pi * ratio / self.length, zeta)
         self._prepare()
 

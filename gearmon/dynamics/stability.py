@@ -13,12 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.dynamics import floquet, period_trace
+from gearmon.dynamics import floquet
 from gearmon.dynamics.fourier import Complex, Real, fast_length, samples, with_zero_mean
 from gearmon.dynamics.hill import HillProblem, frozen_vector
 from gearmon.errors import ArgumentError, check_range
@@ -55,9 +55,7 @@ class FourierShape:
         return float(self.values.min()), float(self.values.max())
 
 
-def shape_of(
-    problem: HillProblem,
-) -> tuple[FourierShape, float]:
+def shape_of(problem: HillProblem) -> tuple[FourierShape, float]:
     """Shape f(t) of a problem's stiffness with max f = 1, and the variation eps that belongs to it.
 
     Returns
@@ -162,37 +160,16 @@ def stability_chart(
             check_range(name, float(value), low, high)
     check_range("damping_ratio", damping_ratio, 0.0, 100.0)
     check_range("tolerance", tolerance, 1e-15, 0.1)
-    traces = period_trace.over(
-        1 / x, eps, damping_ratio, shape.harmonics, tolerance, x.size * eps.size // 2
-    )
-    growth = period_trace.growth(*traces(1 / x[None, :], eps[:, None]))
-    growth -= 2 * math.pi * damping_ratio / x
+    most = x.size * eps.size // 2
+    traces = floquet.half_traces_over(1 / x, eps, damping_ratio, shape.harmonics, tolerance, most)
+    grown = floquet.growth(*traces(1 / x[None, :], eps[:, None])) - 2 * math.pi * damping_ratio / x
     return StabilityChart(
-        shape=shape, speeds=x, variations=eps, damping_ratio=float(damping_ratio), growth=growth
+        shape=shape, speeds=x, variations=eps, damping_ratio=float(damping_ratio), growth=grown
     )
-
-
-def growth_of(
-    shape: FourierShape,
-    ratio: Real,
-    variation: Real,
-    zeta: Real | float,
-    tolerance: float = 1e-12,
-) -> Real:
-    """Natural logarithm of the largest multiplier's modulus per period; arguments broadcast."""
-    value, log = period_trace.of_fourier(
-        ratio, variation, np.asarray(zeta), shape.harmonics, tolerance
-    )
-    return period_trace.growth(value, log) - 2 * math.pi * zeta * ratio
 
 
 def excess(
-    shape: FourierShape,
-    ratio: Real,
-    variation: Real,
-    zeta: Real | float,
-    tolerance: float = 1e-12,
-    traces: period_trace.HalfTraces | None = None,
+    traces: floquet.HalfTraces, ratio: Real, variation: Real, zeta: float
 ) -> tuple[Real, Real]:
     """Smooth measure of instability, by which of +1 and -1 it comes.
 
@@ -200,13 +177,9 @@ def excess(
     -------
     plus, minus : float ndarray
         e^{-u} (+-H - cosh u), u = 2 pi R zeta: above zero where a multiplier lies beyond +1, or
-        beyond -1. H comes from `traces` where they are given.
+        beyond -1.
     """
-    if traces is None:
-        known = np.asarray(zeta), shape.harmonics, tolerance
-        value, log = period_trace.of_fourier(ratio, variation, *known)
-    else:
-        value, log = traces(ratio, variation)
+    value, log = traces(ratio, variation)
     decay = 2 * math.pi * zeta * ratio
     with np.errstate(over="ignore"):
         scaled = value * np.exp(np.minimum(log - decay, 700.0))
@@ -272,7 +245,7 @@ def stability_margin(problem: HillProblem, search: bool = True) -> StabilityMarg
     shape = _variation_of(problem)
     ratio, zeta = problem.frequency_ratio, problem.damping_ratio
     pair = floquet.multipliers(ratio, zeta, shape.harmonics, 1e-12)
-    growth = float(growth_of(shape, np.array(ratio), np.array(1.0), zeta))
+    grown = float(floquet.growth_of(ratio, 1.0, zeta, shape.harmonics))
     low = -shape.extremes[0]
     positive = 1 / low if low > 0 else math.inf
     factor = _first_unstable(shape, ratio, zeta, positive) if search else math.nan
@@ -280,17 +253,16 @@ def stability_margin(problem: HillProblem, search: bool = True) -> StabilityMarg
         multipliers=pair,
         variation_factor=factor,
         positive_factor=positive,
-        stable=growth < 0,
-        message=_margin_message(growth, zeta, factor, positive),
+        stable=grown < 0,
+        message=_margin_message(grown, zeta, factor, positive),
     )
 
 
-def _margin_message(growth: float, zeta: float, factor: float, positive: float) -> str:
-    if zeta == 0 and growth <= 0:
+def _margin_message(grown: float, zeta: float, factor: float, positive: float) -> str:
+    verb = "grow" if grown > 0 else "shrink"
+    text = f"free vibrations {verb} by the factor {math.exp(min(grown, 700.0)):.6g} a period"
+    if zeta == 0 and grown <= 0:
         text = "undamped: free vibrations neither grow nor die out"
-    else:
-        verb = "grow" if growth > 0 else "shrink"
-        text = f"free vibrations {verb} by the factor {math.exp(growth):.6g} a period"
     if math.isnan(factor):
         return text
     if math.isinf(factor):
@@ -310,8 +282,9 @@ def _first_unstable(shape: FourierShape, ratio: float, zeta: float, most: float)
     grid = np.linspace(least, most, 64 + 16 * math.ceil(2 * ratio) + 1)
 
     def values(factors: Real | float, tolerance: float = 1e-12) -> Real:
-        sides = excess(shape, np.array(ratio), np.asarray(factors), zeta, tolerance)
-        return np.maximum(*sides)
+        known = partial(floquet.half_traces, zeta=zeta, harmonics=shape.harmonics)
+        traces = partial(known, tolerance=tolerance)
+        return np.maximum(*excess(traces, np.array(ratio), np.asarray(factors), zeta))
 
     return _first_crossing(lambda s: float(values(s)), grid, values(grid, SCAN_TOLERANCE))
 

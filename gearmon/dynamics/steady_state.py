@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import partial
 from typing import Literal, get_args, overload
 
 import numpy as np
 
-from gearmon.dynamics import direct, floquet
-from gearmon.dynamics.direct import counting
-from gearmon.dynamics.fourier import Complex
+from gearmon.dynamics import direct
+from gearmon.dynamics.compliance import PairCompliance
+from gearmon.dynamics.direct import Solution, lines
+from gearmon.dynamics.fourier import Complex, cut
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.mesh_equations import (
     MOST_ORDERS,
@@ -24,9 +26,9 @@ from gearmon.dynamics.mesh_equations import (
     sharpened,
     widen,
 )
-from gearmon.dynamics.shooting import Shooting, Shot
+from gearmon.dynamics.shooting import Shooting
 from gearmon.dynamics.system import HillSystem, SystemResponse
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError, check_range, check_word
 
 Method = Literal["auto", "msm", "msm least residual", "harmonic balance"]
 METHODS = get_args(Method)
@@ -37,7 +39,6 @@ _HOW = {
     "msm": "plain expansion to order {}",
     "msm least residual": "{} orders recombined by least residual",
     "harmonic balance": "all harmonics solved together",
-    "shooting": "shot round the period",
 }
 _NO_INVERSE = "the inverse operator could not be bounded"
 _TOO_LARGE = "the residual leaves an error as large as the vibration"
@@ -115,50 +116,42 @@ def steady_state(
     >>> 1e-4 < plain.error_bound < 1e-1
     True
     """
-    _check(tolerance, method, order, harmonics)
+    check_arguments(tolerance, harmonics, method, order)
+    is_free = method == "auto" and order is None
     if isinstance(problem, HillProblem):
         _check_lines(problem)
-        if method == "auto" and order is None:
-            solution = direct.solve(problem, tolerance, harmonics)
-            if solution is not None:
-                displacement, bound, stable, solved, pressed = solution
-                text = f"small enough to solve directly, harmonics 0 to {solved} together: "
-                how = "harmonic balance", 0, text + _verdict(bound, tolerance)
-                return _response(problem, displacement, bound, how, stable, pressed)
-        equations = equations_of(problem, harmonics)
-        if method == "auto" and order is None:
-            shot = _shot(equations, tolerance)
-            if shot is not None:
-                bound, half = float(shot.relative[0]), shot.lines[:, 0]
-                text = f"{_HOW['shooting']}, harmonics 0 to {len(half) - 1}: "
-                how = "shooting", 0, text + _verdict(bound, tolerance)
-                return _response(problem, _cut(half, harmonics), bound, how, True)
-        return _respond(problem, equations, *_solve(equations, tolerance, method, order), tolerance)
+        small = direct.solve(problem, tolerance, harmonics) if is_free else None
+        if small is not None:
+            text = f"small enough to solve directly, harmonics 0 to {small.solved} together: "
+            text += _verdict(small.bound, tolerance)
+            return _response(problem, small, "harmonic balance", 0, text)
     equations = equations_of(problem, harmonics)
-    found, way = _solve(equations, tolerance, method, order)
-    return _respond_of_system(problem, equations, found, way, tolerance)
+    if isinstance(problem, HillProblem):
+        shot = _shot(equations, tolerance) if is_free else None
+        if shot is not None:
+            text = f"shot round the period, harmonics 0 to {shot.solved}: "
+            text += _verdict(shot.bound, tolerance)
+            return _response(problem, shot, "shooting", 0, text)
+    return _respond(problem, equations, *_solve(equations, tolerance, method, order), tolerance)
 
 
 def _solve(
     equations: MeshEquations, tolerance: float, method: str, order: int | None
 ) -> tuple[Approximation, str]:
     """Solve by the cheapest method, or the one asked for; return its name, too."""
-    most = MOST_ORDERS if order is None else order
-
-    def recombined(x: Complex) -> Approximation:
-        return recombine(equations, x, tolerance, most)
-
     if method == "msm":
         return _plain(equations, tolerance, order), method
     if method == "harmonic balance":
-        improve = lambda x: balance(equations, x.shape[-1] - 1)  # noqa: E731
-        return widen(equations, tolerance, improve), method
-    return widen(equations, tolerance, recombined, repeat=order is None), "msm least residual"
+        return widen(equations, tolerance, partial(balance, equations)), method
+    most = MOST_ORDERS if order is None else order
+    improve = partial(recombine, equations, tolerance=tolerance, most=most)
+    return widen(equations, tolerance, improve, repeat=order is None), "msm least residual"
 
 
-def _shot(equations: MeshEquations, tolerance: float) -> Shot | None:
+def _shot(equations: MeshEquations, tolerance: float) -> Solution | None:
     """Shoot for the motion of a pair, or None where that does not meet the tolerance."""
-    pair, highest = equations.pair, first_highest(equations, tolerance)
+    pair, highest = equations.compliance, first_highest(equations, tolerance)
+    assert isinstance(pair, PairCompliance)
     if not (equations.gain.stable and equations.pattern.harmonics.any()):
         return None
     for more, by_inverse in ((1.0, False), (1.5, False), (1.5, True)):
@@ -167,10 +160,11 @@ def _shot(equations: MeshEquations, tolerance: float) -> Shot | None:
         gain = equations.gain_by_inverse if by_inverse else equations.gain.acceleration
         if not math.isfinite(gain):
             continue
-        known = gain[None], equations.pattern, pair.forces, math.ceil(more * highest)
-        shot = Shooting(pair.ratio, pair.zeta, np.ones(1), *known).solve(tolerance, equations.shown)
+        known = np.ones(1), gain[None], equations.pattern, math.ceil(more * highest)
+        shot = Shooting(pair, *known).solve(tolerance, equations.shown)
         if shot.relative[0] <= tolerance:
-            return shot
+            half, bound = shot.lines[:, 0], float(shot.relative[0])
+            return Solution(cut(half, equations.shown), bound, True, len(half) - 1, False)
     return None
 
 
@@ -184,10 +178,12 @@ def _check_lines(problem: HillProblem) -> None:
         )
 
 
-def _check(tolerance: float, method: str, order: int | None, harmonics: int | None) -> None:
+def check_arguments(
+    tolerance: float, harmonics: int | None, method: str = "auto", order: int | None = None
+) -> None:
+    """Raise if what is asked for is out of its range."""
     check_range("tolerance", tolerance, 1e-13, 1.0)
-    if method not in METHODS:
-        raise ArgumentError(f"method={method!r} must be one of: {', '.join(METHODS)}")
+    check_word("method=", method, METHODS)
     if order is not None:
         check_range("order", order, 0, 10_000)
         if method == "harmonic balance":
@@ -198,58 +194,47 @@ def _check(tolerance: float, method: str, order: int | None, harmonics: int | No
 
 def _plain(equations: MeshEquations, tolerance: float, order: int | None) -> Approximation:
     if order is None:
-        found = widen(
-            equations,
-            tolerance,
-            lambda x: plain_sum(equations, x.shape[-1] - 1, tolerance, None),
-            counts_add=False,
-        )
+        improve = partial(plain_sum, equations, tolerance=tolerance, order=None)
+        found = widen(equations, tolerance, improve, counts_add=False)
     else:
-        lines = len(equations.compliance.forces) - 1
-        reached = lines + order * equations.pattern.harmonics.shape[-1]
-        least = max(1, lines, equations.shown or 1)
+        forced = len(equations.compliance.forces) - 1
+        reached = forced + order * equations.pattern.harmonics.shape[-1]
+        least = max(1, forced, equations.shown or 1)
         highest = max(least, min(reached, first_highest(equations, 1e-13)))
-        found = plain_sum(equations, highest, tolerance, order)
-    return found if found.bound.relative <= tolerance else sharpened(equations, found)
+        found = plain_sum(equations, equations.zeros(highest), tolerance, order)
+    return found if found.relative <= tolerance else sharpened(equations, found)
 
 
 def _response(
-    problem: HillProblem,
-    displacement: Complex,
-    bound: float,
-    how: tuple[str, int, str],
-    stable: bool,
-    pressed: bool = False,
+    problem: HillProblem, found: Solution, method: str, order: int, message: str
 ) -> Response:
-    """Put an answer into words: `how` is method, orders and what to say of a steady vibration."""
-    method, order, message = how
-    if problem.damping_ns_per_m == 0:
-        stable, message = False, UNDAMPED
-    elif not stable:
-        p = problem
-        known = floquet.multipliers(p.frequency_ratio, p.damping_ratio, p.stiffness_harmonics)
-        message = growing_by(abs(known[0]))
+    """Put an answer into words: `message` is what to say of a steady vibration."""
+    stable = found.stable and problem.damping_ns_per_m > 0
     response = Response(
         problem=problem,
-        displacement=displacement,
-        error_bound=bound if stable else math.inf,
+        displacement=found.displacement,
+        error_bound=found.bound if stable else math.inf,
         method=method,
         order=order,
         stable=stable,
         message=message,
     )
-    return response if pressed else _with_contact(response)
+    if problem.damping_ns_per_m == 0:
+        return replace(response, message=UNDAMPED)
+    if not stable:
+        return replace(response, message=growing_by(abs(response.floquet_multipliers[0])))
+    return response if found.pressed else _with_contact(response)
 
 
 def _with_contact(response: Response) -> Response:
     """Add to the message where the teeth part, if they do."""
     p, z = response.problem, response.displacement
-    squares = counting(len(z)) ** 2
+    squares = lines(0, len(z) - 1) ** 2
     # the mesh force is F + f - m z'': where the lines together stay below F it cannot vanish
     swing = p.mass_kg * p.angular_frequency**2 * float(np.dot(squares, np.abs(z)))
     if len(p.force_harmonics_n):
         swing += float(np.abs(p.force_harmonics_n).sum())
-    if 2.001 * swing < abs(p.force_n) or not (response.stable and response.error_bound < 1):
+    if 2.001 * swing < abs(p.force_n) or not response.error_bound < 1:
         return response
     angle = response.contact_loss_angle_rad
     if angle is None:
@@ -261,66 +246,46 @@ def _with_contact(response: Response) -> Response:
     return replace(response, message=response.message + lost)
 
 
-def _cut(half: Complex, shown: int | None) -> Complex:
-    """Lines 0..shown of the last axis, zeros where there are none."""
-    if shown is None:
-        return half
-    missing = max(0, shown + 1 - half.shape[-1])
-    return np.pad(half, [(0, 0)] * (half.ndim - 1) + [(0, missing)])[..., : shown + 1]
-
-
 def _respond(
-    problem: HillProblem,
+    problem: HillProblem | HillSystem,
     equations: MeshEquations,
     found: Approximation,
     method: str,
     tolerance: float,
-) -> Response:
+) -> Response | SystemResponse:
     """Hand out the harmonics asked for, with what there is to say about them."""
-    bound = float(found.bound.relative)
-    text = f"{_HOW[method].format(found.orders)}, harmonics 0 to {found.highest}"
+    bound, stable = float(found.relative), bool(equations.gain.stable)
+    text = f"{_HOW[method].format(found.orders)}, harmonics 0 to {found.highest}: "
     if math.isfinite(bound):
-        text += f": {_verdict(bound, tolerance)}"
+        text += _verdict(bound, tolerance)
     else:
-        unknown = math.isinf(equations.gain.acceleration)
-        text += f": no error bound could be given ({_NO_INVERSE if unknown else _TOO_LARGE})"
-    shown, how = _cut(found.motion, equations.shown), (method, found.orders, text)
-    return _response(problem, shown, bound, how, bool(equations.gain.stable))
-
-
-def _respond_of_system(
-    system: HillSystem,
-    equations: MeshEquations,
-    found: Approximation,
-    method: str,
-    tolerance: float,
-) -> SystemResponse:
-    stable = bool(equations.gain.stable)
-    bound = float(found.bound.relative) if stable else math.inf
-    scale = np.sqrt(system.mesh_stiffness_n_per_m)[:, None]
-    u = found.deflection
-    # the swing that these deflections make, one order better than the one they come from
-    force = scale * (u - found.swing - found.residual[:, : u.shape[1]])
-    if system.mesh_damping_ns_per_m is not None:
-        rates = 1j * system.angular_frequency * np.arange(u.shape[1]) * u
-        force += system.mesh_damping_ns_per_m[:, None] / scale * rates
-    message = (
-        f"{method}, {found.orders} orders, {len(u)} meshes, harmonics 0 to {found.highest}: "
-        + _verdict(bound, tolerance)
-    )
-    if not stable:
-        message = growing_by(float(np.abs(equations.multipliers[:1]).max(initial=0.0)))
+        why = _NO_INVERSE if math.isinf(equations.gain.acceleration) else _TOO_LARGE
+        text += f"no error bound could be given ({why})"
+    shown = cut(found.motion, equations.shown)
+    if isinstance(problem, HillProblem):
+        solution = Solution(shown, bound, stable, found.highest, False)
+        return _response(problem, solution, method, found.orders, text)
+    largest = float(np.abs(equations.multipliers[:1]).max(initial=0.0))
     return SystemResponse(
-        system=system,
-        displacement=_cut(found.motion, equations.shown).T,
-        mesh_force=_cut(force, equations.shown).T,
-        error_bound=bound,
+        system=problem,
+        displacement=shown.T,
+        mesh_force=cut(_mesh_forces(problem, found), equations.shown).T,
+        error_bound=bound if stable else math.inf,
         method=method,
         order=found.orders,
         floquet_multipliers=equations.multipliers,
         stable=stable,
-        message=message,
+        message=text if stable else growing_by(largest),
     )
+
+
+def _mesh_forces(system: HillSystem, found: Approximation) -> Complex:
+    """Return the forces of springs and dampers of all meshes [N], shape (meshes, N+1)."""
+    scale, u = np.sqrt(system.mesh_stiffness_n_per_m)[:, None], found.deflection
+    # the swing that these deflections make, one order better than the one they come from
+    force: Complex = scale * (u - found.swing - found.residual[:, : u.shape[1]])
+    rates = 1j * system.angular_frequency * np.arange(u.shape[1]) * u
+    return force + system.mesh_damping_ns_per_m[:, None] / scale * rates
 
 
 def _verdict(bound: float, tolerance: float) -> str:

@@ -12,18 +12,34 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.arrays import BoolArray, IntArray
 from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.error_bound import Pattern, best_gain
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.hill import LARGEST, MOST_SWING, HillProblem, Response, broadcast_values
+from gearmon.dynamics.hill import (
+    LARGEST,
+    MOST_SWING,
+    UNITS,
+    HillProblem,
+    Response,
+    broadcast_values,
+    check_entries,
+)
 from gearmon.dynamics.mesh_equations import MeshEquations, first_highest
 from gearmon.dynamics.shooting import Shooting
-from gearmon.dynamics.steady_state import MOST_RATIO, UNDAMPED, growing_by, steady_state
-from gearmon.errors import ArgumentError, check_range
+from gearmon.dynamics.steady_state import (
+    MOST_RATIO,
+    UNDAMPED,
+    check_arguments,
+    growing_by,
+    steady_state,
+)
+from gearmon.errors import ArgumentError
 from gearmon.result import Result
 
 #: Fewer sets of one pattern are solved faster by themselves.
@@ -33,7 +49,6 @@ VALUES_TOGETHER, MORE_LINES = 26_000, 1.5
 SHOT, ONE_BY_ONE, REFUSED = "shooting", "one by one", "refused"
 #: Force of all sets: a unit of static deflection.
 UNIT = np.ones(1, dtype=complex)
-INDICES = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,24 +85,24 @@ class Sweep(Result):
     tolerance: float
     displacement: Complex
     error_bound: Real
-    stable: npt.NDArray[np.bool_]
+    stable: BoolArray
     method: npt.NDArray[np.object_]
     reason: npt.NDArray[np.object_]
 
     @property
-    def met(self) -> npt.NDArray[np.bool_]:
+    def met(self) -> BoolArray:
         """Where the tolerance is met for certain, shape (...)."""
         return np.asarray(self.error_bound <= self.tolerance)
 
     @property
     def velocity(self) -> Complex:
         """Velocity i n w z_n [m/s], shape (..., N+1)."""
-        return 1j * self._angular * self.displacement
+        return self._rate * self.displacement
 
     @property
     def acceleration(self) -> Complex:
         """Acceleration -(n w)^2 z_n [m/s2], shape (..., N+1)."""
-        return -(self._angular**2) * self.displacement
+        return self._rate * self.velocity
 
     def problem(self, index: int | tuple[int, ...]) -> HillProblem:
         """Return one set by itself.
@@ -97,15 +112,10 @@ class Sweep(Result):
         index : int or tuple of int
             Its place in the grid.
         """
-        harmonics = self.stiffness_harmonics
-        return HillProblem(
-            float(self.mass_kg[index]),
-            float(self.damping_ns_per_m[index]),
-            float(self.stiffness_n_per_m[index]),
-            self.scale[index] * (harmonics[index] if harmonics.ndim > 1 else harmonics),
-            float(self.period_s[index]),
-            float(self.force_n[index]),
-        )
+        own: Any = {name: float(getattr(self, name)[index]) for name in UNITS}
+        c = self.stiffness_harmonics
+        c = own.pop("scale") * (c[index] if c.ndim > 1 else c)
+        return HillProblem(**own, stiffness_harmonics=c)
 
     def response(self, index: int | tuple[int, ...]) -> Response:
         """Vibration of one set, with mesh force, contact loss and the rest of `Response`.
@@ -134,9 +144,9 @@ class Sweep(Result):
         )
 
     @property
-    def _angular(self) -> Real:
+    def _rate(self) -> Complex:
         lines = np.arange(self.displacement.shape[-1])
-        return np.asarray(2 * math.pi * lines / self.period_s[..., None])
+        return np.asarray(2j * math.pi * lines / self.period_s[..., None])
 
 
 def sweep(
@@ -182,25 +192,14 @@ def sweep(
     >>> found.displacement.shape[:2], bool(found.met.all()), bool(found.stable.all())
     ((2, 3), True, True)
     """
-    check_range("tolerance", tolerance, 1e-13, 1.0)
-    if harmonics is not None:
-        check_range("harmonics", harmonics, 1, 10_000_000)
+    check_arguments(tolerance, harmonics)
     pattern: Complex = np.array(stiffness_harmonics, dtype=complex)
     if pattern.ndim == 0:
         raise ArgumentError("stiffness_harmonics: a number, must be one row of coefficients")
-    if not np.isfinite(pattern).all():
-        where = ", ".join(str(int(i)) for i in np.argwhere(~np.isfinite(pattern))[0])
-        raise ArgumentError(f"stiffness_harmonics: entry [{where}] must be finite")
+    check_entries("stiffness_harmonics", pattern)
     *lead, width = pattern.shape
-    values = {
-        "mass_kg": mass_kg,
-        "damping_ns_per_m": damping_ns_per_m,
-        "stiffness_n_per_m": stiffness_n_per_m,
-        "period_s": period_s,
-        "force_n": force_n,
-        "scale": scale,
-    }
-    full = broadcast_values(values, tuple(lead))
+    given = mass_kg, damping_ns_per_m, stiffness_n_per_m, period_s, force_n, scale
+    full = broadcast_values(dict(zip(UNITS, given, strict=True)), tuple(lead))
     shape = full["scale"].shape
     work = _Work({name: v.ravel() for name, v in full.items()}, tolerance, harmonics)
     rows = pattern.reshape(math.prod(lead), width)
@@ -235,7 +234,7 @@ class _Work:
         self.stable = np.zeros(count, dtype=bool)
         self.method = np.full(count, REFUSED, dtype=object)
         self.reason = np.full(count, "", dtype=object)
-        self._parts: list[tuple[INDICES, Complex]] = []
+        self._parts: list[tuple[IntArray, Complex]] = []
 
     def displacement(self) -> Complex:
         """Deflections [m] of all sets, nan where there are none."""
@@ -248,7 +247,7 @@ class _Work:
         whole[self.method == REFUSED] = np.nan
         return whole
 
-    def solve(self, harmonics: Complex, at: INDICES) -> None:
+    def solve(self, harmonics: Complex, at: IntArray) -> None:
         """Solve the sets `at`, whose stiffness follows one pattern."""
         # what no pair can have is told one by one, each with its reason
         usual = (self.ratio[at] >= 1 / LARGEST) & (self.ratio[at] <= MOST_RATIO)
@@ -263,15 +262,14 @@ class _Work:
             except ArgumentError as error:
                 self.reason[i] = str(error)
 
-    def _together(self, pattern: Pattern, at: INDICES) -> INDICES:
+    def _together(self, pattern: Pattern, at: IntArray) -> IntArray:
         """Solve sets side by side; those that are left to be solved alone."""
         scale = self.values["scale"][at]
         gain = best_gain(self.ratio[at], self.zeta[at], scale, pattern)
         self.stable[at] = gain.stable
         for i in np.flatnonzero(~gain.stable):
-            growth = float(gain.growth[i])
-            grown = growing_by(math.exp(min(growth, 700.0)))
-            self.reason[at[i]] = UNDAMPED if math.isinf(growth) else grown
+            grown = growing_by(math.exp(min(float(gain.growth[i]), 700.0)))
+            self.reason[at[i]] = UNDAMPED if math.isinf(gain.growth[i]) else grown
         # what does not vibrate has no relative error
         sure = gain.stable & np.isfinite(gain.acceleration) & (scale > 0)
         left = np.flatnonzero(sure) if len(pattern.harmonics) else np.zeros(0, dtype=int)
@@ -281,27 +279,25 @@ class _Work:
             left = left[~(self.bound[at[left]] <= self.tolerance)]
         return at[gain.stable & ~(self.bound[at] <= self.tolerance)]
 
-    def _shoot_all(self, pattern: Pattern, sets: INDICES, gain: Real, more: float) -> None:
+    def _shoot_all(self, pattern: Pattern, sets: IntArray, gain: Real, more: float) -> None:
         """Solve sets in blocks whose arrays stay in the cache, with `more` lines than needed."""
         order = np.argsort(self.ratio[sets])
         sets, gain = sets[order], gain[order]
         ratio, zeta, scale = (x[sets] for x in (self.ratio, self.zeta, self.values["scale"]))
         # the lines that matter grow in proportion to w0/w
         ends, hardest = ratio[[0, -1], None], Pattern(scale.max() * pattern.harmonics)
-        pairs = (PairCompliance(end, zeta.min(keepdims=True), UNIT) for end in ends)
-        needed = [
-            more * first_highest(MeshEquations(pair, hardest, self.shown), self.tolerance)
-            for pair in pairs
-        ]
+        extremes = (PairCompliance(end, zeta.min(keepdims=True), UNIT) for end in ends)
+        equations = (MeshEquations(pair, hardest, self.shown) for pair in extremes)
+        needed = [more * first_highest(own, self.tolerance) for own in equations]
         highest = np.interp(ratio, ends[:, 0], needed)
 
         first = 0
         while first < len(sets):
             count = int(VALUES_TOGETHER / (2 * highest[first] + 2 * len(pattern.harmonics)))
             part = slice(first, first + max(FEWEST_TOGETHER, count))
-            known = gain[part], pattern, UNIT, math.ceil(highest[part][-1])
-            shooting = Shooting(ratio[part], zeta[part], scale[part], *known)
-            lines, bound = shooting.solve(self.tolerance, self.shown)
+            pairs = PairCompliance(ratio[part], zeta[part], UNIT)
+            known = scale[part], gain[part], pattern, math.ceil(highest[part][-1])
+            lines, bound = Shooting(pairs, *known).solve(self.tolerance, self.shown)
             good, own = bound <= self.tolerance, sets[part]
             last = None if self.shown is None else self.shown + 1
             self._parts.append((own[good], lines[:last].T[good]))
@@ -310,18 +306,11 @@ class _Work:
 
     def _alone(self, i: int, harmonics: Complex) -> None:
         """One set by `steady_state`."""
-        v = {name: float(value[i]) for name, value in self.values.items()}
-        stiffness = v["stiffness_n_per_m"]
-        problem = HillProblem(
-            v["mass_kg"],
-            v["damping_ns_per_m"],
-            stiffness,
-            v["scale"] * harmonics,
-            v["period_s"],
-            stiffness,
-        )
+        mass, damping, stiffness, period, _, scale = (float(self.values[name][i]) for name in UNITS)
+        # under a unit of static deflection
+        problem = HillProblem(mass, damping, stiffness, scale * harmonics, period, stiffness)
         response = steady_state(problem, self.tolerance, harmonics=self.shown)
-        self.stable[i] = response.stable is True
+        self.stable[i] = response.stable
         if response.error_bound < math.inf:
             self.bound[i], self.method[i] = response.error_bound, ONE_BY_ONE
             self._parts.append((np.array([i]), np.array(response.displacement)[None]))

@@ -25,8 +25,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.arrays import BoolArray
 from gearmon.dynamics.fourier import Complex, Real
-from gearmon.dynamics.hill import HillProblem, PeriodicVibration, check_swing, least_over_mean
+from gearmon.dynamics.hill import (
+    HillProblem,
+    PeriodicVibration,
+    check_entries,
+    check_swing,
+    least_over_mean,
+)
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.result import Result
 
@@ -84,9 +91,10 @@ class HillSystem:
     mesh_harmonics: Complex
     period_s: float
     force_n: Real
-    gyroscopic: Real | None = None
-    force_harmonics_n: Complex | None = None
-    mesh_damping_ns_per_m: Real | None = None
+    # what is left out is filled in with zeros
+    gyroscopic: Real = None  # type: ignore[assignment]
+    force_harmonics_n: Complex = None  # type: ignore[assignment]
+    mesh_damping_ns_per_m: Real = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         check_positive("period_s", self.period_s, "s")
@@ -95,11 +103,9 @@ class HillSystem:
             if value is not None:
                 object.__setattr__(self, name, _frozen(name, value, kind, len(axes)))
         self._check_shapes()
-        for name in ("mass", "damping", "stiffness"):
-            _check_symmetry(name, getattr(self, name), 1.0)
-        if self.gyroscopic is not None:
-            _check_symmetry("gyroscopic", self.gyroscopic, -1.0)
-        if self.mesh_damping_ns_per_m is not None and (self.mesh_damping_ns_per_m < 0).any():
+        for name in ("mass", "damping", "stiffness", "gyroscopic"):
+            _check_symmetry(name, getattr(self, name), -1.0 if name == "gyroscopic" else 1.0)
+        if (self.mesh_damping_ns_per_m < 0).any():
             raise ArgumentError("mesh_damping_ns_per_m: all values must be >= 0 N s/m")
         if not (self.mesh_stiffness_n_per_m > 0).all():
             raise ArgumentError("mesh_stiffness_n_per_m: all values must be > 0 N/m")
@@ -113,16 +119,15 @@ class HillSystem:
         sizes = {"n": len(self.mass), "m": len(self.mesh_vectors)}
         if len(self.mesh_harmonics) == 1:
             shared = np.broadcast_to(
-                self.mesh_harmonics, (sizes["m"], *self.mesh_harmonics.shape[1:])
+                self.mesh_harmonics, (sizes["m"], self.mesh_harmonics.shape[1])
             )
             object.__setattr__(self, "mesh_harmonics", shared)
-        for name, (_, axes) in _FIELDS.items():
+        for name, (kind, axes) in _FIELDS.items():
             value = getattr(self, name)
             if value is None:
-                continue
-            wanted = tuple(
-                sizes.get(axis, own) for axis, own in zip(axes, value.shape, strict=True)
-            )
+                value = np.broadcast_to(kind(0), [sizes.get(axis, 0) for axis in axes])
+                object.__setattr__(self, name, value)
+            wanted = tuple(map(sizes.get, axes, value.shape))
             if value.shape != wanted:
                 raise ArgumentError(f"{name}: shape {value.shape} must be {wanted}")
 
@@ -156,10 +161,9 @@ class HillSystem:
     @cached_property
     def velocity_matrix(self) -> Real:
         """Damping with that of all meshes and gyroscopic terms, shape (n, n)."""
-        v, whole = self.mesh_vectors, self.damping
-        if self.mesh_damping_ns_per_m is not None:
-            whole = whole + v.T @ (self.mesh_damping_ns_per_m[:, None] * v)
-        return whole if self.gyroscopic is None else whole + self.gyroscopic
+        v = self.mesh_vectors
+        meshes = v.T @ (self.mesh_damping_ns_per_m[:, None] * v)
+        return np.asarray(self.damping + meshes + self.gyroscopic)
 
     @cached_property
     def modes(self) -> tuple[Real, Real]:
@@ -181,7 +185,7 @@ class HillSystem:
         return np.asarray(squares), np.asarray(shapes)
 
     @cached_property
-    def rigid(self) -> npt.NDArray[np.bool_]:
+    def rigid(self) -> BoolArray:
         """Which modes are rigid-body motions, shape (n,)."""
         squares = self.modes[0]
         return np.asarray(squares < RIGID * squares[-1])
@@ -213,9 +217,7 @@ def _frozen(name: str, value: npt.ArrayLike, kind: type, axes: int) -> npt.NDArr
     array: npt.NDArray[Any] = np.array(value, dtype=kind, ndmin=axes)
     if array.ndim != axes:
         raise ArgumentError(f"{name}: {array.ndim} axes, must have {axes}")
-    if not np.isfinite(array).all():
-        where = ", ".join(str(int(i)) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ArgumentError(f"{name}: entry [{where}] must be finite")
+    check_entries(name, array)
     array.flags.writeable = False
     return array
 
@@ -236,35 +238,17 @@ class SystemResponse(PeriodicVibration):
     system : HillSystem
         What was solved.
     displacement : complex ndarray, shape (N+1, n)
-        q_0..q_N, q(t) = q_0 + sum_{i>=1} (q_i e^{iiwt} + conjugate) [m]. Rigid-body motions are
-        given without their mean.
+        q_0..q_N [m]. Rigid-body motions are given without their mean.
     mesh_force : complex ndarray, shape (N+1, meshes)
         Force between the teeth k_j(t) d_j + c_j d_j' [N].
-    error_bound : float
-        Bound of the relative L2 error of the acceleration of all coordinates together; infinite if
-        none could be computed or there is no steady state.
-    method : str
-        "msm", "msm least residual" or "harmonic balance".
-    order : int
-        Number of orders of the expansion used; 0 for harmonic balance.
     floquet_multipliers : complex ndarray, shape (modes,)
         Factors by which free vibrations change over a period, the largest modulus first; free
         rigid-body motions left out.
-    stable : bool
-        Whether free vibrations die out.
-    message : str
-        One line: which method, or what is wrong, with the number.
     """
 
     system: HillSystem
-    displacement: Complex
     mesh_force: Complex
-    error_bound: float
-    method: str
-    order: int
     floquet_multipliers: Complex
-    stable: bool
-    message: str
 
     @property
     def _period_s(self) -> float:
@@ -290,8 +274,7 @@ class SystemResponse(PeriodicVibration):
             [N].
         """
         moved: Complex = self.displacement @ np.atleast_2d(np.asarray(vectors, dtype=float)).T
-        force: Complex = moved * np.asarray(stiffness_n_per_m)
-        return force
+        return np.asarray(moved * np.asarray(stiffness_n_per_m))
 
     @cached_property
     def mesh_force_margin(self) -> Real:
@@ -299,7 +282,7 @@ class SystemResponse(PeriodicVibration):
         return np.array([least_over_mean(force) for force in self.mesh_force.T])
 
     @property
-    def contact_lost(self) -> npt.NDArray[np.bool_]:
+    def contact_lost(self) -> BoolArray:
         """Whether a mesh force passes zero, shape (meshes,): there the linear model ends."""
         return np.asarray(self.mesh_force_margin <= 0)
 
@@ -326,7 +309,7 @@ class TimeHistory(Result):
     velocity: Real
     acceleration: Real
     mesh_force: Real
-    apart: npt.NDArray[np.bool_]
+    apart: BoolArray
     evaluations: int
 
 
@@ -390,10 +373,9 @@ def integrate(
     check_range("relative_tolerance", relative_tolerance, 2.3e-14, 0.1)
     if backlash_m is not None and not backlash_m >= 0:
         raise ArgumentError(f"backlash_m={backlash_m} m must be >= 0")
-    equation = _Equation(
-        system_of(problem) if isinstance(problem, HillProblem) else problem, backlash_m
-    )
-    n, times = equation.coordinates, np.asarray(time_s, dtype=np.float64)
+    system = system_of(problem) if isinstance(problem, HillProblem) else problem
+    equation, n = _Equation(system, backlash_m), len(system.mass)
+    times = np.asarray(time_s, dtype=np.float64)
     start = np.zeros(2 * n) if state is None else np.asarray(state, dtype=np.float64)
     if start.shape != (2 * n,) or not np.isfinite(start).all():
         raise ArgumentError(f"state: {start} must be {2 * n} finite numbers")
@@ -428,39 +410,37 @@ class _Equation:
     """Right side of the equations of motion; meshes are left to their own law."""
 
     def __init__(self, system: HillSystem, backlash_m: float | None) -> None:
-        self.coordinates, self.backlash = len(system.mass), backlash_m
+        self.system, self.backlash = system, backlash_m
         self.inverse = np.linalg.inv(system.mass)
-        damping = system.damping
-        self.damping = damping if system.gyroscopic is None else damping + system.gyroscopic
-        self.stiffness, self.vectors = system.stiffness, system.mesh_vectors
-        self.means, self.w = system.mesh_stiffness_n_per_m, system.angular_frequency
-        still = system.mesh_damping_ns_per_m
-        self.dampers = np.zeros(len(self.means)) if still is None else still
-        self.harmonics = 2 * system.mesh_harmonics
-        self.force, more = system.force_n, system.force_harmonics_n
-        self.swing: Complex | None = None if more is None else 2 * more.T
+        self.damping = system.damping + system.gyroscopic
+        # swings of the stiffnesses, and below them of the forces
+        own, given = system.mesh_harmonics, system.force_harmonics_n.T
+        self.harmonics = np.zeros(
+            (len(own) + len(given), max(own.shape[1], given.shape[1])), complex
+        )
+        self.harmonics[: len(own), : own.shape[1]] = 2 * own
+        self.harmonics[len(own) :, : given.shape[1]] = 2 * given
+        self.turning = 1j * system.angular_frequency * np.arange(1, self.harmonics.shape[1] + 1)
         at_rest = np.linalg.pinv(system.mean_stiffness, rcond=1e-9) @ system.force_n
-        self.sign = np.where(self.vectors @ at_rest < 0, -1.0, 1.0)
+        self.sign = np.where(system.mesh_vectors @ at_rest < 0, -1.0, 1.0)
         #: sizes of a deflection and a rate, for what is small beside them
         self.deflection = float(np.abs(at_rest).max()) or 1.0
         self.fastest = 2 * math.pi * float(system.natural_frequencies_hz[-1])
 
-    def rates(self, time: float, state: Real) -> tuple[Real, Real, npt.NDArray[np.bool_]]:
+    def rates(self, time: float, state: Real) -> tuple[Real, Real, BoolArray]:
         """Accelerations, mesh forces, and whether teeth are apart."""
-        n = self.coordinates
-        turns = np.exp(1j * self.w * time * np.arange(1, self.harmonics.shape[1] + 1))
-        stiffness = self.means * (1 + (self.harmonics @ turns).real)
-        deflection, rate = self.vectors @ state[:n], self.vectors @ state[n:]
-        push = self.sign * (stiffness * deflection + self.dampers * rate)
+        s, (place, velocity) = self.system, state.reshape(2, -1)
+        swing = (self.harmonics @ np.exp(time * self.turning)).real
+        stiffness = s.mesh_stiffness_n_per_m * (1 + swing[: len(self.sign)])
+        deflection, rate = s.mesh_vectors @ place, s.mesh_vectors @ velocity
+        push = self.sign * (stiffness * deflection + s.mesh_damping_ns_per_m * rate)
         apart = np.zeros(len(push), dtype=bool)
         if self.backlash is not None:
             # an endless way leaves no back flank
             back = np.minimum(0.0, push + stiffness * min(self.backlash, 1e100))
             apart = (push < 0) & (back == 0)
             push = np.maximum(0.0, push) + np.where(push < 0, back, 0.0)
-        force = self.force - self.stiffness @ state[:n] - self.damping @ state[n:]
-        if self.swing is not None:
-            lines = np.arange(1, self.swing.shape[1] + 1)
-            force = force + (self.swing @ np.exp(1j * self.w * time * lines)).real
         forces = self.sign * push
-        return self.inverse @ (force - self.vectors.T @ forces), forces, apart
+        load = s.force_n + swing[len(self.sign) :] - s.mesh_vectors.T @ forces
+        resisting = s.stiffness @ place + self.damping @ velocity
+        return self.inverse @ (load - resisting), forces, apart

@@ -55,14 +55,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from gearmon.arrays import BoolArray, IntArray
 from gearmon.dynamics.amplitude_equations import MOST_ORDERS, Coupling, State, reduce
+from gearmon.dynamics.floquet import HalfTraces, half_traces_over
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import HillProblem, frozen_vector
-from gearmon.dynamics.period_trace import HalfTraces, Integers, over
 from gearmon.dynamics.stability import (
     FourierShape,
     StabilityChart,
@@ -85,11 +87,7 @@ ROUNDED = 1e-12
 
 
 def tongue_edges(
-    shape: FourierShape,
-    tongue: int,
-    variations: npt.ArrayLike,
-    damping_ratio: float = 0.0,
-    traces: HalfTraces | None = None,
+    shape: FourierShape, tongue: int, variations: npt.ArrayLike, damping_ratio: float = 0.0
 ) -> Real:
     """Lower and upper w/w0 of an unstable tongue.
 
@@ -103,8 +101,6 @@ def tongue_edges(
         eps; k(t) must stay > 0.
     damping_ratio : float
         zeta, 0 to below 1.
-    traces : callable, optional
-        What `traces_around` returned for eps that span these.
 
     Returns
     -------
@@ -133,11 +129,7 @@ def tongue_edges(
             f"variations: one of them makes the stiffness {least.min():.4g} times its mean; "
             "it must stay > 0"
         )
-    around = _around(shape, tongue, eps, damping_ratio)
-    if damping_ratio == 0:
-        return around
-    traces = traces or traces_around(shape, [tongue], eps, damping_ratio)
-    return _inside(shape, tongue, eps, damping_ratio, around, traces)
+    return Boundaries(shape, damping_ratio, [tongue], eps).edges(tongue, eps)
 
 
 def _undamped(shape: FourierShape, tongue: int, eps: Real) -> Real:
@@ -170,74 +162,59 @@ def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Rea
     return np.asarray(matrix / np.outer(order, order))
 
 
-def is_open(
-    shape: FourierShape,
-    tongue: int,
-    variations: Real,
-    damping_ratio: float,
-    traces: HalfTraces | None,
-) -> npt.NDArray[np.bool_]:
-    """Whether a tongue is open at each eps; arguments as of `tongue_edges`, unchecked."""
-    around = _around(shape, tongue, variations, damping_ratio)
-    return _opened(shape, tongue, variations, damping_ratio, around, traces)[1]
+@dataclass(frozen=True, eq=False)
+class Boundaries:
+    """Where some tongues of one shape and damping ratio begin and end, at eps that some span."""
 
+    shape: FourierShape
+    zeta: float
+    tongues: Sequence[int]
+    variations: Real
 
-def traces_around(
-    shape: FourierShape, tongues: Sequence[int], eps: Real, zeta: float
-) -> HalfTraces:
-    """Half traces in the rectangle that holds some tongues for these eps."""
-    around = np.array([_around(shape, tongue, eps, zeta) for tongue in tongues])
-    most = PEAK_ROUNDS * PARTS * len(eps) * len(tongues)
-    return over(1 / around, eps, zeta, shape.harmonics, ROUNDED, most)
+    @cached_property
+    def traces(self) -> HalfTraces:
+        """Half traces in the rectangle that holds the tongues."""
+        around = np.array([self.around(tongue, self.variations) for tongue in self.tongues])
+        most = PEAK_ROUNDS * PARTS * len(self.variations) * len(self.tongues)
+        known = self.zeta, self.shape.harmonics, ROUNDED, most
+        return half_traces_over(1 / around, self.variations, *known)
 
+    def around(self, tongue: int, eps: Real) -> Real:
+        """Interval of w/w0 that holds the damped tongue, shape (E, 2)."""
+        rest = 1 - self.zeta**2
+        return math.sqrt(rest) * _undamped(self.shape, tongue, eps / rest)
 
-def _around(shape: FourierShape, tongue: int, eps: Real, zeta: float) -> Real:
-    """Interval of w/w0 that holds the damped tongue, shape (E, 2)."""
-    rest = 1 - zeta**2
-    return math.sqrt(rest) * _undamped(shape, tongue, eps / rest)
+    def excess(self, tongue: int, x: Real, eps: Real) -> Real:
+        """Measure of growth at w/w0, above zero within the tongue."""
+        return excess(self.traces, 1 / x, eps, self.zeta)[tongue % 2]
 
+    def top(self, tongue: int, eps: Real) -> tuple[BoolArray, Real, Real]:
+        """Whether a tongue is open, w/w0 at which it grows most, and what is around it."""
+        rows, around = np.arange(len(eps)), self.around(tongue, eps)
+        low, high = around.T
+        for _ in range(PEAK_ROUNDS):
+            x = np.linspace(low, high, PARTS, axis=1)
+            values = self.excess(tongue, x, eps[:, None])
+            best = np.argmax(values, axis=1)
+            low, high = x[rows, np.maximum(best - 1, 0)], x[rows, np.minimum(best + 1, PARTS - 1)]
+        return values[rows, best] > CLOSED, x[rows, best], around
 
-def _opened(
-    shape: FourierShape,
-    tongue: int,
-    eps: Real,
-    zeta: float,
-    around: Real,
-    traces: HalfTraces | None,
-) -> tuple[Real, npt.NDArray[np.bool_]]:
-    """Where in the interval growth is largest, and whether there is any."""
-    rows, side = np.arange(len(eps)), tongue % 2
-    low, high = around.T
-    for _ in range(PEAK_ROUNDS):
-        x = np.linspace(low, high, PARTS, axis=1)
-        values = excess(shape, 1 / x, eps[:, None], zeta, traces=traces)[side]
-        best = np.argmax(values, axis=1)
-        low, high = x[rows, np.maximum(best - 1, 0)], x[rows, np.minimum(best + 1, PARTS - 1)]
-    return x[rows, best], values[rows, best] > CLOSED
+    def edges(self, tongue: int, eps: Real) -> Real:
+        """Lower and upper w/w0, as `tongue_edges`."""
+        from scipy.optimize.elementwise import find_root
 
-
-def _inside(
-    shape: FourierShape, tongue: int, eps: Real, zeta: float, around: Real, traces: HalfTraces
-) -> Real:
-    """Edges within an interval of w/w0 for each eps."""
-    from scipy.optimize.elementwise import find_root
-
-    top, grows = _opened(shape, tongue, eps, zeta, around, traces)
-    edges = np.full((len(eps), 2), np.nan)
-
-    def value(x: Real, some: Real) -> Real:
-        found = excess(shape, 1 / x[:, None], some[:, None], zeta, traces=traces)
-        return found[tongue % 2][:, 0]
-
-    for column in (0, 1) if grows.any() else ():
-        found = find_root(
-            value,
-            (around[grows, column], top[grows]),
-            args=(eps[grows],),
-            tolerances={"xatol": 0.0, "xrtol": 4e-16, "fatol": 0.0, "frtol": 0.0},
-        )
-        edges[grows, column] = found.x
-    return edges
+        if self.zeta == 0:
+            return self.around(tongue, eps)
+        grows, top, around = self.top(tongue, eps)
+        edges = np.full(around.shape, np.nan)
+        for column in (0, 1) if grows.any() else ():
+            edges[grows, column] = find_root(
+                lambda x, some: self.excess(tongue, x[:, None], some[:, None])[:, 0],
+                (around[grows, column], top[grows]),
+                args=(eps[grows],),
+                tolerances={"xatol": 0.0, "xrtol": 4e-16, "fatol": 0.0, "frtol": 0.0},
+            ).x
+        return edges
 
 
 MOST_ITERATIONS = 60
@@ -282,8 +259,8 @@ def expanded_tongue(
     check_range("order", order, 1, MOST_ORDERS)
     check_range("zeta", zeta, 0.0, 0.99)
     edges = [_edge(c, number, zeta, order, side) for side in (-1, 1)]
-    low, high = edges
-    return None if low is None or high is None else (min(low, high), max(low, high))
+    found = [edge for edge in edges if edge is not None]
+    return (min(found), max(found)) if len(found) == 2 else None
 
 
 def _edge(c: Complex, number: int, zeta: float, order: int, side: int) -> float | None:
@@ -386,7 +363,7 @@ def combination_tongues(system: HillSystem) -> list[CombinationTongue]:
 
 
 def _tongues(
-    harmonic: int, p: Integers, q: Integers, sizes: Real, natural: Real, damping: Real
+    harmonic: int, p: IntArray, q: IntArray, sizes: Real, natural: Real, damping: Real
 ) -> list[CombinationTongue]:
     """One tongue for every different coupling of two frequencies."""
     one, other = float(natural[p[0]]), float(natural[q[0]])
@@ -514,26 +491,20 @@ def stability_map(
     first, last = max(1, math.ceil(1.7 / high)), math.floor(2 / low)
     numbers = range(first, min(last, first + MOST_TONGUES - 1, MOST_TONGUE) + 1)
     coarse = highest_variation * np.linspace(0.0, 1.0, 49)
-    traces = traces_around(shape, numbers, coarse, damping_ratio) if numbers else None
-    tongues = tuple(_tongue(shape, n, coarse[1:], damping_ratio, orders, traces) for n in numbers)
+    boundaries = Boundaries(shape, damping_ratio, numbers, coarse)
+    tongues = tuple(_tongue(boundaries, n, coarse, orders) for n in numbers)
     return StabilityMap(chart=chart, tongues=tongues, mark=mark)
 
 
-def _tongue(
-    shape: FourierShape,
-    number: int,
-    coarse: Real,
-    zeta: float,
-    orders: tuple[int, ...],
-    traces: HalfTraces | None,
-) -> Tongue:
+def _tongue(boundaries: Boundaries, number: int, coarse: Real, orders: tuple[int, ...]) -> Tongue:
     """Boundaries on a grid of eps that is fine at the tips."""
-    eps = np.unique(np.concatenate([coarse, _near_tips(shape, number, coarse, zeta, traces)]))
+    eps = np.unique(np.concatenate([coarse[1:], _near_tips(boundaries, number, coarse)]))
+    known = boundaries.shape, number, eps, boundaries.zeta
     return Tongue(
         number=number,
         variations=eps,
-        exact=tongue_edges(shape, number, eps, zeta, traces),
-        expanded={k: _expanded(shape, number, eps, zeta, k) for k in orders},
+        exact=boundaries.edges(number, eps),
+        expanded={k: _expanded(*known, k) for k in orders},
     )
 
 
@@ -555,23 +526,18 @@ def _expanded(shape: FourierShape, number: int, eps: Real, zeta: float, order: i
     return edges
 
 
-def _near_tips(
-    shape: FourierShape, number: int, coarse: Real, zeta: float, traces: HalfTraces | None
-) -> Real:
+def _near_tips(boundaries: Boundaries, number: int, grid: Real) -> Real:
     """Variations that crowd towards where the tongue opens or closes."""
-    grid = np.concatenate([[0.0], coarse])
-    wide_open = is_open(shape, number, grid, zeta, traces)
-    change = np.flatnonzero(wide_open[1:] != wide_open[:-1])
-    shut, wide = (
-        np.where(wide_open[change], grid[change + 1], grid[change]),
-        np.where(wide_open[change], grid[change], grid[change + 1]),
-    )
+    is_wide = boundaries.top(number, grid)[0]
+    change = np.flatnonzero(is_wide[1:] != is_wide[:-1])
     if not len(change):
         return np.zeros(0)
-    away = wide.copy()
+    opens = is_wide[change + 1]
+    wide, shut = grid[change + opens], grid[change + ~opens]
+    away = wide
     for _ in range(TIP_HALVINGS):
         middle = (shut + wide) / 2
-        opened = is_open(shape, number, middle, zeta, traces)
+        opened = boundaries.top(number, middle)[0]
         wide, shut = np.where(opened, middle, wide), np.where(opened, shut, middle)
     # edges leave a tip like a square root
     share = np.linspace(0.0, 1.0, 9)[:-1] ** 2
@@ -579,9 +545,7 @@ def _near_tips(
 
 
 def stability_map_of(
-    problem: HillProblem,
-    orders: tuple[int, ...] = (1, 2),
-    points: tuple[int, int] = (320, 120),
+    problem: HillProblem, orders: tuple[int, ...] = (1, 2), points: tuple[int, int] = (320, 120)
 ) -> StabilityMap:
     """Map around a problem, with its own stiffness form and damping, and a mark at its place.
 

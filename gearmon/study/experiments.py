@@ -362,10 +362,10 @@ def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
     """Yield every way; of many sets that are substituted at once the first is the reference."""
     p, oscillator = pair.REFERENCE, PlainOscillator(case)
     for order in ORDERS:
-        formula = expand(case.problem, order, HIGHEST).formula
+        substitute = expand(case.problem, order, HIGHEST).substitute
         for way, sets in ((SUBSTITUTION, 1), (MANY, AT_ONCE)):
             masses = p.mass_kg * np.linspace(1.0, 1.5, sets)
-            of_sets = partial(formula.at, mass_kg=masses, damping_ns_per_m=p.damping_ns_per_m)
+            of_sets = partial(substitute, mass_kg=masses, damping_ns_per_m=p.damping_ns_per_m)
             yield Contender(way, f"{order}", run=of_sets, motion=_first_set, sets=sets)
     for tolerance in (1e-3, 1e-6, 1e-8):
         anew = partial(steady_state, case.problem, tolerance)

@@ -4,8 +4,14 @@ import numpy as np
 import pytest
 from reference.hill_cases import random_problem, scaled_problem
 
-from gearmon.dynamics import floquet, steady_state
-from gearmon.dynamics.error_bound import Pattern, best_gain, energy_gain, small_gain
+from gearmon.dynamics import steady_state
+from gearmon.dynamics.error_bound import (
+    Pattern,
+    best_gain,
+    energy_gain,
+    floquet_gain,
+    small_gain,
+)
 
 
 def true_gain(problem, highest):
@@ -33,7 +39,7 @@ def gains(problem):
     return [
         small_gain(*values, pattern)[0][0],
         energy_gain(*values, pattern)[0],
-        floquet.gain(*values, pattern)[0][0],
+        floquet_gain(*values, pattern)[0][0],
         best(problem).acceleration[0],
     ]
 

@@ -7,7 +7,7 @@ from reference.hill_cases import random_problem, scaled_problem
 from reference.hill_reference import period_map
 from scipy.special import mathieu_a, mathieu_b
 
-from gearmon.dynamics import floquet
+from gearmon.dynamics import error_bound
 from gearmon.dynamics.floquet import multipliers
 
 
@@ -107,7 +107,7 @@ def test_product_of_multipliers_is_the_damping():
 def test_running_products_do_not_overflow():
     grow = np.zeros((2, 2, 3008, 1))
     grow[0, 0], grow[1, 1] = 3.0, 1 / 3
-    products, logs = floquet.running_products(grow)
+    products, logs = error_bound.running_products(grow)
     assert np.isfinite(products).all()
     assert logs[-1, 0] + math.log(products[0, 0, -1, 0]) == pytest.approx(3008 * math.log(3))
 

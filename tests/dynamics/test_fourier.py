@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gearmon.dynamics.error_bound import Pattern
 from gearmon.dynamics.fourier import (
     Modulation,
     fast_length,
-    middle_and_swing,
     rms,
     samples,
     supremum,
@@ -69,13 +69,13 @@ def test_parseval_and_supremum(degree, seed):
 
 
 def test_middle_and_swing():
-    middle, swing = middle_and_swing(np.array([0.5, 0.125], dtype=complex))
+    middle, swing = Pattern(np.array([0.5, 0.125], dtype=complex)).middle_and_swing
     # cos x + 0.25 cos 2x runs from -0.75 to 1.25
     assert middle == pytest.approx(0.25, abs=0.02)
     assert 1.0 - 0.02 <= swing <= 1.1
     rng = np.random.default_rng(3)
     for _ in range(20):
         c = rng.normal(size=9) + 1j * rng.normal(size=9)
-        middle, swing = middle_and_swing(c)
+        middle, swing = Pattern(c).middle_and_swing
         dense = np.fft.irfft(np.concatenate([[0], c]), 4096, norm="forward")
         assert np.abs(dense - middle).max() <= swing

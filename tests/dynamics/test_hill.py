@@ -34,7 +34,7 @@ def test_derived_numbers_of_the_published_pair():
         ({"stiffness_harmonics": [60.0, 60.0j]}, "would swing by 120 times its mean"),
         ({"stiffness_harmonics": [1e300]}, r"would swing by 1e\+300 times its mean"),
         ({"stiffness_harmonics": [[1.0]]}, "must be one row"),
-        ({"stiffness_harmonics": [0.1, math.nan]}, "coefficient 2 is"),
+        ({"stiffness_harmonics": [0.1, math.nan]}, r"harmonics\[1\]=\(nan\+0j\) must be a finite"),
     ],
 )
 def test_bad_values_are_refused(change, words):
@@ -66,7 +66,7 @@ def test_time_histories_obey_the_equation():
     stiffness = np.array([stiffness_at(p, t) for t in time])
     np.testing.assert_allclose(force, stiffness * z + p.damping_ns_per_m * v, rtol=1e-9)
     np.testing.assert_allclose(p.mass_kg * a + force, p.force_n, rtol=1e-8)
-    with pytest.raises(ArgumentError, match="kind='jerk' must be"):
+    with pytest.raises(ArgumentError, match="kind='jerk' is not one of"):
         r.at(0.0, "jerk")
 
 

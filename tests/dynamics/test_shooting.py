@@ -6,6 +6,7 @@ from reference.hill_cases import balanced, published_pair, scaled_problem
 from reference.hill_reference import acceleration_error
 
 from gearmon.dynamics import steady_state
+from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.mesh_equations import equations_of
 from gearmon.dynamics.shooting import Shooting
 
@@ -20,9 +21,8 @@ def turn_with_a_weak_tooth(meshes, zeta=0.3, lines=12):
 
 def shooting_of(problem, highest):
     equations = equations_of(problem)
-    pair, gain = equations.pair, equations.gain.acceleration[None]
-    known = gain, equations.pattern, pair.forces, highest
-    return Shooting(pair.ratio, pair.zeta, np.ones(1), *known)
+    pair, gain = equations.compliance, equations.gain.acceleration[None]
+    return Shooting(pair, np.ones(1), gain, equations.pattern, highest)
 
 
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-9])
@@ -64,15 +64,9 @@ def test_one_set_is_marched_like_many():
     p = published_pair(damping=900.0)
     one, equations = shooting_of(p, 60), equations_of(p)
     two = np.ones(2)
-    many = Shooting(
-        equations.pair.ratio * two,
-        equations.pair.zeta * two,
-        two,
-        equations.gain.acceleration * two,
-        equations.pattern,
-        equations.pair.forces,
-        60,
-    )
+    pair, gain = equations.compliance, equations.gain.acceleration
+    pairs = PairCompliance(pair.ratio * two, pair.zeta * two, pair.forces)
+    many = Shooting(pairs, two, gain * two, equations.pattern, 60)
     np.testing.assert_allclose(many.free, np.repeat(one.free, 2, axis=-1), atol=1e-12)
     lines = many.solve(1e-9).lines
     np.testing.assert_allclose(lines, np.repeat(one.solve(1e-9).lines, 2, axis=1), atol=1e-14)

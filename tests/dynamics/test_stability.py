@@ -10,11 +10,10 @@ from reference.hill_reference import period_map
 from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
-from gearmon.dynamics import HillProblem, floquet, period_trace
+from gearmon.dynamics import HillProblem, floquet
 from gearmon.dynamics.stability import (
     FourierShape,
     certainly_stable_up_to,
-    growth_of,
     shape_of,
     stability_chart,
     stability_margin,
@@ -31,8 +30,12 @@ def rectangle(duty, count=600):
     return FourierShape(np.sin(n * math.pi * duty) / (n * math.pi * (1 - duty)))
 
 
+def growth_of(shape, ratio, variation, zeta, tolerance=1e-12):
+    return floquet.growth_of(ratio, variation, np.asarray(zeta), shape.harmonics, tolerance)
+
+
 def damped_trace(ratio, zeta, harmonics, tolerance=1e-13):
-    value, log = period_trace.of_fourier(
+    value, log = floquet.half_traces(
         np.array(ratio), np.array(1.0), np.array(zeta), harmonics, tolerance
     )
     return 2 * float(value) * math.exp(float(log) - 2 * math.pi * ratio * zeta)
@@ -78,24 +81,24 @@ def test_magnus_steps_are_of_sixth_order():
     system = np.array([[3.3], [1.0], [0.05]])
     values = []
     for count in (16, 32, 64, 128, 2048):
-        value, log = period_trace._magnus(system, c, count)
+        value, log = floquet._magnus(system, c, count)
         values.append(float(value[0] * np.exp(log[0])))
     errors = np.abs(np.array(values[:4]) - values[4])
     np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 6, atol=0.2)
 
 
 def test_constant_stiffness_and_strong_growth():
-    value, log = period_trace.of_fourier(
+    value, log = floquet.half_traces(
         np.array([0.7, 40.0]), np.array(0.0), np.array(0.3), np.array([0.5])
     )
     angle = 2 * math.pi * np.array([0.7, 40.0]) * math.sqrt(1 - 0.09)
     np.testing.assert_allclose(value * np.exp(log), np.cos(angle), atol=1e-12)
     # a spring of negative stiffness most of the time: growth far beyond the range of doubles
-    value, log = period_trace.of_fourier(
+    value, log = floquet.half_traces(
         np.array(300.0), np.array(40.0), np.array(0.0), np.array([0.5])
     )
     assert np.isfinite(value).all()
-    assert period_trace.growth(value, log) > 1000
+    assert floquet.growth(value, log) > 1000
 
 
 @pytest.mark.parametrize("tongue", [1, 2, 3, 4])

@@ -201,7 +201,7 @@ def test_a_turn_with_a_weak_tooth():
     ("arguments", "words"),
     [
         ({"tolerance": 0.0}, "tolerance=0.0 must lie in"),
-        ({"method": "magic"}, "must be one of: auto, msm"),
+        ({"method": "magic"}, "method='magic' is not one of auto, msm"),
         ({"order": -1}, "order=-1 must lie in"),
         ({"harmonics": 0}, "harmonics=0 must lie in"),
         ({"method": "harmonic balance", "order": 2}, "harmonic balance has no orders"),
