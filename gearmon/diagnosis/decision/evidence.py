@@ -27,6 +27,7 @@ from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
+from gearmon.diagnosis.law.state import FULL_LOAD
 from gearmon.diagnosis.nongear import NonGearFinding
 
 # Quantile of the broadband spectrum's changes that tells whether any part of it fell: with added
@@ -253,13 +254,14 @@ def heard_from(gear: GearEvidence) -> float | None:
     path about the lines of the response is known to a factor of about 1.6 only. Of teeth loaded too
     little to touch as they should the loss must be larger in proportion: a simulated rig at 18 and
     44 N/mm did not show 30 % of one tooth in 9 of 12 analyses, where 20 % would be stated; three
-    times the load showed it. Below half of that load such teeth depart by themselves as damage
-    does, and only what would be called a fault counts as heard; nor does more beside a single
-    reference where lines may not follow the load. Of a mesh that is not heard by itself nothing is.
+    times the load showed it. Such teeth depart by themselves as damage does, and of those that are
+    loaded less than `FULL_LOAD` only what would be called a fault counts as heard: of 24 cracks of
+    30 % of a simulated drive at 102 N/mm four passed for healthy without it, none does. Of a mesh
+    that is not heard by itself nothing is.
     """
     if gear.search is None or not gear.shown:
         return None
-    if gear.loaded < LIMITS.lightly_loaded or gear.load_unlearned:
+    if gear.deviation.load < FULL_LOAD:
         return noticed_from(gear)
     return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
 

@@ -85,9 +85,6 @@ class Limits:
     knock_scatter : float
         Scatter of the blocks at a tooth, over that at the median tooth, from which it is asked
         whether an event there recurs: 6 to 70 where few knocks are, 0.9 to 1.5 at 15 to 50 % loss.
-    lightly_loaded : float
-        Share of 100 N/mm (`gears.mechanics.load_share`) below which teeth depart by themselves
-        as damage would: 50 N/mm press them together by 3.6 um, half a pitch deviation of class 6.
     must_notice : float
         Loss of a pair's stiffness that a healthy verdict has to exclude on every gear.
     about : float
@@ -116,7 +113,6 @@ class Limits:
     recurs: float = 4.0
     knocks: float = 0.2
     knock_scatter: float = 3.0
-    lightly_loaded: float = 0.5
     must_notice: float = 0.4
     about: float = 1.1
 
