@@ -37,8 +37,8 @@ class PathChange:
         Share of the change by which mesh harmonics changed otherwise in one channel than in
         another, 0 to 1: what the gears do, all channels hear. None for one channel.
     together : float
-        Mean square of the changes of whole bands: 1 on a healthy machine, whose families change
-        alone but for what a change of state does to all of a band (`LevelDeviation.common`).
+        Mean square of the changes of whole bands: 1 where the families of each change alone, of
+        the healthy variance.
     bands : int
         Mesh harmonics and channels looked at.
     """
@@ -72,17 +72,15 @@ def path_change(levels: LevelDeviation, families: Sequence[Family]) -> PathChang
     columns: dict[tuple[int, int], list[int]] = {}
     for column, family in enumerate(families):
         columns.setdefault((family.stage, family.harmonic), []).append(column)
-    bands_of = [members for members in columns.values() if len(members) > 1]
-    parts = [levels.standardised[:, members] for members in bands_of]
-    alike = [levels.common[:, members].mean(axis=1) for members in bands_of]
+    parts = [levels.standardised[:, members] for members in columns.values() if len(members) > 1]
     counts = [np.isfinite(part).sum(axis=1) for part in parts]
     # of unrelated changes the mean of `count` has a variance of one part in `count`
     between = within = together = 0.0
-    for part, count, same in zip(parts, counts, alike, strict=True):
-        part, same, count = part[count > 1], same[count > 1], count[count > 1]
+    for part, count in zip(parts, counts, strict=True):
+        part, count = part[count > 1], count[count > 1]
         mean = np.nansum(part, axis=1) / count
         spread = np.nansum(part**2, axis=1) - count * mean**2
-        together += float(np.sum(count * mean**2 / (1.0 + (count - 1) * same)))
+        together += float(np.sum(count * mean**2))
         between += float(np.sum(np.maximum(count * mean**2 - spread / (count - 1), 0.0)))
         within += float(np.sum(spread * count / (count - 1)))
     bands = sum(int(np.sum(count > 1)) for count in counts)

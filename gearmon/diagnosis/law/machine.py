@@ -49,15 +49,12 @@ class LevelDeviation:
         healthy machine.
     gain_db : ndarray of float, shape (channels,)
         That common gain.
-    common : ndarray of float, shape (channels, levels)
-        Share of the variance that a change of state makes: it moves lines near one another alike.
     """
 
     expected_db: FloatArray
     rest_db: FloatArray
     sigma_db: FloatArray
     gain_db: FloatArray
-    common: FloatArray
 
     @property
     def standardised(self) -> FloatArray:
@@ -108,28 +105,23 @@ def level_deviation(
         rows: Sequence[int],
         at: FloatArray,
         gauge: NDArray[np.bool_] | None = None,
-    ) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-        """Predict from some references: gain, rest, variance, and that of a change of state."""
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Gain, told by all levels or some, rest and variance, predicted from some references."""
         kriging = Kriging.of(states[rows], at, scatter, slope)
         mean = np.tensordot(kriging.weights, known_db[rows], 1)
         variance = error**2 + np.tensordot(kriging.weights**2, known_error_db[rows] ** 2, 1)
         gain = _median(np.where(True if gauge is None else gauge, level - mean, np.nan))
-        change = _DB**2 * kriging.change
-        return gain, level - mean - gain[:, None], variance + _DB**2 * kriging.spread, change
+        return gain, level - mean - gain[:, None], variance + _DB**2 * kriging.spread
 
     every = list(range(len(known_db)))
     scale = _scale(known_db, known_error_db, states, departure)
     enough = None if told is None else told | (told.sum(axis=1) < _LEAST_TOLD)[:, None]
-    gain, rest, variance, change = departure(level_db, error_db, every, state, enough)
+    gain, rest, variance = departure(level_db, error_db, every, state, enough)
     expected = level_db - rest
     if told is not None:
         rest = np.where(told | (rest < 0.0), rest, np.nan)
     return LevelDeviation(
-        expected_db=expected,
-        rest_db=rest,
-        sigma_db=np.sqrt(scale * variance),
-        gain_db=gain,
-        common=change / variance,
+        expected_db=expected, rest_db=rest, sigma_db=np.sqrt(scale * variance), gain_db=gain
     )
 
 
@@ -141,8 +133,7 @@ def _median(rows: FloatArray) -> FloatArray:
 
 
 _Departure = Callable[
-    [FloatArray, FloatArray, Sequence[int], FloatArray],
-    tuple[FloatArray, FloatArray, FloatArray, float],
+    [FloatArray, FloatArray, Sequence[int], FloatArray], tuple[FloatArray, FloatArray, FloatArray]
 ]
 
 
@@ -156,7 +147,7 @@ def _scale(
     seen = []
     for row in range(count):
         rest = [n for n in range(count) if n != row]
-        _, left, variance, _ = departure(known_db[row], known_error_db[row], rest, states[row])
+        _, left, variance = departure(known_db[row], known_error_db[row], rest, states[row])
         seen.append(float(_median((left**2 / variance).reshape(1, -1))[0]) / _MEDIAN)
     return max((_WORTH + sum(seen)) / (_WORTH + count), _LEAST_SCALE)
 

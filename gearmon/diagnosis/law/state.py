@@ -50,13 +50,10 @@ class Kriging:
     spread : float
         Variance of the quantity about the prediction, in units of `slope` squared; noise of the
         references' own measurement comes on top.
-    change : float
-        What of it the change of state leaves open; the rest scatters from recording to recording.
     """
 
     weights: FloatArray
     spread: float
-    change: float
 
     @classmethod
     def of(
@@ -87,10 +84,8 @@ class Kriging:
         system[count, count] = 0.0
         right = np.append(shared(known, state[None])[:, 0], 1.0)
         solution = np.linalg.solve(system, right)
-        weights = solution[:count]
-        spread = max(size + scatter**2 - float(solution @ right), scatter**2)
-        scattered = scatter**2 * (1.0 + float(weights @ weights))
-        return cls(weights=weights, spread=spread, change=max(spread - scattered, 0.0))
+        spread = size + scatter**2 - float(solution @ right)
+        return cls(weights=solution[:count], spread=max(spread, scatter**2))
 
 
 def operating_states(

@@ -30,7 +30,6 @@ def levels(standardised=0.0, gain_db=0.0):
         rest_db=rest,
         sigma_db=np.ones_like(rest),
         gain_db=np.full(1, gain_db),
-        common=np.zeros_like(rest),
     )
 
 

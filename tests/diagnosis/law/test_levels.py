@@ -148,15 +148,3 @@ def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
         for a, b in zip(one.bands, other.bands, strict=True):
             wider = b.deviation / a.deviation
             assert np.all(wider > 1.0) if share < 1.0 else wider == pytest.approx(1.0)
-
-
-def test_what_a_change_of_state_does_to_whole_bands_is_no_changed_path():
-    # half of the slope per neper of load, the same to all families about a mesh harmonic
-    rng, known = np.random.default_rng(6), np.zeros((1, 1, 24))
-    bands = np.repeat(0.3 * 8.686 * rng.normal(size=(1, 8)), 3, axis=1)
-    near, far = (held(bands, known, [[load, 0.0]]) for load in (0.0, 0.5))
-    assert near.common.max() < 0.01 < 0.9 < far.common.min()
-    assert path_change(near, families()).together > 20.0
-    # of the mean square of the lines, where all of their change is that of the state
-    together = path_change(far, families()).together
-    assert together == pytest.approx(np.mean(far.standardised**2), rel=0.1)
