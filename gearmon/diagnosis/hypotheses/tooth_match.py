@@ -109,6 +109,23 @@ class ToothMatch:
         """Tooth where damage is most likely if there is any, from 0."""
         return int(np.argmax(self.log_place))
 
+    def log_again(self, times: int) -> float:
+        """Logarithm of the Bayes factor of events at equal distances in a turn over one alone.
+
+        Parameters
+        ----------
+        times : int
+            Events a turn; each may be as loud as it likes.
+        """
+        told = self.log_tooth
+        others = np.argmax(told) + np.arange(1, times) * self.teeth / times
+        heard = np.maximum(
+            told[np.floor(others).astype(int) % self.teeth],
+            told[np.ceil(others).astype(int) % self.teeth],
+        )
+        chance = np.log(_MEETS_AGAIN) + heard
+        return float(np.logaddexp(chance, np.log1p(-_MEETS_AGAIN)).sum())
+
 
 def _any_loss(log_likelihood: FloatArray) -> FloatArray:
     """Average over the losses held possible, shape (losses, teeth) to (teeth,)."""
@@ -433,6 +450,10 @@ _BY_FACTORS = 10.0
 # Lines of a cell in which gears are told apart, at least; standard deviation of the logarithm of
 # its amplitude about what is expected, and freedom of Student's law for it.
 _LEAST_CELL, _CELL_DEVIATION, _FREEDOM = 4, 0.6, 4.0
+# Probability that each tooth met by a damaged one of a faster gear stands out too, where one does:
+# of 12 cracks of 30 % of a pinion that meets three teeth (six lightly loaded machines, one or three
+# references) 20 of the 24 others do, of 8 such cracks of the gear none.
+_MEETS_AGAIN = 0.8
 # Sizes of the response that are tried there.
 _SIZES = np.geomspace(0.002, 20.0, 70)
 
@@ -532,12 +553,17 @@ def _lead(one: SearchedGear, other: SearchedGear) -> float | None:
     there, up to one common factor, its loss. A cell where nothing is heard speaks against a gear
     that should be heard in it. Where the cells hardly part them, that gear is blamed whose teeth
     the event follows better: by the ratio of their log factors, which count every line of it as
-    independent.
+    independent. A damaged tooth of the faster gear meets the same teeth of the slower in every
+    turn, and they answer unequally as they are pressed together: where an event comes again at
+    those teeth it is the faster gear's, equal or not.
     """
     if not share_lines(one, other):
         return None
     base, faster = (one, other) if one.match.order <= other.match.order else (other, one)
     times = round(faster.match.order / base.match.order)
+    again = base.match.log_again(times)
+    if again > 0:
+        return -again if base is one else again
     cells = _Cells.of(base.difference, faster.difference, times)
     if cells is None:
         return None
