@@ -218,6 +218,81 @@ def test_gears_on_one_shaft_share_lines_and_are_told_apart_by_what_they_should_s
     assert rivals[0][1] == pytest.approx(0.0, abs=1e-9)
 
 
+@cache
+def whole_ratio():
+    stage = ParallelStage(pinion_teeth=20, gear_teeth=60)
+    return Machine(name="3:1", operating=(OperatingPoint(speed_rpm=1500.0),), stages=(stage,))
+
+
+def of_whole_ratio(sizes, seed, loss=0.3, tooth=7):
+    """Pinion and gear of 20/60 teeth, searched; events at every 20th tooth of the gear."""
+    rng = np.random.default_rng([3, seed])
+    number = np.arange(1, HARMONICS * 60 + 30)
+    delay, weight = rng.exponential(4e-4, 60), rng.normal(size=(2, 60, 2)) @ [1.0, 1j]
+    place = weight @ np.exp(-2j * np.pi * np.outer(delay, SPEED_HZ / 3 * number)) / np.sqrt(120)
+    known = {g: tooth_response(whole_ratio(), 1, g, (HARMONICS + 1) * 20.0) for g in TEETH}
+    mesh = number % 60 == 0
+    unit = np.sqrt(np.mean(np.abs(known["gear"].mesh[1:]) ** 2))
+    own = 0.03 * np.sqrt(known["gear"].band_power(number.astype(float))) / unit
+    own = own * (rng.normal(size=(len(number), 2)) @ [1.0, 1j])
+    own[mesh] = known["gear"].mesh[number[mesh] // 60] / unit
+    entry = (tooth - 1 + 20 * np.arange(3)) / 60
+    events = np.asarray(sizes) @ np.exp(-2j * np.pi * np.outer(entry, number))
+    added = known["gear"].lines[number] / unit * known["gear"].amplitude(np.array([loss]))[0]
+
+    def found(gear, step):
+        def pattern(lines):
+            hiss = 0.07 * SIGMA * (rng.normal(size=(*place.shape, 2)) @ [1.0, 1j])
+            told = number % step == 0
+            return WheelPattern(
+                stage=1,
+                gear=gear,
+                teeth=60 // step,
+                order=step / 3,
+                number=number[told] // step,
+                mesh=mesh[told],
+                amplitude=(lines * place + hiss)[:, told],
+                variance=np.full((2, told.sum()), (0.1 * SIGMA) ** 2),
+            )
+
+        difference = held_against(pattern(own + events * added), [pattern(own)], same_zero=True)
+        return search_gear(difference, known[gear], SPEED_HZ)
+
+    return {"pinion": found("pinion", 3), "gear": found("gear", 1)}
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize(
+    ("sizes", "blamed"),
+    [
+        ((1.0, 0.0, 0.0), "gear"),
+        ((1.0, 1.0, 1.0), "pinion"),
+        # the three teeth that a pinion's tooth meets answer as they are pressed against it
+        ((1.0, 0.3, 0.25), "pinion"),
+        ((0.4, 1.0, 0.6), "pinion"),
+    ],
+)
+def test_events_at_every_tooth_that_a_pinion_s_meets_are_the_pinion_s(sizes, blamed, seed):
+    found = of_whole_ratio(sizes, seed)
+    assert share_lines(*found.values())
+    best, _ = most_likely(list(found.values()))
+    assert best is found[blamed]
+    assert best.match.best + 1 == 7
+
+
+def test_an_event_that_comes_again_tells_as_much_as_each_of_its_places():
+    """Bayes factors: 0.8 that a place answers, 0.2 that it does not, beside no answer at all."""
+    match = of_whole_ratio((1.0, 0.0, 0.0), 0)["gear"].match
+    told = np.full(60, -30.0)
+    told[[4, 24, 44]] = 50.0, 9.0, 2.0
+    places = replace(match, log_likelihood=np.broadcast_to(told, match.log_likelihood.shape))
+    assert places.log_again(3) == pytest.approx(
+        np.log([0.8 * np.exp(v) + 0.2 for v in (9, 2)]).sum()
+    )
+    assert places.log_again(2) == pytest.approx(np.log(0.2))
+    assert places.log_again(1) == 0.0
+
+
 def test_small_losses_add_in_proportion():
     known = response("pinion")
     assert known.amplitude(np.array([1e-5]))[0] == pytest.approx(1e-5, rel=1e-4)
