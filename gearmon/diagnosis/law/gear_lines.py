@@ -159,6 +159,8 @@ class BandDeviation:
         Turns of the carrier beside the multiples.
     known : ndarray of complex, shape (references, channels, lines)
         `rest` of each reference against what the others predict; without rows for one reference.
+    changing : float, in [0, 1]
+        Share of healthy departures, noise left out, that is change with the state.
     """
 
     harmonic: int
@@ -168,6 +170,7 @@ class BandDeviation:
     noise: FloatArray
     pattern: ComplexArray
     known: ComplexArray
+    changing: float = 0.0
     side: int = 0
 
 
@@ -262,8 +265,9 @@ class GearDeviation:
         less than the median. Steps as those of `by_tooth`, from the first tooth's contact on.
 
         Where several references tell, by what the others leave of each, how unevenly the healthy
-        machine departs around the turn, no less is expected: a tooth that stands off its neighbours
-        comes into contact at some load, which neither its loudness nor a neighbouring load tells.
+        machine departs around the turn, no less is expected of what changes with the state: a tooth
+        that stands off its neighbours comes into contact at some load, which neither its loudness
+        nor a neighbouring load tells.
 
         Notes
         -----
@@ -280,7 +284,10 @@ class GearDeviation:
         expected = 1.0 + self.departs * (loud - 1.0)
         rests = [[band.known[r] for band in self.bands] for r in range(len(self.bands[0].known))]
         learned = [self._uneven(rest) for rest in rests]
-        return np.maximum(expected, np.mean(learned, axis=0)) if learned else expected
+        if not learned:
+            return expected
+        changing = float(np.mean([band.changing for band in self.bands]))
+        return np.asarray(np.maximum(expected, 1.0 + changing * (np.mean(learned, axis=0) - 1.0)))
 
     def _uneven(self, lines_of_bands: Sequence[ComplexArray]) -> FloatArray:
         """Energy around the turn over that of the median place."""
@@ -403,7 +410,7 @@ class GearLaw:
     load: float = np.inf
 
     @cached_property
-    def _left_out(self) -> list[list[BandDeviation]]:
+    def _left_out(self) -> list[tuple[list[BandDeviation], FloatArray]]:
         """How each reference departs from what the others predict; nothing of one reference."""
         count, found = len(self.patterns), []
         nothing = np.zeros((0, *self.patterns[0].amplitude.shape), dtype=complex)
@@ -412,30 +419,38 @@ class GearLaw:
             others = replace(
                 self, patterns=tuple(self.patterns[n] for n in rest), states=self.states[rest]
             )
-            predicted = others._predicted(self.states[row])
-            found.append(others._bands(self.patterns[row], *predicted, {}, nothing))
+            pattern, parts = others._predicted(self.states[row])
+            found.append((others._bands(self.patterns[row], pattern, parts, {}, nothing), parts))
         return found
 
     @cached_property
     def _scales(self) -> dict[tuple[int, int], FloatArray]:
-        """Variance of departures over its prior, by band: how references depart from each other."""
-        found: dict[tuple[int, int], list[FloatArray]] = {}
-        for band in chain.from_iterable(self._left_out):
-            seen = np.mean(np.abs(band.rest) ** 2, axis=1)
-            found.setdefault((band.side, band.harmonic), []).append(seen)
-        return {
-            place: np.clip(
-                (_WORTH + np.sum(seen, axis=0)) / (_WORTH + len(seen)), _LEAST_SCALE, _MOST_SCALE
-            )
-            for place, seen in found.items()
-        }
+        """Variances of departures over their priors, by band: how references depart from another.
+
+        Where they depart less than the prior has it, the machine is steady in both parts, scatter
+        and change with the state. Where they depart more, each tells of both by the shares that
+        these have in it: a machine that changes much with its load need not scatter much beside a
+        reference of the same load. Shape (2, channels).
+        """
+        found: dict[tuple[int, int], list[tuple[FloatArray, FloatArray]]] = {}
+        for bands, parts in self._left_out:
+            for band in bands:
+                seen = np.mean(np.abs(band.rest) ** 2, axis=1)
+                found.setdefault((band.side, band.harmonic), []).append((parts / parts.sum(), seen))
+        scales = {}
+        for place, told in found.items():
+            share, seen = (np.array(each) for each in zip(*told, strict=True))
+            common = (_WORTH + seen.sum(axis=0)) / (_WORTH + len(seen))
+            parts = (_WORTH + share.T @ seen) / (_WORTH + share.sum(axis=0)[:, None])
+            scales[place] = np.clip(np.minimum(common, parts), _LEAST_SCALE, _MOST_SCALE)
+        return scales
 
     @cached_property
     def _departures(self) -> ComplexArray:
         """Departures of the references, whitened, on the grid of their patterns."""
         grid = self.patterns[0].amplitude
         found = np.zeros((len(self._left_out), *grid.shape), dtype=complex)
-        for own, bands in zip(found, self._left_out, strict=True):
+        for own, (bands, _) in zip(found, self._left_out, strict=True):
             for band in bands:
                 first = _SIDES.index(band.side) * self.patterns[0].channels
                 own[first : first + len(band.rest), band.number] = band.rest
@@ -465,11 +480,11 @@ class GearLaw:
         top = min(self.patterns[0].top, int(wheel.number.max(initial=0)))
         new = GearPattern.of(wheel, channels, top)
         law = self._cut(top)
-        known, spread = law._predicted(state)
+        known, parts = law._predicted(state)
         known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
         turn = np.exp(2j * np.pi * angle * np.arange(top + 1))
         left_out = self._departures[:, :, : top + 1] * turn
-        bands = tuple(law._bands(new, known, spread, self._scales, left_out))
+        bands = tuple(law._bands(new, known, parts, self._scales, left_out))
         lines = new.amplitude[:, :: wheel.teeth]
         meshes = np.abs(lines) ** 2
         if not bands:
@@ -503,8 +518,8 @@ class GearLaw:
             ),
         )
 
-    def _predicted(self, state: FloatArray) -> tuple[GearPattern, float]:
-        """Healthy pattern at a state, and the variance of departures from it."""
+    def _predicted(self, state: FloatArray) -> tuple[GearPattern, FloatArray]:
+        """Healthy pattern at a state, and the parts of the variance of departures from it."""
         unit = np.array([load_unit(self.load), 1.0])
         kriging = Kriging.of(self.states / unit, state / unit, _SCATTER, _SLOPE)
         weights = kriging.weights
@@ -514,13 +529,13 @@ class GearLaw:
             variance=np.tensordot(weights**2, [p.variance for p in self.patterns], 1),
             usable=np.logical_and.reduce([p.usable for p in self.patterns]),
         )
-        return pattern, kriging.spread
+        return pattern, kriging.parts
 
     def _bands(
         self,
         new: GearPattern,
         known: GearPattern,
-        spread: float,
+        parts: FloatArray,
         scales: dict[tuple[int, int], FloatArray],
         left_out: ComplexArray,
     ) -> list[BandDeviation]:
@@ -535,10 +550,10 @@ class GearLaw:
             if far.sum() < _LEAST_LINES:
                 continue
             rows = slice(place * new.channels, (place + 1) * new.channels)
-            scale = scales.get((side, harmonic), np.ones(new.channels))
+            scale = scales.get((side, harmonic), np.ones((2, new.channels)))
             pattern = known.amplitude[rows, use]
             noise = new.variance[rows, use] + known.variance[rows, use]
-            variance = noise + (spread * scale)[:, None] * _loudness(pattern, offset)
+            variance = noise + (parts @ scale)[:, None] * _loudness(pattern, offset)
             rest = _without_gain(
                 new.amplitude[rows, use] - pattern, pattern, variance, offset / teeth
             )
@@ -551,6 +566,7 @@ class GearLaw:
                     noise=np.sqrt(noise[:, far]),
                     pattern=(pattern / np.sqrt(variance))[:, far],
                     known=left_out[:, rows, use[far]],
+                    changing=float(parts[1] * scale[1].sum() / (parts @ scale).sum()),
                     side=side,
                 )
             )

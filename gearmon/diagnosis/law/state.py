@@ -47,13 +47,18 @@ class Kriging:
     ----------
     weights : ndarray of float, shape (references,)
         Of each reference in the prediction; their sum is 1.
-    spread : float
-        Variance of the quantity about the prediction, in units of `slope` squared; noise of the
-        references' own measurement comes on top.
+    parts : ndarray of float, shape (2,)
+        Variance of the quantity about the prediction: by scatter from recording to recording, and
+        by what changes with the state. Noise of the measurement comes on top.
     """
 
     weights: FloatArray
-    spread: float
+    parts: FloatArray
+
+    @property
+    def spread(self) -> float:
+        """Variance of the quantity about the prediction."""
+        return float(self.parts.sum())
 
     @classmethod
     def of(
@@ -83,9 +88,10 @@ class Kriging:
         system[:count, :count] = shared(known, known) + scatter**2 * np.eye(count)
         system[count, count] = 0.0
         right = np.append(shared(known, state[None])[:, 0], 1.0)
-        solution = np.linalg.solve(system, right)
-        spread = size + scatter**2 - float(solution @ right)
-        return cls(weights=solution[:count], spread=max(spread, scatter**2))
+        weights = np.linalg.solve(system, right)[:count]
+        changed = size - 2.0 * weights @ right[:count] + weights @ shared(known, known) @ weights
+        parts = [scatter**2 * (1.0 + weights @ weights), max(float(changed), 0.0)]
+        return cls(weights=weights, parts=np.array(parts))
 
 
 def operating_states(

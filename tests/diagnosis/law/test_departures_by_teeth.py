@@ -4,10 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.gear_departures import gear, weights
+from reference.gear_departures import (
+    HARMONICS,
+    TEETH,
+    complex_noise,
+    gear,
+    held_against,
+    weights,
+)
 
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
 from gearmon.diagnosis.law import GearDeviation
+from gearmon.signatures.measured.reference import WheelPattern
 
 
 def uneven(seed):
@@ -57,10 +65,14 @@ def test_a_tooth_that_no_healthy_pattern_explains_still_stands_out():
     assert damaged.peak > 20.0
 
 
-def beside(searched, others):
-    """The same departure where references depart from one another so."""
+def beside(searched, others, changing=1.0):
+    """The same departure where references depart from one another so, by change of their state."""
     bands = tuple(
-        replace(one, known=np.array([other.difference.bands[n].rest for other in others]))
+        replace(
+            one,
+            known=np.array([other.difference.bands[n].rest for other in others]),
+            changing=changing,
+        )
         for n, one in enumerate(searched.difference.bands)
     )
     return replace(searched.difference, bands=bands)
@@ -77,12 +89,66 @@ def test_a_tooth_that_departs_among_the_references_is_expected_to():
     assert damaged.peak > 20.0
 
 
+def test_what_only_changes_with_the_state_is_not_expected_at_a_state_that_was_learned():
+    own, changed = uneven(3)
+    references = [gear(own, seed=seed, height=3.0) for seed in (90, 91, 92)]
+    none, half, all_ = (
+        beside(changed, references, changing).expected_by_tooth[7] for changing in (0.0, 0.5, 1.0)
+    )
+    assert none == pytest.approx(changed.difference.expected_by_tooth[7])
+    assert half == pytest.approx(max(none, 0.5 * (1.0 + all_)))
+
+
 def test_references_that_depart_alike_all_around_change_nothing():
     alike = [gear(np.zeros(31), seed=seed) for seed in (90, 91, 92)]
     damaged = gear(weights(20), seed=3)
     np.testing.assert_allclose(
         beside(damaged, alike).by_tooth, damaged.difference.by_tooth, rtol=0.25
     )
+
+
+def lines_of(own, seed):
+    """A gear's measured lines, with noise."""
+    rng = np.random.default_rng([5, seed])
+    number = np.arange(1, own.shape[1] + 1)
+    hiss = 1e-3 * complex_noise(rng, *own.shape)
+    return WheelPattern(
+        stage=1,
+        gear="pinion",
+        teeth=TEETH,
+        order=1.0,
+        number=number,
+        mesh=number % TEETH == 0,
+        amplitude=own + hiss,
+        variance=np.full(own.shape, 1e-6),
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "least", "most", "away"), [(3.0, 0.9, 1.6, 15.0), (0.0, 0.5, 1.0, 2.0)]
+)
+def test_a_machine_that_changes_with_its_load_is_as_sure_beside_a_reference_of_that_load(
+    change, least, most, away
+):
+    """Two references at the load of the recording, two others, and deviations beside the first."""
+    rng = np.random.default_rng(6)
+    own, other = complex_noise(rng, 2, 2, HARMONICS * TEETH)
+    own[:, TEETH - 1 :: TEETH] = 10.0
+    near = [lines_of(own, seed) for seed in (1, 2)]
+    far = [lines_of(own + change * other * part, seed) for part, seed in ((1, 3), (-1, 4))]
+    states = [(0.0, 0.0), (0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]
+    new = lines_of(own, 5)
+    beside, among, between = (
+        np.median(np.concatenate([b.deviation.ravel() for b in told.bands]))
+        for told in (
+            held_against(new, near, states=states[:2]),
+            held_against(new, [*near, *far], states=states),
+            held_against(new, [*near, *far], states=states, state=(0.5, 0.0)),
+        )
+    )
+    assert least < among / beside < most
+    # where nothing was learned it is as unsure as the change has it
+    assert between > away * among
 
 
 def evidence(deviation: GearDeviation) -> GearEvidence:

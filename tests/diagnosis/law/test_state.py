@@ -39,6 +39,13 @@ def test_references_at_one_state_are_averaged(count):
     assert found.spread == pytest.approx(0.1**2 * (1 + 1 / count))
 
 
+def test_scatter_and_change_with_the_state_are_told_apart():
+    same = Kriging.of(at(0.3, 0.3), np.array([0.3, 0.0]), 0.1, 0.5)
+    assert same.parts == pytest.approx([0.1**2 * (1 + 1 / 2), 0.0], abs=1e-12)
+    far = Kriging.of(at(50.0), HERE, 0.1, 0.5)
+    assert far.parts == pytest.approx([2 * 0.1**2, 2 * (0.5 * LENGTH) ** 2])
+
+
 def test_between_two_references_it_interpolates_and_is_surer_than_beside_one():
     between = Kriging.of(at(-0.2, 0.2), HERE, 0.01, 0.5)
     assert between.weights == pytest.approx([0.5, 0.5])
