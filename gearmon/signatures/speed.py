@@ -33,6 +33,7 @@ from gearmon.signals.tracking.mesh_detection import (
     combined_comb,
     mesh_evidence,
 )
+from gearmon.signals.tracking.phases import scan_angle
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
 SPEED_TOLERANCE = 0.03
@@ -222,13 +223,10 @@ class GearVibration:
         reach : float
             How far about its speed to look, as a fraction.
         """
-        time_s = np.linspace(0.0, self.last_s, 2 + int(8 * self.last_s))
-        middle = 0.5 * (time_s[1:] + time_s[:-1])
-        speed = np.diff(track.turns_at(time_s)) / np.diff(time_s)
-        around = SpeedTrack(time_s=middle, speed_hz=speed, resolution_hz=float("nan"))
-        block_s = min(_JUDGED_TURNS / float(speed.mean()), 0.25 * self.last_s)
-        scan = self.scan(block_s, reach, around)
-        evidence = self.evidence(scan, float(np.mean(scan.middle_hz)), reach)
+        turns = float(track.turns[-1] - track.turns[0])
+        block = min(_JUDGED_TURNS, 0.25 * turns)
+        scan, _ = scan_angle(self.samples, self.rate, track, self.comb, reach, block)
+        evidence = self.evidence(scan, 1.0, reach)
         return Tracking(track=track, nominal_hz=self.nominal_hz, scan=scan, evidence=evidence)
 
     def line_peak(self, track: AngleTrack) -> float:
@@ -345,7 +343,8 @@ class Tracking:
         # both ends of the track are uncertain
         uncertainty = float(np.sqrt(2) * track.uncertainty_turns) / duration_s
         if not np.isfinite(uncertainty):
-            uncertainty = 0.5 * self.scan.resolution_hz
+            relative = self.scan.resolution_hz / float(np.mean(self.scan.middle_hz))
+            uncertainty = 0.5 * relative * track.mean_hz
         return Speed(
             nominal_hz=self.nominal_hz,
             estimated_hz=track.mean_hz,

@@ -26,7 +26,7 @@ _MAX_CANDIDATES, _PATH_CANDIDATES = 6000, 4000
 # Blocks in which a speed is followed that may change [turns at the nominal speed].
 _PATH_TURNS = 8.0
 # Fastest relative change of the speed that is followed [1/s], of a steady machine and of any.
-_STEADY_SLOPE, _PATH_SLOPE = 0.02, 0.12
+_STEADY_SLOPE, _PATH_SLOPE = 0.02, 0.3
 # Blocks from which on they do not overlap: a long recording has enough of them.
 _MANY_BLOCKS = 400
 # Moves to either side that a path may choose among, and the most candidates from one to the next.

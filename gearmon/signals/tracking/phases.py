@@ -19,7 +19,7 @@ from gearmon.arrays import FloatArray
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
 from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
-from gearmon.signals.tracking.comb import Comb, SpeedTrack, scan_speed
+from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_speed
 from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
 
 # Blocks that tell whether lines are phase-coherent [turns].
@@ -275,6 +275,46 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes)))
 
 
+def scan_angle(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    comb: Comb,
+    reach: float,
+    block_turns: float,
+) -> tuple[SpeedScan, AngleGrid]:
+    """Try all speeds about a track in its angle, where lines stand still however the speed changes.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        The track.
+    comb : Comb
+        Orders and weights.
+    reach : float
+        How far about the track's speed to look, as a fraction.
+    block_turns : float
+        Length of a block [turns].
+
+    Returns
+    -------
+    scan : SpeedScan
+        With turns for seconds: speeds are multiples of the track's.
+    grid : AngleGrid
+        Steps of angle that it was made in.
+    """
+    top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
+    grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
+    # what spreading takes of an order it takes of the noise there as well
+    spreading = Spreading(samples, sampling_rate_hz, track, grid, Kernel.of(4, 1.3))
+    read = spreading.holding().steps(0, grid.count)
+    return scan_speed(read, grid.per_turn, comb.below(top), 1.0, reach, block_turns), grid
+
+
 def unwarp(
     samples: FloatArray,
     sampling_rate_hz: float,
@@ -302,12 +342,7 @@ def unwarp(
     AngleTrack
         The better track, from blocks of 10 turns.
     """
-    top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
-    grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
-    # what spreading takes of an order it takes of the noise there as well
-    spreading = Spreading(samples, sampling_rate_hz, track, grid, Kernel.of(4, 1.3))
-    read = spreading.steps(0, grid.count)
-    scan = scan_speed(read, grid.per_turn, comb.below(top), 1.0, reach, _UNWARP_TURNS)
+    scan, grid = scan_angle(samples, sampling_rate_hz, track, comb, reach, _UNWARP_TURNS)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
     ends = track.turns[[0, -1]]
     knots = grid.first_turn + inner.time_s
