@@ -25,14 +25,19 @@ from numpy.typing import ArrayLike
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range, check_word
-from gearmon.gears.damage import acting_faults, gear_losses, worn_losses
+from gearmon.gears.damage import (
+    CurvePairs,
+    PairsInMesh,
+    TeethInMesh,
+    acting_faults,
+    gear_losses,
+    worn_losses,
+)
+from gearmon.gears.excitation import MOVING_KINDS, ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import contact_zones
-from gearmon.gears.iso6336 import MethodB
-from gearmon.gears.modulation import MOVING_KINDS, ModulationTrain, modulation_trains
-from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
+from gearmon.gears.pairs import MeshPair, MethodB, Stage, mesh_pairs
 from gearmon.gears.pulses import POINTS, Pulse, PulseTrain
-from gearmon.gears.tooth_mesh import CurvePairs, PairsInMesh, TeethInMesh
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
 
 #: Loss of stiffness of a pair from the middle of its contact to its ends, Cai & Hayashi (1994).

@@ -21,10 +21,9 @@ from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_word
-from gearmon.gears.foundation import Foundation, RingBody
 from gearmon.gears.geometry import GearTeeth, PairGeometry, normal_section
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.tooth import ROOTS, Root, Tooth, ToothBeam, tooth_of
+from gearmon.gears.tooth import ROOTS, Foundation, RingBody, Root, Tooth, ToothBeam, tooth_of
 from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
 
 #: How flanks give way; see `hertz_compliance` and `weber_banaschek_compliance`.

@@ -24,16 +24,14 @@ from gearmon.gears.pulses import LEAST_OVERLAP
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signatures.expected.faulty_teeth import faulty_lines, periodic_lines
+from gearmon.signatures.expected.baseline import faulty_lines, periodic_lines
 from gearmon.signatures.expected.mesh import (
+    AMPLITUDES,
+    MeshLines,
     MeshPlace,
     PosedStage,
     Wrong,
     gear_places,
-)
-from gearmon.signatures.expected.mesh_lines import (
-    AMPLITUDES,
-    MeshLines,
     joined,
     refuse_no_lines,
     rms,
