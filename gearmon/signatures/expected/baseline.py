@@ -460,7 +460,7 @@ def _moved(posed: PosedStage, phases: FloatArray) -> FloatArray:
     """Return e [m] of every mesh at some phases, (meshes, *phases.shape)."""
     found = np.zeros((len(posed.members), *phases.shape))
     for own, moved in zip(posed.members, found, strict=True):
-        if own.excitation is not None:
+        if own.excitation.errors:
             moved[:] = own.excitation.at(phases + own.lead)
     return found
 
@@ -477,7 +477,7 @@ def _changed(posed: PosedStage, period: int) -> set[int]:
         ]
         spans += [
             ((e.tooth or 1) - 1, stiffness.total_contact_ratio, e.period_mesh)
-            for e in mesh.errors
+            for e in mesh.excitation.errors
             if isinstance(e, FlankError)
         ]
         for start, length, repeats in spans:
@@ -509,7 +509,7 @@ def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[i
             limits = term.offset + term.pulse.edges
             yield train.period_mesh, np.concatenate([face + limits for face in faces])
     overlap = posed.mechanics.stiffness.overlap_ratio
-    for error in posed.errors:
+    for error in posed.excitation.errors:
         if isinstance(error, FlankError):
             limits = (error.tooth or 1) - 1 + error.gap.edges
             yield error.period_mesh, np.add.outer([0.0, overlap], limits).ravel()
@@ -525,7 +525,7 @@ def _turn_grid(posed: PosedStage, highest_hz: float) -> PhaseGrid:
         found += [train.corners(train.offsets, period) - lead for train in moving]
         # damaged teeth lose what they lose where the teeth would be without the errors, and single
         # errors are shared as by these
-        apart = moving and not any(isinstance(error, FlankError) for error in mesh.errors)
+        apart = moving and not any(isinstance(e, FlankError) for e in mesh.excitation.errors)
         still = stiffness.pulses if apart else stiffness.trains
         for repeats, corners in _corners(mesh, still):
             found.append(np.add.outer(np.arange(0, period, repeats), corners).ravel() - lead)

@@ -41,11 +41,12 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train
-from gearmon.gears.excitation import Excitation, FlankError, TurningError, displacement_excitation
+from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
 from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
 
@@ -63,69 +64,39 @@ class PosedMesh:
     ----------
     mechanics : StageMechanics
         With the faults.
-    excitation : Excitation or None
-        None where nothing moves the flanks.
+    excitation : Excitation
+        What moves the flanks, if anything does.
     lead : float
         Mesh periods by which it is ahead of the first one of its stage.
-    warnings : tuple of str
-        What was asked for and does not act.
     """
 
     mechanics: StageMechanics
-    excitation: Excitation | None
+    excitation: Excitation
     lead: float = 0.0
-    warnings: tuple[str, ...] = ()
 
     @property
-    def errors(self) -> tuple[TurningError | FlankError, ...]:
-        """What moves the flanks."""
-        return () if self.excitation is None else self.excitation.errors
+    def stiffness(self) -> MeshStiffness:
+        """With the faults."""
+        return self.mechanics.stiffness
 
-    @property
-    def period(self) -> int:
-        """P, mesh periods after which it repeats."""
-        own = self.mechanics.stiffness.period_mesh
-        return own if self.excitation is None else self.excitation.period_mesh
+    def having(self, stiffness: MeshStiffness) -> PosedMesh:
+        """Return the mesh with another stiffness, and nothing that moves the flanks."""
+        mechanics = replace(self.mechanics, stiffness=stiffness)
+        still = Excitation(stiffness=stiffness, errors=())
+        return replace(self, mechanics=mechanics, excitation=still)
 
     @property
     def marked(self) -> dict[str, int]:
         """Gears that differ from tooth to tooth, and their teeth."""
-        trains = [t for t in self.mechanics.stiffness.marks if " and " not in t.gear]
-        found = {train.gear: train.period_mesh for train in trains}
-        return found | {error.gear: error.teeth for error in self.errors if error.period_mesh > 1}
+        trains = {t.gear: t.period_mesh for t in self.stiffness.marks if " and " not in t.gear}
+        return trains | {e.gear: e.teeth for e in self.excitation.errors if e.period_mesh > 1}
 
     @property
     def is_local(self) -> bool:
         """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
-        return not self.mechanics.stiffness.modulations and all(
-            isinstance(error, FlankError) or error.period_mesh == 1 for error in self.errors
+        return not self.stiffness.modulations and all(
+            isinstance(e, FlankError) or e.period_mesh == 1 for e in self.excitation.errors
         )
-
-    @property
-    def sound(self) -> PosedMesh:
-        """The same mesh with nothing wrong with single teeth."""
-        mechanics = replace(self.mechanics, stiffness=self.mechanics.stiffness.unmarked)
-        return replace(self, mechanics=mechanics, excitation=None)
-
-    def scaled(self, factor: float) -> PosedMesh:
-        """Return the mesh with `factor` times the loss of stiffness of its damaged teeth."""
-        stiffness = self.mechanics.stiffness
-        pulses = [
-            replace(train, terms=tuple(replace(t, weight=factor * t.weight) for t in train.terms))
-            for train in stiffness.pulses
-        ]
-        changed = replace(stiffness, pulses=tuple(pulses))
-        return replace(self, mechanics=replace(self.mechanics, stiffness=changed))
-
-    def loss(self, whole: PosedMesh) -> float:
-        """Return the share of the stiffness of a pair, integrated over its contact, that is lost.
-
-        A stiffness that errors modulate loses nothing: its mean wanders a little.
-        """
-        own, even = self.mechanics.stiffness, whole.mechanics.stiffness
-        if own.modulations:
-            return 0.0
-        return float(own.period_mesh * (1 - own.mean_n_per_m / even.mean_n_per_m))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -176,7 +147,7 @@ class PosedStage:
     @property
     def period(self) -> int:
         """P, mesh periods after which it repeats."""
-        return math.lcm(*(mesh.period for mesh in self.members))
+        return math.lcm(*(mesh.excitation.period_mesh for mesh in self.members))
 
     @property
     def marked(self) -> dict[str, int]:
@@ -186,7 +157,7 @@ class PosedStage:
     @property
     def is_excited(self) -> bool:
         """Whether anything moves the flanks."""
-        return any(mesh.excitation is not None for mesh in self.members)
+        return any(mesh.excitation.errors for mesh in self.members)
 
     @property
     def is_local(self) -> bool:
@@ -196,7 +167,7 @@ class PosedStage:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of its teeth, and what was asked for and acts in no mesh."""
-        told = [(*mesh.mechanics.warnings, *mesh.warnings) for mesh in self.members]
+        told = [(*mesh.mechanics.warnings, *mesh.excitation.warnings) for mesh in self.members]
         every = dict.fromkeys(word for own in told for word in own)
         mild = ("fault ", "error ")
         kept = (w for w in every if not w.startswith(mild) or all(w in own for own in told))
@@ -205,16 +176,25 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
-        return replace(self, members=tuple(mesh.sound for mesh in self.members))
+        return replace(
+            self, members=tuple(own.having(own.stiffness.unmarked) for own in self.members)
+        )
 
     def scaled(self, factor: float) -> PosedStage:
         """Return the stage with `factor` times the loss of stiffness of its damaged teeth."""
-        return replace(self, members=tuple(mesh.scaled(factor) for mesh in self.members))
+        members = (own.having(own.stiffness.losing(factor)) for own in self.members)
+        return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
-        """Return the greatest loss of its meshes, see `PosedMesh.loss`."""
-        both = zip(self.members, whole.members, strict=True)
-        return max(own.loss(even) for own, even in both)
+        """Return the share of the stiffness of a pair, integrated over its contact, that is lost.
+
+        The greatest of its meshes. A stiffness that errors modulate loses nothing: its mean wanders
+        a little.
+        """
+        even = [mesh.stiffness.mean_n_per_m for mesh in whole.members]
+        own = [mesh.stiffness for mesh in self.members]
+        lost = [k.period_mesh * (1 - k.mean_n_per_m / k0) for k, k0 in zip(own, even, strict=True)]
+        return max(0.0 if k.modulations else share for k, share in zip(own, lost, strict=True))
 
     @property
     def scale(self) -> float:
@@ -424,22 +404,16 @@ class MeshPlace:
         own = [one for one in wrong if one.stage == self.stage]
         faults = [fault for fault in own if isinstance(fault, Fault)]
         errors = [error for error in own if isinstance(error, GearError)]
+        wrongs: dict[str, Any] = {"faults": faults, "errors": errors}
         mechanics = stage_mechanics(
-            self.machine,
-            self.stage,
-            self.point,
-            faults=faults,
-            errors=errors,
-            form=self.form,
-            mesh=self.mesh,
+            self.machine, self.stage, self.point, form=self.form, mesh=self.mesh, **wrongs
         )
-        if not own:
-            return PosedMesh(mechanics=mechanics, excitation=None)
-        stage = self.machine.stages[self.stage - 1]
-        pair = mesh_pairs(stage, self.stage, self.machine.path)[self.mesh]
-        found = displacement_excitation(pair, mechanics.stiffness, errors, faults)
-        excitation = found if found.errors else None
-        return PosedMesh(mechanics=mechanics, excitation=excitation, warnings=found.warnings)
+        moved = Excitation(stiffness=mechanics.stiffness, errors=())
+        if own:
+            stage = self.machine.stages[self.stage - 1]
+            pair = mesh_pairs(stage, self.stage, self.machine.path)[self.mesh]
+            moved = displacement_excitation(pair, mechanics.stiffness, errors, faults)
+        return PosedMesh(mechanics=mechanics, excitation=moved)
 
 
 def _parsed(wrong: Iterable[Wrong | str]) -> list[Wrong]:
