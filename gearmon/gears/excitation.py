@@ -37,10 +37,9 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
-from itertools import product
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -311,8 +310,6 @@ class ModulationTrain:
 
     Parameters
     ----------
-    gear : str
-        The gear, or both ("pinion and gear") for what their errors together change beyond the sum.
     family : ContactFamily
     offsets : tuple of ContactOffset
         One, or two for both gears.
@@ -320,7 +317,6 @@ class ModulationTrain:
         Lead deviation that the load just closes.
     """
 
-    gear: str
     family: ContactFamily
     offsets: tuple[ContactOffset, ...]
     free_gap_m: float
@@ -333,10 +329,7 @@ class ModulationTrain:
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return this part of the stiffness [N/m] at `phase` [mesh periods], any shape."""
         x = np.asarray(phase, dtype=np.float64)
-        total = np.zeros(x.shape)
-        for sign, moving in self._signed:
-            total += sign * self._stiffness(moving, x)
-        return total
+        return self._turning(x) - self._still.at(x)
 
     def coefficients(self, orders: ArrayLike) -> ComplexArray:
         """Return the Fourier coefficients [N/m] at whole orders of its period.
@@ -346,75 +339,58 @@ class ModulationTrain:
         orders : array_like of int, shape (n,)
             r: order r/period_mesh of the mesh frequency; 0 gives the mean.
         """
-        r = np.atleast_1d(np.asarray(orders, dtype=np.int64))
-        total = np.zeros(len(r), dtype=np.complex128)
-        for sign, moving in self._signed:
-            period = math.lcm(*(offset.teeth for offset in moving))
-            own = r % (self.period_mesh // period) == 0
-            edges = np.append(np.mod(self.corners(moving, period), period), [0.0, period])
-            curve = Pulse.of(
-                distinct(edges, LEAST_PIECE),
-                partial(self._stiffness, moving),
-                POINTS + self.family.series.shape[2],
-            )
-            total[own] += sign * curve.transform(r[own] / self.period_mesh) / period
+        r, period = np.atleast_1d(np.asarray(orders, dtype=np.int64)), self.period_mesh
+        edges = np.append(np.mod(self.corners, period), [0.0, period])
+        points = POINTS + self.family.series.shape[2]
+        curve = Pulse.of(distinct(edges, LEAST_PIECE), self._turning, points)
+        total, of_mesh = curve.transform(r / period) / period, r % period == 0
+        total[of_mesh] -= self._still.coefficients(r[of_mesh] // period)
         return total
 
-    def _stiffness(self, moving: Sequence[ContactOffset], phase: FloatArray) -> FloatArray:
-        """Return the mesh stiffness [N/m] with some of the gears moving."""
-        flat, family = phase.ravel(), self.family
-        leaving, entering, share = self._state(moving, flat)
-        if any(offset.leaving or offset.entering for offset in moving):
-            found = family.at(flat, leaving, entering)
+    @cached_property
+    def _still(self) -> PulseTrain:
+        """The mesh with no gear moving."""
+        return PulseTrain.healthy(self.family.pulse(0.0), self.family.overlap_ratio)
+
+    def _turning(self, phase: FloatArray) -> FloatArray:
+        """Return the mesh stiffness [N/m] with the gears moving."""
+        flat = phase.ravel()
+        leaving, entering, share = self._state(flat)
+        if any(offset.leaving or offset.entering for offset in self.offsets):
+            found = self.family.at(flat, leaving, entering)
         else:
             # every pair is like the next
-            found = PulseTrain.healthy(family.pulse(0.0), family.overlap_ratio).at(flat)
+            found = self._still.at(flat)
         return np.asarray((share * found).reshape(phase.shape))
 
-    def _state(
-        self, moving: Sequence[ContactOffset], phase: FloatArray
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        angles = [2 * np.pi * phase / offset.teeth for offset in moving]
-        return state_of(moving, angles, self.free_gap_m)
+    def _state(self, phase: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        angles = [2 * np.pi * phase / offset.teeth for offset in self.offsets]
+        return state_of(self.offsets, angles, self.free_gap_m)
 
-    def corners(self, moving: Sequence[ContactOffset], period: int) -> FloatArray:
-        """Return the phases of a period at which the stiffness of this contact is not smooth.
-
-        Parameters
-        ----------
-        moving : sequence of ContactOffset
-            Of all gears; `offsets`, or some of them standing still.
-        period : int
-            [mesh periods].
-        """
-        family, entries = self.family, np.arange(period)[:, None, None]
+    @cached_property
+    def corners(self) -> FloatArray:
+        """Phases of a period at which the stiffness with the gears moving is not smooth."""
+        family, entries = self.family, np.arange(self.period_mesh)[:, None, None]
         edges = np.arange(family.edges.shape[1])
         face = np.array([0.0, family.overlap_ratio])[:, None]
         place = entries + face + family.limits(np.zeros(1))[:, edges]
         # put where the contact is when it is reached
         for _ in range(ROUNDS):
             flat = place.ravel()
-            leaving, entering, _ = self._state(moving, flat)
+            leaving, entering, _ = self._state(flat)
             own = family.limits(leaving + entering).reshape(*place.shape, -1)
             entry = family.entry(leaving, entering).reshape(place.shape)
             place = entries + face + entry + own[..., edges, edges]
-        kinks = [np.zeros(0), *(self._kinks(offset, period) for offset in moving if offset.lead_m)]
+        kinks = [self._kinks(offset) for offset in self.offsets if offset.lead_m]
         return np.concatenate([place.ravel(), *kinks])
 
-    def _kinks(self, offset: ContactOffset, period: int) -> FloatArray:
+    def _kinks(self, offset: ContactOffset) -> FloatArray:
         """Return phases at which a wobbling gear changes the end of its face or lifts off."""
         size, angle = abs(offset.lead_m), cmath.phase(offset.lead_m)
         inner = math.acos(min(1.0, self.free_gap_m / size))
         ends = [inner, math.pi - inner, math.pi + inner, -inner, 0.5 * math.pi, 1.5 * math.pi]
-        turns = np.arange(0, period, offset.teeth)
+        turns = np.arange(0, self.period_mesh, offset.teeth)
         return np.add.outer(turns, (np.array(ends) - angle) / (2 * math.pi) * offset.teeth).ravel()
-
-    @cached_property
-    def _signed(self) -> list[tuple[int, tuple[ContactOffset, ...]]]:
-        """What moves, with one gear or both standing still, and the sign with which it enters."""
-        choices = product(*((own, ContactOffset(gear=own.gear, teeth=1)) for own in self.offsets))
-        signs = (math.prod(s) for s in product((1, -1), repeat=len(self.offsets)))
-        return list(zip(signs, choices, strict=True))
 
 
 def modulation_trains(
@@ -448,17 +424,7 @@ def modulation_trains(
             f"{pair.contact_ratio:.4g} by up to {largest:.2g}, across a whole number: only the "
             f"delay of the contact modulates the stiffness, not its length"
         )
-    moving = [(offset,) for offset in offsets] + ([offsets] if len(offsets) == 2 else [])
-    trains = [
-        ModulationTrain(
-            gear=" and ".join(offset.gear for offset in own),
-            family=family,
-            offsets=own,
-            free_gap_m=free_gap_m,
-        )
-        for own in moving
-    ]
-    return tuple(trains), notes
+    return (ModulationTrain(family=family, offsets=offsets, free_gap_m=free_gap_m),), notes
 
 
 #: Gauss points on either side of where the neighbours of a missing tooth change over.

@@ -357,8 +357,8 @@ class MeshStiffness:
     pulses : tuple of PulseTrain
         What damaged teeth take away, with a period each; empty for a healthy mesh.
     modulations : tuple of ModulationTrain
-        What errors of turning gears change, with a period each; damaged teeth lose what they lose
-        where the teeth would be without these errors.
+        What errors of turning gears change together, if there are any; damaged teeth lose what they
+        lose where the teeth would be without these errors.
     contact_ratio, overlap_ratio : float
         Transverse contact ratio and overlap ratio.
     variation : float
@@ -393,12 +393,7 @@ class MeshStiffness:
     @property
     def parts(self) -> tuple[PulseTrain | ModulationTrain, ...]:
         """All parts; their sum is the stiffness."""
-        return self.healthy, *self.marks
-
-    @property
-    def marks(self) -> tuple[PulseTrain | ModulationTrain, ...]:
-        """What makes the mesh differ from one mesh period to the next."""
-        return *self.pulses, *self.modulations
+        return *self.trains, *self.modulations
 
     @property
     def unmarked(self) -> MeshStiffness:

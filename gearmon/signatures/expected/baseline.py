@@ -520,9 +520,10 @@ def _turn_grid(posed: PosedStage, highest_hz: float) -> PhaseGrid:
     period, found = posed.period, []
     for mesh in posed.members:
         stiffness, lead = mesh.mechanics.stiffness, mesh.lead
-        # the last one moves with all gears
-        moving = stiffness.modulations[-1:]
-        found += [train.corners(train.offsets, period) - lead for train in moving]
+        moving = stiffness.modulations
+        for train in moving:
+            turns = np.arange(0, period, train.period_mesh)
+            found.append(np.add.outer(turns, train.corners).ravel() - lead)
         # damaged teeth lose what they lose where the teeth would be without the errors, and single
         # errors are shared as by these
         apart = moving and not any(isinstance(e, FlankError) for e in mesh.excitation.errors)

@@ -88,7 +88,8 @@ class PosedMesh:
     @property
     def marked(self) -> dict[str, int]:
         """Gears that differ from tooth to tooth, and their teeth."""
-        trains = {t.gear: t.period_mesh for t in self.stiffness.marks if " and " not in t.gear}
+        # an error that modulates the stiffness moves the flanks too
+        trains = {t.gear: t.period_mesh for t in self.stiffness.pulses if " and " not in t.gear}
         return trains | {e.gear: e.teeth for e in self.excitation.errors if e.period_mesh > 1}
 
     @property
