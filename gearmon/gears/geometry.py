@@ -362,12 +362,9 @@ class PairGeometry:
     @cached_property
     def root_radii_m(self) -> Two:
         """Radii of the root circles [m]."""
-
-        def depth(i: int) -> float:
-            gear = self.gears[i]
-            return self.sign(i) * self.normal_module_m * (gear.root_factor - gear.profile_shift)
-
-        return _both(lambda i: self.reference_radii_m[i] - depth(i))
+        depths = _both(lambda i: self.gears[i].root_factor - self.gears[i].profile_shift)
+        modules = _both(lambda i: self.sign(i) * depths[i])
+        return _both(lambda i: self.reference_radii_m[i] - self.normal_module_m * modules[i])
 
     @cached_property
     def form_rolls_m(self) -> Two:

@@ -30,11 +30,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import (
     LOW_LOAD_N_PER_MM,
     MeshPair,
-    Resonance,
     mesh_pairs,
-    reduced_mass_per_width,
-    resonance_margin,
-    resonance_speed_rpm,
 )
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
@@ -218,58 +214,6 @@ def load_share(machine: Machine, number: int) -> float:
         load = _pair(machine, number, 0).specific_load(force)
         loads.append(math.inf if load is None else load)
     return max(loads, default=math.inf) / LOW_LOAD_N_PER_MM
-
-
-def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
-    """Return reduced mass and resonance speed of a pair by ISO 6336-1 Method B.
-
-    Parameters
-    ----------
-    pair : MeshPair
-        An external pair with module; index 1 of the standard is its gear with fewer teeth.
-    force_n : float, optional
-        Static force on the line of action [N], for the low-load branches.
-
-    Returns
-    -------
-    Resonance
-
-    Raises
-    ------
-    ArgumentError
-        If data are missing, or the pair is one of planet and ring.
-
-    Notes
-    -----
-    The inner diameter of a gear is that of its rim where web and rim are given, else the bore.
-    """
-    if pair.second.internal:
-        raise ArgumentError(
-            f"{pair.where}: the resonance speed of the standard is that of two external gears; "
-            f"ask for the sun-planet mesh"
-        )
-    pair.need("module_mm", "reduced mass")
-    circles, members = pair.geometry, pair.members
-    one, two = sorted((0, 1), key=lambda index: members[index].teeth)
-    means = [a + b for a, b in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)]
-    bores = [
-        member.bore_m if member.rim_m is None else 2 * (root - member.rim_m)
-        for member, root in zip(members, circles.root_radii_m, strict=True)
-    ]
-    mass = reduced_mass_per_width(
-        (members[one].teeth, members[two].teeth),
-        (means[one], means[two]),
-        2 * circles.base_radii_m[one],
-        (bores[one], bores[two]),
-        (pair.stage.density_kgm3, pair.stage.density_kgm3),
-    )
-    load, alpha = pair.specific_load(force_n), pair.method_b(force_n).mesh_alpha
-    return Resonance(
-        gear=members[one].name,
-        reduced_mass_kg_per_m=mass,
-        speed_rpm=resonance_speed_rpm(members[one].teeth, alpha, mass),
-        margin=resonance_margin(LOW_LOAD_N_PER_MM if load is None else load),
-    )
 
 
 def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:

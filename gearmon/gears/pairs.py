@@ -293,20 +293,20 @@ def resonance_margin(load_n_per_mm: float) -> float:
     (0.675, 0.85)
     """
     check_range("load_n_per_mm", load_n_per_mm, 0, 1e9, "N/mm")
-    if load_n_per_mm >= LOW_LOAD_N_PER_MM:
-        return 0.85
-    return 0.5 + 0.35 * math.sqrt(load_n_per_mm / LOW_LOAD_N_PER_MM)
+    return 0.5 + 0.35 * math.sqrt(min(1.0, load_n_per_mm / LOW_LOAD_N_PER_MM))
 
 
 def _ordered(one: GearTeeth, other: GearTeeth) -> tuple[GearTeeth, GearTeeth]:
     if one.internal and other.internal:
         raise ArgumentError("internal gears do not mesh with each other: one must be external")
-    # equal teeth: the standard's range has x1 >= x2
-    ranks = [
-        (own.internal, own.teeth, -own.profile_shift, own.root_factor, own.elastic_modulus_pa)
-        for own in (one, other)
-    ]
-    return (other, one) if ranks[1] < ranks[0] else (one, other)
+
+    def rank(own: GearTeeth) -> tuple[float, ...]:
+        # equal teeth: the standard's range has x1 >= x2
+        shift, dedendum = -own.profile_shift, own.root_factor
+        return own.internal, own.teeth, shift, dedendum, own.elastic_modulus_pa
+
+    first, second = sorted((one, other), key=rank)
+    return first, second
 
 
 def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, float]) -> float:
@@ -323,10 +323,10 @@ def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, floa
 
 
 def _load_factor(load_n_per_mm: float | None) -> float:
-    if load_n_per_mm is None or load_n_per_mm >= LOW_LOAD_N_PER_MM:
+    if load_n_per_mm is None:
         return 1.0
-    check_positive("load_n_per_mm", load_n_per_mm, "N/mm")
-    return math.sqrt(math.sqrt(load_n_per_mm / LOW_LOAD_N_PER_MM))
+    load = check_positive("load_n_per_mm", load_n_per_mm, "N/mm")
+    return math.sqrt(math.sqrt(min(1.0, load / LOW_LOAD_N_PER_MM)))
 
 
 def _limits(
@@ -660,3 +660,55 @@ def _root_factor(stage: Stage, name: str) -> float:
     reference /= math.cos(math.radians(stage.helix_angle_deg))
     depth = (reference - diameter) / (2 * stage.module_mm) * (-1 if name == "ring" else 1)
     return float(depth + getattr(stage, f"profile_shift_{name}"))
+
+
+def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
+    """Return reduced mass and resonance speed of a pair by ISO 6336-1 Method B.
+
+    Parameters
+    ----------
+    pair : MeshPair
+        An external pair with module; index 1 of the standard is its gear with fewer teeth.
+    force_n : float, optional
+        Static force on the line of action [N], for the low-load branches.
+
+    Returns
+    -------
+    Resonance
+
+    Raises
+    ------
+    ArgumentError
+        If data are missing, or the pair is one of planet and ring.
+
+    Notes
+    -----
+    The inner diameter of a gear is that of its rim where web and rim are given, else the bore.
+    """
+    if pair.second.internal:
+        raise ArgumentError(
+            f"{pair.where}: the resonance speed of the standard is that of two external gears; "
+            f"ask for the sun-planet mesh"
+        )
+    pair.need("module_mm", "reduced mass")
+    circles, members = pair.geometry, pair.members
+    one, two = sorted((0, 1), key=lambda index: members[index].teeth)
+    means = [a + b for a, b in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)]
+    bores = [
+        member.bore_m if member.rim_m is None else 2 * (root - member.rim_m)
+        for member, root in zip(members, circles.root_radii_m, strict=True)
+    ]
+    mass = reduced_mass_per_width(
+        (members[one].teeth, members[two].teeth),
+        (means[one], means[two]),
+        2 * circles.base_radii_m[one],
+        (bores[one], bores[two]),
+        (pair.stage.density_kgm3, pair.stage.density_kgm3),
+    )
+    load, alpha = pair.specific_load(force_n), pair.method_b(force_n).mesh_alpha
+    return Resonance(
+        gear=members[one].name,
+        reduced_mass_kg_per_m=mass,
+        speed_rpm=resonance_speed_rpm(members[one].teeth, alpha, mass),
+        margin=resonance_margin(LOW_LOAD_N_PER_MM if load is None else load),
+    )

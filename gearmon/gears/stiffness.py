@@ -400,10 +400,6 @@ class MeshStiffness:
         """The same with all mesh periods alike."""
         return replace(self, pulses=(), modulations=())
 
-    def losing(self, factor: float) -> MeshStiffness:
-        """Return the same with `factor` times the loss of its damaged teeth."""
-        return replace(self, pulses=tuple(train.scaled(factor) for train in self.pulses))
-
     @cached_property
     def mean_n_per_m(self) -> float:
         """Mean stiffness over the true period, with the damage [N/m]."""

@@ -79,8 +79,10 @@ class PosedMesh:
         """With the faults."""
         return self.mechanics.stiffness
 
-    def having(self, stiffness: MeshStiffness) -> PosedMesh:
-        """Return the mesh with another stiffness, and nothing that moves the flanks."""
+    @property
+    def sound(self) -> PosedMesh:
+        """The same mesh with nothing wrong with single teeth."""
+        stiffness = self.stiffness.unmarked
         mechanics = replace(self.mechanics, stiffness=stiffness)
         still = Excitation(stiffness=stiffness, errors=())
         return replace(self, mechanics=mechanics, excitation=still)
@@ -177,14 +179,7 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
-        return replace(
-            self, members=tuple(own.having(own.stiffness.unmarked) for own in self.members)
-        )
-
-    def scaled(self, factor: float) -> PosedStage:
-        """Return the stage with `factor` times the loss of stiffness of its damaged teeth."""
-        members = (own.having(own.stiffness.losing(factor)) for own in self.members)
-        return replace(self, members=tuple(members))
+        return replace(self, members=tuple(mesh.sound for mesh in self.members))
 
     def loss(self, whole: PosedStage) -> float:
         """Return the share of the stiffness of a pair, integrated over its contact, that is lost.
