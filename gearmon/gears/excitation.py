@@ -80,7 +80,7 @@ NONE = 0j, 0j, 0j
 MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ContactOffset:
     """How the errors of one gear move the contact, as it turns.
 
@@ -115,11 +115,9 @@ def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[Contac
     found = []
     for index, member in enumerate(pair.members):
         own = [e for e in errors if e.gear == member.name and e.kind in MOVING_KINDS and e.size_m]
-        parts = [_moved(error, pair, index) for error in own]
-        leaving, entering, lead = (sum(part) for part in zip(*parts, strict=True)) if own else NONE
-        if leaving or entering or lead:
-            offset = ContactOffset(gear=member.name, teeth=pair.teeth[index], lead_m=lead)
-            found.append(replace(offset, leaving=leaving, entering=entering))
+        moved = np.sum([NONE, *(_moved(error, pair, index) for error in own)], axis=0).tolist()
+        if any(moved):
+            found.append(ContactOffset(member.name, pair.teeth[index], *moved))
     return tuple(found)
 
 

@@ -445,15 +445,10 @@ def tooth_pair(
     ratio = geometry.transverse_contact_ratio if contact_ratio is None else contact_ratio
     section = normal_section(geometry) if geometry.helix_angle_rad else geometry
     path = _path(section, ratio, geometry.transverse_contact_ratio)
+    held = [_held_alike(geometry, section, i, bore) for i, bore in enumerate(bore_radii_m)]
     one, two = (
-        tooth_of(
-            section,
-            index,
-            bore_radius_m=_held_alike(geometry, section, index, bore_radii_m[index]),
-            poisson_ratio=poisson_ratio,
-            root=form.root,
-        )
-        for index in (0, 1)
+        tooth_of(section, i, bore_radius_m=own, poisson_ratio=poisson_ratio, root=form.root)
+        for i, own in enumerate(held)
     )
     return ToothPair(
         first=one,

@@ -324,6 +324,20 @@ def faulty_lines(
     return [solved.get(own) or periodic_lines(own, max_hz, tolerance) for own in faulty]
 
 
+def added_lines(
+    healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float
+) -> tuple[IntArray, IntArray, ComplexArray, ComplexArray]:
+    """Return where lines of faults on teeth of one gear lie, the healthy ones, and what is added.
+
+    Parameters
+    ----------
+    healthy, faulty, max_hz
+        As in `faulty_lines`.
+    """
+    grid = contact_grid([healthy, *faulty], max_hz)
+    return _solved(_Even(healthy), faulty, grid, max_hz, math.inf)[1:]
+
+
 class _Even:
     """The healthy mesh on the panels it was asked for last: those of several gears may be alike."""
 

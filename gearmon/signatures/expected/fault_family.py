@@ -366,18 +366,18 @@ class _Gear:
         posed = self.place.posed([replace(wrong, stage=self.place.stage, gear=self.gear)])
         # what a set cannot be solved with is taken by itself
         even = self.even if (self.even.train is None) == (posed.train is None) else self.alone
-        return _Case(self, kind, size, posed, even)
+        place = {"stage": self.place.stage, "gear": self.gear, "operating": self.place.operating}
+        return _Case(place | {"kind": kind, "size": size}, posed, even, self.even)
 
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """A kind and size of fault of a gear, and the same stage without it."""
+    """A fault, what is told of it, the same stage without it, and that as it is usually posed."""
 
-    gear: _Gear
-    kind: str
-    size: str
+    told: dict[str, Any]
     posed: PosedStage
     even: PosedStage
+    usual: PosedStage
 
 
 def _solved(
@@ -390,20 +390,12 @@ def _solved(
     found: dict[_Case, FamilyMember] = {}
     for even in dict.fromkeys(case.even for case in cases):
         own = [case for case in cases if case.even is even]
-        limit_hz = own[0].gear.even.limit_hz(max_hz)
+        limit_hz = own[0].usual.limit_hz(max_hz)
         sound = healthy.get(even) or periodic_lines(even, limit_hz, tolerance)
         solved = faulty_lines(even, [case.posed for case in own], limit_hz, tolerance)
         for case, lines in zip(own, solved, strict=True):
-            found[case] = FamilyMember(
-                kind=case.kind,
-                stage=case.gear.place.stage,
-                gear=case.gear.gear,
-                size=case.size,
-                loss=case.posed.loss(even),
-                operating=case.gear.place.operating,
-                lines=lines,
-                sound=sound,
-            )
+            loss = case.posed.loss(even)
+            found[case] = FamilyMember(**case.told, loss=loss, lines=lines, sound=sound)
     return tuple(found[case] for case in cases)
 
 

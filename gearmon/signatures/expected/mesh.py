@@ -471,6 +471,9 @@ def gear_places(machine: Machine) -> dict[tuple[int, str], int]:
     return found
 
 
+# What is told of a mesh beside its lines.
+_TOLD: tuple[str, ...] = ("stage", "mesh", "mesh_frequency_hz", "contact_ratio", "force_n")
+_TOLD += ("natural_frequency_hz", "damping_ratio", "equivalent_mass_kg", "damping_ns_per_m")
 #: What the phases and amplitudes of all expected lines mean.
 AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
 
@@ -614,19 +617,10 @@ class MeshLines:
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines."""
         own = self.mechanics
-        return {
-            "stage": own.stage,
-            "mesh": own.mesh,
-            "mesh_frequency_hz": own.mesh_frequency_hz,
+        return {name: getattr(own, name) for name in _TOLD} | {
             "mean_stiffness_n_per_m": own.stiffness.mean_n_per_m,
             "stiffness_variation": own.stiffness.variation,
-            "contact_ratio": own.stiffness.contact_ratio,
-            "natural_frequency_hz": own.natural_frequency_hz,
-            "damping_ratio": own.damping_ratio,
-            "force_n": own.force_n,
             "overlap_ratio": own.stiffness.overlap_ratio,
-            "equivalent_mass_kg": own.equivalent_mass_kg,
-            "damping_ns_per_m": own.damping_ns_per_m,
             "period_mesh": self.period,
             "method": self.method,
             "contact_lost": self.contact_lost,

@@ -32,7 +32,7 @@ from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, MachineLike, PlanetaryStage, load_machine
 from gearmon.result import Result
-from gearmon.signatures.expected.baseline import _count, _Even, _solved, contact_grid
+from gearmon.signatures.expected.baseline import added_lines
 from gearmon.signatures.expected.mesh import MeshPlace, gear_places
 
 #: Loss of a tooth that stands for the derivative at none: it leaves out as much of it.
@@ -169,12 +169,9 @@ def loss_response(
     if max_order is not None:
         check_positive("max_order", max_order)
         highest_hz = max_order * machine.operating[operating].shaft1_hz
-    if _count(healthy, highest_hz, faulty.period) < 1:
+    if highest_hz * faulty.period < healthy.mechanics.mesh_frequency_hz * (1 - 1e-12):
         raise ArgumentError(f"max_order={max_order} lies below the first line: nothing is left")
-    grid = contact_grid([healthy, faulty], highest_hz)
-    _, number, carrier, even, (added,) = _solved(
-        _Even(healthy), [faulty], grid, highest_hz, math.inf
-    )
+    number, carrier, even, (added,) = added_lines(healthy, [faulty], highest_hz)
     turns = number / faulty.period + carrier * float(healthy.pass_order)
     to_acceleration = -((2 * math.pi * turns * healthy.mechanics.mesh_frequency_hz) ** 2)
     lost = faulty.loss(healthy)
