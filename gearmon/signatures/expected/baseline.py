@@ -483,22 +483,11 @@ def _changed(posed: PosedStage, period: int) -> set[int]:
     """Mesh periods of P in which a mesh differs."""
     found: set[int] = set()
     for mesh in posed.members:
-        stiffness = mesh.mechanics.stiffness
-        spans = [
-            (t.offset, t.pulse.length + t.face_end * train.overlap_ratio, train.period_mesh)
-            for train in stiffness.pulses
-            for t in train.terms
-        ]
-        spans += [
-            ((e.tooth or 1) - 1, stiffness.total_contact_ratio, e.period_mesh)
-            for e in mesh.excitation.errors
-            if isinstance(e, FlankError)
-        ]
-        for start, length, repeats in spans:
-            first = math.floor(start - mesh.lead + 1e-9)
-            last = math.ceil(start - mesh.lead + length - 1e-9)
-            for turn in range(0, period, repeats):
-                found.update((turn + i) % period for i in range(first, max(last, first + 1)))
+        for repeats, corners in _corners(mesh, mesh.stiffness.pulses):
+            first = math.floor(corners.min() - mesh.lead + 1e-9)
+            last = max(math.ceil(corners.max() - mesh.lead - 1e-9), first + 1)
+            turns = range(0, period, repeats)
+            found.update((turn + i) % period for turn in turns for i in range(first, last))
     return found
 
 
@@ -516,17 +505,18 @@ def _cycles(posed: PosedStage, highest_hz: float) -> float:
 
 def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[int, FloatArray]]:
     """Give mesh phases at which stiffness or excitation are not smooth, and when they repeat."""
-    yield 1, np.zeros(1)
     for train in trains:
         for term in train.terms:
             faces = {face * train.overlap_ratio for face in (term.face_start, term.face_end)}
             limits = term.offset + term.pulse.edges
             yield train.period_mesh, np.concatenate([face + limits for face in faces])
-    overlap = posed.mechanics.stiffness.overlap_ratio
+    even = posed.stiffness.healthy
     for error in posed.excitation.errors:
         if isinstance(error, FlankError):
-            limits = (error.tooth or 1) - 1 + error.gap.edges
-            yield error.period_mesh, np.add.outer([0.0, overlap], limits).ravel()
+            # what is missing beyond the contact of a pair moves nothing
+            limits = np.minimum(error.gap.edges, even.terms[0].pulse.length)
+            limits = (error.tooth or 1) - 1 + limits
+            yield error.period_mesh, np.add.outer([0.0, even.overlap_ratio], limits).ravel()
 
 
 def _turn_grid(posed: PosedStage, highest_hz: float) -> PhaseGrid:
