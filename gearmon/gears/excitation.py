@@ -37,7 +37,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
@@ -102,20 +102,20 @@ class ContactOffset:
     lead_m: complex = 0j
 
 
-def contact_offsets(pair: MeshPair, errors: Iterable[GearError]) -> tuple[ContactOffset, ...]:
+def contact_offsets(pair: MeshPair, errors: Sequence[GearError]) -> tuple[ContactOffset, ...]:
     """Return how errors move the contact, one entry for each gear that has such errors.
 
     Parameters
     ----------
     pair : MeshPair
         With a module.
-    errors : iterable of GearError
-        Those of other gears, of single teeth and of size 0 are left aside.
+    errors : sequence of GearError
+        Of `MOVING_KINDS`.
     """
     found = []
     for index, member in enumerate(pair.members):
-        own = [e for e in errors if e.gear == member.name and e.kind in MOVING_KINDS and e.size_m]
-        moved = np.sum([NONE, *(_moved(error, pair, index) for error in own)], axis=0).tolist()
+        own = [_moved(error, pair, index) for error in errors if error.gear == member.name]
+        moved = np.sum([NONE, *own], axis=0).tolist()
         if any(moved):
             found.append(ContactOffset(member.name, pair.teeth[index], *moved))
     return tuple(found)
@@ -403,19 +403,29 @@ def modulation_trains(
     member : callable
         Gives the pulse [N/m] of a pair whose contact ratio is so much smaller.
     free_gap_m : float
-        Lead deviation that the load just closes.
+        Lead deviation that the load just closes; 0 where that is not known.
 
     Notes
     -----
     Where a zone of contact would vanish (the contact ratio swings across a whole number) only the
     delay of the contact is taken, at its usual length.
     """
-    offsets = contact_offsets(pair, errors)
+    moving, notes = [], []
+    for error in errors:
+        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in pair.names:
+            continue
+        missing = "the static tooth force is not known" if not free_gap_m else ""
+        if error.kind != "misalignment":
+            missing = "module_mm is missing" if pair.stage.module_mm is None else ""
+        if missing:
+            notes.append(f"error {error} moves the flanks only, not the stiffness: {missing}")
+        else:
+            moving.append(error)
+    offsets = contact_offsets(pair, moving)
     if not offsets:
-        return (), []
+        return (), notes
     largest = sum(abs(offset.leaving + offset.entering) for offset in offsets)
     family = ContactFamily.of(member, largest, pair.overlap_ratio)
-    notes = []
     if family.largest < largest:
         notes.append(
             f"the errors of {' and '.join(o.gear for o in offsets)} change the contact ratio "

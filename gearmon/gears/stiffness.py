@@ -33,7 +33,7 @@ from gearmon.gears.damage import (
     gear_losses,
     worn_losses,
 )
-from gearmon.gears.excitation import MOVING_KINDS, ModulationTrain, modulation_trains
+from gearmon.gears.excitation import ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair, MethodB, Stage, mesh_pairs
@@ -534,8 +534,7 @@ def mesh_stiffness(
     pairs, overlap, whole = parts.pairs(0.0), pair.overlap_ratio, pulse(0.0)
     missing = pairs.trains(pair, gear_losses(pair, acting, pairs.length, parts.teeth))
     gap = 0.0 if force_n is None else 2 * abs(force_n) / whole.area
-    moving, still = _moving(pair, errors, force_n)
-    modulations, more = modulation_trains(pair, moving, pulse, gap)
+    modulations, told = modulation_trains(pair, errors, pulse, gap)
     geometry = pair.geometry.warnings if pair.given("contact_ratio") is None else ()
     return MeshStiffness(
         healthy=PulseTrain.healthy(whole, overlap),
@@ -547,7 +546,7 @@ def mesh_stiffness(
         iso=parts.iso,
         modulations=modulations,
         free_gap_m=gap,
-        warnings=(*geometry, *parts.warnings, *notes, *still, *more),
+        warnings=(*geometry, *parts.warnings, *notes, *told),
     )
 
 
@@ -610,25 +609,6 @@ def _from_teeth(
     imposed = pair.given("mesh_stiffness_n_per_m")
     factor = 1.0 if imposed is None else imposed / pairs(0.0, ()).healthy.area
     return _Parts(pairs=pairs, factor=factor, teeth=teeth, warnings=teeth.warnings)
-
-
-def _moving(
-    pair: MeshPair, errors: Iterable[GearError], force_n: float | None
-) -> tuple[list[GearError], list[str]]:
-    """Return the errors that modulate the stiffness, and notes on those that cannot."""
-    moving, notes = [], []
-    for error in errors:
-        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in pair.names:
-            continue
-        if error.kind == "misalignment":
-            missing = "the static tooth force is not known" if force_n is None else ""
-        else:
-            missing = "module_mm is missing" if pair.stage.module_mm is None else ""
-        if missing:
-            notes.append(f"error {error} moves the flanks only, not the stiffness: {missing}")
-        else:
-            moving.append(error)
-    return moving, notes
 
 
 def _chosen(form: AnyForm) -> StiffnessForm | PotentialEnergy:

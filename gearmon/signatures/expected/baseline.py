@@ -136,15 +136,8 @@ def expected_signature(
         lines, told, warnings = _stage_lines(posed, limit, tolerance, method, order)
         columns, share = _listed(lines, limit)
         tables.append(columns)
-        stages.append(
-            lines.header()
-            | told
-            | {
-                "max_hz": limit,
-                "cross_lines_share": share,
-                "warnings": [*posed.warnings, *warnings],
-            }
-        )
+        told |= {"max_hz": limit, "cross_lines_share": share}
+        stages.append(lines.header() | told | {"warnings": [*posed.warnings, *warnings]})
         mechanics.append(posed.mechanics)
     if max_hz is not None and not any(len(table["stage"]) for table in tables):
         refuse_no_lines(mechanics, max_hz)
@@ -375,7 +368,7 @@ def contact_grid(cases: Sequence[PosedStage], max_hz: float) -> PhaseGrid:
         own - mesh.lead
         for posed in cases
         for mesh in posed.members
-        for _, own in _corners(mesh, mesh.mechanics.stiffness.trains)
+        for _, own in _corners(mesh, mesh.stiffness.trains)
     ]
     return PhaseGrid.between(
         np.concatenate(corners), max(_cycles(posed, max_hz) for posed in cases)
@@ -385,7 +378,7 @@ def contact_grid(cases: Sequence[PosedStage], max_hz: float) -> PhaseGrid:
 def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
     """Solve a mesh or a set on panels of its whole period."""
     phase = grid.phase
-    kappa = [own.mechanics.stiffness.at(phase + own.lead) for own in posed.members]
+    kappa = [own.stiffness.at(phase + own.lead) for own in posed.members]
     return PeriodicMotion(
         grid=grid,
         around=posed.around,
@@ -429,7 +422,7 @@ def _changes(
     known: dict[tuple[object, ...], FloatArray] = {}
     for posed, own in zip(faulty, delta, strict=True):
         for number, mesh in enumerate(posed.members):
-            for train in mesh.mechanics.stiffness.pulses:
+            for train in mesh.stiffness.pulses:
                 for term in train.terms:
                     place = (term.pulse, term.offset, term.face_start, term.face_end)
                     key = (*place, train.period_mesh, mesh.lead)
@@ -523,15 +516,12 @@ def _turn_grid(posed: PosedStage, highest_hz: float) -> PhaseGrid:
     """Return panels round a turn, with edges at all corners of stiffness and excitation."""
     period, found = posed.period, []
     for mesh in posed.members:
-        stiffness, lead = mesh.mechanics.stiffness, mesh.lead
-        moving = stiffness.modulations
-        for train in moving:
-            turns = np.arange(0, period, train.period_mesh)
-            found.append(np.add.outer(turns, train.corners).ravel() - lead)
+        stiffness, lead = mesh.stiffness, mesh.lead
+        moving = [(train.period_mesh, train.corners) for train in stiffness.modulations]
         # damaged teeth lose what they lose where the teeth would be without the errors, and single
         # errors are shared as by these
         apart = moving and not any(isinstance(e, FlankError) for e in mesh.excitation.errors)
         still = stiffness.pulses if apart else stiffness.trains
-        for repeats, corners in _corners(mesh, still):
+        for repeats, corners in (*moving, *_corners(mesh, still)):
             found.append(np.add.outer(np.arange(0, period, repeats), corners).ravel() - lead)
     return PhaseGrid.between(np.concatenate(found), _cycles(posed, highest_hz), period)

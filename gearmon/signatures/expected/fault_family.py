@@ -179,12 +179,8 @@ class FaultFamily(Result):
             "largest_error": max((m.lines.error for m in self.members), default=0.0),
             "notes": list(self.notes),
         }
-        return Signature(
-            machine=self.machine.name,
-            origin="expected family",
-            header=header,
-            columns=joined(tables),
-        )
+        told = {"machine": self.machine.name, "origin": "expected family"}
+        return Signature(**told, header=header, columns=joined(tables))
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one row for each member: what it is, and how strong its lines are.
@@ -211,7 +207,7 @@ class FaultFamily(Result):
         names = ("kind", "stage", "gear", "size", "loss", "operating", "teeth")
         return {name: getattr(member, name) for name in names} | {
             "lines": len(mine),
-            "healthy_ms2": even.rms,
+            "healthy_ms2": rms(even.acceleration),
             "sidebands_ms2": rms(mine[~is_mesh]),
             "mesh_change_ms2": rms(meshes),
             "contact_lost": lines.contact_lost,

@@ -138,14 +138,9 @@ class PosedStage:
         return self.mesh.order
 
     @property
-    def carrier(self) -> Fraction:
-        """Signed order of a carrier whose planets pass the housing, over that of shaft 1."""
-        return Fraction(0) if self.train is None else self.mesh.carrier
-
-    @property
     def pass_order(self) -> Fraction:
-        """The same over the order of the mesh."""
-        return self.carrier / self.mesh.exact
+        """Signed order of a carrier whose planets pass the housing, over that of the mesh."""
+        return Fraction(0) if self.train is None else self.mesh.carrier / self.mesh.exact
 
     @property
     def period(self) -> int:
@@ -254,9 +249,9 @@ class PosedStage:
         planets = len(self.angles_rad)
         shape = len(forces), len(self.members) // planets, planets, highest
         forces = forces.reshape(shape).sum(axis=1)
-        sides = np.array([-1, 0, 1] if self.carrier else [0])
+        sides = np.array([-1, 0, 1] if self.pass_order else [0])
         turned = np.exp(1j * np.outer(sides, self.angles_rad))
-        depth = PLANET_PASS_DEPTH if self.carrier else 0.0
+        depth = PLANET_PASS_DEPTH if self.pass_order else 0.0
         weights = np.where(sides == 0, 1 - depth / 2, depth / 4)
         lines = (weights[:, None] * turned) @ forces
         number = np.arange(1, highest + 1)
@@ -521,11 +516,6 @@ class MeshLines:
         return self.posed.mechanics
 
     @property
-    def pass_order(self) -> Fraction:
-        """Signed order of the carrier over that of the mesh; 0 where no planets pass."""
-        return self.posed.pass_order
-
-    @property
     def order(self) -> FloatArray:
         """Frequencies over that of shaft 1, shape (n,)."""
         return np.asarray(self._turns * self.posed.order)
@@ -538,17 +528,12 @@ class MeshLines:
     @property
     def _turns(self) -> FloatArray:
         """Frequencies over that of the mesh."""
-        return np.asarray(self.number / self.period + self.carrier * float(self.pass_order))
+        return np.asarray(self.number / self.period + self.carrier * float(self.posed.pass_order))
 
     @property
     def acceleration(self) -> ComplexArray:
         """Acceleration lines [m/s2], shape (n,)."""
         return np.asarray(-((2 * math.pi * self.frequency_hz) ** 2) * self.displacement)
-
-    @property
-    def rms(self) -> float:
-        """Rms of the acceleration of all lines [m/s2]."""
-        return rms(self.acceleration)
 
     def of_tooth(self, tooth: int = 1) -> MeshLines:
         """Return the lines for another tooth, in order; those that fall together are added.
@@ -560,9 +545,10 @@ class MeshLines:
         """
         check_range("tooth", tooth, 1, self.period)
         z = self.displacement * np.exp(-2j * np.pi * (tooth - 1) / self.period * self.number)
-        if not self.pass_order:
+        passing = self.posed.pass_order
+        if not passing:
             return replace(self, displacement=z)
-        steps, parts = self.pass_order.numerator * self.period, self.pass_order.denominator
+        steps, parts = passing.numerator * self.period, passing.denominator
         place = self.number * parts + self.carrier * steps
         # a mesh line, or one without the carrier, gives its name
         ranked = np.lexsort((self.carrier != 0, self.number % self.period != 0, place))
@@ -599,7 +585,7 @@ class MeshLines:
             "acceleration_ms2": 2 * angular**2 * np.abs(z),
             "phase_rad": np.angle(z),
         }
-        return found | ({"carrier": carrier} if self.pass_order else {})
+        return found | ({"carrier": carrier} if self.posed.pass_order else {})
 
     def _sidebands(self, distance: IntArray) -> tuple[IntArray, npt.NDArray[np.str_]]:
         """Sideband number and modulating gear of lines by their distance from the mesh harmonic."""
