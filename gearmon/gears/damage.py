@@ -56,6 +56,10 @@ LEAST_LEFT = 1e-12
 #: Rounds of sharing a load that the contact depends on.
 LOAD_ROUNDS = 4
 SOUND_PAIR: PairState = ((), ())
+#: Slices of the cracked part of a helical face.
+SLICES = 8
+#: Gauss points of a loss between its corners: it is that of a beam, taken once for all meshes.
+LOSS_POINTS = 32
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -374,12 +378,6 @@ def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
         for tooth, parts in losses.items()
     }
     return {tooth: parts for tooth, parts in inside.items() if parts}
-
-
-#: Slices of the cracked part of a helical face.
-SLICES = 8
-#: Gauss points of a loss between its corners: it is that of a beam, taken once for all meshes.
-LOSS_POINTS = 32
 
 
 @dataclass(frozen=True, kw_only=True)

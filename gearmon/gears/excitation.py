@@ -78,6 +78,10 @@ PHASES_PER_BLOCK = 16_384
 NONE = 0j, 0j, 0j
 #: Errors that move the contact of all teeth of a gear as it turns.
 MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
+#: Gauss points on either side of where the neighbours of a missing tooth change over.
+GAP_POINTS = 32
+#: Most contacts of faulty teeth, each computed by itself, in a true period.
+MOST_CONTACTS = 5_000
 
 
 @dataclass(frozen=True)
@@ -433,12 +437,6 @@ def modulation_trains(
             f"delay of the contact modulates the stiffness, not its length"
         )
     return (ModulationTrain(family=family, offsets=offsets, free_gap_m=free_gap_m),), notes
-
-
-#: Gauss points on either side of where the neighbours of a missing tooth change over.
-GAP_POINTS = 32
-#: Most contacts of faulty teeth, each computed by itself, in a true period.
-MOST_CONTACTS = 5_000
 
 
 def tip_corner_gap(pair: ToothPair, beyond_m: FloatArray, *, leaving: bool) -> FloatArray:

@@ -29,6 +29,9 @@ CLEARANCE = 0.25
 
 Two = tuple[float, float]
 __all__ = ["GearTeeth", "PairGeometry", "pair_geometry"]
+#: Rim of a ring where none is given [modules]; thinner ones are called thin: from 3.5 on ISO 6336-3
+#: sees no weakening (rim factor 1).
+USUAL_RIM = 3.5
 #: Profile shifts are given with three decimals; less than this is rounding, not jamming.
 SHIFT_ROUNDING = 0.01
 #: Most that the tip of a ring is taken to be relieved without being told, in modules.

@@ -26,6 +26,7 @@ from scipy.linalg import eigh
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import Fault, GearError, faults_of
+from gearmon.gears.geometry import USUAL_RIM
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import (
     LOW_LOAD_N_PER_MM,
@@ -38,8 +39,16 @@ from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 #: Damping ratio of a mesh where none is given; 0.03 to 0.17 were measured
 #: (Kasuba & Evans 1981, Wang & Cheng 1981).
 DAMPING_RATIO = 0.07
-#: Rim of a ring where none is given [modules]: ISO 6336-3 sees no weakening from 3.5 on.
-RING_RIM = 3.5
+#: Share of the largest eigenvalue below which a mode is a rigid one: they are rounding, some 1e-14.
+RIGID = 1e-11
+#: Damping over stiffness of shafts, bearings and supports that tell no damper [s]; ball bearings
+#: have 0.25e-5 to 2.5e-5 s (E. Kraemer, Dynamics of Rotors and Foundations, 1993).
+ELASTIC_DAMPING_S = 1e-5
+#: Share of the compliance of meshes up to which what is in fast modes only is left out.
+NEGLIGIBLE = 1e-3
+#: Share of a mode's strain energy in meshes up to which they do not feel it: even resonant, at a
+#: damping ratio of 0.01, it answers their forces by 50 times this share of what they feel at rest.
+UNFELT = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -281,7 +290,7 @@ def gear_disc(
     """Return mass [kg] and moment of inertia [kg m2] of a gear.
 
     As given, else of a disc of the mean diameter less bore and web; of a ring, what is left around
-    its mean diameter to the rim, or to `RING_RIM` modules behind the tooth roots.
+    its mean diameter to the rim, or to `USUAL_RIM` modules behind the tooth roots.
 
     Parameters
     ----------
@@ -327,7 +336,7 @@ def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
     outer = 0.5 * (circles.tip_radii_m[index] + root)
     bore = 0.5 * member.bore_m
     if member.internal:
-        usual = RING_RIM * circles.normal_module_m
+        usual = USUAL_RIM * circles.normal_module_m
         outer, bore = root + (usual if member.rim_m is None else member.rim_m), outer
     # what a web lacks of a solid disc, from the bore to the rim
     lacking, rim = 0.0, bore
@@ -349,18 +358,6 @@ def mesh_damping(pair: MeshPair, root: float, notes: list[str]) -> tuple[float, 
         ratio = DAMPING_RATIO
         notes.append(f"damping ratio of the mesh taken as {ratio}: commonly 0.03 to 0.17")
     return ratio, 2 * ratio * root
-
-
-#: Share of the largest eigenvalue below which a mode is a rigid one: they are rounding, some 1e-14.
-RIGID = 1e-11
-#: Damping over stiffness of shafts, bearings and supports that tell no damper [s]; ball bearings
-#: have 0.25e-5 to 2.5e-5 s (E. Kraemer, Dynamics of Rotors and Foundations, 1993).
-ELASTIC_DAMPING_S = 1e-5
-#: Share of the compliance of meshes up to which what is in fast modes only is left out.
-NEGLIGIBLE = 1e-3
-#: Share of a mode's strain energy in meshes up to which they do not feel it: even resonant, at a
-#: damping ratio of 0.01, it answers their forces by 50 times this share of what they feel at rest.
-UNFELT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)

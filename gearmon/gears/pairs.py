@@ -29,6 +29,7 @@ WEB_RATIOS = (0.2, 1.2)
 LEAST_RIM = 1.0
 #: 1 N/(mm um) in N/m2: stiffness per face width.
 N_PER_MM_UM = 1e9
+Stage = ParallelStage | PlanetaryStage
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -346,9 +347,6 @@ def _limits(
         yield f"load {load:.4g} N/mm is below 100 N/mm: low-load branch"
     if load is not None and load > 1600:
         yield f"load {load:.4g} N/mm is above 1600 N/mm"
-
-
-Stage = ParallelStage | PlanetaryStage
 
 
 @dataclass(frozen=True, kw_only=True)

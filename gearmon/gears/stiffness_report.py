@@ -34,6 +34,17 @@ POINTS = 60
 _GONE = ("breakage", "missing")
 #: Half thickness and height.
 Curve = tuple[FloatArray, FloatArray]
+#: The four forms, each with its variants: the duty of the rectangle is eps_a - 1, or one half.
+FOUR_FORMS: dict[str, tuple[str, ...]] = {
+    "parabolic": ("parabolic",),
+    "wave": ("wave",),
+    "rectangular": ("rectangular", "rectangular-half"),
+    "fourier": ("fourier-true", "fourier"),
+}
+#: Sizes at which a curve of loss against size is taken.
+CURVE_POINTS = 25
+#: Unit and dimensions in which a loss of each kind is told as a size.
+MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,21 +248,6 @@ def _flank_size(tooth: Tooth) -> tuple[float, float, float]:
     root = tooth.root_height_m
     low = float(tooth.height(tooth.start)) - root
     return 1e3 * tooth.face_width_m, 1e3 * low, 1e3 * (float(tooth.height(tooth.tip)) - root)
-
-
-#: The four forms, each with its variants: the duty of the rectangle is eps_a - 1, or one half.
-FOUR_FORMS: dict[str, tuple[str, ...]] = {
-    "parabolic": ("parabolic",),
-    "wave": ("wave",),
-    "rectangular": ("rectangular", "rectangular-half"),
-    "fourier": ("fourier-true", "fourier"),
-}
-
-
-#: Sizes at which a curve of loss against size is taken.
-CURVE_POINTS = 25
-#: Unit and dimensions in which a loss of each kind is told as a size.
-MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
 
 
 @dataclass(frozen=True, eq=False)

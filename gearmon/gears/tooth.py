@@ -37,7 +37,7 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.geometry import PairGeometry, Rack
+from gearmon.gears.geometry import USUAL_RIM, PairGeometry, Rack
 from gearmon.gears.pulses import Pulse, distinct, gauss, panel_nodes
 from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings, sections
 
@@ -56,6 +56,27 @@ ROOTS: tuple[Root, ...] = ("fillet", "straight", "base")
 SPLITS = (0.6, 0.87)
 #: Shear factor of a rectangular section.
 SHEAR_FACTOR = 1.2
+#: Fourier components are taken up to this many radians over half the loaded arc.
+ARC_PHASE = 60.0
+#: Beyond so many decades of decay across the ring, its other circle is as good as infinitely far.
+LARGEST_DECAY = 40.0
+#: Coefficients A ... F of the polynomials L, M, P, Q.
+SAINSOT = {
+    "L": (-5.574e-5, -1.9986e-3, -2.3015e-4, 4.7702e-3, 0.0271, 6.8045),
+    "M": (60.111e-5, 28.100e-3, -83.431e-4, -9.9256e-3, 0.1624, 0.9086),
+    "P": (-50.952e-5, 185.50e-3, 0.0538e-4, 53.300e-3, 0.2895, 0.9236),
+    "Q": (-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904),
+}
+#: Where the polynomials were fitted: R_f/r_bore and the half root angle [rad].
+RADIUS_RATIOS = (1.4, 7.0)
+ROOT_ANGLES = (0.01, 0.12)
+#: Fit of the coupling to finite elements: E b C = torsion + slope ln(z) + bore r/R + constant.
+COUPLING_SLOPE, COUPLING_BORE, COUPLING_CONSTANT = 0.69, -2.03, -0.43
+#: From where the arm u of the force is measured to the root circle.
+Arm = Literal["axis", "contact"]
+#: Tangent of the fillet against the middle of the tooth where the loaded arc ends: there it ends
+#: in the fillet foundation of external gears with the standard rack.
+ARC_TANGENT = math.radians(75)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -533,33 +554,6 @@ def tooth_of(
     )
 
 
-#: Fourier components are taken up to this many radians over half the loaded arc.
-ARC_PHASE = 60.0
-#: Beyond so many decades of decay across the ring, its other circle is as good as infinitely far.
-LARGEST_DECAY = 40.0
-
-
-#: Coefficients A ... F of the polynomials L, M, P, Q.
-SAINSOT = {
-    "L": (-5.574e-5, -1.9986e-3, -2.3015e-4, 4.7702e-3, 0.0271, 6.8045),
-    "M": (60.111e-5, 28.100e-3, -83.431e-4, -9.9256e-3, 0.1624, 0.9086),
-    "P": (-50.952e-5, 185.50e-3, 0.0538e-4, 53.300e-3, 0.2895, 0.9236),
-    "Q": (-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904),
-}
-#: Where the polynomials were fitted: R_f/r_bore and the half root angle [rad].
-RADIUS_RATIOS = (1.4, 7.0)
-ROOT_ANGLES = (0.01, 0.12)
-#: Fit of the coupling to finite elements: E b C = torsion + slope ln(z) + bore r/R + constant.
-COUPLING_SLOPE, COUPLING_BORE, COUPLING_CONSTANT = 0.69, -2.03, -0.43
-#: From where the arm u of the force is measured to the root circle.
-Arm = Literal["axis", "contact"]
-#: Tangent of the fillet against the middle of the tooth where the loaded arc ends: there it ends
-#: in the fillet foundation of external gears with the standard rack.
-ARC_TANGENT = math.radians(75)
-#: Rim thickness in modules below which a ring is called thin (ISO 6336-3: rim factor above 1).
-THIN_RIM = 3.5
-
-
 @lru_cache(maxsize=256)
 def arc_compliance(
     ratio: float, half_angle_rad: float, poisson_ratio: float, apart_rad: float = 0.0
@@ -826,10 +820,10 @@ class RingBody:
             f"yields more"
         )
         thin = (
-            f"the rim of the {name} is {self.rim_modules:.3g} modules thick, below {THIN_RIM:g}: "
+            f"the rim of the {name} is {self.rim_modules:.3g} modules thick, below {USUAL_RIM:g}: "
             f"how the ring is held matters much"
         )
-        return (held, thin) if self.rim_modules < THIN_RIM - 1e-9 else (held,)
+        return (held, thin) if self.rim_modules < USUAL_RIM - 1e-9 else (held,)
 
     def compliance(self, angle: FloatArray) -> FloatArray:
         """Return the compliance [m/N] for contacts at profile angles `angle`."""

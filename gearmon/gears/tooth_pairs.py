@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_word
-from gearmon.gears.geometry import GearTeeth, PairGeometry, normal_section
+from gearmon.gears.geometry import USUAL_RIM, GearTeeth, PairGeometry, normal_section
 from gearmon.gears.pairs import MeshPair
 from gearmon.gears.tooth import ROOTS, Foundation, RingBody, Root, Tooth, ToothBeam, tooth_of
 from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
@@ -40,9 +40,6 @@ POTENTIAL_ENERGY = "potential-energy"
 USUAL_BORE = 0.4
 #: Root radius over bore radius within which the yielding of a body is used, see `_within_fit`.
 HELD_RATIOS = (1.4, 3.5)
-#: Thickness of the rim of a ring where none is given, in modules: the least for which ISO 6336-3
-#: counts a ring as stiff.
-USUAL_RIM = 3.5
 
 
 def hertz_compliance(
@@ -434,7 +431,7 @@ def tooth_pair(
 
     Examples
     --------
-    >>> from gearmon.gears.geometry import GearTeeth, pair_geometry
+    >>> from gearmon.gears.geometry import USUAL_RIM, GearTeeth, pair_geometry
     >>> gears = GearTeeth(teeth=26), GearTeeth(teeth=53)
     >>> geometry = pair_geometry(*gears, module_m=0.002, face_width_m=0.02)
     >>> pair = tooth_pair(geometry, bore_radii_m=(0.0104, 0.0212))

@@ -61,6 +61,11 @@ _TOLD: dict[str, Any] = {
 _TOLD |= {"stiffness_cut": 0.0, "stable": True, "contact_loss_angle_rad": None}
 #: Effect of stiffness harmonics above J over A^2 (R/J)^3, see `_stiffness_harmonics`.
 CUT_FACTOR = 6.0
+_Motion = TypeVar("_Motion", PeriodicMotion, Deviations)
+#: How often panels are halved at most.
+MOST_HALVINGS = 4
+#: Cases, panels and coordinates that are solved at once: some 100 MB.
+MOST_NUMBERS = 2_000_000
 
 
 def expected_signature(
@@ -260,14 +265,6 @@ def _stiffness_harmonics(
         if cut <= 0.3 * tolerance or count == most:
             return harmonics, cut
         count = min(most, math.ceil(1.05 * count * (cut / (0.3 * tolerance)) ** (1 / 3)) + 1)
-
-
-_Motion = TypeVar("_Motion", PeriodicMotion, Deviations)
-
-#: How often panels are halved at most.
-MOST_HALVINGS = 4
-#: Cases, panels and coordinates that are solved at once: some 100 MB.
-MOST_NUMBERS = 2_000_000
 
 
 def periodic_lines(posed: PosedStage, max_hz: float, tolerance: float) -> MeshLines:

@@ -1,6 +1,6 @@
 """Families of signatures: a machine healthy, and with every kind and size of fault of every gear.
 
-The healthy mesh is solved once, and of every fault what it changes (see `faulty_teeth`). A fault of
+The healthy mesh is solved once, and of every fault what it changes (see `baseline`). A fault of
 tooth j gives the lines of tooth 1, turned by ``exp(-2 pi i r (j - 1)/z)`` at the harmonic r of the
 gear's turn.
 """

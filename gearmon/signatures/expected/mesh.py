@@ -54,6 +54,11 @@ Wrong = Fault | GearError
 
 #: Share of what planets bring to a line up to which they cancel.
 CANCELLED = 1e-9
+# What is told of a mesh beside its lines.
+_TOLD: tuple[str, ...] = ("stage", "mesh", "mesh_frequency_hz", "contact_ratio", "force_n")
+_TOLD += ("natural_frequency_hz", "damping_ratio", "equivalent_mass_kg", "damping_ns_per_m")
+#: What the phases and amplitudes of all expected lines mean.
+AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -464,13 +469,6 @@ def gear_places(machine: Machine) -> dict[tuple[int, str], int]:
             for member in pair.members:
                 found.setdefault((number, member.name), mesh)
     return found
-
-
-# What is told of a mesh beside its lines.
-_TOLD: tuple[str, ...] = ("stage", "mesh", "mesh_frequency_hz", "contact_ratio", "force_n")
-_TOLD += ("natural_frequency_hz", "damping_ratio", "equivalent_mass_kg", "damping_ns_per_m")
-#: What the phases and amplitudes of all expected lines mean.
-AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

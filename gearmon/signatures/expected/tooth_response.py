@@ -1,6 +1,6 @@
 """What a loss of stiffness on one tooth adds to the lines of its mesh, before any path.
 
-Where the machine file bears a baseline, Hill's equation tells (`faulty_teeth`). Without
+Where the machine file bears a baseline, the equation of motion tells (`baseline`). Without
 dynamics the teeth carry the load on the deflection q = F/k(t): a tooth with a loss makes q larger
 while its pair is in contact, and that pulse, once a turn of the gear, travels to the sensors
 together with the mesh harmonics of q itself. Lines close to one another pass the same train and the
