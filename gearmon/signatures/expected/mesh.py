@@ -187,10 +187,11 @@ class PosedStage:
         The greatest of its meshes. A stiffness that errors modulate loses nothing: its mean wanders
         a little.
         """
-        even = [mesh.stiffness.mean_n_per_m for mesh in whole.members]
-        own = [mesh.stiffness for mesh in self.members]
-        lost = [k.period_mesh * (1 - k.mean_n_per_m / k0) for k, k0 in zip(own, even, strict=True)]
-        return max(0.0 if k.modulations else share for k, share in zip(own, lost, strict=True))
+        both = zip(self.members, whole.members, strict=True)
+        return max(
+            0.0 if k.modulations else k.period_mesh * (1 - k.mean_n_per_m / even.mean_n_per_m)
+            for k, even in ((own.stiffness, sound.stiffness) for own, sound in both)
+        )
 
     @property
     def scale(self) -> float:
