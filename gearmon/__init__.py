@@ -87,8 +87,8 @@ _OFFERED = {
     "signals.recording": ("Recording", "read_recording", "open_recording"),
     "signatures.expected.baseline": ("expected_signature",),
     "signatures.expected.fault_family": ("fault_family",),
-    "signatures.expected.faulty_teeth": ("loss_response",),
     "signatures.expected.modes": ("modes",),
+    "signatures.expected.tooth_response": ("loss_response",),
     "signatures.gear_averages": ("gear_averages",),
     "signatures.measured.indicators": ("indicator_table",),
     "signatures.measured.measurement": ("MeasuredSignature", "measure_signature"),
@@ -126,8 +126,8 @@ if TYPE_CHECKING:
     from gearmon.signals.recording import read_recording as read_recording
     from gearmon.signatures.expected.baseline import expected_signature as expected_signature
     from gearmon.signatures.expected.fault_family import fault_family as fault_family
-    from gearmon.signatures.expected.faulty_teeth import loss_response as loss_response
     from gearmon.signatures.expected.modes import modes as modes
+    from gearmon.signatures.expected.tooth_response import loss_response as loss_response
     from gearmon.signatures.gear_averages import gear_averages as gear_averages
     from gearmon.signatures.measured.indicators import indicator_table as indicator_table
     from gearmon.signatures.measured.measurement import MeasuredSignature as MeasuredSignature

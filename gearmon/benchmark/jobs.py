@@ -38,9 +38,9 @@ from gearmon.benchmark.rivals import (
 )
 from gearmon.dynamics.stability import FourierShape, stability_chart
 from gearmon.machine import load_machine
+from gearmon.signatures.expected.baseline import contact_grid
 from gearmon.signatures.expected.contact_motion import fourier_sums
 from gearmon.signatures.expected.fault_family import FamilyMember, fault_family
-from gearmon.signatures.expected.faulty_teeth import contact_grid
 from gearmon.signatures.expected.mesh import MeshPlace, PosedStage
 
 #: Shape, damping ratio, range of w/w0 and highest variation of the chart; points of it judged.

@@ -15,10 +15,9 @@ from gearmon.arrays import FloatArray
 from gearmon.benchmark.equations import CRACK, FORM, STAGE
 from gearmon.benchmark.timing import Competitor, Timing, interleaved
 from gearmon.gears.faults import Fault, parse_fault
-from gearmon.gears.foundation import Foundation
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import mesh_stiffness
-from gearmon.gears.tooth import ToothBeam
+from gearmon.gears.tooth import Foundation, ToothBeam
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, teeth_of
 from gearmon.machine import ParallelStage
 

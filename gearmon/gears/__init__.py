@@ -20,13 +20,13 @@ True
 Two functions bear the names of their modules and are imported from there:
 `gearmon.gears.kinematics.kinematics` and `gearmon.gears.stiffness_report.stiffness_report`.
 
-The modules: `kinematics`; `geometry` (circles, rack, whether a pair can run); `iso6336`; `pairs`;
-`faults` (damage and errors as they are written), `tooth_damage` and `damage` (what they take from
-a tooth and from its pair); `tooth`, `foundation` and `tooth_pairs` (potential energy); `pulses`
-(whatever a pair has, loses or lacks over its contact) and `tooth_mesh` (pairs that carry together,
-sound and damaged, by a given curve or by their teeth); `stiffness`, with `modulation` by turning
-gears; `excitation`; `mechanics`; `drive_train` (the machine as one elastic system) and `assembly`
-(how it is put together); `stiffness_report` and `tooth_outline` (what pictures need).
+The modules: `kinematics`; `geometry` (circles, rack, whether a pair can run); `pairs`, and their
+ISO 6336 stiffness; `faults` (damage and errors as they are written); `pulses` (whatever a pair has,
+loses or lacks over its contact); `tooth` and `tooth_pairs` (potential energy); `tooth_damage` and
+`damage` (what is taken from a tooth, from its pair, and from the pairs that carry together);
+`stiffness`; `excitation` (what errors move and modulate); `mechanics`, with the machine as one
+elastic system, and `assembly` (how that is put together); `stiffness_report` (tables, and what
+pictures need). Names load their module when first used.
 
 Examples
 --------
@@ -64,52 +64,19 @@ Examples
 (True, True)
 """
 
-from gearmon.gears.excitation import Excitation, displacement_excitation
-from gearmon.gears.faults import (
-    ERROR_KINDS,
-    KINDS,
-    Fault,
-    GearError,
-    parse_error,
-    parse_fault,
-    parse_fault_or_error,
-)
-from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
-from gearmon.gears.iso6336 import MethodB, method_b
-from gearmon.gears.kinematics import Kinematics, line_table
-from gearmon.gears.mechanics import StageMechanics, pair_resonance, stage_mechanics
-from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.gears.stiffness import FORM_NAMES, MeshStiffness, mesh_stiffness
-from gearmon.gears.stiffness_report import StiffnessReport, compare_forms
-from gearmon.gears.tooth_pairs import PotentialEnergy, teeth_of
+from gearmon.lazy import lazily
 
-__all__ = [
-    "ERROR_KINDS",
-    "FORM_NAMES",
-    "KINDS",
-    "Excitation",
-    "Fault",
-    "GearError",
-    "GearTeeth",
-    "Kinematics",
-    "MeshPair",
-    "MeshStiffness",
-    "MethodB",
-    "PairGeometry",
-    "PotentialEnergy",
-    "StageMechanics",
-    "StiffnessReport",
-    "compare_forms",
-    "displacement_excitation",
-    "line_table",
-    "mesh_pairs",
-    "mesh_stiffness",
-    "method_b",
-    "pair_geometry",
-    "pair_resonance",
-    "parse_error",
-    "parse_fault",
-    "parse_fault_or_error",
-    "stage_mechanics",
-    "teeth_of",
-]
+_OFFERED = {
+    "excitation": ("Excitation", "displacement_excitation"),
+    "faults": ("ERROR_KINDS", "KINDS", "Fault", "GearError", "parse_error", "parse_fault"),
+    "geometry": ("GearTeeth", "PairGeometry", "pair_geometry"),
+    "kinematics": ("Kinematics", "line_table"),
+    "mechanics": ("StageMechanics", "stage_mechanics"),
+    "pairs": ("MeshPair", "MethodB", "mesh_pairs", "method_b", "pair_resonance"),
+    "stiffness": ("FORM_NAMES", "MeshStiffness", "mesh_stiffness"),
+    "stiffness_report": ("StiffnessReport", "compare_forms"),
+    "tooth_pairs": ("PotentialEnergy", "teeth_of"),
+}
+
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

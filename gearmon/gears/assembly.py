@@ -33,9 +33,12 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.arrays import FloatArray
-from gearmon.gears.drive_train import ELASTIC_DAMPING_S, DriveTrain, Planets, Spring
 from gearmon.gears.kinematics import kinematics, planetary_speeds
 from gearmon.gears.mechanics import (
+    ELASTIC_DAMPING_S,
+    DriveTrain,
+    Planets,
+    Spring,
     disc_body,
     equivalent_mass,
     gear_disc,

@@ -202,16 +202,9 @@ def check_size(kind: str, size: float, unit: str, shape: FaultShape) -> None:
             f"fault unit {unit!r} is not known for {kind}; give the loss of stiffness of the tooth "
             f"pair as a fraction (0.2) or in per cent (20%){others}"
         )
-    if unit == "tooth":
-        return
     if unit in LOSS_UNITS:
-        _check_loss(size, unit)
-        if shape != PLAIN:
-            raise ArgumentError(
-                f"fault size={size:g}{unit} is a loss of stiffness, which has no dimensions; give "
-                f"the size in {' or '.join(KIND_UNITS[kind]) or 'no unit'} or leave them out"
-            )
-    else:
+        _check_loss(kind, size, unit, shape)
+    elif unit != "tooth":
         _check_physical(kind, size, unit, shape)
 
 
@@ -236,13 +229,18 @@ def flank_level(share: float) -> int | None:
     return max((n for n, (_, low, _) in LEVELS.items() if share >= low), default=None)
 
 
-def _check_loss(size: float, unit: str) -> None:
+def _check_loss(kind: str, size: float, unit: str, shape: FaultShape) -> None:
     if not (math.isfinite(size) and 0 <= size * LOSS_UNITS[unit] < 1):
         top = "100 %" if unit == "%" else "1"
         hint = f"; did you mean {size:g}%?" if unit == "" and 1 <= size < 100 else ""
         raise ArgumentError(
             f"fault size={size:g}{unit} must lie in [0, {top}): it is the loss of stiffness of "
             f"the tooth pair{hint}"
+        )
+    if shape != PLAIN:
+        raise ArgumentError(
+            f"fault size={size:g}{unit} is a loss of stiffness, which has no dimensions; give "
+            f"the size in {' or '.join(KIND_UNITS[kind]) or 'no unit'} or leave them out"
         )
 
 
@@ -281,7 +279,7 @@ def _option(kind: str, text: str) -> tuple[str, float | str]:
     if not equals or key not in known:
         near = nearest_name(key, known)
         hint = f"; did you mean {near}?" if near else ""
-        names = ", ".join(known) if known else "none"
+        names = ", ".join(known) or "none"
         raise ArgumentError(f"dimension {text!r} of a {kind} is not known: {names}{hint}")
     try:
         number = re.sub(r"(mm|deg)$", "", value).strip()
@@ -416,13 +414,12 @@ def parse_fault(text: str) -> Fault:
     >>> parse_fault("crack:1:pinion:5:20%").tooth
     5
     """
-    kind, stage, gear, tooth, size = _parts("fault", text, tuple(KINDS), SYNTAX)
+    where, words = _parts("fault", text, KINDS, SYNTAX)
     try:
-        number, unit, shape = parse_size(kind, size)
+        size, unit, shape = parse_size(where["kind"], words)
     except ArgumentError as error:
         raise ArgumentError(f"fault {text!r}: {error}; {SYNTAX}") from None
-    where: dict[str, Any] = {"kind": kind, "stage": stage, "gear": gear, "tooth": tooth}
-    return Fault(**where, size=number, unit=unit, shape=shape)
+    return Fault(**where, size=size, unit=unit, shape=shape)
 
 
 def faults_of(given: object, *, errors: bool, stages: int | None = None) -> tuple[Any, ...]:
@@ -448,41 +445,37 @@ def faults_of(given: object, *, errors: bool, stages: int | None = None) -> tupl
     """
     parsed, kinds = (parse_fault_or_error, Fault | GearError) if errors else (parse_fault, Fault)
     several = [given] if isinstance(given, str | Fault | GearError) else given
-    if isinstance(several, Iterable):
-        faults = tuple(parsed(own) if isinstance(own, str) else own for own in several)
-        if all(isinstance(own, kinds) for own in faults):
-            for own in faults:
-                if stages is not None and own.stage > stages:
-                    raise ArgumentError(
-                        f"fault {own}: stage {own.stage} does not exist, the machine has {stages}"
-                    )
-            return faults
-    raise ArgumentError(
-        f"faults={given!r}: must be faults or their text, such as ['crack:1:pinion:5:20%']"
-    )
+    listed: Iterable[Any] = several if isinstance(several, Iterable) else [None]
+    faults = tuple(parsed(own) if isinstance(own, str) else own for own in listed)
+    if not all(isinstance(own, kinds) for own in faults):
+        raise ArgumentError(
+            f"faults={given!r}: must be faults or their text, such as ['crack:1:pinion:5:20%']"
+        )
+    for own in faults:
+        if stages is not None and own.stage > stages:
+            raise ArgumentError(
+                f"fault {own}: stage {own.stage} does not exist, the machine has {stages}"
+            )
+    return faults
 
 
-def _parts(
-    what: str, text: str, kinds: tuple[str, ...], syntax: str
-) -> tuple[str, int, str, int | None, str]:
-    """Take ``KIND:STAGE:GEAR:TOOTH:SIZE`` apart."""
+def _parts(what: str, text: str, kinds: Iterable[str], syntax: str) -> tuple[dict[str, Any], str]:
+    """Take ``KIND:STAGE:GEAR:TOOTH:SIZE`` apart: where it is, and SIZE."""
     parts = [part.strip() for part in text.split(":")]
     if parts[0] == "missing" and len(parts) == 4:
         parts.append("1tooth")
     if len(parts) != 5:
         raise ArgumentError(f"{what} {text!r} has {len(parts)} parts and not 5: {syntax}")
     check_word(f"{what} kind ", parts[0], kinds)
-    numbers: list[int | None] = []
-    for name, word in (("STAGE", parts[1]), ("TOOTH", parts[3])):
-        is_all = name == "TOOTH" and word == "all"
+    where: dict[str, Any] = dict(zip(("kind", "stage", "gear", "tooth"), parts, strict=False))
+    for name, others, hint in (("stage", {}, ""), ("tooth", {"all": None}, " or 'all'")):
+        word = where[name]
         try:
-            numbers.append(None if is_all else int(word))
+            where[name] = others[word] if word in others else int(word)
         except ValueError:
-            hint = " or 'all'" if name == "TOOTH" else ""
-            raise ArgumentError(
-                f"{what} {text!r}: {name} {word!r} must be a whole number{hint}; {syntax}"
-            ) from None
-    return parts[0], numbers[0] or 0, parts[2], numbers[1], parts[4]
+            wanted = f"{name.upper()} {word!r} must be a whole number{hint}"
+            raise ArgumentError(f"{what} {text!r}: {wanted}; {syntax}") from None
+    return where, parts[4]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -578,9 +571,9 @@ def parse_error(text: str) -> GearError:
     2e-05
     """
     syntax = "KIND:STAGE:GEAR:TOOTH:SIZE, such as eccentricity:1:pinion:all:20um"
-    kind, stage, gear, tooth, size = _parts("error", text, tuple(ERROR_KINDS), syntax)
+    where, size = _parts("error", text, ERROR_KINDS, syntax)
     match = re.fullmatch(rf"({NUMBER})\s*(um|mm)", size)
     if match is None:
         raise ArgumentError(f"error {text!r}: SIZE must be a number in um or mm: {syntax}")
     size_m = float(match[1]) * (1e-6 if match[2] == "um" else 1e-3)
-    return GearError(kind=kind, stage=stage, gear=gear, tooth=tooth, size_m=size_m)
+    return GearError(**where, size_m=size_m)

@@ -29,6 +29,9 @@ CLEARANCE = 0.25
 
 Two = tuple[float, float]
 __all__ = ["GearTeeth", "PairGeometry", "pair_geometry"]
+#: Rim of a ring where none is given [modules]; thinner ones are called thin: from 3.5 on ISO 6336-3
+#: sees no weakening (rim factor 1).
+USUAL_RIM = 3.5
 #: Profile shifts are given with three decimals; less than this is rounding, not jamming.
 SHIFT_ROUNDING = 0.01
 #: Most that the tip of a ring is taken to be relieved without being told, in modules.
@@ -362,12 +365,9 @@ class PairGeometry:
     @cached_property
     def root_radii_m(self) -> Two:
         """Radii of the root circles [m]."""
-
-        def depth(i: int) -> float:
-            gear = self.gears[i]
-            return self.sign(i) * self.normal_module_m * (gear.root_factor - gear.profile_shift)
-
-        return _both(lambda i: self.reference_radii_m[i] - depth(i))
+        depths = _both(lambda i: self.gears[i].root_factor - self.gears[i].profile_shift)
+        modules = _both(lambda i: self.sign(i) * depths[i])
+        return _both(lambda i: self.reference_radii_m[i] - self.normal_module_m * modules[i])
 
     @cached_property
     def form_rolls_m(self) -> Two:
@@ -745,12 +745,10 @@ def _check_contact_ratio(pair: PairGeometry) -> None:
 
 def _check_clearance(pair: PairGeometry, index: int) -> None:
     mate = 1 - index
+    tips, roots, centres = pair.tip_radii_m, pair.root_radii_m, pair.centre_distance_m
+    gap = centres - tips[index] - roots[mate]
     if pair.internal:
-        outer = pair.root_radii_m[1] - pair.centre_distance_m - pair.tip_radii_m[0]
-        inner = pair.tip_radii_m[1] - pair.centre_distance_m - pair.root_radii_m[0]
-        gap = outer if index == 0 else inner
-    else:
-        gap = pair.centre_distance_m - pair.tip_radii_m[index] - pair.root_radii_m[mate]
+        gap = (roots[1] - tips[0] if index == 0 else tips[1] - roots[0]) - centres
     if gap <= 0:
         gear, other = pair.gears[index].name, pair.gears[mate].name
         raise ArgumentError(
@@ -765,17 +763,15 @@ def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:
     start = pair.path_m[0] if index == 0 else pair.line_m - pair.path_m[1]
     short = (pair.form_rolls_m[index] - start) / pair.normal_module_m
     least, shift = rack.least_shift(gear.teeth), gear.profile_shift
-    undercut = shift < least - 1e-9
-    if short <= 1e-6 and not undercut:
-        return
+    undercut, touched = shift < least - 1e-9, short > 1e-6
     given = f"profile_shift_{gear.name}={shift:g}"
     cure = f"give at least {least:.4f}, or {rack.least_teeth(shift)} teeth"
-    if short > 1e-6:
-        where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of the"
-        if undercut:
-            raise ArgumentError(
-                f"{where} {gear.name}, whose {gear.teeth} teeth are undercut at {given}; {cure}"
-            )
+    where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of the"
+    if touched and undercut:
+        raise ArgumentError(
+            f"{where} {gear.name}, whose {gear.teeth} teeth are undercut at {given}; {cure}"
+        )
+    if touched:
         raise ArgumentError(
             f"{where} {gear.name} (interference); reduce tip_factor_{mate.name}="
             f"{mate.tip_factor:g} or raise root_factor_{gear.name}={gear.root_factor:g}"

@@ -372,8 +372,8 @@ class PulseTrain:
         return cls(gear="all teeth", period_mesh=1, overlap_ratio=overlap_ratio, terms=terms)
 
     def scaled(self, factor: float) -> PulseTrain:
-        """Return the same train times `factor`."""
-        terms = (replace(term, pulse=term.pulse.scaled(factor)) for term in self.terms)
+        """Return the same train times `factor`, of the same pulses."""
+        terms = (replace(term, weight=factor * term.weight) for term in self.terms)
         return replace(self, terms=tuple(terms))
 
     def at(self, phase: ArrayLike) -> FloatArray:

@@ -25,14 +25,19 @@ from numpy.typing import ArrayLike
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range, check_word
-from gearmon.gears.damage import acting_faults, gear_losses, worn_losses
+from gearmon.gears.damage import (
+    CurvePairs,
+    PairsInMesh,
+    TeethInMesh,
+    acting_faults,
+    gear_losses,
+    worn_losses,
+)
+from gearmon.gears.excitation import ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import contact_zones
-from gearmon.gears.iso6336 import MethodB
-from gearmon.gears.modulation import MOVING_KINDS, ModulationTrain, modulation_trains
-from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
+from gearmon.gears.pairs import MeshPair, MethodB, Stage, mesh_pairs
 from gearmon.gears.pulses import POINTS, Pulse, PulseTrain
-from gearmon.gears.tooth_mesh import CurvePairs, PairsInMesh, TeethInMesh
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
 
 #: Loss of stiffness of a pair from the middle of its contact to its ends, Cai & Hayashi (1994).
@@ -352,8 +357,8 @@ class MeshStiffness:
     pulses : tuple of PulseTrain
         What damaged teeth take away, with a period each; empty for a healthy mesh.
     modulations : tuple of ModulationTrain
-        What errors of turning gears change, with a period each; damaged teeth lose what they lose
-        where the teeth would be without these errors.
+        What errors of turning gears change together, if there are any; damaged teeth lose what they
+        lose where the teeth would be without these errors.
     contact_ratio, overlap_ratio : float
         Transverse contact ratio and overlap ratio.
     variation : float
@@ -388,12 +393,7 @@ class MeshStiffness:
     @property
     def parts(self) -> tuple[PulseTrain | ModulationTrain, ...]:
         """All parts; their sum is the stiffness."""
-        return self.healthy, *self.marks
-
-    @property
-    def marks(self) -> tuple[PulseTrain | ModulationTrain, ...]:
-        """What makes the mesh differ from one mesh period to the next."""
-        return *self.pulses, *self.modulations
+        return *self.trains, *self.modulations
 
     @property
     def unmarked(self) -> MeshStiffness:
@@ -534,8 +534,7 @@ def mesh_stiffness(
     pairs, overlap, whole = parts.pairs(0.0), pair.overlap_ratio, pulse(0.0)
     missing = pairs.trains(pair, gear_losses(pair, acting, pairs.length, parts.teeth))
     gap = 0.0 if force_n is None else 2 * abs(force_n) / whole.area
-    moving, still = _moving(pair, errors, force_n)
-    modulations, more = modulation_trains(pair, moving, pulse, gap)
+    modulations, told = modulation_trains(pair, errors, pulse, gap)
     geometry = pair.geometry.warnings if pair.given("contact_ratio") is None else ()
     return MeshStiffness(
         healthy=PulseTrain.healthy(whole, overlap),
@@ -547,7 +546,7 @@ def mesh_stiffness(
         iso=parts.iso,
         modulations=modulations,
         free_gap_m=gap,
-        warnings=(*geometry, *parts.warnings, *notes, *still, *more),
+        warnings=(*geometry, *parts.warnings, *notes, *told),
     )
 
 
@@ -610,25 +609,6 @@ def _from_teeth(
     imposed = pair.given("mesh_stiffness_n_per_m")
     factor = 1.0 if imposed is None else imposed / pairs(0.0, ()).healthy.area
     return _Parts(pairs=pairs, factor=factor, teeth=teeth, warnings=teeth.warnings)
-
-
-def _moving(
-    pair: MeshPair, errors: Iterable[GearError], force_n: float | None
-) -> tuple[list[GearError], list[str]]:
-    """Return the errors that modulate the stiffness, and notes on those that cannot."""
-    moving, notes = [], []
-    for error in errors:
-        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in pair.names:
-            continue
-        if error.kind == "misalignment":
-            missing = "the static tooth force is not known" if force_n is None else ""
-        else:
-            missing = "module_mm is missing" if pair.stage.module_mm is None else ""
-        if missing:
-            notes.append(f"error {error} moves the flanks only, not the stiffness: {missing}")
-        else:
-            moving.append(error)
-    return moving, notes
 
 
 def _chosen(form: AnyForm) -> StiffnessForm | PotentialEnergy:

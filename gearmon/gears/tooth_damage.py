@@ -223,8 +223,7 @@ class ToothDamage:
             if self.crack.depths[1] > most:
                 raise ArgumentError(
                     f"crack of {1e3 * self.crack.depths[1]:.4g} mm cuts the tooth of the {name} "
-                    f"off: at this angle its depth must lie in [0, {1e3 * most:.4g}] mm; beyond "
-                    f"that it is a breakage"
+                    f"off: its depth must lie in [0, {1e3 * most:.4g}] mm; beyond it is a breakage"
                 )
         thinnest = 2 * float(tooth.half_thickness(tooth.tip))
         most = 0.9 * thinnest * math.cos(tooth.tip)

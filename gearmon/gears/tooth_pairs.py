@@ -21,10 +21,9 @@ from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_word
-from gearmon.gears.foundation import Foundation, RingBody
-from gearmon.gears.geometry import GearTeeth, PairGeometry, normal_section
+from gearmon.gears.geometry import USUAL_RIM, GearTeeth, PairGeometry, normal_section
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.tooth import ROOTS, Root, Tooth, ToothBeam, tooth_of
+from gearmon.gears.tooth import ROOTS, Foundation, RingBody, Root, Tooth, ToothBeam, tooth_of
 from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
 
 #: How flanks give way; see `hertz_compliance` and `weber_banaschek_compliance`.
@@ -41,9 +40,6 @@ POTENTIAL_ENERGY = "potential-energy"
 USUAL_BORE = 0.4
 #: Root radius over bore radius within which the yielding of a body is used, see `_within_fit`.
 HELD_RATIOS = (1.4, 3.5)
-#: Thickness of the rim of a ring where none is given, in modules: the least for which ISO 6336-3
-#: counts a ring as stiff.
-USUAL_RIM = 3.5
 
 
 def hertz_compliance(
@@ -435,7 +431,7 @@ def tooth_pair(
 
     Examples
     --------
-    >>> from gearmon.gears.geometry import GearTeeth, pair_geometry
+    >>> from gearmon.gears.geometry import USUAL_RIM, GearTeeth, pair_geometry
     >>> gears = GearTeeth(teeth=26), GearTeeth(teeth=53)
     >>> geometry = pair_geometry(*gears, module_m=0.002, face_width_m=0.02)
     >>> pair = tooth_pair(geometry, bore_radii_m=(0.0104, 0.0212))
@@ -446,15 +442,10 @@ def tooth_pair(
     ratio = geometry.transverse_contact_ratio if contact_ratio is None else contact_ratio
     section = normal_section(geometry) if geometry.helix_angle_rad else geometry
     path = _path(section, ratio, geometry.transverse_contact_ratio)
+    held = [_held_alike(geometry, section, i, bore) for i, bore in enumerate(bore_radii_m)]
     one, two = (
-        tooth_of(
-            section,
-            index,
-            bore_radius_m=_held_alike(geometry, section, index, bore_radii_m[index]),
-            poisson_ratio=poisson_ratio,
-            root=form.root,
-        )
-        for index in (0, 1)
+        tooth_of(section, i, bore_radius_m=own, poisson_ratio=poisson_ratio, root=form.root)
+        for i, own in enumerate(held)
     )
     return ToothPair(
         first=one,

@@ -15,8 +15,8 @@ from gearmon.gears.stiffness_report import (
     SizeCurve,
     StageStiffness,
     StiffnessReport,
+    TeethPicture,
 )
-from gearmon.gears.tooth_outline import TeethPicture
 from gearmon.report.plots import BLUE, GREEN, ORANGE, Picture, plot_marks, sheet, sheet_style
 from gearmon.report.plots import VERMILLION as RED
 

@@ -24,9 +24,8 @@ from gearmon.lazy import lazily
 _OFFERED = {
     "expected.baseline": ("expected_signature",),
     "expected.fault_family": ("fault_family",),
-    "expected.faulty_teeth": ("loss_response",),
     "expected.mesh": ("mesh_problem",),
-    "expected.tooth_response": ("tooth_response",),
+    "expected.tooth_response": ("loss_response", "tooth_response"),
     "measured.indicators": ("indicator_table",),
     "measured.measurement": ("measure_signature",),
     "measured.reference": ("make_reference", "read_reference", "write_reference"),

@@ -1,6 +1,6 @@
 """The drive train as it is integrated: the elastic system of the machine, in modes, and its meshes.
 
-The system is that of `gears.drive_train`, which also tells natural frequencies and expected lines.
+The system is that of `gears.mechanics`, which also tells natural frequencies and expected lines.
 Modes that hold next to nothing of any mesh and are faster than a recording carries are left out.
 Motor and load act as torques on the first and the last shaft; the rotation of the train as a whole
 is given, not computed.
@@ -19,11 +19,10 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import WIDTH_OVER_MODULE, drive_train
-from gearmon.gears.drive_train import DriveTrain, Spring
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import StageMechanics, stage_mechanics
+from gearmon.gears.mechanics import DriveTrain, Spring, StageMechanics, stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.machine.fields import Checked, Count, held, within

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from reference.ring_reference import arc_compliance_slow
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.foundation import arc_compliance, sainsot
+from gearmon.gears.tooth import arc_compliance, sainsot
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_reciprocity_and_energy(ratio, half, nu, apart):
 
 def test_more_orders_change_nothing(monkeypatch):
     coarse = arc_compliance(1.2, 0.031, 0.3)
-    monkeypatch.setattr("gearmon.gears.foundation.ARC_PHASE", 400.0)
+    monkeypatch.setattr("gearmon.gears.tooth.ARC_PHASE", 400.0)
     fine = arc_compliance.__wrapped__(1.2, 0.031, 0.3)
     np.testing.assert_allclose(coarse, fine, rtol=1e-3, atol=1e-9)
 

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import GearTeeth
-from gearmon.gears.iso6336 import (
+from gearmon.gears.pairs import (
     Body,
+    mesh_pairs,
     method_b,
+    pair_resonance,
     reduced_mass_per_width,
     resonance_margin,
     resonance_speed_rpm,
 )
-from gearmon.gears.mechanics import pair_resonance
-from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 DEG = math.pi / 180

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_fault
-from gearmon.gears.iso6336 import reduced_mass_per_width, resonance_speed_rpm
 from gearmon.gears.mechanics import DAMPING_RATIO, stage_mechanics
+from gearmon.gears.pairs import reduced_mass_per_width, resonance_speed_rpm
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 
 PAPER = ParallelStage(

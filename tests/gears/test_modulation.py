@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import brentq
 from scipy.special import jv
 
+from gearmon.gears.excitation import contact_offsets, state_of
 from gearmon.gears.faults import parse_error
-from gearmon.gears.modulation import contact_offsets, state_of
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import FORM_NAMES, mesh_stiffness
 from gearmon.machine import ParallelStage, PlanetaryStage
@@ -117,7 +117,7 @@ def test_contact_begins_and_ends_where_circles_say(stage, mesh, index, monkeypat
                 # the gear whose tip is looked at turns evenly
                 share = float(who)
                 monkeypatch.setattr(
-                    "gearmon.gears.modulation.first_gear_share", lambda _, s=share: s
+                    "gearmon.gears.excitation.first_gear_share", lambda _, s=share: s
                 )
                 offsets = contact_offsets(pair, [error])
                 found = meets(circles, who, rolls[who], even, teeth)

@@ -14,14 +14,13 @@ from reference.tooth_cases import PAPER
 from reference.tooth_elements import tooth_compliance
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.damage import stiffness_loss
+from gearmon.gears.damage import SOUND_PAIR, TeethInMesh, stiffness_loss
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.geometry import GearTeeth, pair_geometry
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import mesh_stiffness
+from gearmon.gears.stiffness_report import teeth_picture
 from gearmon.gears.tooth_damage import SOUND, tooth_damage
-from gearmon.gears.tooth_mesh import SOUND_PAIR, TeethInMesh
-from gearmon.gears.tooth_outline import teeth_picture
 from gearmon.gears.tooth_pairs import (
     PotentialEnergy,
     teeth_of,

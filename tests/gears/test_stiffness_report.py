@@ -11,8 +11,7 @@ import pytest
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.stiffness_report import size_curve, stiffness_report
-from gearmon.gears.tooth_outline import half_profile, teeth_picture
+from gearmon.gears.stiffness_report import half_profile, size_curve, stiffness_report, teeth_picture
 from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 

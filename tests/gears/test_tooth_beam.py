@@ -13,9 +13,8 @@ from reference.tooth_cases import PAPER, STRAIGHT, TIAN, teeth
 from reference.tooth_reference import tooth_compliance
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.foundation import Foundation, sainsot
 from gearmon.gears.geometry import GearTeeth, pair_geometry
-from gearmon.gears.tooth import ToothBeam
+from gearmon.gears.tooth import Foundation, ToothBeam, sainsot
 from gearmon.gears.tooth_pairs import (
     PotentialEnergy,
     hertz_compliance,

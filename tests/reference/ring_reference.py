@@ -11,7 +11,7 @@ gauss = cache(np.polynomial.legendre.leggauss)
 
 
 def arc_compliance_slow(ratio, half, nu, apart=0.0, orders=240, elements=40):
-    """Compliances of a plane ring for loads on an arc; see `gears.foundation.arc_compliance`.
+    """Compliances of a plane ring for loads on an arc; see `gears.tooth.arc_compliance`.
 
     Displacements of each order by quadratic elements along the radius: no potentials.
     """

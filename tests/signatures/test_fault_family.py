@@ -16,10 +16,10 @@ from hypothesis import strategies as st
 from gearmon.cli import main
 from gearmon.errors import ArgumentError
 from gearmon.machine import load_machine
-from gearmon.signatures.expected.baseline import expected_signature
+from gearmon.signatures.expected.baseline import contact_grid, expected_signature, faulty_lines
 from gearmon.signatures.expected.fault_family import FAMILY_KINDS, fault_family
-from gearmon.signatures.expected.faulty_teeth import contact_grid, faulty_lines, loss_response
 from gearmon.signatures.expected.mesh import MeshPlace
+from gearmon.signatures.expected.tooth_response import loss_response
 from gearmon.signatures.signature import read_signature, write_signature
 
 FOLDER = Path(__file__).resolve().parents[2] / "signatures"

@@ -240,7 +240,7 @@ def test_modes_that_its_meshes_do_not_feel_are_left_out(monkeypatch):
         return posed.fastest_hz, len(posed.around.force), expected(machine, crack)[0]
 
     fastest, size, lines = found()
-    monkeypatch.setattr("gearmon.gears.drive_train.UNFELT", 0.0)
+    monkeypatch.setattr("gearmon.gears.mechanics.UNFELT", 0.0)
     whole_fastest, whole_size, whole = found()
     assert fastest < 0.5 * whole_fastest
     assert size == whole_size - 2

@@ -17,7 +17,7 @@ from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine
-from gearmon.signatures.expected.faulty_teeth import faulty_lines
+from gearmon.signatures.expected.baseline import faulty_lines
 from gearmon.signatures.expected.mesh import MeshPlace, operating_point
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
 

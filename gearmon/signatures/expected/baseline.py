@@ -1,29 +1,50 @@
-"""Gear data -> stiffness -> Hill's equation -> the lines that a machine should show.
+"""Gear data -> stiffness -> equation of motion -> the lines that a machine should show.
 
 A mesh repeats after its mesh period, a turn of the gear that is marked by damage or errors, or the
 hunting period if both are. Where faults change the stiffness of one gear only, the lines have a
-guaranteed bound of their error. What moves the flanks, damage of both gears and planetary sets are
-solved from corner to corner of stiffness and excitation, in the few mesh periods that differ.
+guaranteed bound of their error, from Hill's equation. What moves the flanks, damage of both gears,
+planetary sets and families of faults are solved from corner to corner of stiffness and excitation
+(see `contact_motion`): a fault of a tooth changes the mesh for the contact of that tooth only, and
+only that is solved anew, exactly for every size. Eccentricity, cumulative pitch error and
+misalignment act all through the turn: they shift the contact of every pair a little, and with it
+the corners of the stiffness; their turns are solved as a whole, on panels that follow the corners.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.arrays import ComplexArray
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import Method, steady_state
 from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.gears.excitation import FlankError
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
+from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
-from gearmon.signatures.expected.faulty_teeth import faulty_lines
-from gearmon.signatures.expected.mesh import MeshPlace, PosedStage, Wrong, operating_point
-from gearmon.signatures.expected.mesh_lines import AMPLITUDES, MeshLines, joined, refuse_no_lines
+from gearmon.signatures.expected.contact_motion import (
+    Deviations,
+    PeriodicMotion,
+    PhaseGrid,
+    deviations,
+)
+from gearmon.signatures.expected.mesh import (
+    AMPLITUDES,
+    MeshLines,
+    MeshPlace,
+    PosedMesh,
+    PosedStage,
+    Wrong,
+    joined,
+    operating_point,
+    refuse_no_lines,
+)
 from gearmon.signatures.signature import Signature
 
 #: Lines, how they were solved, and what to warn of.
@@ -40,6 +61,11 @@ _TOLD: dict[str, Any] = {
 _TOLD |= {"stiffness_cut": 0.0, "stable": True, "contact_loss_angle_rad": None}
 #: Effect of stiffness harmonics above J over A^2 (R/J)^3, see `_stiffness_harmonics`.
 CUT_FACTOR = 6.0
+_Motion = TypeVar("_Motion", PeriodicMotion, Deviations)
+#: How often panels are halved at most.
+MOST_HALVINGS = 4
+#: Cases, panels and coordinates that are solved at once: some 100 MB.
+MOST_NUMBERS = 2_000_000
 
 
 def expected_signature(
@@ -112,18 +138,11 @@ def expected_signature(
         ring = any(fault.stage == number and fault.gear == "ring" for fault in known)
         posed = MeshPlace(machine, number, operating, form, int(ring)).posed(known)
         limit = posed.limit_hz(max_hz)
-        lines, told, warnings = _solved(posed, limit, tolerance, method, order)
+        lines, told, warnings = _stage_lines(posed, limit, tolerance, method, order)
         columns, share = _listed(lines, limit)
         tables.append(columns)
-        stages.append(
-            lines.header()
-            | told
-            | {
-                "max_hz": limit,
-                "cross_lines_share": share,
-                "warnings": [*posed.warnings, *warnings],
-            }
-        )
+        told |= {"max_hz": limit, "cross_lines_share": share}
+        stages.append(lines.header() | told | {"warnings": [*posed.warnings, *warnings]})
         mechanics.append(posed.mechanics)
     if max_hz is not None and not any(len(table["stage"]) for table in tables):
         refuse_no_lines(mechanics, max_hz)
@@ -149,7 +168,7 @@ def _listed(lines: MeshLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]
     return {name: column[known] for name, column in columns.items()}, share
 
 
-def _solved(
+def _stage_lines(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> Solved:
     """Solve one stage with all that is wrong with it."""
@@ -246,3 +265,260 @@ def _stiffness_harmonics(
         if cut <= 0.3 * tolerance or count == most:
             return harmonics, cut
         count = min(most, math.ceil(1.05 * count * (cut / (0.3 * tolerance)) ** (1 / 3)) + 1)
+
+
+def periodic_lines(posed: PosedStage, max_hz: float, tolerance: float) -> MeshLines:
+    """Solve a mesh, or a planetary set, over its whole period: one mesh period where all are alike.
+
+    Parameters
+    ----------
+    posed : PosedStage
+    max_hz : float
+        Highest frequency [Hz].
+    tolerance : float
+        Relative error of the acceleration (an estimate).
+    """
+    grid = contact_grid([posed], max_hz) if posed.is_local else _turn_grid(posed, max_hz)
+    found = _refined(grid, tolerance, lambda own: periodic_motion(posed, own))
+    period, mean = posed.period, found.mean_deflection[:, 0]
+    number, carrier, lines = posed.heard(found, _count(posed, max_hz, period), period)
+    same = {"period": period, "number": number, "carrier": carrier}
+    method = "contact" if posed.is_local else "whole turn"
+    return _each([posed], found, mean, lines, method=method, **same)[0]
+
+
+def faulty_lines(
+    healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
+) -> list[MeshLines]:
+    """Solve a mesh, or a planetary set, with faults that differ from case to case.
+
+    Parameters
+    ----------
+    healthy : PosedStage
+        The same where no tooth differs.
+    faulty : sequence of PosedStage
+        With the faults: of all sizes and kinds, each on teeth of one gear.
+    max_hz : float
+        Highest frequency [Hz].
+    tolerance : float
+        Relative error of what the fault adds (an estimate), or of the whole for turns that are
+        solved as a whole.
+    """
+    teeth: dict[int, list[PosedStage]] = {}
+    for posed in faulty:
+        if posed.is_local and posed.period > 1:
+            teeth.setdefault(posed.period, []).append(posed)
+    even, solved = _Even(healthy), dict[PosedStage, MeshLines]()
+    for own in teeth.values():
+        solved |= zip(own, _tooth_lines(even, own, max_hz, tolerance), strict=True)
+    return [solved.get(own) or periodic_lines(own, max_hz, tolerance) for own in faulty]
+
+
+def added_lines(
+    healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float
+) -> tuple[IntArray, IntArray, ComplexArray, ComplexArray]:
+    """Return where lines of faults on teeth of one gear lie, the healthy ones, and what is added.
+
+    Parameters
+    ----------
+    healthy, faulty, max_hz
+        As in `faulty_lines`.
+    """
+    grid = contact_grid([healthy, *faulty], max_hz)
+    return _solved(_Even(healthy), faulty, grid, max_hz, math.inf)[1:]
+
+
+class _Even:
+    """The healthy mesh on the panels it was asked for last: those of several gears may be alike."""
+
+    def __init__(self, posed: PosedStage) -> None:
+        self.posed = posed
+        self._motion: PeriodicMotion | None = None
+
+    def motion(self, grid: PhaseGrid) -> PeriodicMotion:
+        """Return its motion."""
+        known = self._motion
+        if known is None or not np.array_equal(known.grid.edges, grid.edges):
+            self._motion = known = periodic_motion(self.posed, grid)
+        return known
+
+
+def _tooth_lines(
+    even: _Even, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
+) -> list[MeshLines]:
+    """Solve cases of which a few mesh periods of a turn differ from the others."""
+    healthy = even.posed
+    grid, half = contact_grid([healthy, *faulty], max_hz), len(faulty) // 2
+    numbers = len(faulty) * len(grid.widths) * (8 + len(healthy.around.force)) ** 2
+    if half and numbers > MOST_NUMBERS:
+        parts = faulty[:half], faulty[half:]
+        return [own for part in parts for own in _tooth_lines(even, part, max_hz, tolerance)]
+    found, number, carrier, sound, added = _solved(even, faulty, grid, max_hz, tolerance)
+    mean = found.mesh.mean_deflection[0, 0] + found.mean_deflection[:, 0]
+    same = {"period": found.states.shape[1], "number": number, "carrier": carrier}
+    return _each(faulty, found, mean, sound + added, method="contact", **same)
+
+
+def contact_grid(cases: Sequence[PosedStage], max_hz: float) -> PhaseGrid:
+    """Return panels of a mesh period on which all these cases can be solved."""
+    corners = [
+        own - mesh.lead
+        for posed in cases
+        for mesh in posed.members
+        for _, own in _corners(mesh, mesh.stiffness.trains)
+    ]
+    return PhaseGrid.between(
+        np.concatenate(corners), max(_cycles(posed, max_hz) for posed in cases)
+    )
+
+
+def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
+    """Solve a mesh or a set on panels of its whole period."""
+    phase = grid.phase
+    kappa = [own.stiffness.at(phase + own.lead) for own in posed.members]
+    return PeriodicMotion(
+        grid=grid,
+        around=posed.around,
+        kappa=posed.scale * np.array(kappa),
+        excitation=_moved(posed, phase) if posed.is_excited else None,
+    )
+
+
+def _solved(
+    even: _Even,
+    faulty: Sequence[PosedStage],
+    grid: PhaseGrid,
+    max_hz: float,
+    tolerance: float,
+) -> tuple[Deviations, IntArray, IntArray, ComplexArray, ComplexArray]:
+    """Return turns, places of their lines, the healthy ones, and what faults add in each turn."""
+    period, healthy = max(posed.period for posed in faulty), even.posed
+    found = _refined(
+        grid, tolerance, lambda own: _changes(healthy, even.motion(own), faulty, period)
+    )
+    count = _count(healthy, max_hz, period)
+    number, carrier, added = healthy.heard(found, count, period)
+    of_mesh, beside, sound = healthy.heard(found.mesh, count // period, 1)
+    number = np.concatenate([number, of_mesh * period])
+    carrier = np.concatenate([carrier, beside])
+    span = 1 + 2 * int(np.abs(carrier).max(initial=0))
+    _, first, where = np.unique(number * span + carrier, return_index=True, return_inverse=True)
+    lines = np.zeros((1 + len(added), len(first)), dtype=np.complex128)
+    lines[1:, where[: added.shape[1]]], lines[0, where[added.shape[1] :]] = added, sound[0]
+    return found, number[first], carrier[first], lines[0], lines[1:]
+
+
+def _changes(
+    healthy: PosedStage, motion: PeriodicMotion, faulty: Sequence[PosedStage], period: int
+) -> Deviations:
+    """Return what faults of teeth change in a turn of P mesh periods, case by case."""
+    where = tuple(sorted({place for posed in faulty for place in _changed(posed, period)})) or (0,)
+    phases = np.array(where)[:, None, None] + motion.grid.phase
+    delta = np.zeros((len(faulty), len(where), *motion.kappa.shape))
+    # sizes of a kind may share a pulse
+    known: dict[tuple[object, ...], FloatArray] = {}
+    for posed, own in zip(faulty, delta, strict=True):
+        for number, mesh in enumerate(posed.members):
+            for train in mesh.stiffness.pulses:
+                for term in train.terms:
+                    place = (term.pulse, term.offset, term.face_start, term.face_end)
+                    key = (*place, train.period_mesh, mesh.lead)
+                    if key not in known:
+                        alone = replace(train, terms=(replace(term, weight=healthy.scale),))
+                        known[key] = alone.at(phases + mesh.lead)
+                    own[:, number] += term.weight * known[key]
+    moved = np.array([_moved(posed, phases).swapaxes(0, 1) for posed in faulty])
+    return deviations(motion, period, where, delta, moved if moved.any() else None)
+
+
+def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Motion]) -> _Motion:
+    """Solve on panels that are halved until no more than the tolerance is left unresolved."""
+    found = solve(grid)
+    for _ in range(MOST_HALVINGS):
+        if found.unresolved.max() <= tolerance:
+            break
+        grid = grid.halved()
+        found = solve(grid)
+    return found
+
+
+def _each(
+    posed: Sequence[PosedStage],
+    found: PeriodicMotion | Deviations,
+    mean_m: FloatArray,
+    lines: ComplexArray,
+    **same: Any,
+) -> list[MeshLines]:
+    """Return the lines of each turn by themselves."""
+    columns = found.unresolved, found.contact_lost, mean_m
+    told = zip(posed, lines, *(own.tolist() for own in columns), strict=True)
+    names = ("posed", "displacement", "error", "contact_lost", "mean_m")
+    return [MeshLines(**dict(zip(names, own, strict=True)), **same) for own in told]
+
+
+def _count(posed: PosedStage, max_hz: float, period: int) -> int:
+    return math.floor(max_hz / posed.mechanics.mesh_frequency_hz * period * (1 + 1e-12))
+
+
+def _moved(posed: PosedStage, phases: FloatArray) -> FloatArray:
+    """Return e [m] of every mesh at some phases, (meshes, *phases.shape)."""
+    found = np.zeros((len(posed.members), *phases.shape))
+    for own, moved in zip(posed.members, found, strict=True):
+        if own.excitation.errors:
+            moved[:] = own.excitation.at(phases + own.lead)
+    return found
+
+
+def _changed(posed: PosedStage, period: int) -> set[int]:
+    """Mesh periods of P in which a mesh differs."""
+    found: set[int] = set()
+    for mesh in posed.members:
+        for repeats, corners in _corners(mesh, mesh.stiffness.pulses):
+            first = math.floor(corners.min() - mesh.lead + 1e-9)
+            last = max(math.ceil(corners.max() - mesh.lead - 1e-9), first + 1)
+            turns = range(0, period, repeats)
+            found.update((turn + i) % period for turn in turns for i in range(first, last))
+    return found
+
+
+def _cycles(posed: PosedStage, highest_hz: float) -> float:
+    """Return the cycles a mesh period that panels are to follow: motion times highest line.
+
+    The motion itself is followed with a margin, also where no high line is asked for.
+    """
+    natural, trains = posed.fastest_hz, posed.mechanics.stiffness.trains
+    terms = [term for train in trains for term in train.terms]
+    fastest = max((term.pulse.fastest for term in terms), default=0.0) / (2 * math.pi)
+    mesh_hz = posed.mechanics.mesh_frequency_hz
+    return max(max(2 * natural, natural + highest_hz) / mesh_hz, fastest)
+
+
+def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[int, FloatArray]]:
+    """Give mesh phases at which stiffness or excitation are not smooth, and when they repeat."""
+    for train in trains:
+        for term in train.terms:
+            faces = {face * train.overlap_ratio for face in (term.face_start, term.face_end)}
+            limits = term.offset + term.pulse.edges
+            yield train.period_mesh, np.concatenate([face + limits for face in faces])
+    even = posed.stiffness.healthy
+    for error in posed.excitation.errors:
+        if isinstance(error, FlankError):
+            # what is missing beyond the contact of a pair moves nothing
+            limits = np.minimum(error.gap.edges, even.terms[0].pulse.length)
+            limits = (error.tooth or 1) - 1 + limits
+            yield error.period_mesh, np.add.outer([0.0, even.overlap_ratio], limits).ravel()
+
+
+def _turn_grid(posed: PosedStage, highest_hz: float) -> PhaseGrid:
+    """Return panels round a turn, with edges at all corners of stiffness and excitation."""
+    period, found = posed.period, []
+    for mesh in posed.members:
+        stiffness, lead = mesh.stiffness, mesh.lead
+        moving = [(train.period_mesh, train.corners) for train in stiffness.modulations]
+        # damaged teeth lose what they lose where the teeth would be without the errors, and single
+        # errors are shared as by these
+        apart = moving and not any(isinstance(e, FlankError) for e in mesh.excitation.errors)
+        still = stiffness.pulses if apart else stiffness.trains
+        for repeats, corners in (*moving, *_corners(mesh, still)):
+            found.append(np.add.outer(np.arange(0, period, repeats), corners).ravel() - lead)
+    return PhaseGrid.between(np.concatenate(found), _cycles(posed, highest_hz), period)

@@ -32,7 +32,7 @@ from scipy.sparse import csr_array
 
 from gearmon.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError
-from gearmon.gears.pulses import Pulse, gauss, panel_nodes
+from gearmon.gears.pulses import Pulse, distinct, gauss, panel_nodes
 
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
 #: together they integrate that part to about 1e-12.
@@ -58,8 +58,7 @@ class PhaseGrid:
     @classmethod
     def between(cls, corners: FloatArray, fastest: float, period: int = 1) -> PhaseGrid:
         """Return panels between corners, fine enough for `fastest` cycles a mesh period."""
-        folded = np.unique(np.concatenate([np.mod(corners, period), [0.0, period]]))
-        folded = folded[np.concatenate([[True], np.diff(folded) > 1e-11])]
+        folded = distinct(np.append(np.mod(corners, period), [0.0, period]), 1e-11)
         folded[-1] = period
         longest = LARGEST_HALF_TURN / (math.pi * max(fastest, 1.0))
         parts = [
@@ -173,22 +172,20 @@ class PeriodicMotion:
     @cached_property
     def forced(self) -> _PanelMaps:
         """Motion on the panels from rest, by forces in the meshes: a column each mesh and point."""
-        push = self._unit_forces
-        none = np.broadcast_to(0.0, push.shape)
-        return self._answer(push, none, np.zeros((len(self.monodromy), 1)))
+        return self._from_rest(1.0, 0.0)
 
     @cached_property
     def shifted(self) -> _PanelMaps:
         """The same by e of the dampers."""
-        shift = self._unit_forces * np.repeat(self.around.dampers, POINTS)
-        none = np.broadcast_to(0.0, shift.shape)
-        return self._answer(none, shift, np.zeros((len(self.monodromy), 1)))
+        return self._from_rest(0.0, np.repeat(self.around.dampers, POINTS))
 
-    @property
-    def _unit_forces(self) -> FloatArray:
+    def _from_rest(self, force: FloatArray | float, moved: FloatArray | float) -> _PanelMaps:
+        """Return the motions by unit forces at every mesh and point, and by shifts of the same."""
         vectors = self.around.vectors
         each = np.einsum("ma,il->iaml", vectors, np.eye(POINTS)).reshape(POINTS, len(vectors.T), -1)
-        return np.broadcast_to(each, (self.kappa.shape[1], *each.shape))
+        shape = self.kappa.shape[1], *each.shape
+        push, shift = (np.broadcast_to(each * size, shape) for size in (force, moved))
+        return self._answer(push, shift, np.zeros((len(self.monodromy), 1)))
 
     @cached_property
     def _collocation(self) -> tuple[FloatArray, FloatArray]:
@@ -215,14 +212,11 @@ class PeriodicMotion:
             State when the panel begins.
         """
         # a few panels at a time: what is made on the way stays in the cache
-        panels, points, size, columns = push.shape
-        step = np.empty((panels, 2 * size, columns))
-        seen = np.empty((2, panels, len(self.kappa), points, columns))
-        together = max(1, VALUES_TOGETHER // (push[0].size + (points * size) ** 2))
-        for first in range(0, panels, together):
-            some = slice(first, first + together)
-            step[some], seen[:, some] = self._answer_some(some, push, shift, start)
-        return _PanelMaps(step=step, seen=seen)
+        together = max(1, VALUES_TOGETHER // (push[0].size + push[0, ..., 0].size ** 2))
+        firsts = range(0, len(push), together)
+        some = (slice(first, first + together) for first in firsts)
+        step, seen = zip(*(self._answer_some(own, push, shift, start) for own in some), strict=True)
+        return _PanelMaps(step=np.concatenate(step), seen=np.concatenate(seen, axis=1))
 
     def _answer_some(
         self, some: slice, push: FloatArray, shift: FloatArray, start: FloatArray

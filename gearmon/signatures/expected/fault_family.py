@@ -1,6 +1,6 @@
 """Families of signatures: a machine healthy, and with every kind and size of fault of every gear.
 
-The healthy mesh is solved once, and of every fault what it changes (see `faulty_teeth`). A fault of
+The healthy mesh is solved once, and of every fault what it changes (see `baseline`). A fault of
 tooth j gives the lines of tooth 1, turned by ``exp(-2 pi i r (j - 1)/z)`` at the harmonic r of the
 gear's turn.
 """
@@ -19,21 +19,17 @@ import numpy.typing as npt
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
-from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
-from gearmon.gears.pulses import LEAST_OVERLAP
-from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
+from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signatures.expected.faulty_teeth import faulty_lines, periodic_lines
+from gearmon.signatures.expected.baseline import faulty_lines, periodic_lines
 from gearmon.signatures.expected.mesh import (
+    AMPLITUDES,
+    MeshLines,
     MeshPlace,
     PosedStage,
     Wrong,
     gear_places,
-)
-from gearmon.signatures.expected.mesh_lines import (
-    AMPLITUDES,
-    MeshLines,
     joined,
     refuse_no_lines,
     rms,
@@ -41,24 +37,13 @@ from gearmon.signatures.expected.mesh_lines import (
 from gearmon.signatures.signature import Signature
 
 #: What a family holds unless told otherwise. A crack in % is a uniform loss of stiffness.
-FAMILY_KINDS = (
-    "crack",
-    "breakage",
-    "pitting",
-    "spall",
-    "wear",
-    "missing",
-    "pitch",
-    "eccentricity",
-    "misalignment",
-)
+FAMILY_KINDS: tuple[str, ...] = ("crack", "breakage", "pitting", "spall", "wear", "missing")
+FAMILY_KINDS += ("pitch", "eccentricity", "misalignment")
 LOSSES = ("2.5%", "5%", "10%", "20%", "40%")
 ERROR_SIZES = ("5um", "10um", "20um", "40um")
 GONE = ("1tooth",)
 #: Kinds that concern all teeth of a gear.
 ALL_TEETH = ("wear", "eccentricity", "cumulative", "misalignment", "profile")
-#: Kinds whose loss of stiffness is as large all along their part of the contact.
-UNIFORM_KINDS = ("crack", "stiffness", "pitting", "spall")
 
 Size = float | str
 # Columns of the table beside those of the lines.
@@ -194,12 +179,8 @@ class FaultFamily(Result):
             "largest_error": max((m.lines.error for m in self.members), default=0.0),
             "notes": list(self.notes),
         }
-        return Signature(
-            machine=self.machine.name,
-            origin="expected family",
-            header=header,
-            columns=joined(tables),
-        )
+        told = {"machine": self.machine.name, "origin": "expected family"}
+        return Signature(**told, header=header, columns=joined(tables))
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one row for each member: what it is, and how strong its lines are.
@@ -226,7 +207,7 @@ class FaultFamily(Result):
         names = ("kind", "stage", "gear", "size", "loss", "operating", "teeth")
         return {name: getattr(member, name) for name in names} | {
             "lines": len(mine),
-            "healthy_ms2": even.rms,
+            "healthy_ms2": rms(even.acceleration),
             "sidebands_ms2": rms(mine[~is_mesh]),
             "mesh_change_ms2": rms(meshes),
             "contact_lost": lines.contact_lost,
@@ -334,7 +315,7 @@ def fault_family(
         one = _Gear(MeshPlace(machine, stage, number, form, mesh), gear, even)
         for kind, own in texts.items():
             try:
-                cases += list(one.cases(kind, own))
+                cases += [one.case(kind, size, wrong) for size, wrong in own.items()]
             except ArgumentError as error:
                 if kinds is not None:
                     raise
@@ -376,41 +357,23 @@ class _Gear:
         """Its mesh without faults, by itself."""
         return self.place.alone()
 
-    def cases(self, kind: str, sizes: Mapping[str, Wrong]) -> Iterator[_Case]:
-        """Pose all sizes of a kind; where they take the same pulse more or less, the largest."""
-        losses = [own.loss for own in sizes.values() if isinstance(own, Fault) and own.is_loss]
-        overlap = self.even.mechanics.stiffness.overlap_ratio
-        alike = kind in UNIFORM_KINDS or (kind == "breakage" and overlap < LEAST_OVERLAP)
-        most = max(losses, default=0.0)
-        if alike and most and len(losses) == len(sizes) and self.place.form != POTENTIAL_ENERGY:
-            whole = self._posed(list(sizes.values())[losses.index(most)])
-            for size, loss in zip(sizes, losses, strict=True):
-                yield _Case(self, kind, size, whole.scaled(loss / most), whole, loss / most)
-        else:
-            for size, wrong in sizes.items():
-                posed = self._posed(wrong)
-                yield _Case(self, kind, size, posed, posed, 1.0)
-
-    def _posed(self, wrong: Wrong) -> PosedStage:
-        return self.place.posed([replace(wrong, stage=self.place.stage, gear=self.gear)])
+    def case(self, kind: str, size: str, wrong: Wrong) -> _Case:
+        """Pose a kind and size of fault of the gear."""
+        posed = self.place.posed([replace(wrong, stage=self.place.stage, gear=self.gear)])
+        # what a set cannot be solved with is taken by itself
+        even = self.even if (self.even.train is None) == (posed.train is None) else self.alone
+        place = {"stage": self.place.stage, "gear": self.gear, "operating": self.place.operating}
+        return _Case(place | {"kind": kind, "size": size}, posed, even, self.even)
 
 
 @dataclass(frozen=True, eq=False)
 class _Case:
-    """A kind and size of fault of a gear, which takes a part of what `whole` loses."""
+    """A fault, what is told of it, the same stage without it, and that as it is usually posed."""
 
-    gear: _Gear
-    kind: str
-    size: str
+    told: dict[str, Any]
     posed: PosedStage
-    whole: PosedStage
-    part: float
-
-    @property
-    def even(self) -> PosedStage:
-        """The same without the fault: what a set cannot be solved with is taken by itself."""
-        is_same = (self.gear.even.train is None) == (self.posed.train is None)
-        return self.gear.even if is_same else self.gear.alone
+    even: PosedStage
+    usual: PosedStage
 
 
 def _solved(
@@ -421,25 +384,14 @@ def _solved(
 ) -> tuple[FamilyMember, ...]:
     """Solve all faults, those of the gears of a mesh at once."""
     found: dict[_Case, FamilyMember] = {}
-    groups: dict[PosedStage, list[_Case]] = {}
-    for case in cases:
-        groups.setdefault(case.even, []).append(case)
-    for even, own in groups.items():
-        limit_hz = own[0].gear.even.limit_hz(max_hz)
+    for even in dict.fromkeys(case.even for case in cases):
+        own = [case for case in cases if case.even is even]
+        limit_hz = own[0].usual.limit_hz(max_hz)
         sound = healthy.get(even) or periodic_lines(even, limit_hz, tolerance)
-        losses = {whole: whole.loss(even) for whole in dict.fromkeys(case.whole for case in own)}
         solved = faulty_lines(even, [case.posed for case in own], limit_hz, tolerance)
         for case, lines in zip(own, solved, strict=True):
-            found[case] = FamilyMember(
-                kind=case.kind,
-                stage=case.gear.place.stage,
-                gear=case.gear.gear,
-                size=case.size,
-                loss=case.part * losses[case.whole],
-                operating=case.gear.place.operating,
-                lines=lines,
-                sound=sound,
-            )
+            loss = case.posed.loss(even)
+            found[case] = FamilyMember(**case.told, loss=loss, lines=lines, sound=sound)
     return tuple(found[case] for case in cases)
 
 

@@ -1,13 +1,13 @@
-"""Meshes of a machine with what is wrong with them, posed for whoever solves them.
+"""Meshes of a machine with what is wrong with them, posed for whoever solves them, and their lines.
 
 Each stage is taken at one operating point. A pair is taken by itself: a healthy one repeats every
 mesh period, with damaged teeth or errors on one gear every turn of that gear. Errors and lost
 profile act as displacement excitation e(t) in ``m z'' + c (z - e)' + k(t) (z - e) = F``.
 
-A planetary set vibrates as a part of its machine (`gears.drive_train`): the stiffness of each of
-its meshes varies, each in its phase, those of other stages stay at their means. A damaged tooth of
-the sun or the ring meets every planet in turn; that of a planet, the first one, meets the sun and,
-half a turn of the planet later, the ring.
+A planetary set vibrates as a part of its machine (`DriveTrain`): the stiffness of each of its
+meshes varies, each in its phase, those of other stages stay at their means. A damaged tooth of the
+sun or the ring meets every planet in turn; that of a planet, the first one, meets the sun and, half
+a turn of the planet later, the ring.
 
 Of the forces F_p of planet p, in both of its meshes, the share d is heard only as it passes the
 sensor,
@@ -32,19 +32,21 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train
-from gearmon.gears.drive_train import Around, DriveTrain
-from gearmon.gears.excitation import Excitation, FlankError, TurningError, displacement_excitation
+from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
-from gearmon.gears.mechanics import StageMechanics, stage_mechanics
+from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
 
@@ -52,6 +54,11 @@ Wrong = Fault | GearError
 
 #: Share of what planets bring to a line up to which they cancel.
 CANCELLED = 1e-9
+# What is told of a mesh beside its lines.
+_TOLD: tuple[str, ...] = ("stage", "mesh", "mesh_frequency_hz", "contact_ratio", "force_n")
+_TOLD += ("natural_frequency_hz", "damping_ratio", "equivalent_mass_kg", "damping_ns_per_m")
+#: What the phases and amplitudes of all expected lines mean.
+AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,69 +69,42 @@ class PosedMesh:
     ----------
     mechanics : StageMechanics
         With the faults.
-    excitation : Excitation or None
-        None where nothing moves the flanks.
+    excitation : Excitation
+        What moves the flanks, if anything does.
     lead : float
         Mesh periods by which it is ahead of the first one of its stage.
-    warnings : tuple of str
-        What was asked for and does not act.
     """
 
     mechanics: StageMechanics
-    excitation: Excitation | None
+    excitation: Excitation
     lead: float = 0.0
-    warnings: tuple[str, ...] = ()
 
     @property
-    def errors(self) -> tuple[TurningError | FlankError, ...]:
-        """What moves the flanks."""
-        return () if self.excitation is None else self.excitation.errors
-
-    @property
-    def period(self) -> int:
-        """P, mesh periods after which it repeats."""
-        own = self.mechanics.stiffness.period_mesh
-        return own if self.excitation is None else self.excitation.period_mesh
-
-    @property
-    def marked(self) -> dict[str, int]:
-        """Gears that differ from tooth to tooth, and their teeth."""
-        trains = [t for t in self.mechanics.stiffness.marks if " and " not in t.gear]
-        found = {train.gear: train.period_mesh for train in trains}
-        return found | {error.gear: error.teeth for error in self.errors if error.period_mesh > 1}
-
-    @property
-    def is_local(self) -> bool:
-        """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
-        return not self.mechanics.stiffness.modulations and all(
-            isinstance(error, FlankError) or error.period_mesh == 1 for error in self.errors
-        )
+    def stiffness(self) -> MeshStiffness:
+        """With the faults."""
+        return self.mechanics.stiffness
 
     @property
     def sound(self) -> PosedMesh:
         """The same mesh with nothing wrong with single teeth."""
-        mechanics = replace(self.mechanics, stiffness=self.mechanics.stiffness.unmarked)
-        return replace(self, mechanics=mechanics, excitation=None)
+        stiffness = self.stiffness.unmarked
+        mechanics = replace(self.mechanics, stiffness=stiffness)
+        still = Excitation(stiffness=stiffness, errors=())
+        return replace(self, mechanics=mechanics, excitation=still)
 
-    def scaled(self, factor: float) -> PosedMesh:
-        """Return the mesh with `factor` times the loss of stiffness of its damaged teeth."""
-        stiffness = self.mechanics.stiffness
-        pulses = [
-            replace(train, terms=tuple(replace(t, weight=factor * t.weight) for t in train.terms))
-            for train in stiffness.pulses
-        ]
-        changed = replace(stiffness, pulses=tuple(pulses))
-        return replace(self, mechanics=replace(self.mechanics, stiffness=changed))
+    @property
+    def marked(self) -> dict[str, int]:
+        """Gears that differ from tooth to tooth, and their teeth."""
+        # an error that modulates the stiffness moves the flanks too
+        trains = {t.gear: t.period_mesh for t in self.stiffness.pulses if " and " not in t.gear}
+        return trains | {e.gear: e.teeth for e in self.excitation.errors if e.period_mesh > 1}
 
-    def loss(self, whole: PosedMesh) -> float:
-        """Return the share of the stiffness of a pair, integrated over its contact, that is lost.
-
-        A stiffness that errors modulate loses nothing: its mean wanders a little.
-        """
-        own, even = self.mechanics.stiffness, whole.mechanics.stiffness
-        if own.modulations:
-            return 0.0
-        return float(own.period_mesh * (1 - own.mean_n_per_m / even.mean_n_per_m))
+    @property
+    def is_local(self) -> bool:
+        """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
+        return not self.stiffness.modulations and all(
+            isinstance(e, FlankError) or e.period_mesh == 1 for e in self.excitation.errors
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,19 +143,14 @@ class PosedStage:
         return self.mesh.order
 
     @property
-    def carrier(self) -> Fraction:
-        """Signed order of a carrier whose planets pass the housing, over that of shaft 1."""
-        return Fraction(0) if self.train is None else self.mesh.carrier
-
-    @property
     def pass_order(self) -> Fraction:
-        """The same over the order of the mesh."""
-        return self.carrier / self.mesh.exact
+        """Signed order of a carrier whose planets pass the housing, over that of the mesh."""
+        return Fraction(0) if self.train is None else self.mesh.carrier / self.mesh.exact
 
     @property
     def period(self) -> int:
         """P, mesh periods after which it repeats."""
-        return math.lcm(*(mesh.period for mesh in self.members))
+        return math.lcm(*(mesh.excitation.period_mesh for mesh in self.members))
 
     @property
     def marked(self) -> dict[str, int]:
@@ -185,7 +160,7 @@ class PosedStage:
     @property
     def is_excited(self) -> bool:
         """Whether anything moves the flanks."""
-        return any(mesh.excitation is not None for mesh in self.members)
+        return any(mesh.excitation.errors for mesh in self.members)
 
     @property
     def is_local(self) -> bool:
@@ -195,7 +170,7 @@ class PosedStage:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of its teeth, and what was asked for and acts in no mesh."""
-        told = [(*mesh.mechanics.warnings, *mesh.warnings) for mesh in self.members]
+        told = [(*mesh.mechanics.warnings, *mesh.excitation.warnings) for mesh in self.members]
         every = dict.fromkeys(word for own in told for word in own)
         mild = ("fault ", "error ")
         kept = (w for w in every if not w.startswith(mild) or all(w in own for own in told))
@@ -206,14 +181,17 @@ class PosedStage:
         """The same with nothing wrong with single teeth."""
         return replace(self, members=tuple(mesh.sound for mesh in self.members))
 
-    def scaled(self, factor: float) -> PosedStage:
-        """Return the stage with `factor` times the loss of stiffness of its damaged teeth."""
-        return replace(self, members=tuple(mesh.scaled(factor) for mesh in self.members))
-
     def loss(self, whole: PosedStage) -> float:
-        """Return the greatest loss of its meshes, see `PosedMesh.loss`."""
+        """Return the share of the stiffness of a pair, integrated over its contact, that is lost.
+
+        The greatest of its meshes. A stiffness that errors modulate loses nothing: its mean wanders
+        a little.
+        """
         both = zip(self.members, whole.members, strict=True)
-        return max(own.loss(even) for own, even in both)
+        return max(
+            0.0 if k.modulations else k.period_mesh * (1 - k.mean_n_per_m / even.mean_n_per_m)
+            for k, even in ((own.stiffness, sound.stiffness) for own, sound in both)
+        )
 
     @property
     def scale(self) -> float:
@@ -277,9 +255,9 @@ class PosedStage:
         planets = len(self.angles_rad)
         shape = len(forces), len(self.members) // planets, planets, highest
         forces = forces.reshape(shape).sum(axis=1)
-        sides = np.array([-1, 0, 1] if self.carrier else [0])
+        sides = np.array([-1, 0, 1] if self.pass_order else [0])
         turned = np.exp(1j * np.outer(sides, self.angles_rad))
-        depth = PLANET_PASS_DEPTH if self.carrier else 0.0
+        depth = PLANET_PASS_DEPTH if self.pass_order else 0.0
         weights = np.where(sides == 0, 1 - depth / 2, depth / 4)
         lines = (weights[:, None] * turned) @ forces
         number = np.arange(1, highest + 1)
@@ -423,22 +401,16 @@ class MeshPlace:
         own = [one for one in wrong if one.stage == self.stage]
         faults = [fault for fault in own if isinstance(fault, Fault)]
         errors = [error for error in own if isinstance(error, GearError)]
+        wrongs: dict[str, Any] = {"faults": faults, "errors": errors}
         mechanics = stage_mechanics(
-            self.machine,
-            self.stage,
-            self.point,
-            faults=faults,
-            errors=errors,
-            form=self.form,
-            mesh=self.mesh,
+            self.machine, self.stage, self.point, form=self.form, mesh=self.mesh, **wrongs
         )
-        if not own:
-            return PosedMesh(mechanics=mechanics, excitation=None)
-        stage = self.machine.stages[self.stage - 1]
-        pair = mesh_pairs(stage, self.stage, self.machine.path)[self.mesh]
-        found = displacement_excitation(pair, mechanics.stiffness, errors, faults)
-        excitation = found if found.errors else None
-        return PosedMesh(mechanics=mechanics, excitation=excitation, warnings=found.warnings)
+        moved = Excitation(stiffness=mechanics.stiffness, errors=())
+        if own:
+            stage = self.machine.stages[self.stage - 1]
+            pair = mesh_pairs(stage, self.stage, self.machine.path)[self.mesh]
+            moved = displacement_excitation(pair, mechanics.stiffness, errors, faults)
+        return PosedMesh(mechanics=mechanics, excitation=moved)
 
 
 def _parsed(wrong: Iterable[Wrong | str]) -> list[Wrong]:
@@ -498,3 +470,176 @@ def gear_places(machine: Machine) -> dict[tuple[int, str], int]:
             for member in pair.members:
                 found.setdefault((number, member.name), mesh)
     return found
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeshLines:
+    """Lines of one mesh.
+
+    Parameters
+    ----------
+    posed : PosedStage
+        What was solved, with its faults.
+    period : int
+        P, the true period [mesh periods]; 1 where all are alike.
+    number : ndarray of int, shape (n,)
+        r: frequencies r/P of the mesh frequency.
+    carrier : ndarray of int, shape (n,)
+        s: turns of the carrier beside them, of sidebands by the planets' pass; else 0.
+    displacement : complex ndarray, shape (n,)
+        z_r [m] of ``z = z_0 + sum (z_r exp(2 pi i r s/P) + conj)`` with s the mesh phase: peak
+        amplitudes are 2 abs(z_r).
+    method : str
+        How it was solved.
+    error : float
+        Relative error of the acceleration.
+    contact_lost : bool
+        Whether teeth part: the linear model ends there.
+    mean_m : float
+        Mean of z [m].
+    """
+
+    posed: PosedStage
+    period: int
+    number: IntArray
+    carrier: IntArray
+    displacement: ComplexArray
+    method: str
+    error: float
+    contact_lost: bool
+    mean_m: float
+
+    @property
+    def mechanics(self) -> StageMechanics:
+        """Of its first mesh, with the faults."""
+        return self.posed.mechanics
+
+    @property
+    def order(self) -> FloatArray:
+        """Frequencies over that of shaft 1, shape (n,)."""
+        return np.asarray(self._turns * self.posed.order)
+
+    @property
+    def frequency_hz(self) -> FloatArray:
+        """Frequencies [Hz], shape (n,)."""
+        return np.asarray(self._turns * self.mechanics.mesh_frequency_hz)
+
+    @property
+    def _turns(self) -> FloatArray:
+        """Frequencies over that of the mesh."""
+        return np.asarray(self.number / self.period + self.carrier * float(self.posed.pass_order))
+
+    @property
+    def acceleration(self) -> ComplexArray:
+        """Acceleration lines [m/s2], shape (n,)."""
+        return np.asarray(-((2 * math.pi * self.frequency_hz) ** 2) * self.displacement)
+
+    def of_tooth(self, tooth: int = 1) -> MeshLines:
+        """Return the lines for another tooth, in order; those that fall together are added.
+
+        Raises
+        ------
+        ArgumentError
+            If the gear has no such tooth.
+        """
+        check_range("tooth", tooth, 1, self.period)
+        z = self.displacement * np.exp(-2j * np.pi * (tooth - 1) / self.period * self.number)
+        passing = self.posed.pass_order
+        if not passing:
+            return replace(self, displacement=z)
+        steps, parts = passing.numerator * self.period, passing.denominator
+        place = self.number * parts + self.carrier * steps
+        # a mesh line, or one without the carrier, gives its name
+        ranked = np.lexsort((self.carrier != 0, self.number % self.period != 0, place))
+        first, total = added_up(place[ranked], z[ranked])
+        chosen = ranked[first]
+        return replace(
+            self, number=self.number[chosen], carrier=self.carrier[chosen], displacement=total
+        )
+
+    def columns(self, tooth: int = 1) -> dict[str, npt.NDArray[Any]]:
+        """Return the columns of a `Signature`; where one gear is marked, for another tooth of it.
+
+        Lines are attributed to the nearest mesh harmonic; `sideband_of` is "?" for those that
+        belong to neither gear. Where planets pass there is a column `carrier` more: turns of the
+        carrier beside those of the gear.
+        """
+        own = self.of_tooth(tooth)
+        harmonic = np.ceil(own.number / self.period - 0.5).astype(int)
+        distance = own.number - harmonic * self.period
+        sideband, gear = own._sidebands(distance)
+        carrier = own.carrier.copy()
+        passing = (distance == 0) & (carrier != 0)
+        sideband[passing], carrier[passing], gear[passing] = carrier[passing], 0, "carrier"
+        z, angular = own.displacement, 2 * math.pi * own.frequency_hz
+        found = {
+            "stage": np.full(len(z), self.mechanics.stage),
+            "mesh_harmonic": harmonic,
+            "sideband": sideband,
+            "sideband_of": gear,
+            "order": own.order,
+            "frequency_hz": own.frequency_hz,
+            "displacement_m": 2 * np.abs(z),
+            "velocity_ms": 2 * angular * np.abs(z),
+            "acceleration_ms2": 2 * angular**2 * np.abs(z),
+            "phase_rad": np.angle(z),
+        }
+        return found | ({"carrier": carrier} if self.posed.pass_order else {})
+
+    def _sidebands(self, distance: IntArray) -> tuple[IntArray, npt.NDArray[np.str_]]:
+        """Sideband number and modulating gear of lines by their distance from the mesh harmonic."""
+        number = np.zeros(len(self.number), dtype=int)
+        name = np.full(len(self.number), "?", dtype="U16")
+        for gear, teeth in self.posed.marked.items():
+            step = self.period // teeth
+            own = (self.number % step == 0) & (name == "?")
+            name[own] = gear
+            number[own] = distance[own] // step
+        name[distance == 0] = ""
+        number[distance == 0] = 0
+        return number, name
+
+    def header(self) -> dict[str, Any]:
+        """Return what holds for all of its lines."""
+        own = self.mechanics
+        return {name: getattr(own, name) for name in _TOLD} | {
+            "mean_stiffness_n_per_m": own.stiffness.mean_n_per_m,
+            "stiffness_variation": own.stiffness.variation,
+            "overlap_ratio": own.stiffness.overlap_ratio,
+            "period_mesh": self.period,
+            "method": self.method,
+            "contact_lost": self.contact_lost,
+            "mean_deflection_m": self.mean_m,
+            "assumptions": list(own.assumptions),
+        }
+
+
+def added_up(place: IntArray, lines: ComplexArray) -> tuple[IntArray, ComplexArray]:
+    """Add lines that share a place; return the first of each place, and the sums."""
+    _, first, where = np.unique(place, return_index=True, return_inverse=True)
+    total = np.zeros(len(first), dtype=np.complex128)
+    np.add.at(total, where, lines)
+    return first, total
+
+
+def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:
+    """Return tables one under the other; of a column that one lacks it has zeros."""
+    found = list(tables)
+    names = dict.fromkeys(name for table in found for name in table)
+    return {
+        name: np.concatenate([t.get(name, np.zeros(len(t["stage"]), dtype=int)) for t in found])
+        for name in names
+    }
+
+
+def refuse_no_lines(meshes: Iterable[StageMechanics], max_hz: float | None) -> None:
+    """Say that no line is left below the highest frequency."""
+    lowest = min(mechanics.mesh_frequency_hz for mechanics in meshes)
+    raise ArgumentError(
+        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {lowest:.6g} Hz: no lines"
+    )
+
+
+def rms(lines: ComplexArray | FloatArray) -> float:
+    """Rms of a vibration by its one-sided harmonics, without its mean."""
+    return math.sqrt(2 * float(np.sum(np.abs(lines) ** 2)))

@@ -1,6 +1,6 @@
 """Natural vibrations of a whole machine, and the speeds at which mesh harmonics meet them.
 
-The machine is the elastic system of `gears.drive_train`, with mean mesh stiffnesses and without
+The machine is the elastic system of `gears.mechanics`, with mean mesh stiffnesses and without
 damping; natural frequencies do not depend on its speed, for gyroscopic moments are left out.
 """
 
@@ -16,8 +16,8 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.errors import check_range
 from gearmon.gears.assembly import drive_train
-from gearmon.gears.drive_train import DriveTrain, Planets
 from gearmon.gears.kinematics import kinematics
+from gearmon.gears.mechanics import DriveTrain, Planets
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 
