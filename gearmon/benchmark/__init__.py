@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
-from gearmon.benchmark.timing import facts_of_run
+from gearmon.benchmark.timing import Row, facts_of_run
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
 __all__ = ["CASES", "PICTURED", "case_figures", "run_case", "summary_rows"]
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -48,13 +46,13 @@ class _Case:
 
 _DRAWN = ("progress", "quick", "seed", "count")
 CASES = {
-    "analyse": _Case("signals:analysis_against_reading"),
-    "memory": _Case("signals:memory_of_long_recording"),
-    "stiffness": _Case("stiffness:time_stiffness", ("ross_python",)),
-    "harvesting": _Case("harvesting:time_harvesting", ("progress", "quick")),
+    "analyse": _Case("tasks:analysis_against_reading"),
+    "memory": _Case("tasks:memory_of_long_recording"),
+    "stiffness": _Case("tasks:time_stiffness", ("ross_python",)),
+    "harvesting": _Case("tasks:time_harvesting", ("progress", "quick")),
     "dynamics": _Case("dynamics:run_dynamics", _DRAWN, "dynamics:headlines", "dynamics_figures"),
     "stress": _Case("stress:run_stress", _DRAWN, "stress:stress_summary"),
-    "signals": _Case("signals:run_signals", ("progress", "quick"), "signals:signals_summary"),
+    "signals": _Case("tasks:run_signals", ("progress", "quick"), "tasks:signals_summary"),
     "detection": _Case(
         "detection:run_detection", _DRAWN, "detection:detection_summary", "detection_figures"
     ),

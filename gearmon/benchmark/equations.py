@@ -14,7 +14,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -59,8 +60,6 @@ class Case:
 
     Parameters
     ----------
-    name : str
-        Short, for tables and files.
     problem : HillProblem
         The equation; of a rectangle its Fourier sum, cut off.
     rectangle : float, optional
@@ -69,21 +68,18 @@ class Case:
         Mesh periods in the period.
     """
 
-    name: str
     problem: HillProblem
     rectangle: float | None = None
     meshes: int = 1
 
-    def relative_stiffness(self, share: npt.ArrayLike) -> Real:
-        """k/k0 of a rectangle at shares of its period.
+    @property
+    def half(self) -> Complex:
+        """k/k0 as harmonics 0..J."""
+        return np.concatenate([[1.0 + 0j], self.problem.stiffness_harmonics])
 
-        Raises
-        ------
-        ArgumentError
-            If the stiffness is no rectangle.
-        """
-        if self.rectangle is None:
-            raise ArgumentError(f"case {self.name}: its stiffness is no rectangle")
+    def level(self, share: npt.ArrayLike) -> Real:
+        """k/k0 of a rectangle at shares of its period."""
+        assert self.rectangle is not None
         turned = (np.asarray(share, dtype=float) + 0.25) % 1.0
         return np.where(turned < 0.5, 1 + self.rectangle, 1 - self.rectangle)
 
@@ -123,46 +119,35 @@ def pair(
     return HillProblem(MASS_KG, damping, STIFFNESS_N_PER_M, own, meshes * period, FORCE_N)
 
 
-def _smooth(
-    name: str, harmonics: int = 10, zeta: float | None = None, ratio: float | None = None
-) -> Case:
-    return Case(name=name, problem=pair(square_wave(harmonics), zeta=zeta, ratio=ratio))
+def _smooth(harmonics: int = 10, zeta: float | None = None, ratio: float | None = None) -> Case:
+    return Case(problem=pair(square_wave(harmonics), zeta=zeta, ratio=ratio))
 
 
-def _resonant(name: str, ratio: float) -> Case:
-    return _smooth(f"resonance {name}", zeta=0.05, ratio=ratio)
-
-
-def _rectangle() -> Case:
-    return Case(name="rectangle", problem=pair(square_wave(1000)), rectangle=VARIATION)
-
-
-def _cracked(name: str, *cracks: str) -> Case:
+def _cracked(*cracks: str) -> Case:
     from gearmon.gears.faults import parse_fault
     from gearmon.gears.stiffness import mesh_stiffness
 
     stiffness = mesh_stiffness(STAGE, [parse_fault(crack) for crack in cracks], FORM)
-    harmonics = stiffness.harmonics(MESH_HARMONICS * stiffness.period_mesh)
-    meshes = len(harmonics) // MESH_HARMONICS
-    return Case(name=name, problem=pair(harmonics, meshes=meshes), meshes=meshes)
+    meshes = stiffness.period_mesh
+    return Case(
+        problem=pair(stiffness.harmonics(MESH_HARMONICS * meshes), meshes=meshes), meshes=meshes
+    )
 
 
+#: Natural over mesh frequency of the cases of a resonance, at a damping ratio of 0.05.
+_RESONANCES = {"w": 1.0, "2w": 2.0, "w/2": 0.5, "13.6w": 13.6}
 CASES: dict[str, Callable[[], Case]] = {
     # the published pair, 10 stiffness harmonics
-    "pair": lambda: _smooth("pair"),
-    "damping 0.02": lambda: _smooth("damping 0.02", zeta=0.02),
-    "damping 0.005": lambda: _smooth("damping 0.005", zeta=0.005),
-    # natural over mesh frequency, at a damping ratio of 0.05
-    "resonance w": lambda: _resonant("w", 1.0),
-    "resonance 2w": lambda: _resonant("2w", 2.0),
-    "resonance w/2": lambda: _resonant("w/2", 0.5),
-    "resonance 13.6w": lambda: _resonant("13.6w", 13.6),
-    "64 harmonics": lambda: _smooth("64 harmonics", 64),
+    "pair": _smooth,
+    "damping 0.02": partial(_smooth, zeta=0.02),
+    "damping 0.005": partial(_smooth, zeta=0.005),
+    **{f"resonance {at}": partial(_smooth, 10, 0.05, own) for at, own in _RESONANCES.items()},
+    "64 harmonics": partial(_smooth, 64),
     # with its true jumps
-    "rectangle": _rectangle,
+    "rectangle": lambda: Case(problem=pair(square_wave(1000)), rectangle=VARIATION),
     # one cracked tooth over a turn of the pinion; one on either gear over the hunting period
-    "cracked tooth": lambda: _cracked("cracked tooth", CRACK),
-    "hunting period": lambda: _cracked("hunting period", CRACK, GEAR_CRACK),
+    "cracked tooth": partial(_cracked, CRACK),
+    "hunting period": partial(_cracked, CRACK, GEAR_CRACK),
 }
 QUICK = ("pair", "resonance w", "rectangle")
 
@@ -224,6 +209,9 @@ class Samples:
     acceleration: Real
 
 
+Motion = Lines | Samples
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reference:
     """Accurate periodic motion of one case.
@@ -249,40 +237,21 @@ class Reference:
     @property
     def size(self) -> float:
         """Rms acceleration."""
-        return math.sqrt(self._mean(self.acceleration**2))
+        return math.sqrt(float((self.acceleration**2 @ rule(NODES).weights).mean()))
 
-    def error(self, motion: Lines | Samples) -> float:
+    def error(self, motion: Motion) -> float:
         """Relative L2 error of the acceleration of a motion over the period."""
         if isinstance(motion, Lines):
-            orders = np.arange(len(motion.displacement))
+            orders, segments = np.arange(len(motion.displacement)), len(self.acceleration)
             lines = -((orders / self.ratio) ** 2) * motion.displacement
-            wrong = at_nodes(lines, len(self.acceleration)) - self.acceleration
-            return math.sqrt(self._mean(wrong**2)) / self.size
-        return self._error_of_samples(motion)
-
-    def settling(self, wanted: float, deflection: float = 1.0) -> float:
-        """Time [1/w0] after which a start without velocity is within `wanted` of the motion.
-
-        Parameters
-        ----------
-        wanted : float
-            Relative rms error of the acceleration that is left of the free vibration.
-        deflection : float
-            At the start [F/k0]; by default the static one.
-        """
-        start = np.array([deflection, 0.0]) - self.state
-        excess = math.hypot(*start) / math.sqrt(2) / (wanted * self.size)
-        return max(0.0, math.log(excess)) / self.decay_rate if excess > 1 else 0.0
-
-    def _mean(self, values: Real) -> float:
-        return float((values @ rule(NODES).weights).mean())
-
-    def _error_of_samples(self, motion: Samples) -> float:
-        """Error at the samples, each with the share of the period that is nearest to it."""
-        difference = motion.acceleration - self._at_shares(motion.share)
-        gaps = np.diff(motion.share, append=motion.share[0] + 1.0)
-        weight = 0.5 * (gaps + np.roll(gaps, 1))
-        return math.sqrt(float((weight * difference**2).sum() / weight.sum())) / self.size
+            wrong = at_nodes(lines, segments) - self.acceleration
+            weights = rule(NODES).weights / segments
+        else:
+            wrong = motion.acceleration - self._at_shares(motion.share)
+            # every sample stands for the share of the period that is nearest to it
+            gaps = np.diff(motion.share, append=motion.share[0] + 1.0)
+            weights = 0.5 * (gaps + np.roll(gaps, 1))
+        return math.sqrt(float((weights * wrong**2).sum())) / self.size
 
     def _at_shares(self, share: Real) -> Real:
         """Acceleration anywhere, from the polynomial of the segment that begins at or before."""
@@ -309,8 +278,7 @@ def at_nodes(half: Complex, segments: int) -> Real:
     return np.column_stack([folded(half * np.exp(turns * x), segments) for x in rule(NODES).nodes])
 
 
-@dataclass(frozen=True, eq=False)
-class Rule:
+class Rule(NamedTuple):
     """Gauss-Legendre collocation on [0, 1].
 
     Attributes
@@ -333,11 +301,6 @@ def rule(count: int) -> Rule:
     return Rule(0.5 * (x + 1), 0.5 * w, 0.5 * integral)
 
 
-def segments_needed(ratio: float, harmonics: int) -> int:
-    """Segments short enough for rounding accuracy; divisible by 4 for the jumps of a rectangle."""
-    return 4 * math.ceil(max(8.0, 2 * math.pi * max(1.3 * ratio, harmonics + 1)) / 4)
-
-
 def solve_reference(case: Case, segments: int | None = None) -> Reference:
     """Periodic motion of a case to about 1e-13.
 
@@ -350,7 +313,9 @@ def solve_reference(case: Case, segments: int | None = None) -> Reference:
     p = case.problem
     ratio, zeta = p.frequency_ratio, p.damping_ratio
     if segments is None:
-        segments = segments_needed(ratio, 0 if case.rectangle else len(p.stiffness_harmonics))
+        # short enough for rounding accuracy; divisible by 4 for the jumps of a rectangle
+        lines = 0 if case.rectangle else len(p.stiffness_harmonics)
+        segments = 4 * math.ceil(max(8.0, 2 * math.pi * max(1.3 * ratio, lines + 1)) / 4)
     step = 2 * math.pi * ratio / segments
     stiffness = _stiffness(case, segments)
     parts = np.array_split(stiffness, math.ceil(segments / BATCH))
@@ -374,7 +339,7 @@ def reference_and_doubt(problem: HillProblem) -> tuple[Reference, float]:
     The doubt is its relative difference to a second solution, with a quarter more segments and a
     period that is longer by four roundings: what the numbers given tell, and no more.
     """
-    case = Case(name="", problem=problem)
+    case = Case(problem=problem)
     first = solve_reference(case)
     segments, period_s = len(first.acceleration), problem.period_s
     moved = replace(problem, period_s=period_s + 4 * math.ulp(period_s))
@@ -387,8 +352,8 @@ def _stiffness(case: Case, segments: int) -> Real:
     """Relative stiffness at the nodes of all segments, shape (segments, nodes)."""
     if case.rectangle is not None:
         middle = (np.arange(segments) + 0.5) / segments
-        return np.repeat(case.relative_stiffness(middle)[:, None], NODES, axis=1)
-    return at_nodes(np.concatenate([[1.0 + 0j], case.problem.stiffness_harmonics]), segments)
+        return np.repeat(case.level(middle)[:, None], NODES, axis=1)
+    return at_nodes(case.half, segments)
 
 
 def _segment_maps(stiffness: Real, zeta: float, step: float) -> tuple[Real, Real]:
@@ -422,10 +387,7 @@ def _close(maps: Real) -> tuple[Real, float]:
         whole /= size
         log += math.log(size)
     state = np.linalg.solve(np.eye(2) - math.exp(min(log, 700.0)) * whole, shift)
-    states = np.empty((len(maps), 2))
-    # small products in plain numbers: four times as fast as arrays of two
-    z, v = float(state[0]), float(state[1])
-    for number, ((a, b, e), (c, d, f)) in enumerate(maps.tolist()):
-        states[number] = z, v
-        z, v = a * z + b * v + e, c * z + d * v + f
-    return states, log + math.log(float(np.abs(np.linalg.eigvals(whole)).max()))
+    states = [state]
+    for moved in maps[:-1]:
+        states.append(moved[:, :2] @ states[-1] + moved[:, 2])
+    return np.array(states), log + math.log(float(np.abs(np.linalg.eigvals(whole)).max()))

@@ -19,24 +19,20 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from gearmon.benchmark.equations import (
     Complex,
-    Real,
     Reference,
     as_lines,
     pair,
     reference_and_doubt,
 )
-from gearmon.benchmark.timing import task_time
+from gearmon.benchmark.timing import Row, task_time
 from gearmon.dynamics import HillProblem, Response, floquet, steady_state
 from gearmon.errors import ArgumentError, check_range
 from gearmon.terminal import Progress, followed
-
-Row = dict[str, Any]
 
 OUTCOMES = ("met", "refused", "wrong_silently", "bound_broken", "not_judged", "crashed")
 
@@ -106,31 +102,15 @@ def instability_limit(ratio: float, zeta: float, shape: Complex) -> float:
     >>> bool(abs(instability_limit(0.5, 0.05, np.array([0.5 + 0j])) / 0.2 - 1) < 0.03)
     True
     """
-    grid = np.geomspace(1e-3 * LARGEST_VARIATION, LARGEST_VARIATION, 28)
-    for _ in range(3):
-        growing = np.flatnonzero(growth(ratio, zeta, shape, grid) > 0)
-        first = int(growing[0]) if len(growing) else len(grid) - 1
-        if first == 0 or not len(growing):
-            return float(grid[first])
-        grid = np.geomspace(grid[first - 1], grid[first], 8)
-    return float(grid[0])
-
-
-def growth(ratio: float, zeta: float, shape: Complex, variations: Real) -> Real:
-    """Logarithm of the larger Floquet multiplier's modulus, for many variations at once.
-
-    Parameters
-    ----------
-    ratio, zeta : float
-    shape : complex ndarray, shape (J,)
-    variations : ndarray, shape (V,)
-
-    Returns
-    -------
-    ndarray, shape (V,)
-        It only draws systems; whether one is stable is judged by the reference.
-    """
-    return floquet.growth_of(ratio, variations, zeta, shape, TRACE_TOLERANCE)
+    low, high, points = 1e-3 * LARGEST_VARIATION, LARGEST_VARIATION, 28
+    # it only draws systems; whether one is stable is judged by the reference
+    while high > 1.005 * low:
+        grid = np.geomspace(low, high, points)
+        growing = floquet.growth_of(ratio, grid, zeta, shape, TRACE_TOLERANCE) > 0
+        # with the largest variation it may be stable still
+        first = int(np.argmax(np.append(growing[:-1], True)))
+        low, high, points = grid[max(0, first - 1)], grid[first], 8
+    return float(low)
 
 
 def run_stress(

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark.equations import VARIATION, Case, Lines, as_lines, solve_reference
-from gearmon.benchmark.rivals import Contender, PlainOscillator, Row, integrate, measured
-from gearmon.benchmark.timing import facts_of_run
+from gearmon.benchmark.rivals import Contender, integrate, measured
+from gearmon.benchmark.timing import Row, facts_of_run
 from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import rms
 from gearmon.dynamics.multiple_scales import Expansion, expand
@@ -350,7 +350,7 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
     tolerances : sequence of float
         Of the simulations.
     """
-    case, facts = Case(name="reference", problem=pair.REFERENCE), facts_of_run()
+    case, facts = Case(problem=pair.REFERENCE), facts_of_run()
     return SpeedStudy(
         costs=measured(list(_ways(case, tolerances)), repeats, LONGEST_S, solve_reference(case)),
         repeats=repeats,
@@ -360,7 +360,7 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
 
 def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
     """Yield every way; of many sets that are substituted at once the first is the reference."""
-    p, oscillator = pair.REFERENCE, PlainOscillator(case)
+    p, period = pair.REFERENCE, 2 * math.pi * pair.REFERENCE.frequency_ratio
     for order in ORDERS:
         substitute = expand(case.problem, order, HIGHEST).substitute
         for way, sets in ((SUBSTITUTION, 1), (MANY, AT_ONCE)):
@@ -372,8 +372,7 @@ def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
         yield Contender(SOLUTION, f"{tolerance:.0e}", run=anew, motion=as_lines)
     for method in METHODS:
         for tolerance in tolerances:
-            rest: dict[str, Any] = {"state": (0.0, 0.0), "settling": oscillator.period}
-            stepping = partial(integrate, oscillator, method, tolerance, **rest)
+            stepping = partial(integrate, case, method, tolerance, settling=period)
             yield Contender(method, f"{tolerance:.0e}", run=stepping)
 
 

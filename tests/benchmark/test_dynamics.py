@@ -82,7 +82,7 @@ def test_tuned_rivals_meet_the_target(rows):
         # no Fourier sum comes within the target of true jumps
         if case != "rectangle":
             assert chosen[OF_JOBS.get(case, "steady_state")]["times_ours"] == 1.0
-        wanted = set() if case in OF_JOBS else {"SciPy odeint", "SciPy DOP853"}
+        wanted = set() if case in {*OF_JOBS, "rectangle"} else {"SciPy odeint", "solve_banded"}
         if rivals.numba_is_installed():
             wanted.add("compiled RK4")
         assert wanted <= set(chosen)
@@ -100,7 +100,7 @@ def test_missing_numba_is_told(monkeypatch):
 def test_headlines(rows):
     lines = {line["case"]: line for line in headlines(rows)}
     assert list(lines) == list(dict.fromkeys(row["case"] for row in rows))
-    assert lines["pair"]["solve_ivp"] > 0
+    assert lines["pair"]["solve_banded"] > 0
     assert lines["pair"]["ours_us"] > 0
     assert lines["pair"]["odeint"] > 0
 

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from gearmon.benchmark import case_figures
-from gearmon.benchmark.plots import dynamics_figures, plot_work_precision
+from gearmon.benchmark.plots import dynamics_figures, plot_work_precision, styles
 from gearmon.report.plots import save_all
 
 
@@ -41,7 +41,7 @@ ROWS = [
 def test_work_precision():
     ax = Figure().add_subplot()
     table = pd.DataFrame([r for r in ROWS if r["case"] == "pair" and r["error"]])
-    assert plot_work_precision(table, ax) is ax
+    assert plot_work_precision(table, ax, styles(table["method"])) is ax
     np.testing.assert_array_equal(ax.lines[0].get_xdata(), [1e-7, 1e-3])
     low, high = ax.get_xlim()
     assert low > high  # accuracy grows to the right
