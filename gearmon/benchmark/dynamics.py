@@ -29,42 +29,10 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.benchmark import rivals
-from gearmon.benchmark.equations import (
-    CASES,
-    FORCE_N,
-    MESH_HARMONICS,
-    PERIOD_S,
-    QUICK,
-    STAGE,
-    Case,
-    Complex,
-    Motion,
-    Real,
-    Reference,
-    as_lines,
-    folded,
-    growing_turn,
-    named_case,
-    pair,
-    solve_reference,
-    square_wave,
-)
-from gearmon.benchmark.rivals import (
-    BANDED,
-    CHART,
-    COMPILED,
-    CUT_OFF,
-    FAMILY,
-    NOT_INSTALLED,
-    OURS,
-    SETS_AT_ONCE,
-    TARGET,
-    Contender,
-    Rival,
-    measured,
-    with_ratios,
-)
+from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.benchmark import equations, rivals
+from gearmon.benchmark.equations import CASES, Case, Motion, as_lines, named_case, solve_reference
+from gearmon.benchmark.rivals import TARGET, Contender, Rival, measured, with_ratios
 from gearmon.benchmark.timing import Row, Task
 from gearmon.dynamics import HillProblem, stability_chart, steady_state
 from gearmon.dynamics.stability import FourierShape
@@ -76,13 +44,10 @@ from gearmon.signatures.expected.faulty_teeth import contact_grid
 from gearmon.signatures.expected.mesh import MeshPlace, PosedStage
 from gearmon.terminal import Progress, followed
 
+OURS, COMPILED, BANDED = rivals.OURS, rivals.COMPILED, rivals.BANDED
 WANTED = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
 #: Every rival by the column of its factor in the headlines.
-RIVALS = {
-    "odeint": rivals.ODEINT,
-    "compiled": COMPILED,
-    "solve_banded": BANDED,
-}
+RIVALS = {"odeint": rivals.ODEINT, "compiled": COMPILED, "solve_banded": BANDED}
 SWEEP, GROWTH = "parameter sets", "cost growth"
 #: Ranges of mass [kg], damping [Ns/m] and stiffness [N/m] of the parameter sets: those of the
 #: published study.
@@ -105,11 +70,7 @@ CHART_TOLERANCE = 1e-6
 MACHINE = Machine(
     name="published pair",
     operating=(OperatingPoint(speed_rpm=1442.3, torque_nm=98.12, share=1.0),),
-    stages=(
-        replace(
-            STAGE, damping_ratio=0.07, bore_diameter_pinion_mm=None, bore_diameter_gear_mm=None
-        ),
-    ),
+    stages=(replace(equations.STAGE, damping_ratio=0.07),),
 )
 KINDS = ("crack", "breakage", "pitting", "spall", "missing")
 #: Every so many members are taken through RK4; steps a panel of the reference.
@@ -160,7 +121,7 @@ def run_dynamics(
         "fault family": family_rows,
         GROWTH: growth_rows,
     }
-    names = list(cases) if cases is not None else [*(QUICK if quick else CASES), *jobs]
+    names = list(cases) if cases is not None else [*(equations.QUICK if quick else CASES), *jobs]
     return [
         {"case": name, **row}
         for name in followed(names, len(names), progress)
@@ -178,10 +139,11 @@ def case_rows(case: Case, quick: bool = False) -> list[Row]:
         Two errors wanted, three repeats.
     """
     reference, wanted = solve_reference(case), (1e-3, TARGET) if quick else WANTED
-    listed = [
-        *(_for_rectangle(case) if case.rectangle else _own(case, wanted)),
-        *_tuned(case, reference, wanted),
-    ]
+    listed = [*(_for_rectangle(case) if case.rectangle else _own(case, wanted))]
+    for rival in _rivals(case):
+        # of a hunting period runs are long
+        errors = (TARGET,) if rival.note or case.meshes > 100 else wanted
+        listed += [rival.tuned(error, reference.error) for error in errors]
     return with_ratios(measured(listed, 3 if quick else 31, 0.05 if quick else 0.6, reference))
 
 
@@ -209,31 +171,22 @@ def _for_rectangle(case: Case) -> Iterator[Contender]:
         kept = case.problem.stiffness_harmonics[:count]
         p, setting = replace(case.problem, stiffness_harmonics=kept), f"{count} stiffness harmonics"
         run, of_sum = partial(steady_state, p, TARGET), "steady_state of the Fourier sum"
-        yield Contender(of_sum, setting, None, run, as_lines, CUT_OFF)
+        yield Contender(of_sum, setting, None, run, as_lines, rivals.CUT_OFF)
 
 
-def _tuned(case: Case, reference: Reference, wanted: tuple[float, ...]) -> Iterator[Contender]:
-    """Strong rivals; of a hunting period, whose runs are long, at the target only."""
-    p, ratio = case.problem, case.problem.frequency_ratio
-    listed = []
+def _rivals(case: Case) -> Iterator[Rival]:
+    """Yield the strong rivals of a case; of jumps only the one that can step between."""
+    p, ratio, words = case.problem, case.problem.frequency_ratio, "{:.0f} steps a period"
+    # multiples of four: the jumps of a rectangle fall between steps
+    first, ready = 24 * ratio + 48, partial(_compiled, case)
+    yield Rival(COMPILED, words, first, 4, ready, rivals.numba_is_missing())
     if case.rectangle is None:
-        ready: Callable[[float], Task] = partial(rivals.shooter, case)
-        listed.append(Rival(rivals.ODEINT, "{:.1f} digits a step", 6.0, 0, ready))
-    if rivals.numba_is_installed():
-        # multiples of four: the jumps of a rectangle fall between steps
-        first, ready = 24 * ratio + 48, partial(_compiled, case)
-        listed.append(Rival(COMPILED, "{:.0f} steps a period", first, 4, ready))
-    else:
-        yield Contender(COMPILED, note=NOT_INSTALLED)
-    highest = math.ceil(ratio) + MESH_HARMONICS
-    needed = rivals.banded_bytes(len(p.stiffness_harmonics), highest)
-    if needed > rivals.BYTES_ALLOWED:
-        yield Contender(BANDED, note=f"not run: the matrix needs over {needed / 1e9:.0f} GB")
-    elif case.rectangle is None:
-        listed.append(Rival(BANDED, "{:.0f} harmonics", highest, 1, partial(_banded, p)))
-    for rival in listed:
-        for error in (TARGET,) if case.meshes > 100 else wanted:
-            yield rival.tuned(error, reference.error)
+        yield Rival(rivals.ODEINT, "{:.1f} digits a step", 6.0, 0, partial(rivals.shooter, case))
+        highest = math.ceil(ratio) + equations.MESH_HARMONICS
+        needed = rivals.banded_bytes(len(p.stiffness_harmonics), highest)
+        note = f"not run: the matrix needs over {needed / 1e9:.0f} GB"
+        note = note if needed > rivals.BYTES_ALLOWED else ""
+        yield Rival(BANDED, "{:.0f} harmonics", highest, 1, partial(_banded, p), note)
 
 
 def _compiled(case: Case, steps: float) -> Task:
@@ -250,21 +203,20 @@ def _of(p: HillProblem) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sweep:
-    """Parameter sets and the accurate motions of some.
+    """Parameter sets and the accurate motions of the first of them.
 
     Parameters
     ----------
     problems : tuple of HillProblem
-    references : dict of int to Reference
-        By the indices of the sets that have one.
+    references : tuple of Reference
     """
 
     problems: tuple[HillProblem, ...]
-    references: dict[int, Reference]
+    references: tuple[equations.Reference, ...]
 
-    def largest_error(self, motion_of: Callable[[int], Motion]) -> float:
+    def largest_error(self, motions: Sequence[Motion]) -> float:
         """Largest relative error of the acceleration over the sets with a reference."""
-        return max(known.error(motion_of(i)) for i, known in self.references.items())
+        return max(known.error(own) for known, own in zip(self.references, motions, strict=False))
 
 
 def draw_sweep(count: int, seed: int, probes: int = PROBES) -> Sweep:
@@ -277,15 +229,11 @@ def draw_sweep(count: int, seed: int, probes: int = PROBES) -> Sweep:
     probes : int
         How many of them get a reference.
     """
-    rng = np.random.default_rng(seed)
-    ranges = np.log(SWEPT)
-    drawn = np.exp(rng.uniform(ranges[:, :1], ranges[:, 1:], (3, count)))
-    harmonics = square_wave(10)
-    problems = tuple(
-        HillProblem(m, c, k, harmonics, PERIOD_S, FORCE_N) for m, c, k in drawn.T.tolist()
-    )
-    chosen = rng.choice(count, min(probes, count), replace=False).tolist()
-    references = {i: solve_reference(Case(problem=problems[i])) for i in chosen}
+    ranges, harmonics = np.log(SWEPT), equations.square_wave(10)
+    drawn = np.exp(np.random.default_rng(seed).uniform(ranges[:, :1], ranges[:, 1:], (3, count)))
+    known = harmonics, equations.PERIOD_S, equations.FORCE_N
+    problems = tuple(HillProblem(m, c, k, *known) for m, c, k in drawn.T.tolist())
+    references = tuple(solve_reference(Case(problem=own)) for own in problems[:probes])
     return Sweep(problems=problems, references=references)
 
 
@@ -302,42 +250,47 @@ def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
     """
     sweep = draw_sweep(count, seed, 6 if quick else PROBES)
     # all sets have the period and the relative stiffness of this case
-    case = Case(problem=sweep.problems[0])
+    case, many = Case(problem=sweep.problems[0]), sweep.problems[:MANY]
     bands = lru_cache(maxsize=64)(partial(rivals.band, case.problem.stiffness_harmonics))
     steps = lru_cache(maxsize=64)(partial(rivals.equal_steps, case))
 
     def banded(p: HillProblem, factor: float) -> Task:
-        return partial(
-            rivals.solve_band, bands(math.ceil(factor * (p.frequency_ratio + 10))), *_of(p)
-        )
+        highest = math.ceil(factor * (p.frequency_ratio + 10))
+        return partial(rivals.solve_band, bands(highest), *_of(p))
 
     def compiled(p: HillProblem, factor: float) -> Task:
         count = 4 * math.ceil(factor * (p.frequency_ratio + 3) / 4)
         return partial(rivals.march_compiled, steps(count), *_of(p))
 
+    def ready(of: Callable[[HillProblem, float], Task], factor: float) -> Task:
+        return partial(_one_by_one, [of(p, factor) for p in many])
+
+    loop, note = "in a loop, {:.2f} (w0/w + ", rivals.numba_is_missing()
     listed = [
-        _together(sweep),
-        _own_loop(sweep),
-        _loop(sweep, BANDED, "10) harmonics", 1.0, banded),
+        Rival(BANDED, loop + "10) harmonics", 1.0, 0, partial(ready, banded)),
+        Rival(COMPILED, loop + "3) steps a period", 30.0, 0, partial(ready, compiled), note),
     ]
-    if rivals.numba_is_installed():
-        listed.append(_loop(sweep, COMPILED, "3) steps a period", 30.0, compiled))
-    else:
-        listed.append(Contender(COMPILED, wanted=TARGET, note=NOT_INSTALLED, sets=0))
-    return with_ratios(measured(listed, 2 if quick else 9, 0.1 if quick else 3.0))
+    known: dict[str, Any] = {"error_of": sweep.largest_error, "sets": len(many)}
+    loops = [rival.tuned(TARGET, **known) for rival in listed]
+    own = [_together(sweep), _own_loop(sweep)]
+    return with_ratios(measured([*own, *loops], 2 if quick else 9, 0.1 if quick else 3.0))
+
+
+def _one_by_one(tasks: Sequence[Task]) -> list[Any]:
+    return [task() for task in tasks]
 
 
 def _together(sweep: Sweep) -> Contender:
     """All sets at once, nothing kept from an earlier call."""
     columns = [(p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m) for p in sweep.problems]
+    known = sweep.problems[0].stiffness_harmonics, equations.PERIOD_S, equations.FORCE_N
     mass, damping, stiffness = np.array(columns).T
-    common = mass, damping, stiffness, sweep.problems[0].stiffness_harmonics, PERIOD_S, FORCE_N
-    run = partial(solve_sets, *common, tolerance=TARGET)
-    found = run()
-    refused, met = int((~found.met).sum()), [i for i in sweep.references if found.met[i]]
-    errors = [sweep.references[i].error(as_lines(found.response(i))) for i in met]
+    run = partial(solve_sets, mass, damping, stiffness, *known, tolerance=TARGET)
+    found, references = run(), enumerate(sweep.references)
+    refused = int((~found.met).sum())
+    errors = [own.error(as_lines(found.response(i))) for i, own in references if found.met[i]]
     return Contender(
-        SETS_AT_ONCE,
+        rivals.SETS_AT_ONCE,
         "all at once",
         TARGET,
         run,
@@ -349,34 +302,11 @@ def _together(sweep: Sweep) -> Contender:
 
 
 def _own_loop(sweep: Sweep) -> Contender:
-    few = sweep.problems[:FEW]
-    found = {i: steady_state(sweep.problems[i], TARGET) for i in sweep.references}
-    return Contender(
-        OURS,
-        "in a loop",
-        TARGET,
-        run=lambda: [steady_state(p, TARGET) for p in few],
-        sets=len(few),
-        error=sweep.largest_error(lambda i: as_lines(found[i])),
-        error_bound=max(response.error_bound for response in found.values()),
-    )
-
-
-def _loop(
-    sweep: Sweep, method: str, rule: str, first: float, ready: Callable[[HillProblem, float], Task]
-) -> Contender:
-    """One solution after another, each with a setting that grows with w0/w by the tuned factor."""
-    factor = rivals.least_within(
-        TARGET, first, lambda own: sweep.largest_error(lambda i: ready(sweep.problems[i], own)())
-    )
-    tasks = [ready(p, factor) for p in sweep.problems[:MANY]]
-    error = sweep.largest_error(lambda i: ready(sweep.problems[i], factor)())
-    setting, run = f"in a loop, {factor:.2f} (w0/w + {rule}", partial(_one_by_one, tasks)
-    return Contender(method, setting, TARGET, run, sets=len(tasks), error=error)
-
-
-def _one_by_one(tasks: list[Task]) -> list[Any]:
-    return [task() for task in tasks]
+    run = partial(_one_by_one, [partial(steady_state, p, TARGET) for p in sweep.problems[:FEW]])
+    found = run()
+    error, bound = sweep.largest_error([*map(as_lines, found)]), max(r.error_bound for r in found)
+    known: dict[str, Any] = {"sets": len(found), "error": error, "error_bound": bound}
+    return Contender(OURS, "in a loop", TARGET, run, **known)
 
 
 def growth_rows(quick: bool = False) -> list[Row]:
@@ -401,7 +331,7 @@ def growth_rows(quick: bool = False) -> list[Row]:
 
 def _growing(quick: bool) -> Iterator[Contender]:
     for meshes in QUICK_MESHES if quick else MESHES:
-        p, setting = growing_turn(meshes), f"{meshes} meshes"
+        p, setting = equations.growing_turn(meshes), f"{meshes} meshes"
         response = steady_state(p, TARGET)
         count, bound = len(response.displacement), response.error_bound
         run = partial(steady_state, p, TARGET)
@@ -441,33 +371,30 @@ def chart_rows(quick: bool = False) -> list[Row]:
         [_growth(1 / speeds[i], variations[j]) for i, j in zip(row, column, strict=True)]
     )
 
-    def error_of(growth: Real) -> float:
+    def error_of(growth: FloatArray) -> float:
         return float(np.abs(growth[column, row] - exact).max())
 
     run = partial(stability_chart, SHAPE, speeds, variations, ZETA, CHART_TOLERANCE)
     known: dict[str, Any] = {"unknowns": points**2}
     error, setting = error_of(run().growth), f"tolerance {CHART_TOLERANCE:.0e}"
-    listed = [Contender(CHART, setting, TARGET, run, error=error, **known)]
-    if rivals.numba_is_installed():
-        every = np.meshgrid(1 / speeds, variations)
-        rival = Rival(COMPILED, "{:.0f} steps, all cores", 300, 1, partial(_chart, *every))
-        own = rival.tuned(TARGET, error_of, **known)
-        assert own.run is not None
-        listed.append(replace(own, error=error_of(own.run())))
-    else:
-        listed.append(Contender(COMPILED, wanted=TARGET, note=NOT_INSTALLED, **known))
+    words, ready = "{:.0f} steps, all cores", partial(_chart, *np.meshgrid(1 / speeds, variations))
+    rival = Rival(COMPILED, words, 300, 1, ready, rivals.numba_is_missing())
+    listed = [
+        Contender(rivals.CHART, setting, TARGET, run, error=error, **known),
+        rival.tuned(TARGET, error_of, **known),
+    ]
     return with_ratios(measured(listed, 3 if quick else 15, 0.1 if quick else 3.0))
 
 
 def _growth(ratio: float, variation: float) -> float:
     """Natural logarithm of the larger multiplier of one point, by collocation."""
-    problem = pair(variation * SHAPE.harmonics, zeta=ZETA, ratio=ratio)
+    problem = equations.pair(variation * SHAPE.harmonics, zeta=ZETA, ratio=ratio)
     return -2 * math.pi * ratio * solve_reference(Case(problem=problem)).decay_rate
 
 
-def _chart(ratios: Real, variations: Real, steps: float) -> Task:
+def _chart(ratios: FloatArray, variations: FloatArray, steps: float) -> Task:
     """Growth a period at every point, by so many steps of two motions."""
-    values = folded(np.concatenate([[0.0 + 0j], SHAPE.harmonics]), 2 * int(steps))
+    values = equations.folded(np.concatenate([[0.0 + 0j], SHAPE.harmonics]), 2 * int(steps))
     return partial(rivals.chart(), ratios, variations, ZETA, np.append(values, values[0]))
 
 
@@ -482,26 +409,21 @@ def family_rows(quick: bool = False) -> list[Row]:
     run = partial(fault_family, MACHINE, KINDS[:1] if quick else KINDS, tolerance=TARGET)
     family = run()
     turns = [_Turn(member) for member in family.members[::TAKEN]]
+
+    def ready(steps: float) -> Task:
+        return partial(_one_by_one, [turn.marched(int(steps)) for turn in turns])
+
+    def error_of(marched: list[tuple[FloatArray, FloatArray]]) -> float:
+        return max(turn.error(turn.lines(*own)) for turn, own in zip(turns, marched, strict=True))
+
+    note = rivals.numba_is_missing()
+    rival = Rival(COMPILED, "{:.0f} steps a panel", 200, 2, ready, note)
     # an estimate, where there is no RK4 to tell
-    error = max(member.lines.error for member in family)
-    listed = [Contender(FAMILY, "", TARGET, run, sets=len(family), error=error)]
-    if rivals.numba_is_installed():
-
-        def ready(steps: float) -> Task:
-            return partial(_one_by_one, [turn.marched(int(steps)) for turn in turns])
-
-        def error_of(marched: list[tuple[Real, Real]]) -> float:
-            return max(
-                turn.error(turn.lines(*own)) for turn, own in zip(turns, marched, strict=True)
-            )
-
-        error = max(turn.error(turn.member.lines.acceleration) for turn in turns)
-        own = Rival(COMPILED, "{:.0f} steps a panel", 200, 2, ready).tuned(TARGET, error_of)
-        assert own.run is not None
-        own = replace(own, sets=len(turns), error=error_of(own.run()))
-        listed = [replace(listed[0], error=error), own]
-    else:
-        listed.append(Contender(COMPILED, wanted=TARGET, note=NOT_INSTALLED))
+    errors = [turn.member.lines.error if note else turn.own_error for turn in turns]
+    listed = [
+        Contender(rivals.FAMILY, "", TARGET, run, sets=len(family), error=max(errors)),
+        rival.tuned(TARGET, error_of, sets=len(turns)),
+    ]
     return with_ratios(measured(listed, 2 if quick else 9, 0.1 if quick else 4.0))
 
 
@@ -517,7 +439,7 @@ class _Turn:
         return MeshPlace(MACHINE, 1).alone([self.member.fault()])
 
     @cached_property
-    def edges(self) -> Real:
+    def edges(self) -> FloatArray:
         """Corners of the stiffness round the turn, and more panels between them."""
         own = contact_grid([self.posed], self.posed.limit_hz(None)).edges[:-1]
         return np.append(np.add.outer(np.arange(self.posed.period), own), float(self.posed.period))
@@ -533,7 +455,7 @@ class _Turn:
         known = *tables, 1.0, float(around.damping[0, 0]), float(around.force[0])
         return lambda: (h, rivals.shooting()(h, *known)[0])
 
-    def lines(self, h: Real, velocity: Real) -> Complex:
+    def lines(self, h: FloatArray, velocity: FloatArray) -> ComplexArray:
         """Acceleration lines of the turn [m/s2], by Simpson's rule on every panel."""
         panels = len(self.edges) - 1
         weights = np.tile(np.where(np.arange(len(h) // panels) % 2, 4.0, 2.0), (panels, 1))
@@ -548,11 +470,16 @@ class _Turn:
         return np.asarray(found * rate * own.mechanics.mesh_frequency_hz**2)
 
     @cached_property
-    def exact(self) -> Complex:
+    def exact(self) -> ComplexArray:
         """Lines by many steps."""
         return self.lines(*self.marched(FINEST)())
 
-    def error(self, lines: Complex) -> float:
+    @property
+    def own_error(self) -> float:
+        """Error of the member."""
+        return self.error(self.member.lines.acceleration)
+
+    def error(self, lines: ComplexArray) -> float:
         """Error of acceleration lines over what the fault adds to them."""
         own = self.member.lines
         sound = np.zeros(len(lines), dtype=complex)

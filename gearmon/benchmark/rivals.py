@@ -7,7 +7,7 @@ one, so that nothing has to die out. The first reads stiffness from a table of c
 beforehand, its right side is of plain Python numbers. The second, compiled by numba, is what a
 hand-written loop can reach: its stiffness is read from tables at the begin, middle and end of every
 step, so a jump between two steps costs no accuracy. Harmonic balance is solved by
-scipy.linalg.solve_banded. `integrate` is no strong rival: it is what is usually written.
+scipy.linalg.solve_banded.
 """
 
 from __future__ import annotations
@@ -23,16 +23,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from gearmon.benchmark.equations import (
-    Case,
-    Complex,
-    Lines,
-    Motion,
-    Real,
-    Reference,
-    Samples,
-    folded,
-)
+from gearmon.arrays import ComplexArray as Complex
+from gearmon.arrays import FloatArray as Real
+from gearmon.benchmark.equations import Case, Lines, Motion, Reference, Samples, folded
 from gearmon.benchmark.timing import Row, Timing, interleaved
 
 #: Relative error at which methods are set side by side.
@@ -42,7 +35,6 @@ ODEINT, COMPILED, BANDED = "SciPy odeint", "compiled RK4", "solve_banded"
 #: What others are compared with: the first of these that a case has.
 BASES = (SETS_AT_ONCE, OURS, CHART, FAMILY)
 CUT_OFF = "the error is that against the true jumps; a bound would be that of the sum"
-NOT_INSTALLED = "numba is not installed"
 BYTES_ALLOWED = 1e9
 #: Beyond so many steps or harmonics a search ends.
 LARGEST_SETTING = 1e14
@@ -165,6 +157,8 @@ class Rival:
         Setting to begin with; settings are multiples of `whole`, of 0 any number.
     ready : callable
         Takes a setting and gives the task, with all made that may be made beforehand.
+    note : str
+        Why it cannot run.
     """
 
     method: str
@@ -172,12 +166,15 @@ class Rival:
     first: float
     whole: int
     ready: Callable[[float], Callable[[], Any]]
+    note: str = ""
 
     def tuned(self, wanted: float, error_of: Callable[[Any], float], **known: Any) -> Contender:
         """Return the contender with the least setting whose error is within `wanted`."""
+        if self.note:
+            return Contender(self.method, wanted=wanted, note=self.note, **known)
         setting = least_within(wanted, self.first, lambda n: error_of(self.ready(n)()), self.whole)
         task, words = self.ready(setting), self.words.format(setting)
-        return Contender(self.method, words, wanted, task, **known)
+        return Contender(self.method, words, wanted, task, error=error_of(task()), **known)
 
 
 def least_within(
@@ -278,41 +275,6 @@ def _three_slopes(damping: float, at: Read) -> Callable[[float, Real], list[floa
     return slope
 
 
-def integrate(case: Case, solver: str, tolerance: float, settling: float) -> Samples:
-    """Integrate as it is usually written: from zero by solve_ivp, the stiffness a sum in NumPy.
-
-    Parameters
-    ----------
-    case : Case
-        A smooth one.
-    solver : str
-        Of solve_ivp.
-    tolerance : float
-        Relative tolerance a step.
-    settling : float
-        Time before the period begins, of which the samples are [1/w0].
-    """
-    from scipy.integrate import solve_ivp
-
-    p = case.problem
-    damping, period = 2 * p.damping_ratio, 2 * math.pi * p.frequency_ratio
-    doubled = 2 * p.stiffness_harmonics
-    turns = 1j * np.arange(1, len(doubled) + 1) / p.frequency_ratio
-
-    def pull(time: float, state: Real) -> list[float]:
-        kappa = 1.0 + float((np.exp(turns * time) @ doubled).real)
-        z, v = state.tolist()
-        return [v, 1.0 - damping * v - kappa * z]
-
-    known: dict[str, Any] = {"rtol": tolerance, "atol": 0.1 * tolerance}
-    found = solve_ivp(pull, (-settling, period), (0.0, 0.0), method=solver, **known)
-    own = (found.t >= 0) & (found.t < period * (1 - 1e-12))
-    time, states = found.t[own], found.y[:, own].T
-    return Samples(
-        time / period, np.array([pull(*one)[1] for one in zip(time, states, strict=True)])
-    )
-
-
 def banded_bytes(harmonics: int, highest: int) -> int:
     """Bytes of the band matrix with its fill for one solve."""
     return 16 * (2 * highest + 1) * (3 * min(harmonics, 2 * highest) + 1)
@@ -353,9 +315,9 @@ def solve_band(bands: Complex, ratio: float, zeta: float) -> Lines:
     return Lines(solution[highest:])
 
 
-def numba_is_installed() -> bool:
-    """Whether numba can be imported."""
-    return find_spec("numba") is not None
+def numba_is_missing() -> str:
+    """Return why nothing can be compiled; "" if it can."""
+    return "" if find_spec("numba") else "numba is not installed"
 
 
 @dataclass(frozen=True, eq=False)
