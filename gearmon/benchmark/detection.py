@@ -55,14 +55,8 @@ Trial = tuple[Condition, Setting, str, tuple[bool, ...]]
 
 OURS, LOCALISED, LEARNING = "gearmon", "localised difference", "plain learning"
 #: Textbook detectors, by the names of their indicators in an analysis; the last two are made here.
-TEXTBOOK = {
-    "FM4": "FM4",
-    "energy ratio": "energy ratio",
-    "sideband energy ratio": "SER",
-    "kurtosis": "kurtosis",
-    "residual energy": "residual energy",
-    "NA4*": "NA4*",
-}
+_TOLD = ("FM4", "energy ratio", "sideband energy ratio", "kurtosis", "residual energy", "NA4*")
+TEXTBOOK = {name: {"sideband energy ratio": "SER"}.get(name, name) for name in _TOLD}
 #: Indicators that only the learning detector sees beside them.
 FURTHER = ("M6A", "M8A")
 RIVALS = (*TEXTBOOK, LOCALISED, LEARNING)
@@ -70,7 +64,6 @@ LOSSES = (0.01, 0.025, 0.05, 0.1, 0.2, 0.4)
 QUICK_LOSSES = (0.4,)
 #: Load, speed and gain of healthy recordings over nominal, by the name of the variant.
 VARIANTS = ("same", "load", "speed", "gain", "all")
-OTHERS = ("eccentricity", "misalignment", "bearing", "pitting", "wear")
 #: Sizes of the other conditions, see `Condition`.
 SIZES = {
     "eccentricity": (2.0, 8.0),
@@ -79,6 +72,7 @@ SIZES = {
     "pitting": (0.05, 0.25),
     "wear": (0.2, 1.0),
 }
+OTHERS = tuple(SIZES)
 #: Two recordings at one operating point differ by so much in load and speed.
 LOAD_SPREAD, SPEED_SPREAD = 0.02, 0.002
 #: A tooth is found if it is no further away [teeth].
@@ -163,14 +157,10 @@ def with_learning(outcomes: Sequence[Outcome], seed: int = 0) -> list[Row]:
 
     rows = [dict(row) for row, _ in outcomes]
     for tacho, fold in product((True, False), range(FOLDS)):
-        judged, healthy = [], []
-        for number, (row, features) in enumerate(outcomes):
-            if not len(features) or row["tacho"] != tacho:
-                continue
-            if row["machine"] % FOLDS == fold:
-                judged.append(number)
-            elif row["condition"] == "healthy":
-                healthy.append(number)
+        heard = [n for n, (row, own) in enumerate(outcomes) if len(own) and row["tacho"] == tacho]
+        judged = [n for n in heard if rows[n]["machine"] % FOLDS == fold]
+        rest = [n for n in heard if rows[n]["machine"] % FOLDS != fold]
+        healthy = [n for n in rest if rows[n]["condition"] == "healthy"]
         if len(healthy) < 2 or not judged:
             continue
         known, new = ([outcomes[number][1] for number in part] for part in (healthy, judged))
@@ -217,13 +207,9 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outc
 def _setting(rng: np.random.Generator, variant: str, duration_s: float) -> Setting:
     load = 1 + LOAD_SPREAD * rng.uniform(-1, 1)
     speed = 1 + SPEED_SPREAD * rng.uniform(-1, 1)
-    gain = 1.0
-    if variant in ("load", "all"):
-        load = rng.uniform(0.8, 1.2)
-    if variant in ("speed", "all"):
-        speed = rng.uniform(0.98, 1.02)
-    if variant in ("gain", "all"):
-        gain = 2.0 ** rng.uniform(-1, 1)
+    load = rng.uniform(0.8, 1.2) if variant in ("load", "all") else load
+    speed = rng.uniform(0.98, 1.02) if variant in ("speed", "all") else speed
+    gain = 2.0 ** rng.uniform(-1, 1) if variant in ("gain", "all") else 1.0
     seed = int(rng.integers(1 << 31))
     return Setting(load=load, speed=speed, gain=gain, seed=seed, duration_s=duration_s)
 

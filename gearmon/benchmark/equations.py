@@ -21,13 +21,11 @@ import numpy as np
 import numpy.typing as npt
 from numpy.polynomial.legendre import legint, legval, legvander
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import HillProblem, Response
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import gauss
 from gearmon.machine import ParallelStage
-
-Real = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 MASS_KG = 0.28
 DAMPING_NS_PER_M = 9e3
@@ -73,18 +71,18 @@ class Case:
     meshes: int = 1
 
     @property
-    def half(self) -> Complex:
+    def half(self) -> ComplexArray:
         """k/k0 as harmonics 0..J."""
         return np.concatenate([[1.0 + 0j], self.problem.stiffness_harmonics])
 
-    def level(self, share: npt.ArrayLike) -> Real:
+    def level(self, share: npt.ArrayLike) -> FloatArray:
         """k/k0 of a rectangle at shares of its period."""
         assert self.rectangle is not None
         turned = (np.asarray(share, dtype=float) + 0.25) % 1.0
         return np.where(turned < 0.5, 1 + self.rectangle, 1 - self.rectangle)
 
 
-def square_wave(harmonics: int, variation: float = VARIATION) -> Complex:
+def square_wave(harmonics: int, variation: float = VARIATION) -> ComplexArray:
     """c_1..c_J of 1 + eps for half a period about t = 0, 1 - eps for the other half."""
     j = np.arange(1, harmonics + 1)
     sizes = variation * np.sin(0.5 * math.pi * j) * 2 / (math.pi * j)
@@ -192,7 +190,7 @@ def growing_turn(meshes: int, zeta: float = 0.07) -> HillProblem:
 class Lines:
     """A steady motion given as harmonics z_0..z_N of its deflection [F/k0]."""
 
-    displacement: Complex
+    displacement: ComplexArray
 
 
 def as_lines(response: Response) -> Lines:
@@ -205,8 +203,8 @@ def as_lines(response: Response) -> Lines:
 class Samples:
     """A steady motion given as accelerations [w0^2 F/k0] at shares of the period, ascending."""
 
-    share: Real
-    acceleration: Real
+    share: FloatArray
+    acceleration: FloatArray
 
 
 Motion = Lines | Samples
@@ -230,9 +228,9 @@ class Reference:
 
     ratio: float
     zeta: float
-    state: Real
+    state: FloatArray
     decay_rate: float
-    acceleration: Real
+    acceleration: FloatArray
 
     @property
     def size(self) -> float:
@@ -253,7 +251,7 @@ class Reference:
             weights = 0.5 * (gaps + np.roll(gaps, 1))
         return math.sqrt(float((weights * wrong**2).sum())) / self.size
 
-    def _at_shares(self, share: Real) -> Real:
+    def _at_shares(self, share: FloatArray) -> FloatArray:
         """Acceleration anywhere, from the polynomial of the segment that begins at or before."""
         place = (share % 1.0) * len(self.acceleration)
         # a sample on a jump belongs to the segment that begins there, rounding or not
@@ -262,7 +260,7 @@ class Reference:
         return np.asarray((series * legvander(2 * (place - segment) - 1, NODES - 1)).sum(axis=1))
 
 
-def folded(half: Complex, length: int) -> Real:
+def folded(half: ComplexArray, length: int) -> FloatArray:
     """Values of a half spectrum on `length` equal steps, however many harmonics it has."""
     if len(half) <= length // 2:
         return np.asarray(np.fft.irfft(half, length, norm="forward"))
@@ -271,7 +269,7 @@ def folded(half: Complex, length: int) -> Real:
     return np.asarray(np.fft.ifft(whole, norm="forward").real)
 
 
-def at_nodes(half: Complex, segments: int) -> Real:
+def at_nodes(half: ComplexArray, segments: int) -> FloatArray:
     """Values of a half spectrum at the nodes of all segments, shape (segments, nodes)."""
     turns = 2j * math.pi * np.arange(len(half)) / segments
     # the phase of a node turns every harmonic
@@ -288,9 +286,9 @@ class Rule(NamedTuple):
         Row i integrates the polynomial through the nodes from 0 to node i.
     """
 
-    nodes: Real
-    weights: Real
-    integral: Real
+    nodes: FloatArray
+    weights: FloatArray
+    integral: FloatArray
 
 
 @lru_cache(maxsize=4)
@@ -348,7 +346,7 @@ def reference_and_doubt(problem: HillProblem) -> tuple[Reference, float]:
     return first, second.error(Samples(share.ravel(), first.acceleration.ravel()))
 
 
-def _stiffness(case: Case, segments: int) -> Real:
+def _stiffness(case: Case, segments: int) -> FloatArray:
     """Relative stiffness at the nodes of all segments, shape (segments, nodes)."""
     if case.rectangle is not None:
         middle = (np.arange(segments) + 0.5) / segments
@@ -356,7 +354,7 @@ def _stiffness(case: Case, segments: int) -> Real:
     return at_nodes(case.half, segments)
 
 
-def _segment_maps(stiffness: Real, zeta: float, step: float) -> tuple[Real, Real]:
+def _segment_maps(stiffness: FloatArray, zeta: float, step: float) -> tuple[FloatArray, FloatArray]:
     """Return what maps (z, v, 1) to the next (z, v), and to accelerations at the nodes."""
     r = rule(NODES)
     once, twice = step * r.integral, step**2 * (r.integral @ r.integral)
@@ -366,19 +364,15 @@ def _segment_maps(stiffness: Real, zeta: float, step: float) -> tuple[Real, Real
     right[:, :, 1] = -2 * zeta - stiffness * (step * r.nodes)
     right[:, :, 2] = 1.0
     acceleration = np.linalg.solve(matrix, right)
-    velocity = step * (r.weights @ acceleration)
     deflection = step**2 * ((r.weights @ r.integral) @ acceleration)
-    moved = np.stack([deflection, velocity], axis=1)
-    moved[:, 0, 0] += 1
-    moved[:, 0, 1] += step
-    moved[:, 1, 1] += 1
+    moved = np.stack([deflection, step * (r.weights @ acceleration)], axis=1)
+    moved += np.array([[1.0, step, 0.0], [0.0, 1.0, 0.0]])
     return moved, np.asarray(acceleration, dtype=np.float64)
 
 
-def _close(maps: Real) -> tuple[Real, float]:
+def _close(maps: FloatArray) -> tuple[FloatArray, float]:
     """Periodic states at the start of every segment, and log of the largest multiplier."""
-    whole, log = np.eye(2), 0.0
-    shift = np.zeros(2)
+    whole, shift, log = np.eye(2), np.zeros(2), 0.0
     for moved in maps:
         whole = moved[:, :2] @ whole
         shift = moved[:, :2] @ shift + moved[:, 2]

@@ -23,8 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from gearmon.arrays import ComplexArray as Complex
-from gearmon.arrays import FloatArray as Real
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark.equations import Case, Lines, Motion, Reference, Samples, folded
 from gearmon.benchmark.timing import Row, Timing, interleaved
 
@@ -263,10 +262,10 @@ def shooter(case: Case, digits: float) -> Callable[[], Samples]:
     return shoot
 
 
-def _three_slopes(damping: float, at: Read) -> Callable[[float, Real], list[float]]:
+def _three_slopes(damping: float, at: Read) -> Callable[[float, FloatArray], list[float]]:
     """Right side of two free motions and a driven one, in plain numbers."""
 
-    def slope(time: float, state: Real) -> list[float]:
+    def slope(time: float, state: FloatArray) -> list[float]:
         a, u, b, w, z, v = state.tolist()
         k = at(time)
         free = u, -damping * u - k * a, w, -damping * w - k * b
@@ -280,7 +279,7 @@ def banded_bytes(harmonics: int, highest: int) -> int:
     return 16 * (2 * highest + 1) * (3 * min(harmonics, 2 * highest) + 1)
 
 
-def band(harmonics: Complex, highest: int) -> Complex:
+def band(harmonics: ComplexArray, highest: int) -> ComplexArray:
     """Band matrix of the stiffness alone, for harmonics -highest..highest."""
     kept = harmonics[: 2 * highest]
     width = len(kept)
@@ -290,7 +289,7 @@ def band(harmonics: Complex, highest: int) -> Complex:
     return bands
 
 
-def solve_band(bands: Complex, ratio: float, zeta: float) -> Lines:
+def solve_band(bands: ComplexArray, ratio: float, zeta: float) -> Lines:
     """Harmonic balance by scipy.linalg.solve_banded; `bands` as `band` gives them.
 
     Parameters
@@ -332,10 +331,10 @@ class Steps:
         Stiffness there; what jumps between two steps has two values.
     """
 
-    length: Real
-    begin: Real
-    middle: Real
-    end: Real
+    length: FloatArray
+    begin: FloatArray
+    middle: FloatArray
+    end: FloatArray
 
 
 def equal_steps(case: Case, count: int) -> Steps:
@@ -357,7 +356,7 @@ def march_compiled(steps: Steps, ratio: float, zeta: float) -> Samples:
 
 
 @lru_cache(maxsize=64)
-def _shares(count: int) -> Real:
+def _shares(count: int) -> FloatArray:
     return np.arange(count) / count
 
 
@@ -382,7 +381,7 @@ def rk4_step() -> Callable[..., Any]:
 
 
 @lru_cache(maxsize=1)
-def shooting() -> Callable[..., tuple[Real, Real]]:
+def shooting() -> Callable[..., tuple[FloatArray, FloatArray]]:
     """Compile the loop over steps; it gives velocity and acceleration at the begin of each."""
     from numba import njit  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
@@ -416,7 +415,7 @@ def shooting() -> Callable[..., tuple[Real, Real]]:
 
 
 @lru_cache(maxsize=1)
-def chart() -> Callable[..., Real]:
+def chart() -> Callable[..., FloatArray]:
     """Compile the loop over the points of a chart; it gives the growth a period of each."""
     from numba import njit, prange  # type: ignore[import-not-found,import-untyped,unused-ignore]
 

@@ -22,13 +22,8 @@ from functools import partial
 
 import numpy as np
 
-from gearmon.benchmark.equations import (
-    Complex,
-    Reference,
-    as_lines,
-    pair,
-    reference_and_doubt,
-)
+from gearmon.arrays import ComplexArray
+from gearmon.benchmark.equations import Reference, as_lines, pair, reference_and_doubt
 from gearmon.benchmark.timing import Row, task_time
 from gearmon.dynamics import HillProblem, Response, floquet, steady_state
 from gearmon.errors import ArgumentError, check_range
@@ -36,10 +31,7 @@ from gearmon.terminal import Progress, followed
 
 OUTCOMES = ("met", "refused", "wrong_silently", "bound_broken", "not_judged", "crashed")
 
-RATIOS = (0.1, 50.0)
-ZETAS = (1e-3, 3.0)
-MOST_HARMONICS = 64
-MOST_SHARE = 0.9
+RATIOS, ZETAS, MOST_HARMONICS, MOST_SHARE = (0.1, 50.0), (1e-3, 3.0), 64, 0.9
 LARGEST_VARIATION = 2.0
 #: The limit is wanted to half a percent.
 TRACE_TOLERANCE = 1e-5
@@ -86,7 +78,7 @@ def draw_system(rng: np.random.Generator) -> System:
     return System(problem=problem, variation=variation, limit=limit)
 
 
-def instability_limit(ratio: float, zeta: float, shape: Complex) -> float:
+def instability_limit(ratio: float, zeta: float, shape: ComplexArray) -> float:
     """Smallest variation, to half a percent, that makes a free vibration grow; at most 2.
 
     Parameters

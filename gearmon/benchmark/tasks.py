@@ -331,11 +331,7 @@ def _peak_memory(command: Sequence[str]) -> tuple[float, float]:
 
 #: A pair with published stiffness by ROSS.
 PUBLISHED = replace(
-    STAGE,
-    pinion_teeth=25,
-    gear_teeth=30,
-    bore_diameter_pinion_mm=20.0,
-    bore_diameter_gear_mm=20.0,
+    STAGE, pinion_teeth=25, gear_teeth=30, bore_diameter_pinion_mm=20.0, bore_diameter_gear_mm=20.0
 )
 POSITIONS = 1000
 
