@@ -50,6 +50,8 @@ if TYPE_CHECKING:
 
 #: Truth and findings of one analysis, and features of a learning detector: none if it was refused.
 Outcome = tuple[Row, FloatArray]
+#: A recording and its analysis.
+Heard = tuple[Taken, Analysis]
 #: A new recording: condition, setting, which of `VARIANTS`, and with and without its tacho.
 Trial = tuple[Condition, Setting, str, tuple[bool, ...]]
 
@@ -187,18 +189,13 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outc
     judges = {tacho: _judge(drawn, first, tacho) for tacho in (True, False)}
     teeth = ", ".join(f"{s.gears[0].teeth}/{s.gears[1].teeth}" for s in drawn.stages)
     facts: Row = {"machine": number, "teeth": teeth, "speed_hz": round(drawn.speed_hz, 3)}
-    facts |= {"channels": drawn.channels}
+    facts["channels"] = len(drawn.path)
     for condition, setting, variant, tachos in list(_plan(rng, drawn, quick)):
         taken = drawn.take(condition, setting)
-        truth = {
-            "condition": condition.kind,
-            "variant": variant,
-            "stage": condition.stage or None,
-            "gear": condition.gear or None,
-            "tooth": condition.tooth,
-            "size": condition.size,
-            **{name: getattr(setting, name) for name in ("load", "speed", "gain")},
-        }
+        truth: Row = {"condition": condition.kind, "variant": variant}
+        truth |= {"stage": condition.stage or None, "gear": condition.gear or None}
+        truth |= {"tooth": condition.tooth, "size": condition.size}
+        truth |= {name: getattr(setting, name) for name in ("load", "speed", "gain")}
         for tacho in tachos:
             row, features = judges[tacho](condition, taken)
             yield {**facts, **truth, "tacho": tacho, **NOTHING, **row}, features
@@ -282,10 +279,7 @@ def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Conditio
 
 
 def tooth_error(
-    drawn: DrawnMachine,
-    condition: Condition,
-    flag: Flag,
-    recordings: Sequence[tuple[Taken, Analysis]],
+    drawn: DrawnMachine, condition: Condition, flag: Flag, recordings: Sequence[Heard]
 ) -> float | None:
     """Return the distance of the tooth found from the true one [teeth]; None without a place.
 
