@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -18,20 +17,16 @@ from gearmon.report import plots
 
 Style = dict[str, Any]
 
-#: Colours and dashes in the order of methods, and markers: the first are ours.
-_COLOURS = ("BLUE", "ORANGE", "VERMILLION", "GREEN", "GREY", "SKY", "PURPLE", "BLACK")
-_DASHES, _MARKERS = ("-", "--", "-."), "os^DvPXp*d<>h"
 LOG_LOG = {"xscale": "log", "yscale": "log"}
 #: Least probability that is shown.
 LEAST = 1e-4
 
 
 def styles(names: Iterable[str]) -> dict[str, Style]:
-    """Return colour, marker and dashes of every name, all told apart."""
-    looks = zip(names, cycle(_COLOURS), cycle(_DASHES), cycle(_MARKERS), strict=False)
+    """Return colour and marker of every name, all told apart."""
     return {
-        name: {"color": getattr(plots, colour), "linestyle": dashes, "marker": marker}
-        for name, colour, dashes, marker in looks
+        name: {"color": plots.series_colour(n), "marker": plots.series_marker(n + n // 8)}
+        for n, name in enumerate(names)
     }
 
 
@@ -42,14 +37,11 @@ DETECTOR_STYLES = styles((OURS, *RIVALS))
 def _panels(count: int, columns: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
     """Return a figure with so many axes over a faint grid."""
     lines = math.ceil(count / columns)
-    figure = Figure(figsize=(width * columns + 0.6, height * lines + 0.5), layout="constrained")
-    axes = list(figure.subplots(lines, columns, squeeze=False).ravel())
+    figure = plots.sheet(width * columns + 0.6, height * lines + 0.5)
+    axes = [figure.add_subplot(lines, columns, place + 1) for place in range(count)]
     for ax in axes:
-        ax.grid(color=plots.LIGHT_GREY, linewidth=0.4)
-        ax.set_axisbelow(True)
-    for ax in axes[count:]:
-        ax.axis("off")
-    return figure, axes[:count]
+        plots.light_grid(ax, "both")
+    return figure, axes
 
 
 def dynamics_figures(rows: Sequence[Row]) -> dict[str, Figure]:
@@ -58,16 +50,14 @@ def dynamics_figures(rows: Sequence[Row]) -> dict[str, Figure]:
     table = table[table["case"].isin(table["case"][table["unknowns"].notna()])]
     looks = styles(table["method"].drop_duplicates())
     cases = table.groupby("case", sort=False)
-    figure, axes = _panels(len(cases) + 1, 4, 3.3, 2.9)
-    for ax, (name, own) in zip(axes, cases, strict=False):
+    figure, axes = _panels(len(cases), 4, 3.3, 2.9)
+    for ax, (name, own) in zip(axes, cases, strict=True):
         plot_work_precision(own, ax, looks)
         ax.set_title(str(name), fontsize=9)
     told = "relative L2 error of acceleration (of a chart: error of ln of the multiplier)"
     figure.supxlabel(f"{told}, more accurate to the right", fontsize=9)
     figure.supylabel("median run time in s", fontsize=9)
-    handles = [axes[-1].plot([], [], **look, label=name)[0] for name, look in looks.items()]
-    axes[-1].legend(handles=handles, fontsize=8, loc="center", frameon=False)
-    axes[-1].axis("off")
+    plots.legend(figure, axes, where="upper center")
     return {"": figure}
 
 
@@ -84,7 +74,7 @@ def plot_work_precision(table: pd.DataFrame, ax: Axes, looks: dict[str, Style]) 
         See `styles`.
     """
     for method, own in table.groupby("method", sort=False):
-        ax.plot(own["error"], own["median_s"], **looks[str(method)], markersize=4)
+        ax.plot(own["error"], own["median_s"], **looks[str(method)], markersize=4, label=method)
     ax.set(**LOG_LOG)
     ax.axvline(1e-6, color=plots.LIGHT_GREY, linewidth=3, zorder=0)
     ax.set_xlim(min(2 * table["error"].max(), 3.0), max(0.5 * table["error"].min(), 1e-15))
@@ -115,8 +105,7 @@ def detection_figures(rows: Sequence[Row]) -> dict[str, Figure]:
     alarms.plot([LEAST, 1.0], [LEAST, 1.0], color=plots.BLACK, linewidth=0.9, label="as stated")
     alarms.legend(fontsize=8, loc="lower right")
     plot_kinds(table[table["tacho"]], matrix)
-    named = areas[0].get_legend_handles_labels()
-    roc.legend(*named, loc="outside right center", fontsize=8, frameon=False)
+    plots.legend(roc, areas, 1, "right center")
     return {"roc": roc, "false-alarms": false_alarms, "kinds": kinds, "size": size}
 
 

@@ -29,28 +29,24 @@ from gearmon.benchmark.rivals import shooter
 from gearmon.benchmark.timing import NO_LIMIT_S, Competitor, Row, Task, Timing, interleaved
 from gearmon.dynamics import HillProblem, steady_state
 from gearmon.files import write_atomically
-from gearmon.gears.faults import Fault, parse_fault
+from gearmon.gears import Fault, mesh_pairs, mesh_stiffness, parse_fault, teeth_of
 from gearmon.gears.foundation import Foundation
-from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.gears.tooth import ToothBeam
-from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, teeth_of
-from gearmon.harvesting.harvester import Harvester, InertialHarvester
+from gearmon.harvesting import InertialHarvester, OperatingShare, tune_harvester, vibration_of_lines
+from gearmon.harvesting.harvester import Harvester
 from gearmon.harvesting.request import built_in
 from gearmon.harvesting.response import mean_power_w
-from gearmon.harvesting.tuning import tune_harvester
-from gearmon.harvesting.vibration import OperatingShare, Points, vibration_of_lines
 from gearmon.machine import Machine, ParallelStage, load_machine
 from gearmon.machine.reading import example_machine
 from gearmon.signals.recording import Recording, read_recording
-from gearmon.signals.spectra.demodulation import envelope_spectrum, kurtogram
-from gearmon.signals.spectra.spectrum import amplitude_spectrum, power_density
+from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
 from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress, followed
 
 #: The first is gearmon's.
 Tasks = dict[str, Task]
+Duty = tuple[OperatingShare, ...]
 
 PYSDKIT = Competitor("PySDKit", "GEARMON_PYSDKIT_PYTHON", "PySDKit 0.5.0")
 #: It needs an old plotly.
@@ -440,7 +436,7 @@ def _compared(known: Row, stage: ParallelStage) -> tuple[float, str]:
     double = turned <= known["contact_ratio"] - 1
     same = _pair_stiffness(known, stage, turned)
     same[double] += _pair_stiffness(known, stage, turned[double] + 1)
-    own = mesh_stiffness(stage, (), POTENTIAL_ENERGY).at(turned)
+    own = mesh_stiffness(stage, (), FORM).at(turned)
     single, two, own_single, own_two = (
         float(np.median(k[zone])) for k in (stiffness, own) for zone in (~double, double)
     )
@@ -532,7 +528,7 @@ def _tuned_power(problem: HillProblem) -> float:
     shaking = vibration_of_lines(
         HARMONICS[: len(lines)] / PERIOD_S, acceleration_ms2=2 * np.abs(lines)
     )
-    return tune_harvester(INERTIAL, shaking).power_w
+    return float(tune_harvester(INERTIAL, shaking).power_w)
 
 
 def _integrated(problem: HillProblem) -> float:
@@ -575,7 +571,7 @@ def _optimum_row(harvester: Harvester, quick: bool) -> Row:
     return _row(case, f"brute force, {frequencies} frequencies x {loads} loads", [timed])
 
 
-def _brute_force(harvester: Harvester, duty: Points, frequencies: int, loads: int) -> float:
+def _brute_force(harvester: Harvester, duty: Duty, frequencies: int, loads: int) -> float:
     """Largest power on a grid, all loads of a natural frequency at once."""
     low, high = harvester.frequency_range_hz
     grid = np.minimum(np.geomspace(low, high, frequencies), high).tolist()
@@ -584,7 +580,7 @@ def _brute_force(harvester: Harvester, duty: Points, frequencies: int, loads: in
     return float(np.max(powers))
 
 
-def _duty() -> Points:
+def _duty() -> Duty:
     """Two operating points of five mesh harmonics with four sidebands to either side."""
     frequency = np.add.outer(540.0 * np.arange(1, 6), 18.0 * np.arange(-4, 5)).ravel()
     amplitude = np.random.default_rng(1).lognormal(-1, 1, frequency.size)

@@ -52,7 +52,7 @@ def test_small_multiples_leave_out_what_has_no_figures():
     titles = [ax.get_title() for ax in figure.axes]
     assert titles[:2] == ["pair", "other"]
     assert "cost growth" not in titles
-    names = [text.get_text() for text in figure.axes[2].get_legend().get_texts()]
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == ["steady_state", "compiled RK4"]
 
 
