@@ -278,22 +278,16 @@ def _one_by_one(tasks: Sequence[Task]) -> list[Any]:
 def _together(sweep: Sweep) -> Contender:
     """All sets at once, nothing kept from an earlier call."""
     columns = [(p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m) for p in sweep.problems]
-    known = sweep.problems[0].stiffness_harmonics, equations.PERIOD_S, equations.FORCE_N
+    common = sweep.problems[0].stiffness_harmonics, equations.PERIOD_S, equations.FORCE_N
     mass, damping, stiffness = np.array(columns).T
-    run = partial(solve_sets, mass, damping, stiffness, *known, tolerance=TARGET)
+    run = partial(solve_sets, mass, damping, stiffness, *common, tolerance=TARGET)
     found, references = run(), enumerate(sweep.references)
     refused = int((~found.met).sum())
     errors = [own.error(as_lines(found.response(i))) for i, own in references if found.met[i]]
-    return Contender(
-        rivals.SETS_AT_ONCE,
-        "all at once",
-        TARGET,
-        run,
-        note=f"{refused} sets refused" if refused else "",
-        sets=len(sweep.problems),
-        error=max(errors, default=None),
-        error_bound=float(found.error_bound[found.met].max()) if found.met.any() else None,
-    )
+    known: dict[str, Any] = {"sets": len(sweep.problems), "error": max(errors, default=None)}
+    known["note"] = f"{refused} sets refused" if refused else ""
+    known["error_bound"] = float(found.error_bound[found.met].max()) if found.met.any() else None
+    return Contender(rivals.SETS_AT_ONCE, "all at once", TARGET, run, **known)
 
 
 def _own_loop(sweep: Sweep) -> Contender:
@@ -406,15 +400,10 @@ def family_rows(quick: bool = False) -> list[Row]:
     reference, turn = solve_reference(case), as_lines(steady_state(case.problem, 1e-9)).displacement
     sound = equations.Lines(np.where(np.arange(len(turn)) % case.meshes, 0.0, turn))
     added = reference.error(sound)
+    # the members tell their error themselves
+    known: dict[str, Any] = {"sets": len(family), "error": max(own.lines.error for own in family)}
     listed = [
-        # the error is that which the members tell of themselves
-        Contender(
-            rivals.FAMILY,
-            wanted=TARGET,
-            run=run,
-            sets=len(family),
-            error=max(member.lines.error for member in family),
-        ),
+        Contender(rivals.FAMILY, "", TARGET, run, **known),
         next(_rivals(case)).tuned(TARGET, lambda motion: reference.error(motion) / added),
     ]
     return with_ratios(measured(listed, 2 if quick else 9, 0.1 if quick else 4.0))

@@ -118,30 +118,22 @@ def with_ratios(rows: list[Row]) -> list[Row]:
     at_target = {row["method"]: row for row in rows if row["wanted"] == TARGET}
     ours = next((at_target[name] for name in BASES if name in at_target), None)
     cheapest: dict[str, Row] = {}
-    # of ours the row that a user gets who asks for this error, not one that is lucky
-    judged = [
-        row
-        for row in rows
-        if row["median_s"] is not None
-        and row["error"] is not None
-        and row["error"] <= TARGET
-        and (row["method"] != OURS or row["wanted"] == TARGET)
-    ]
-    for row in sorted(judged, key=lambda row: float(row["median_s"])):
+
+    def judged(row: Row) -> bool:
+        # of ours the row that a user gets who asks for this error, not one that is lucky
+        told = row["median_s"] is not None and row["error"] is not None
+        asked = row["method"] != OURS or row["wanted"] == TARGET
+        return told and asked and bool(row["error"] <= TARGET)
+
+    for row in sorted(filter(judged, rows), key=lambda row: float(row["median_s"])):
         cheapest.setdefault(row["method"], row)
-
-    def over_ours(row: Row, column: str) -> float | None:
-        return row[column] / ours[column] if ours and ours[column] and row[column] else None
-
-    return [
-        row
-        | {
-            "times_ours": over_ours(row, "median_s"),
-            "times_ours_fastest": over_ours(row, "fastest_s"),
-            "at_target": cheapest.get(row["method"]) is row,
-        }
-        for row in rows
-    ]
+    for row in rows:
+        for name, column in (("times_ours", "median_s"), ("times_ours_fastest", "fastest_s")):
+            row[name] = (
+                row[column] / ours[column] if ours and ours[column] and row[column] else None
+            )
+        row["at_target"] = cheapest.get(row["method"]) is row
+    return rows
 
 
 @dataclass(frozen=True, eq=False)

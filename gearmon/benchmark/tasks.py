@@ -80,7 +80,7 @@ def run_signals(progress: Progress | None = None, *, quick: bool = False) -> lis
     """
     count, repeats = 1 << (16 if quick else 20), 3 if quick else 15
     long = 500_000 if quick else 10_000_000
-    steps: list[Callable[[], Iterator[Row]]] = [
+    steps: list[Callable[[], list[Row]]] = [
         lambda: _spectra(count, repeats),
         lambda: _kurtogram(count, min(repeats, 7)),
         lambda: _after_reading(long, 2 if quick else 3),
@@ -98,22 +98,18 @@ def signals_summary(rows: Sequence[Row]) -> list[Row]:
 
 def _timed(
     case: str, tasks: Tasks, repeats: int, budget_s: float, samples: int, channels: int = 1
-) -> Iterator[Row]:
+) -> list[Row]:
+    """Return one row a method; the first is gearmon's."""
     timings = interleaved(list(tasks.values()), repeats, budget_s)
-    return _rows(case, dict(zip(tasks, timings, strict=True)), samples, channels)
+    sizes = {"samples": samples, "channels": channels}
+    return [
+        {"case": case, "method": name, **sizes, **timing.columns()}
+        | {"times_own": timing.median_s / timings[0].median_s, "note": ""}
+        for name, timing in zip(tasks, timings, strict=True)
+    ]
 
 
-def _rows(
-    case: str, timings: dict[str, Timing], samples: int, channels: int = 1, note: str = ""
-) -> Iterator[Row]:
-    """Yield one row a method; the first is gearmon's."""
-    own = next(iter(timings.values())).median_s
-    for name, timing in timings.items():
-        row = {"case": case, "method": name, "samples": samples, "channels": channels}
-        yield row | timing.columns() | {"times_own": timing.median_s / own, "note": note}
-
-
-def _spectra(count: int, repeats: int) -> Iterator[Row]:
+def _spectra(count: int, repeats: int) -> list[Row]:
     from scipy.fft import rfft
     from scipy.signal import butter, hilbert, sosfiltfilt, welch
 
@@ -147,20 +143,19 @@ def _spectra(count: int, repeats: int) -> Iterator[Row]:
             "power_density": partial(power_density, samples, 1.0, block),
             "scipy.signal.welch": partial(welch, samples, nperseg=block),
         }
-    for case, tasks in cases.items():
-        yield from _timed(case, tasks, repeats, 5.0, count)
+    return [row for case, own in cases.items() for row in _timed(case, own, repeats, 5.0, count)]
 
 
-def _kurtogram(count: int, repeats: int) -> Iterator[Row]:
-    task = partial(kurtogram, np.random.default_rng(0).normal(size=count), 1.0, LEVELS)
-    case = f"kurtogram, {LEVELS} levels"
+def _kurtogram(count: int, repeats: int) -> list[Row]:
+    task: Task = partial(kurtogram, np.random.default_rng(0).normal(size=count), 1.0, LEVELS)
+    case, tasks = f"kurtogram, {LEVELS} levels", {"kurtogram": task}
     python = PYSDKIT.python() or (sys.executable if find_spec("pysdkit") else None)
     if python is None:
-        (alone,) = interleaved([task], repeats, 5.0)
-        return _rows(case, {"kurtogram": alone}, count, note=PYSDKIT.absent)
+        return [row | {"note": PYSDKIT.absent} for row in _timed(case, tasks, repeats, 5.0, count)]
     data = {"count": count, "levels": min(LEVELS, int(np.log2(count)) - 7)}
-    known, theirs, ours = PYSDKIT.in_turn(python, data, lambda _: task, repeats)
-    return _rows(case, {"kurtogram": ours, f"{PYSDKIT.name} {known['version']}": theirs}, count)
+    with PYSDKIT.running(python, data) as (known, theirs):
+        tasks[f"{PYSDKIT.name} {known['version']}"] = theirs
+        return _timed(case, tasks, repeats, NO_LIMIT_S, count)
 
 
 @contextmanager
@@ -189,7 +184,7 @@ def _example(folder: Path) -> Machine:
     return load_machine(folder / "machine.toml")
 
 
-def _after_reading(count: int, repeats: int) -> Iterator[Row]:
+def _after_reading(count: int, repeats: int) -> list[Row]:
     import pandas as pd
 
     with _long_recording(count) as (path, samples, machine):
@@ -202,7 +197,7 @@ def _after_reading(count: int, repeats: int) -> Iterator[Row]:
         return _timed("from samples to all indicators", tasks, repeats, NO_LIMIT_S, count)
 
 
-def _reading(count: int, channels: int, repeats: int) -> Iterator[Row]:
+def _reading(count: int, channels: int, repeats: int) -> list[Row]:
     """Readers of CSV that are installed; no result is kept."""
     import pandas as pd
 
@@ -257,14 +252,10 @@ def analysis_against_reading(repeats: int = 7, progress: Progress | None = None)
 def _prepared(place: Path) -> dict[str, list[str]]:
     """Write machine, recordings and reference; return the arguments of both processes."""
     machine = _example(place)
-    for number, (name, faults) in enumerate(
-        {"healthy": [], "new": ["crack:1:pinion:7:30%"]}.items()
-    ):
+    for number, (name, *faults) in enumerate((("healthy",), ("new", "crack:1:pinion:7:30%"))):
         made = simulate(machine, faults, WHOLE_S, WHOLE_RATE_HZ, channels=4, recording_seed=number)
         write_simulation(made, place / f"{name}.csv", with_time=False)
-    healthy, new, reference = (
-        str(place / name) for name in ("healthy.csv", "new.csv", "healthy.ref")
-    )
+    healthy, new, reference = (f"{place}/{name}" for name in ("healthy.csv", "new.csv", "ref"))
     learn = _command("learn", healthy, place, WHOLE_RATE_HZ, "-o", reference)
     subprocess.run(learn, check=True, capture_output=True)
     analyse = _command("analyse", new, place, WHOLE_RATE_HZ, "--reference", reference, "--json")
@@ -299,9 +290,8 @@ def memory_of_long_recording(
     results = []
     for count in followed(columns, len(columns), progress):
         with _long_recording(rows, count) as (path, _, _):
-            peak, elapsed = _peak_memory(
-                _command("analyse", str(path), path.parent, RATE_HZ, "--json")
-            )
+            command = _command("analyse", str(path), path.parent, RATE_HZ, "--json")
+            peak, elapsed = _peak_memory(command)
         numbers = 8 * rows * count
         sizes = {"numbers_mib": numbers / 2**20, "peak_mib": peak / 2**20, "ratio": peak / numbers}
         results.append({"rows": rows, "channels": count, **sizes, "elapsed_s": elapsed})
@@ -390,22 +380,16 @@ def _beside_ross(stage: ParallelStage, python: str | None, repeats: int) -> Row:
         (own,) = interleaved([partial(_sample, stage, POSITIONS)], repeats, NO_LIMIT_S)
         return _stiffness_row(case, POSITIONS, own, note=ROSS.absent)
 
-    def same(known: Row) -> ParallelStage:
-        """Return the gears of the steel that ROSS has."""
-        steel = {"poisson_ratio": known["poisson_ratio"]}
-        for gear in ("pinion", "gear"):
-            steel[f"elastic_modulus_{gear}_pa"] = known["elastic_modulus_pa"]
-        return replace(stage, **steel)
-
-    known, theirs, own = ROSS.in_turn(
-        python,
-        _gears_for_ross(stage),
-        lambda known: partial(_sample, same(known), POSITIONS),
-        min(repeats, 7),
-    )
-    difference, note = _compared(known, same(known))
-    beside = {"ross_median_s": theirs.median_s, "ross_difference": difference, "note": note}
-    beside["ross_times_slower"] = theirs.median_s / own.median_s
+    with ROSS.running(python, _gears_for_ross(stage)) as (known, theirs):
+        # the same gears of the steel that ROSS has
+        moduli = ("elastic_modulus_pinion_pa", "elastic_modulus_gear_pa")
+        steel: Row = dict.fromkeys(moduli, known["elastic_modulus_pa"])
+        same = replace(stage, poisson_ratio=known["poisson_ratio"], **steel)
+        tasks: list[Task] = [partial(_sample, same, POSITIONS), theirs]
+        own, other = interleaved(tasks, min(repeats, 7), NO_LIMIT_S)
+    difference, note = _compared(known, same)
+    beside = {"ross_median_s": other.median_s, "ross_difference": difference, "note": note}
+    beside["ross_times_slower"] = other.median_s / own.median_s
     return _stiffness_row(case, len(known["stiffness_n_per_m"]), own, **beside)
 
 

@@ -1,7 +1,7 @@
 """Tasks taken in turn, so that a drifting machine speed hits all; here or in another Python.
 
 Run by path with the interpreter of another environment, this file is a competitor: it answers with
-what is known first, then with one run time for every line that it reads, as JSON. What it imports
+what is known first, then after one run for every line that it reads, as JSON. What it imports
 of gearmon it therefore imports where it is needed.
 """
 
@@ -16,7 +16,9 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
 from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -150,10 +152,9 @@ class Competitor(NamedTuple):
         lacks = f"{self.variable} names no interpreter of an environment with {self.needs}"
         return f"{self.name} not run: {lacks}"
 
-    def in_turn(
-        self, python: str, data: Row, prepare: Callable[[Row], Task], rounds: int
-    ) -> tuple[Row, Timing, Timing]:
-        """Time the competitor and a task here, one after the other, round after round.
+    @contextmanager
+    def running(self, python: str, data: Row) -> Iterator[tuple[Row, Task]]:
+        """Start the competitor, to be timed as a task like any other.
 
         Parameters
         ----------
@@ -161,14 +162,11 @@ class Competitor(NamedTuple):
             Interpreter.
         data : dict
             What the competitor needs, in built-in types.
-        prepare : callable
-            Makes the task of what the competitor tells of itself.
-        rounds : int
 
-        Returns
-        -------
-        (dict, Timing, Timing)
-            What it tells, its run times and ours.
+        Yields
+        ------
+        (dict, callable)
+            What it tells of itself, and what makes it run once.
 
         Raises
         ------
@@ -185,21 +183,15 @@ class Competitor(NamedTuple):
             assert requests is not None
             assert answers is not None
 
-            def answer(*asked: str) -> Any:
-                print(*asked, sep="", end="", file=requests, flush=True)
+            def answer(asked: str = "") -> Any:
+                print(asked, end="", file=requests, flush=True)
                 line = answers.readline()
                 if not line.strip():
                     held = f"its environment must hold {self.needs}"
                     raise ArgumentError(f"{python} gives no answer: {held}")
                 return json.loads(line)
 
-            known = answer()
-            task = prepare(known)
-            task()
-            pairs = [(answer("\n"), task_time(task)[0]) for _ in range(max(1, rounds))]
-            requests.close()
-        theirs, own = zip(*pairs, strict=True)
-        return known, Timing.of(theirs), Timing.of(own)
+            yield answer(), partial(answer, "\n")
 
 
 def _ross(data: Row) -> tuple[Row, Task]:
@@ -248,7 +240,8 @@ def _compete(name: str, data: str) -> None:
     known, task = _COMPETITORS[name](json.loads(data))
     print(json.dumps(known), file=answers, flush=True)
     for _ in sys.stdin:
-        print(task_time(task)[0], file=answers, flush=True)
+        task()
+        print("true", file=answers, flush=True)
 
 
 if __name__ == "__main__":
