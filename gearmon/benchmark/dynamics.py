@@ -23,9 +23,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -196,15 +196,8 @@ def _of(p: HillProblem) -> tuple[float, float]:
     return p.frequency_ratio, p.damping_ratio
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep:
-    """Parameter sets and the accurate motions of the first of them.
-
-    Parameters
-    ----------
-    problems : tuple of HillProblem
-    references : tuple of Reference
-    """
+class Sweep(NamedTuple):
+    """Parameter sets and the accurate motions of the first of them."""
 
     problems: tuple[HillProblem, ...]
     references: tuple[equations.Reference, ...]

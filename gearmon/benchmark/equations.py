@@ -186,8 +186,7 @@ def growing_turn(meshes: int, zeta: float = 0.07) -> HillProblem:
     return pair(harmonics, zeta=zeta, meshes=meshes)
 
 
-@dataclass(frozen=True, eq=False)
-class Lines:
+class Lines(NamedTuple):
     """A steady motion given as harmonics z_0..z_N of its deflection [F/k0]."""
 
     displacement: ComplexArray
@@ -199,8 +198,7 @@ def as_lines(response: Response) -> Lines:
     return Lines(response.displacement * (p.stiffness_n_per_m / p.force_n))
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(NamedTuple):
     """A steady motion given as accelerations [w0^2 F/k0] at shares of the period, ascending."""
 
     share: FloatArray

@@ -31,7 +31,7 @@ from gearmon.benchmark.timing import Row, Timing, interleaved
 TARGET = 1e-6
 OURS, SETS_AT_ONCE, CHART, FAMILY = "steady_state", "sweep", "stability_chart", "fault_family"
 ODEINT, COMPILED, BANDED = "SciPy odeint", "compiled RK4", "solve_banded"
-#: What others are compared with: the first of these that a case has.
+#: What others are compared with: the first row of these.
 BASES = (SETS_AT_ONCE, OURS, CHART, FAMILY)
 CUT_OFF = "the error is that against the true jumps; a bound would be that of the sum"
 BYTES_ALLOWED = 1e9
@@ -115,8 +115,8 @@ def _row(one: Contender, timing: Timing | None, reference: Reference | None) -> 
 
 def with_ratios(rows: list[Row]) -> list[Row]:
     """Add the run time over ours, and mark each method's cheapest row at the target."""
-    at_target = {row["method"]: row for row in rows if row["wanted"] == TARGET}
-    ours = next((at_target[name] for name in BASES if name in at_target), None)
+    asked = [row for row in rows if row["wanted"] == TARGET]
+    ours = next((row for row in asked if row["method"] in BASES and row["median_s"]), None)
     cheapest: dict[str, Row] = {}
 
     def judged(row: Row) -> bool:
@@ -129,9 +129,7 @@ def with_ratios(rows: list[Row]) -> list[Row]:
         cheapest.setdefault(row["method"], row)
     for row in rows:
         for name, column in (("times_ours", "median_s"), ("times_ours_fastest", "fastest_s")):
-            row[name] = (
-                row[column] / ours[column] if ours and ours[column] and row[column] else None
-            )
+            row[name] = row[column] / ours[column] if ours and row[column] else None
         row["at_target"] = cheapest.get(row["method"]) is row
     return rows
 

@@ -17,8 +17,8 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,8 +41,7 @@ QUICK = 40
 KNOWN = 10
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class System:
+class System(NamedTuple):
     """One random system.
 
     Parameters
@@ -215,10 +214,8 @@ def stress_summary(rows: Sequence[Row]) -> list[Row]:
     rows : sequence of dict
         From `run_stress`.
     """
-    return [
-        _summary(tolerance, [row for row in rows if row["tolerance"] == tolerance])
-        for tolerance in dict.fromkeys(row["tolerance"] for row in rows)
-    ]
+    tolerances = dict.fromkeys(row["tolerance"] for row in rows)
+    return [_summary(own, [row for row in rows if row["tolerance"] == own]) for own in tolerances]
 
 
 def _summary(tolerance: float, rows: list[Row]) -> Row:
