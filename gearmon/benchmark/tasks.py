@@ -24,7 +24,8 @@ from typing import Any
 import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.benchmark.equations import CRACK, FORCE_N, FORM, PERIOD_S, STAGE, Case, square_wave
+from gearmon.benchmark.dynamics import draw_sweep
+from gearmon.benchmark.equations import CRACK, FORM, PERIOD_S, STAGE, Case
 from gearmon.benchmark.rivals import shooter
 from gearmon.benchmark.timing import NO_LIMIT_S, Competitor, Row, Task, Timing, interleaved
 from gearmon.dynamics import HillProblem, steady_state
@@ -447,10 +448,6 @@ def _pair_stiffness(known: Row, stage: ParallelStage, turned: FloatArray) -> Flo
     return np.asarray(1 / total)
 
 
-# Of the source study, about its reference pair.
-STIFFNESS = 1e8 * np.array([2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0])
-MASS = np.array([0.2, 0.28, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0])
-DAMPING = 1e3 * np.array([3.0, 6.0, 9.0, 12.0, 15.0, 18.0, 30.0, 60.0, 90.0])
 #: Mesh harmonics up to 12 kHz.
 HARMONICS = np.arange(1, int(12_000.0 * PERIOD_S) + 1)
 #: Natural frequencies and loads of the grid for brute force: a tenth of a damping ratio and
@@ -496,12 +493,9 @@ def _row(case: str, rival: str, pairs: Sequence[Sequence[Timing]]) -> Row:
 
 
 def _pairs_row(sample: int) -> Row:
-    rng, timed = np.random.default_rng(0), []
-    for _ in range(sample):
-        mass, damping, stiffness = (float(rng.choice(v)) for v in (MASS, DAMPING, STIFFNESS))
-        problem = HillProblem(mass, damping, stiffness, square_wave(19), PERIOD_S, FORCE_N)
-        tasks = [partial(of, problem) for of in (_tuned_power, _integrated)]
-        timed.append(interleaved(tasks, REPEATS))
+    problems = draw_sweep(sample, 0, 0).problems
+    tasks = [[partial(of, own) for of in (_tuned_power, _integrated)] for own in problems]
+    timed = [interleaved(own, REPEATS) for own in tasks]
     rival = "time integration of pair and harvester (SciPy LSODA, exact steps)"
     return _row("lines of a gear pair and their tuning", rival, timed)
 
