@@ -299,27 +299,26 @@ def growth_rows(quick: bool = False) -> list[Row]:
     quick : bool
         Three small sizes.
     """
-    rows = measured(list(_growing(quick)), 3 if quick else 15, 0.05 if quick else 2.0)
+    rows: list[Row] = []
+    for meshes in QUICK_MESHES if quick else MESHES:
+        timed = measured(list(_of_size(meshes)), 3 if quick else 15, 0.05 if quick else 2.0)
+        rows += with_ratios(timed)
     for method in (OURS, BANDED):
         own = [row for row in rows if row["method"] == method]
         exponent = fitted_exponent(own)
         for row in own:
             row["exponent"] = exponent
-    # sizes are compared each by itself
-    settings = dict.fromkeys(row["setting"] for row in rows)
-    groups = [[row for row in rows if row["setting"] == setting] for setting in settings]
-    return [row for group in groups for row in with_ratios(group)]
+    return rows
 
 
-def _growing(quick: bool) -> Iterator[Contender]:
-    for meshes in QUICK_MESHES if quick else MESHES:
-        p, setting = equations.growing_turn(meshes), f"{meshes} meshes"
-        response = steady_state(p, TARGET)
-        count, bound = len(response.displacement), response.error_bound
-        run = partial(steady_state, p, TARGET)
-        yield Contender(OURS, setting, TARGET, run, error_bound=bound, unknowns=count)
-        if rivals.banded_bytes(len(p.stiffness_harmonics), count) < GROWING_BYTES:
-            yield Contender(BANDED, setting, None, _banded(p, count - 1), unknowns=count)
+def _of_size(meshes: int) -> Iterator[Contender]:
+    p, setting = equations.growing_turn(meshes), f"{meshes} meshes"
+    run = partial(steady_state, p, TARGET)
+    found = run()
+    count, bound = len(found.displacement), found.error_bound
+    yield Contender(OURS, setting, TARGET, run, error_bound=bound, unknowns=count)
+    if rivals.banded_bytes(len(p.stiffness_harmonics), count) < GROWING_BYTES:
+        yield Contender(BANDED, setting, None, _banded(p, count - 1), unknowns=count)
 
 
 def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | None:
