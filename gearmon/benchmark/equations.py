@@ -90,11 +90,7 @@ def square_wave(harmonics: int, variation: float = VARIATION) -> ComplexArray:
 
 
 def pair(
-    harmonics: npt.ArrayLike,
-    *,
-    zeta: float | None = None,
-    ratio: float | None = None,
-    meshes: int = 1,
+    harmonics: npt.ArrayLike, zeta: float | None = None, ratio: float | None = None, meshes: int = 1
 ) -> HillProblem:
     """Return the published pair, with another damping ratio, w0/w or number of meshes a period.
 
@@ -127,9 +123,8 @@ def _cracked(*cracks: str) -> Case:
 
     stiffness = mesh_stiffness(STAGE, [parse_fault(crack) for crack in cracks], FORM)
     meshes = stiffness.period_mesh
-    return Case(
-        problem=pair(stiffness.harmonics(MESH_HARMONICS * meshes), meshes=meshes), meshes=meshes
-    )
+    problem = pair(stiffness.harmonics(MESH_HARMONICS * meshes), meshes=meshes)
+    return Case(problem=problem, meshes=meshes)
 
 
 #: Natural over mesh frequency of the cases of a resonance, at a damping ratio of 0.05.
@@ -214,10 +209,8 @@ class Reference:
 
     Attributes
     ----------
-    ratio, zeta : float
-        w0/w and damping ratio.
-    state : ndarray, shape (2,)
-        Deflection and velocity at the start of the period.
+    ratio : float
+        w0/w.
     decay_rate : float
         Slowest decay of free vibrations, in units of w0; negative if they grow.
     acceleration : ndarray, shape (segments, nodes)
@@ -225,8 +218,6 @@ class Reference:
     """
 
     ratio: float
-    zeta: float
-    state: FloatArray
     decay_rate: float
     acceleration: FloatArray
 
@@ -320,13 +311,9 @@ def solve_reference(case: Case, segments: int | None = None) -> Reference:
     states, growth = _close(maps)
     # acceleration is linear in (z, v, 1) at the start of the segment
     ends = np.column_stack([states, np.ones(segments)])
-    return Reference(
-        ratio=ratio,
-        zeta=zeta,
-        state=states[0],
-        decay_rate=-growth / (2 * math.pi * ratio),
-        acceleration=np.einsum("sij,sj->si", accelerations, ends),
-    )
+    acceleration = np.einsum("sij,sj->si", accelerations, ends)
+    decay_rate = -growth / (2 * math.pi * ratio)
+    return Reference(ratio=ratio, decay_rate=decay_rate, acceleration=acceleration)
 
 
 def reference_and_doubt(problem: HillProblem) -> tuple[Reference, float]:
