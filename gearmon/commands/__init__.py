@@ -1,7 +1,6 @@
 """One function a command: arguments -> one call -> output and exit code.
 
-`gearmon.cli` lists them; what each takes and says of itself stands in `commands.toml`. Everything
-heavy is imported inside the function that needs it.
+`gearmon.cli` lists them. Everything heavy is imported inside the function that needs it.
 
 Examples
 --------

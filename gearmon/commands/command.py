@@ -8,13 +8,10 @@ import os
 import re
 import sys
 import textwrap
-import tomllib
 from argparse import Namespace
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +23,13 @@ if TYPE_CHECKING:
     from gearmon.result import Result
 
 _WIDTH = 78
+_FAULT = "such as crack:1:pinion:5:20%%, a loss of the tooth pair's stiffness, or 1.5mm"
+_ERRORS = (
+    "also errors, such as eccentricity:1:pinion:all:20um, pitch:1:gear:7:8um or "
+    "cumulative:1:gear:all:15um"
+)
+
+
 Run = Callable[[Namespace], int]
 #: Names and settings of an argument, as a parser takes them.
 Argument = tuple[tuple[str, ...], dict[str, Any]]
@@ -106,31 +110,21 @@ class Command:
         return "\n\n".join([*told, " \\\n".join(lines)])
 
 
-@cache
-def _table() -> dict[str, Any]:
-    """Return what all commands take and say, as `commands.toml` has it."""
-    text = resources.files("gearmon.commands").joinpath("commands.toml").read_text("utf-8")
-    return tomllib.loads(text)
+def command(*arguments: Argument, **said: Any) -> Callable[[Run], Command]:
+    """Make the function below a command of its name.
 
+    Parameters
+    ----------
+    *arguments : Argument
+        What it takes.
+    **said
+        The other fields of `Command`.
+    """
 
-def command(run: Run) -> Command:
-    """Make the function below the command of its name in `commands.toml`."""
-    said = dict(_table()[run.__name__])
-    said |= {key: tuple(said[key]) for key in ("endings", "beside") if key in said}
-    said["more"] = said.get("more", "").format(**_table()["told"])
-    said["arguments"] = tuple(own for listed in said["arguments"] for own in _arguments(listed))
-    return Command(name=run.__name__, run=run, **said)
+    def made(run: Run) -> Command:
+        return Command(name=run.__name__, run=run, arguments=arguments, **said)
 
-
-def _arguments(listed: str | list[Any]) -> Iterator[Argument]:
-    """Yield an argument as the table has it, or those that several commands share."""
-    if isinstance(listed, str):
-        for own in _table()["shared"][listed]:
-            yield from _arguments(own)
-    else:
-        *known, more = listed if isinstance(listed[-1], dict) else (*listed, {})
-        usage, told, *default = known
-        yield argument(usage, told.format(**_table()["told"]), *default, **more)
+    return made
 
 
 #: What stands behind an option; any other word is text.
@@ -176,6 +170,45 @@ def argument(usage: str, told: str, default: Any = None, **more: Any) -> Argumen
     if len(words) > 1:
         settings |= {"metavar": tuple(words), "nargs": len(words)}
     return (name,), settings | more
+
+
+def fault(*, errors: bool = False) -> Argument:
+    """Describe --fault; `errors` tells of those that only a baseline knows."""
+    told = f"{_FAULT}; {_ERRORS}" if errors else _FAULT
+    return argument("--fault KIND:STAGE:GEAR:TOOTH:SIZE...", told)
+
+
+MACHINE = argument("MACHINE", "machine file (TOML)")
+OF_MACHINE = argument("--machine MACHINE", "machine file (TOML)", required=True)
+SAMPLING_RATE = argument("--sampling-rate HZ", "needed if the file does not hold it")
+REFERENCE = argument("--reference PATH", "what gearmon learn wrote, or one healthy recording")
+TACHO = argument("--tacho NAME|N", "channel with tachometer pulses")
+
+
+def recordings(
+    usage: str = "RECORDING...", *, machine_required: bool = True
+) -> tuple[Argument, ...]:
+    """Describe recordings, their machine, and how they are to be read.
+
+    Parameters
+    ----------
+    usage : {"RECORDING...", "[RECORDING...]", "RECORDING"}
+        Whether there may be more than one, or none.
+    machine_required : bool
+    """
+    kinds = "CSV, plain or gzip; also WAV, FLAC, MATLAB, HDF5, TDMS, UFF 58, Parquet, NPY"
+    names, settings = argument(usage, f"{kinds}; a folder of these; - for standard input")
+    hint = "speed of shaft 1, where the machine file's is far off; it is looked for about this"
+    channels = "vibration channel by name or column number (all by default)"
+    return (
+        # one is a list too
+        (names, settings | {"nargs": settings["nargs"] or 1}),
+        (OF_MACHINE[0], OF_MACHINE[1] | {"required": machine_required}),
+        argument("--speed-hint RPM", hint),
+        SAMPLING_RATE,
+        argument("--channel NAME|N...", channels),
+        TACHO,
+    )
 
 
 def given(arguments: Namespace, *names: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import BAD_INPUT, DONE, FLAGGED, command, complain, finish
+from gearmon.commands.command import BAD_INPUT, DONE, FLAGGED, argument, command, complain, finish
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.report.wording import counted, printable, table_lines
 from gearmon.terminal import progress_line
@@ -15,11 +15,34 @@ from gearmon.terminal import progress_line
 if TYPE_CHECKING:
     from gearmon.fleet import Fleet, Run
 
-#: What is shown of a ranking.
-_SHOWN = 20
+#: What is shown of a ranking, and seconds between two looks.
+_SHOWN, _EVERY_S = 20, 60.0
 
 
-@command
+@command(
+    argument(
+        "ACTION",
+        "run (analyse what is new), watch (what arrives), serve (web pages), rank (indicators "
+        "by how clearly they change), or compare (machines that have the same gears)",
+    ),
+    argument("FLEET", "fleet file (TOML)"),
+    argument("--engine NAME", "processes (default) or dask", "processes"),
+    argument("--scheduler ADDRESS", "of dask, such as tcp://10.0.0.1:8786"),
+    argument("--patience S", "until dask is given up, with no batch done", 3600.0),
+    argument("--again", "also what failed, or another version analysed"),
+    argument("--every S", "of watch: time between two looks", _EVERY_S),
+    argument("--host HOST", "of serve; others are asked for a token (%(default)s)", "127.0.0.1"),
+    argument("--port N", "of serve", 8765),
+    argument("--token TOKEN", "of serve; made up where one is needed and none is given"),
+    help="look after many machines: analyse what arrives, raise alarms, show who needs somebody",
+    example="gearmon fleet run fleet.toml",
+    waits=True,
+    more="The fleet file names the machines: [[machine]] with name, file, reference, recordings (a "
+    "folder) and pattern, a regular expression with the groups time and, if need be, machine and "
+    "class; what several share stands in [defaults]. [[alarm]] with command, webhook or mail says "
+    "who is told. All results are kept in one store, which gearmon history --name MACHINE reads. "
+    "Exit code: 0 if no alarm stands, 1 if one does, 2 if a recording cannot be used.",
+)
 def fleet(arguments: Namespace) -> int:
     """Run `gearmon fleet`."""
     from gearmon.fleet import read_fleet

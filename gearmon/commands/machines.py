@@ -9,7 +9,12 @@ from typing import TYPE_CHECKING, Any
 import gearmon
 from gearmon import report
 from gearmon.commands.command import (
+    MACHINE,
+    SAMPLING_RATE,
+    TACHO,
+    argument,
     command,
+    fault,
     finish,
     given,
     show,
@@ -37,17 +42,31 @@ _STAGE_SHOWN = (
 #: What is assumed of expected lines, and known of recordings.
 ASSUMED = ("path_gain", "wander", "wander_time_s")
 #: Settings of a simulation.
-_SETTINGS = (
-    *("duration_s", "sampling_rate_hz", "channels", "load", "speed_drift", "load_drift"),
-    *("snr_db", "recording_seed", "machine_seed"),
-)
+_SETTINGS: dict[str, tuple[str, str, float]] = {
+    "duration_s": ("--duration S", "length in s", 10.0),
+    "sampling_rate_hz": ("--sampling-rate HZ", "in Hz", 20000.0),
+    "channels": ("--channels N", "vibration channels", 2),
+    "load": ("--load F", "share of the nominal torque", 1.0),
+    "speed_drift": ("--speed-drift F", "wander, relative", 0.005),
+    "load_drift": ("--load-drift F", "wander, relative", 0.03),
+    "snr_db": ("--snr-db DB", "vibration over noise", 20.0),
+    "recording_seed": ("--seed N", "seed of the recording", 0),
+    "machine_seed": ("--machine-seed N", "seed of the machine", 0),
+}
+_STAGE = argument("--stage N", "only this stage, from 1")
+_FORM = argument("--form FORM", "stiffness form (parabolic)", "parabolic")
+_MAX_HZ = argument("--max-hz F", "no lines above this frequency")
 _ALONG_ACTION = (
     "levels are those of the teeth along the line of action; what reaches a sensor on the housing "
     "differs by the path, often tenfold"
 )
 
 
-@command
+@command(
+    MACHINE,
+    help="orders and frequencies of every shaft, mesh, assembly phase, hunting tooth and bearing",
+    example="gearmon lines machine.toml",
+)
 def lines(arguments: Namespace) -> int:
     """Run `gearmon lines`."""
     from gearmon.gears.kinematics import line_table
@@ -56,7 +75,19 @@ def lines(arguments: Namespace) -> int:
     return finish(arguments, table, lambda: [report.line_table_text(table)])
 
 
-@command
+@command(
+    MACHINE,
+    fault(),
+    argument(
+        "--form FORM",
+        "stiffness form (potential-energy), or all: four forms and their spectra side by side",
+        "potential-energy",
+    ),
+    _STAGE,
+    help="mesh stiffness over a mesh period or a turn, healthy and damaged, as table and picture",
+    example="gearmon stiffness machine.toml --fault crack:1:pinion:5:1.5mm -o stiffness.csv",
+    beside=("{}.png", "{}-stage*.png"),
+)
 def stiffness(arguments: Namespace) -> int:
     """Run `gearmon stiffness`."""
     from gearmon.gears.stiffness_report import compare_forms, stiffness_report
@@ -80,7 +111,16 @@ def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
     return [*table_lines(shown), told]
 
 
-@command
+@command(
+    MACHINE,
+    fault(errors=True),
+    argument("--tolerance X", "relative error of the acceleration", 1e-6),
+    _MAX_HZ,
+    help="the spectrum that a healthy (or damaged) machine should emit, as table and picture",
+    example="gearmon baseline machine.toml --fault crack:1:pinion:5:20% -o lines.csv",
+    endings=(".csv", ".json", ".parquet"),
+    beside=("{}.png",),
+)
 def baseline(arguments: Namespace) -> int:
     """Run `gearmon baseline`."""
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
@@ -108,7 +148,30 @@ def _baseline_lines(signature: gearmon.Signature) -> list[str]:
     return [*table_lines(told), *words, "", *shown, count, f"note: {_ALONG_ACTION}"]
 
 
-@command
+@command(
+    MACHINE,
+    argument(
+        "--kind KIND...",
+        "stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, profile, "
+        "cumulative, eccentricity or misalignment (nine of these)",
+        dest="kinds",
+    ),
+    argument(
+        "--size SIZE...",
+        "such as 20%% or 1.5mm, of errors 20um (2.5%% to 40%%, 5um to 40um)",
+        dest="sizes",
+    ),
+    argument("--gear STAGE:GEAR...", "such as 1:pinion (all)", dest="gears"),
+    argument("--operating N...", "operating point, from 0 (all)"),
+    argument("--tolerance X", "relative error of what a fault adds", 1e-6),
+    _MAX_HZ,
+    argument("--mesh-harmonics N", "write no lines about higher ones"),
+    argument("--sidebands N", "write no sidebands farther off"),
+    help="the spectra of every kind and size of fault of every gear, as table and picture",
+    example="gearmon family machine.toml --kind crack --kind pitting --size 5% --size 20% -o f.csv",
+    endings=(".csv", ".json", ".parquet"),
+    beside=("{}.png",),
+)
 def family(arguments: Namespace) -> int:
     """Run `gearmon family`."""
     named = given(arguments, "kinds", "sizes", "gears", "operating", "max_hz", "tolerance")
@@ -135,7 +198,15 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
     return lines + [f"note: {note}" for note in result["notes"]]
 
 
-@command
+@command(
+    MACHINE,
+    _FORM,
+    _STAGE,
+    argument("--harmonics N", "stiffness harmonics taken", 12),
+    help="how far each mesh is from parametric instability, as table and chart",
+    example="gearmon stability machine.toml -o stability.csv",
+    beside=("{}-stage*.png",),
+)
 def stability(arguments: Namespace) -> int:
     """Run `gearmon stability`."""
     from gearmon.dynamics.stability import stability_margin
@@ -178,7 +249,17 @@ def stability(arguments: Namespace) -> int:
     return finish(arguments, result, lambda: table_lines(rows), lambda: rows, charts)
 
 
-@command
+@command(
+    MACHINE,
+    argument("--harmonics N", "mesh harmonics of the Campbell table", 10),
+    argument(
+        "--to-rpm RPM", "its highest speed of shaft 1 (1.5 times the nominal)", dest="highest_rpm"
+    ),
+    _FORM,
+    help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
+    example="gearmon modes machine.toml -o modes.csv",
+    beside=("{}.png", "{}-campbell.*"),
+)
 def modes(arguments: Namespace) -> int:
     """Run `gearmon modes`."""
     named = given(arguments, "harmonics", "highest_rpm", "form")
@@ -211,7 +292,18 @@ def _modes_lines(found: Modes) -> list[str]:
     return [*table_lines(listed), "", *table_lines(rows), f"({told})", *notes, found.headline()]
 
 
-@command
+@command(
+    MACHINE,
+    fault(errors=True),
+    *(argument(*told, dest=name) for name, told in _SETTINGS.items()),
+    argument("--tacho", "add a column with one pulse a turn of shaft 1"),
+    argument("--no-time", "leave out the time column"),
+    help="write a recording of a simulated machine (CSV), with the truth beside it (JSON)",
+    example="gearmon simulate machine.toml --fault crack:1:pinion:5:20% -o cracked.csv",
+    endings=(".csv",),
+    output="write the recording to this file; needed",
+    beside=("{}.json",),
+)
 def simulate(arguments: Namespace) -> int:
     """Run `gearmon simulate`."""
     from gearmon.simulation import write_simulation
@@ -229,7 +321,38 @@ def simulate(arguments: Namespace) -> int:
     return show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
 
 
-@command
+@command(
+    MACHINE,
+    argument(
+        "[RECORDING...]",
+        "one for each operating point, every vibration channel a position; without any, the "
+        "expected lines of the machine are used",
+    ),
+    argument("--harvester FILE", "harvester file (TOML); a 15 mm bimorph by default"),
+    argument("--count N", "harvesters of a set, 1 to 3", 1),
+    argument("--share F...", "share of time of each recording, in their order", dest="shares"),
+    argument(
+        "--degraded RECORDING...", "the same operating point with a damaged gear, in the same order"
+    ),
+    fault(),
+    argument("--path-gain G", "mesh to harvester (1)"),
+    argument("--wander F", "of speed, relative (0.005)"),
+    argument(
+        "--wander-time S",
+        "over which it is forgotten, in s (long beside a ring-down)",
+        dest="wander_time_s",
+    ),
+    argument("--published", "show published harvesters beside the best one"),
+    argument("--share-error F", "standard deviation of the shares (0)"),
+    SAMPLING_RATE,
+    argument("--channel NAME|N...", "only these channels"),
+    TACHO,
+    help="say where to put a vibration energy harvester, how to tune it and what it will power",
+    example="gearmon harvest machine.toml full.csv idle.csv --share 0.7 --share 0.3 "
+    "-o harvest.json",
+    output="write the result to this file, and pictures beside it",
+    beside=("{}-energy.png", "{}-tuning.png", "{}-positions.png", "{}-response.png"),
+)
 def harvest(arguments: Namespace) -> int:
     """Run `gearmon harvest`."""
     from gearmon.harvesting.placement import survey_expected, survey_measured

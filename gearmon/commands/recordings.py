@@ -12,9 +12,12 @@ from typing import TYPE_CHECKING, Any
 import gearmon
 from gearmon import report
 from gearmon.commands.command import (
+    REFERENCE,
+    argument,
     command,
     finish,
     judged,
+    recordings,
     show,
     write_table,
 )
@@ -27,11 +30,21 @@ if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
     from gearmon.diagnosis.history import Entry, HistoryTrends
 
-#: Kinds less probable than this are not shown.
-LEAST_SHOWN = 0.01
+#: Examples that a classifier is trained on; kinds less probable than this are not shown.
+EXAMPLES, LEAST_SHOWN = 1600, 0.01
+_EXIT_CODES = (
+    "Exit code: 0 if nothing is flagged, 1 if something is, 2 if a recording cannot be used, 3 if "
+    "nothing is flagged but of some recording nothing can be said."
+)
 
 
-@command
+@command(
+    *recordings(),
+    endings=(),
+    help="build a healthy reference from one or more healthy recordings, best at several loads",
+    example="gearmon learn idle.csv half.csv full.csv --machine machine.toml -o healthy.ref",
+    output="write the reference to this file, of any name; needed",
+)
 def learn(arguments: Namespace) -> int:
     """Run `gearmon learn`."""
     from gearmon.diagnosis.analysis import learned
@@ -61,7 +74,25 @@ def learn(arguments: Namespace) -> int:
     )
 
 
-@command
+@command(
+    *recordings(),
+    REFERENCE,
+    argument(
+        "--must-notice LOSS",
+        "of one tooth pair's stiffness; healthy is said only where it would have been noticed "
+        "on every gear (default 40%%)",
+    ),
+    argument(
+        "--history FILE", "what gearmon history keeps: says since when; only read", dest="past"
+    ),
+    argument("--report HTML", "write a report (.html), and a PNG a picture beside it"),
+    help="say whether the machine of a recording is healthy, and why",
+    example="gearmon analyse new.csv --machine machine.toml --reference healthy.ref "
+    "--report report.html",
+    endings=(".json",),
+    more="Without --reference only a gross fault of one tooth can be called, and no machine is "
+    f"called healthy. {_EXIT_CODES}",
+)
 def analyse(arguments: Namespace) -> int:
     """Run `gearmon analyse`."""
     from gearmon.diagnosis.history import history_trends, read_history
@@ -138,7 +169,24 @@ def reference_of(arguments: Namespace, machine: gearmon.Machine) -> gearmon.Refe
     return gearmon.learn([recording_of(str(path), arguments, machine)], machine)
 
 
-@command
+@command(
+    *recordings("[RECORDING...]"),
+    REFERENCE,
+    argument(
+        "--trained FILE",
+        "classifier of this machine; trained and written to this file if there is none",
+    ),
+    argument("--examples N", "simulated machines to train it on, in ten seconds", EXAMPLES),
+    argument("--seed N", "of what is drawn at random", 0),
+    help="how probable each kind of fault is, by a classifier trained on this machine file",
+    example="gearmon kinds new.csv --machine machine.toml --reference healthy.ref "
+    "--trained drive.kinds --examples 400 -o kinds.json",
+    endings=(".json",),
+    more="The classifier is trained on simulated signatures of the machine file, so that no "
+    "recording of a fault is needed; its probabilities hold on such machines, not surely on "
+    "yours, and there it is right in two of three. A kind is judged only where gearmon analyse "
+    f"calls a fault. {_EXIT_CODES}",
+)
 def kinds(arguments: Namespace) -> int:
     """Run `gearmon kinds`."""
     if arguments.recording and not arguments.reference:
@@ -236,7 +284,32 @@ def _kind_lines(result: dict[str, Any]) -> list[str]:
     return lines
 
 
-@command
+@command(
+    *recordings("[RECORDING...]"),
+    REFERENCE,
+    argument(
+        "--store FILE", "keep the history in it; next time name the new recordings only, or none"
+    ),
+    argument("--name NAME", "of the machine in the store, if it is not that of the machine file"),
+    argument(
+        "--times ISO8601,ISO8601",
+        "when each was made, such as 2026-03-01T08:00; UTC where there is no offset",
+    ),
+    argument(
+        "--time-from SOURCE",
+        "name (of the file, such as drive-2026-03-01.csv) or modified (when it was)",
+    ),
+    argument("--limit LOSS", "of pair stiffness at which to act, such as 20%%"),
+    argument("--replace", "recordings of the same time give way"),
+    help="follow a machine through recordings: loss of each tooth, when it began, what is left",
+    example="gearmon history drive-*.csv --machine machine.toml --reference healthy.ref "
+    "--time-from name --store history.db --limit 20% -o history.csv",
+    endings=(".csv", ".json", ".parquet", ".png"),
+    output="write the table to this file, and a picture beside it",
+    more="A tooth is listed once its loss stands clear of noise and of zero in several recordings; "
+    f"changes are looked for in six or more. {_EXIT_CODES}",
+    beside=("{}.png",),
+)
 def history(arguments: Namespace) -> int:
     """Run `gearmon history`."""
     from gearmon.diagnosis import history as kept

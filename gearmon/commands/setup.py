@@ -13,6 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import gearmon
 from gearmon.commands.command import (
+    OF_MACHINE,
+    SAMPLING_RATE,
+    argument,
     command,
     finish,
     given,
@@ -33,7 +36,25 @@ _SPEED = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(rpm|1/min|hz|)\s*", re.IGNORECAS
 _TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.IGNORECASE)
 
 
-@command
+@command(
+    argument("[RECORDING...]", "one that tells the columns"),
+    argument(
+        "--teeth A/B...", "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
+    ),
+    argument("--speed SPEED", "of shaft 1 with its unit: 1480rpm or 24.7hz"),
+    argument("--torque NM", "on shaft 1", dest="torque_nm"),
+    argument("--module MM", "of all stages", dest="module_mm"),
+    argument("--face-width MM", "of all stages", dest="face_width_mm"),
+    argument("--name NAME", "of the machine", "my gearbox"),
+    SAMPLING_RATE,
+    help="write a machine file from tooth counts and speed, and the columns of a recording",
+    example="gearmon init new.csv --teeth 23/57 --speed 1480rpm -o mine.toml",
+    endings=(".toml",),
+    waits=True,
+    output="write the machine file to this file; needed",
+    more="What is not given is asked for. It is said where numbers look mistaken: a speed in Hz, a "
+    "time in ms, swapped tooth counts.",
+)
 def init(arguments: Namespace) -> int:
     """Run `gearmon init`."""
     from gearmon.files import write_atomically
@@ -132,7 +153,12 @@ def _recorded(arguments: Namespace, machine: gearmon.Machine, mesh_hz: float) ->
     return found
 
 
-@command
+@command(
+    argument("REFERENCE", "what gearmon learn wrote"),
+    OF_MACHINE,
+    help="say what a reference covers, what it would find, and which recording to add",
+    example="gearmon check healthy.ref --machine machine.toml -o check.csv",
+)
 def check(arguments: Namespace) -> int:
     """Run `gearmon check`."""
     machine = machine_of(arguments.machine)
@@ -153,7 +179,20 @@ def _check_lines(found: ReferenceCheck) -> list[str]:
     return lines
 
 
-@command
+@command(
+    argument(
+        "[NAME]",
+        "crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
+        "told apart), day (of a sound machine), harvest, exposure (of a driver), fleet (of twelve "
+        "machines), study",
+        "crack",
+    ),
+    endings=(),
+    help="run a whole job on data it makes itself",
+    example="gearmon demo growth",
+    output="write into this folder (gearmon-NAME)",
+    folder=True,
+)
 def demo(arguments: Namespace) -> int:
     """Run `gearmon demo`."""
     from gearmon.demos import run_demo
@@ -163,7 +202,20 @@ def demo(arguments: Namespace) -> int:
     return show(arguments, result.to_dict(), result.lines)
 
 
-@command
+@command(
+    argument("--quick", "rough figures in seconds"),
+    argument("--seed N", "of what is drawn at random", 0),
+    argument("--count N", "random systems, parameter sets or machines"),
+    argument("--ross-python PATH", "interpreter of an environment with ROSS"),
+    argument(
+        "[CASE]",
+        "analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or detection",
+        "analyse",
+    ),
+    help="measure run time, memory and error, side by side with named competitors",
+    example="gearmon benchmark dynamics --quick -o benchmark.csv",
+    beside=("{}.png", "{}-*.png"),
+)
 def benchmark(arguments: Namespace) -> int:
     """Run `gearmon benchmark`."""
     from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows

@@ -14,10 +14,15 @@ from gearmon.commands.command import (
     BAD_INPUT,
     DONE,
     FLAGGED,
+    SAMPLING_RATE,
+    TACHO,
     Rows,
+    argument,
     command,
+    fault,
     finish,
     given,
+    recordings,
 )
 from gearmon.commands.inputs import channel_of, each_of, machine_of, recording_of
 from gearmon.errors import ArgumentError
@@ -32,9 +37,32 @@ _SHOWN = ("channel", "stage", "gear", "indicator", "value", "unit", "input")
 _AVERAGE_SHOWN = ("stage", "gear", "teeth", "rotation_order", "turns")
 # Columns of a map that is written beside others: what a table program can open.
 _MAP_COLUMNS = 1000
+#: What is written by those that draw one picture.
+_PICTURED: dict[str, Any] = {
+    "endings": (".csv", ".json", ".png"),
+    "output": "write the table to this file, and a picture beside it",
+    "beside": ("{}.png",),
+}
+_ORDERS_BESIDE = ("{}.png", "{}-map.*", "{}-averages.*", "{}-lines.*", "{}-average-[0-9]*-*.png")
+_WINDOW = argument(
+    "--window NAME",
+    "hann (default), flat-top, blackman-harris or rectangular",
+    "hann",
+    dest="window_name",
+)
+_PEAKS = argument("--peaks N", "peaks listed a channel", 12, dest="most_peaks")
 
 
-@command
+@command(
+    *recordings(machine_required=False),
+    argument(
+        "--baseline N", "records at the start of the run that were healthy, for NA4* and NB4*", 1
+    ),
+    argument("--history FILE", "go on with the run in this file (JSON), and write it"),
+    help="every condition indicator of recordings, with its input; several are those of a run",
+    example="gearmon indicators monday.csv tuesday.csv --machine machine.toml -o indicators.csv",
+    **_PICTURED,
+)
 def indicators(arguments: Namespace) -> int:
     """Run `gearmon indicators`."""
     from gearmon.signatures.measured.indicators import read_history, write_history
@@ -89,7 +117,26 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
     return lines + [f"{e['recording']}: not read" for e in result["recordings"] if "error" in e]
 
 
-@command
+@command(
+    *recordings("RECORDING", machine_required=False),
+    argument(
+        "--kind KIND",
+        "amplitude (peak; default), rms, density, energy, envelope, cepstrum, kurtogram or "
+        "coherence",
+        "amplitude",
+    ),
+    argument(
+        "--band LO HI",
+        "in Hz: what is shown; for envelope the band that is demodulated; for coherence the "
+        "modulation frequencies; for cepstrum quefrencies in s",
+    ),
+    _WINDOW,
+    _PEAKS,
+    help="a calibrated spectrum of a recording, of any kind, as table and picture",
+    example="gearmon spectrum new.csv --kind envelope --band 2000 4000 --machine machine.toml "
+    "-o spectrum.csv",
+    **_PICTURED,
+)
 def spectrum(arguments: Namespace) -> int:
     """Run `gearmon spectrum`."""
     machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
@@ -101,7 +148,20 @@ def spectrum(arguments: Namespace) -> int:
     return finish(arguments, found, lines, rows_in_json=True)
 
 
-@command
+@command(
+    *recordings("RECORDING"),
+    argument("--shaft N", "whose turns orders count", 1),
+    argument("--map", "write the map only, in full resolution"),
+    argument("--against WHAT", "of the map: time (default) or speed", "time", dest="map_against"),
+    argument("--max-order X", "no orders above this one", dest="top"),
+    _WINDOW,
+    _PEAKS,
+    help="order spectrum, order map, and the synchronous average of every gear with its scatter",
+    example="gearmon orders new.csv --machine machine.toml --shaft 2 -o orders.csv",
+    endings=(".csv", ".json", ".png"),
+    output="write the tables to files of this name and others beside it, with pictures",
+    beside=_ORDERS_BESIDE,
+)
 def orders(arguments: Namespace) -> int:
     """Run `gearmon orders`."""
     machine = machine_of(arguments.machine, arguments.speed_hint)
@@ -162,9 +222,31 @@ def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) ->
 
 #: Key in JSON of what is told beside an exposure, by its class.
 _BESIDE = {"SeatFactor": "seat_factor", "GearShare": "gearbox"}
+_POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 
 
-@command
+@command(
+    argument("[RECORDING...]", "on the seat, the hand or where the person is: CSV, WAV, ..."),
+    argument("--axes x=A,y=B,z=C", "channels of the axes; by default named so"),
+    argument("--position WHERE", _POSITIONS, "seat"),
+    argument("--day PLAN", "jobs of a day with hours and recordings (TOML)"),
+    argument("--floor RECORDING", "made at once on the floor: tells the SEAT factor"),
+    argument("--machine MACHINE", "share of its shafts and meshes, best operating point"),
+    fault(),
+    TACHO,
+    SAMPLING_RATE,
+    argument("--unit UNIT", "m/s2 or g, where nothing else states it"),
+    argument("--range MS2", "of the sensor in m/s2: nothing may reach it"),
+    argument("--report HTML", "write a report (.html)"),
+    help="what a driver or a hand feels, by ISO 2631-1 and ISO 5349-1, and what gears add to it",
+    example="gearmon exposure new.csv --position hand --axes x=a1,y=a2 --machine machine.toml "
+    "-o exposure.csv",
+    endings=(".csv", ".json", ".png"),
+    output="write the table to this file, and pictures beside it",
+    beside=("{}.png", "{}-*.png"),
+    more="A plan has a [[job]] for each job of the day, with name, recording and hours. Exit code "
+    "1: the day reaches an action value, of Directive 2002/44/EC or of the plan's [limits].",
+)
 def exposure(arguments: Namespace) -> int:
     """Run `gearmon exposure`."""
     _check_exposure(arguments)
