@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib.util import find_spec
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
@@ -309,27 +309,40 @@ def numba_is_missing() -> str:
     return "" if find_spec("numba") else "numba is not installed"
 
 
-class Steps(NamedTuple):
-    """Relative stiffness at begin, middle and end of equal steps of the period."""
+@dataclass(frozen=True, eq=False)
+class Steps:
+    """Steps through a period.
 
+    Attributes
+    ----------
+    length : ndarray
+        Of every step.
+    begin, middle, end : ndarray
+        Stiffness there; what jumps between two steps has two values.
+    """
+
+    length: FloatArray
     begin: FloatArray
     middle: FloatArray
     end: FloatArray
 
 
 def equal_steps(case: Case, count: int) -> Steps:
-    """Return the stiffness at steps of a case; of a rectangle their number is divisible by 4."""
+    """Return equal steps [shares of the period]; of a rectangle their number is divisible by 4."""
+    length = np.full(count, 1.0 / count)
     if case.rectangle is not None:
-        return Steps(*3 * [case.level((np.arange(count) + 0.5) / count)])
+        level = case.level((np.arange(count) + 0.5) / count)
+        return Steps(length, level, level, level)
     both = folded(case.half, 2 * count)
     begin = both[::2].copy()
-    return Steps(begin, both[1::2].copy(), np.roll(begin, -1))
+    return Steps(length, begin, both[1::2].copy(), np.roll(begin, -1))
 
 
 def march_compiled(steps: Steps, ratio: float, zeta: float) -> Samples:
     """Return the periodic motion; `ratio` and `zeta` are w0/w and the damping ratio."""
-    count = len(steps.begin)
-    return Samples(_shares(count), shooting()(*steps, 2 * math.pi * ratio / count, 2 * zeta))
+    known = steps.length, steps.begin, steps.middle, steps.end
+    _, out = shooting()(*known, 2 * math.pi * ratio, 2 * zeta, 1.0)
+    return Samples(_shares(len(out)), out)
 
 
 @lru_cache(maxsize=64)
@@ -358,31 +371,35 @@ def rk4_step() -> Callable[..., Any]:
 
 
 @lru_cache(maxsize=1)
-def shooting() -> Callable[..., FloatArray]:
-    """Compile the loop over steps; it gives the acceleration at the begin of each."""
+def shooting() -> Callable[..., tuple[FloatArray, FloatArray]]:
+    """Compile the loop over steps; it gives velocity and acceleration at the begin of each."""
     from numba import njit  # type: ignore[import-not-found,import-untyped,unused-ignore]
 
     move = rk4_step()
 
     @njit(fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-    def shoot(begin, middle, end, h, damping):  # type: ignore[no-untyped-def]
-        kept, found = np.empty((len(begin), 6)), np.empty(len(begin))
+    def shoot(length, begin, middle, end, unit, damping, force):  # type: ignore[no-untyped-def]
+        count = len(begin)
+        kept, velocity, acceleration = np.empty((count, 6)), np.empty(count), np.empty(count)
         a, b, c, d, z, v = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
-        for i, k1 in enumerate(begin):
-            k2, k3, row = middle[i], end[i], kept[i]
+        for i in range(count):
+            h, k1, k2, k3 = unit * length[i], begin[i], middle[i], end[i]
+            row = kept[i]
             row[0], row[1], row[2], row[3], row[4], row[5] = a, b, c, d, z, v
             a, b = move(a, b, 0.0, k1, k2, k3, damping, h)
             c, d = move(c, d, 0.0, k1, k2, k3, damping, h)
-            z, v = move(z, v, 1.0, k1, k2, k3, damping, h)
+            z, v = move(z, v, force, k1, k2, k3, damping, h)
             if i % 256 == 255 and abs(a) + abs(b) + abs(c) + abs(d) < 1e-40:
                 # numbers below the smallest normal one would slow every step down
                 a = b = c = d = 0.0
         scale = (1 - a) * (1 - d) - b * c
         one, two = ((1 - d) * z + c * v) / scale, (b * z + (1 - a) * v) / scale
-        for i, row in enumerate(kept):
-            speed = one * row[1] + two * row[3] + row[5]
-            found[i] = 1.0 - damping * speed - begin[i] * (one * row[0] + two * row[2] + row[4])
-        return found
+        for i in range(count):
+            row = kept[i]
+            velocity[i] = one * row[1] + two * row[3] + row[5]
+            deflection = one * row[0] + two * row[2] + row[4]
+            acceleration[i] = force - damping * velocity[i] - begin[i] * deflection
+        return velocity, acceleration
 
     return shoot  # type: ignore[no-any-return,unused-ignore]
 

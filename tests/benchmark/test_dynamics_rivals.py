@@ -96,6 +96,18 @@ def test_compiled_loop_has_order_four(case, reference):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.15)
 
 
+@pytest.mark.skipif(bool(rivals.numba_is_missing()), reason="numba is not installed")
+def test_compiled_loop_gives_velocities_of_its_accelerations():
+    case = named_case("pair")
+    steps, unit = rivals.equal_steps(case, 4000), 2 * np.pi * case.problem.frequency_ratio
+    tables = steps.length, steps.begin, steps.middle, steps.end
+    damping = 2 * case.problem.damping_ratio
+    velocity, acceleration = rivals.shooting()(*tables, unit, damping, 1.0)
+    rate = 2j * np.pi * np.arange(2001) / unit
+    found = np.fft.irfft(rate * np.fft.rfft(velocity), 4000)
+    np.testing.assert_allclose(found, acceleration, atol=1e-6 * np.abs(acceleration).max())
+
+
 def test_every_case_has_a_problem():
     for name in set(CASES) - {"hunting period"}:
         case = named_case(name)
