@@ -13,15 +13,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib import import_module
+from inspect import signature
 from typing import Any
 
-from gearmon.benchmark.timing import facts_of_run
+from gearmon.benchmark.timing import Row, facts_of_run
 from gearmon.errors import ArgumentError
 from gearmon.terminal import Progress
 
 __all__ = ["CASES", "PICTURED", "case_figures", "run_case", "summary_rows"]
-
-Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -31,8 +30,7 @@ class _Case:
     Parameters
     ----------
     run : str
-        Takes those of the options that `takes` names, and gives rows.
-    takes : tuple of str
+        Takes those of the options that it names, and gives rows.
     summary : str
         Takes rows and gives those that a terminal shows; "" shows all.
     figures : str
@@ -41,22 +39,20 @@ class _Case:
     """
 
     run: str
-    takes: tuple[str, ...] = ("progress",)
     summary: str = ""
     figures: str = ""
 
 
-_DRAWN = ("progress", "quick", "seed", "count")
 CASES = {
-    "analyse": _Case("signals:analysis_against_reading"),
-    "memory": _Case("signals:memory_of_long_recording"),
-    "stiffness": _Case("stiffness:time_stiffness", ("ross_python",)),
-    "harvesting": _Case("harvesting:time_harvesting", ("progress", "quick")),
-    "dynamics": _Case("dynamics:run_dynamics", _DRAWN, "dynamics:headlines", "dynamics_figures"),
-    "stress": _Case("stress:run_stress", _DRAWN, "stress:stress_summary"),
-    "signals": _Case("signals:run_signals", ("progress", "quick"), "signals:signals_summary"),
+    "analyse": _Case("tasks:analysis_against_reading"),
+    "memory": _Case("tasks:memory_of_long_recording"),
+    "stiffness": _Case("tasks:time_stiffness"),
+    "harvesting": _Case("tasks:time_harvesting"),
+    "dynamics": _Case("dynamics:run_dynamics", "dynamics:headlines", "dynamics_figures"),
+    "stress": _Case("stress:run_stress", "stress:stress_summary"),
+    "signals": _Case("tasks:run_signals", "tasks:signals_summary"),
     "detection": _Case(
-        "detection:run_detection", _DRAWN, "detection:detection_summary", "detection_figures"
+        "detection:run_detection", "detection:detection_summary", "detection_figures"
     ),
 }
 #: Cases that have pictures.
@@ -104,11 +100,12 @@ def run_case(
     """
     if case not in CASES:
         raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
+    run = _function(CASES[case].run)
     given = {"progress": progress, "ross_python": ross_python, "quick": quick, "seed": seed}
     given |= {} if count is None else {"count": count}
-    taken = {name: given[name] for name in CASES[case].takes if name in given}
-    facts = facts_of_run()
-    return [row | facts for row in _function(CASES[case].run)(**taken)]
+    facts, names = facts_of_run(), signature(run).parameters
+    rows = run(**{name: value for name, value in given.items() if name in names})
+    return [row | facts for row in rows]
 
 
 def summary_rows(case: str, rows: Sequence[Row]) -> list[Row]:

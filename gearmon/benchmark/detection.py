@@ -22,7 +22,6 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
 from gearmon.benchmark.detection_machines import (
@@ -34,11 +33,11 @@ from gearmon.benchmark.detection_machines import (
     Taken,
     draw_machine,
 )
-from gearmon.benchmark.timing import task_time
+from gearmon.benchmark.timing import Row, task_time
 from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.hypotheses.own_teeth import aligned, departure_energy
 from gearmon.diagnosis.results import Analysis, Flag
-from gearmon.errors import ArgumentError, GearmonError, check_range
+from gearmon.errors import GearmonError, check_range
 from gearmon.signals import indicators
 from gearmon.signals.recording import Recording
 from gearmon.signatures.gear_averages import gear_signals
@@ -49,22 +48,17 @@ from gearmon.terminal import Progress, followed
 if TYPE_CHECKING:
     import pandas as pd
 
-Row = dict[str, Any]
 #: Truth and findings of one analysis, and features of a learning detector: none if it was refused.
 Outcome = tuple[Row, FloatArray]
+#: A recording and its analysis.
+Heard = tuple[Taken, Analysis]
 #: A new recording: condition, setting, which of `VARIANTS`, and with and without its tacho.
 Trial = tuple[Condition, Setting, str, tuple[bool, ...]]
 
 OURS, LOCALISED, LEARNING = "gearmon", "localised difference", "plain learning"
 #: Textbook detectors, by the names of their indicators in an analysis; the last two are made here.
-TEXTBOOK = {
-    "FM4": "FM4",
-    "energy ratio": "energy ratio",
-    "sideband energy ratio": "SER",
-    "kurtosis": "kurtosis",
-    "residual energy": "residual energy",
-    "NA4*": "NA4*",
-}
+_TOLD = ("FM4", "energy ratio", "sideband energy ratio", "kurtosis", "residual energy", "NA4*")
+TEXTBOOK = {name: {"sideband energy ratio": "SER"}.get(name, name) for name in _TOLD}
 #: Indicators that only the learning detector sees beside them.
 FURTHER = ("M6A", "M8A")
 RIVALS = (*TEXTBOOK, LOCALISED, LEARNING)
@@ -72,7 +66,6 @@ LOSSES = (0.01, 0.025, 0.05, 0.1, 0.2, 0.4)
 QUICK_LOSSES = (0.4,)
 #: Load, speed and gain of healthy recordings over nominal, by the name of the variant.
 VARIANTS = ("same", "load", "speed", "gain", "all")
-OTHERS = ("eccentricity", "misalignment", "bearing", "pitting", "wear")
 #: Sizes of the other conditions, see `Condition`.
 SIZES = {
     "eccentricity": (2.0, 8.0),
@@ -81,6 +74,7 @@ SIZES = {
     "pitting": (0.05, 0.25),
     "wear": (0.2, 1.0),
 }
+OTHERS = tuple(SIZES)
 #: Two recordings at one operating point differ by so much in load and speed.
 LOAD_SPREAD, SPEED_SPREAD = 0.02, 0.002
 #: A tooth is found if it is no further away [teeth].
@@ -165,14 +159,10 @@ def with_learning(outcomes: Sequence[Outcome], seed: int = 0) -> list[Row]:
 
     rows = [dict(row) for row, _ in outcomes]
     for tacho, fold in product((True, False), range(FOLDS)):
-        judged, healthy = [], []
-        for number, (row, features) in enumerate(outcomes):
-            if not len(features) or row["tacho"] != tacho:
-                continue
-            if row["machine"] % FOLDS == fold:
-                judged.append(number)
-            elif row["condition"] == "healthy":
-                healthy.append(number)
+        heard = [n for n, (row, own) in enumerate(outcomes) if len(own) and row["tacho"] == tacho]
+        judged = [n for n in heard if rows[n]["machine"] % FOLDS == fold]
+        rest = [n for n in heard if rows[n]["machine"] % FOLDS != fold]
+        healthy = [n for n in rest if rows[n]["condition"] == "healthy"]
         if len(healthy) < 2 or not judged:
             continue
         known, new = ([outcomes[number][1] for number in part] for part in (healthy, judged))
@@ -199,18 +189,13 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outc
     judges = {tacho: _judge(drawn, first, tacho) for tacho in (True, False)}
     teeth = ", ".join(f"{s.gears[0].teeth}/{s.gears[1].teeth}" for s in drawn.stages)
     facts: Row = {"machine": number, "teeth": teeth, "speed_hz": round(drawn.speed_hz, 3)}
-    facts |= {"channels": drawn.channels}
+    facts["channels"] = len(drawn.path)
     for condition, setting, variant, tachos in list(_plan(rng, drawn, quick)):
         taken = drawn.take(condition, setting)
-        truth = {
-            "condition": condition.kind,
-            "variant": variant,
-            "stage": condition.stage or None,
-            "gear": condition.gear or None,
-            "tooth": condition.tooth,
-            "size": condition.size,
-            **{name: getattr(setting, name) for name in ("load", "speed", "gain")},
-        }
+        truth: Row = {"condition": condition.kind, "variant": variant}
+        truth |= {"stage": condition.stage or None, "gear": condition.gear or None}
+        truth |= {"tooth": condition.tooth, "size": condition.size}
+        truth |= {name: getattr(setting, name) for name in ("load", "speed", "gain")}
         for tacho in tachos:
             row, features = judges[tacho](condition, taken)
             yield {**facts, **truth, "tacho": tacho, **NOTHING, **row}, features
@@ -219,13 +204,9 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outc
 def _setting(rng: np.random.Generator, variant: str, duration_s: float) -> Setting:
     load = 1 + LOAD_SPREAD * rng.uniform(-1, 1)
     speed = 1 + SPEED_SPREAD * rng.uniform(-1, 1)
-    gain = 1.0
-    if variant in ("load", "all"):
-        load = rng.uniform(0.8, 1.2)
-    if variant in ("speed", "all"):
-        speed = rng.uniform(0.98, 1.02)
-    if variant in ("gain", "all"):
-        gain = 2.0 ** rng.uniform(-1, 1)
+    load = rng.uniform(0.8, 1.2) if variant in ("load", "all") else load
+    speed = rng.uniform(0.98, 1.02) if variant in ("speed", "all") else speed
+    gain = 2.0 ** rng.uniform(-1, 1) if variant in ("gain", "all") else 1.0
     seed = int(rng.integers(1 << 31))
     return Setting(load=load, speed=speed, gain=gain, seed=seed, duration_s=duration_s)
 
@@ -298,10 +279,7 @@ def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Conditio
 
 
 def tooth_error(
-    drawn: DrawnMachine,
-    condition: Condition,
-    flag: Flag,
-    recordings: Sequence[tuple[Taken, Analysis]],
+    drawn: DrawnMachine, condition: Condition, flag: Flag, recordings: Sequence[Heard]
 ) -> float | None:
     """Return the distance of the tooth found from the true one [teeth]; None without a place.
 
@@ -422,28 +400,6 @@ def localised_difference(signature: MeasuredSignature, healthy: MeasuredSignatur
     return best
 
 
-def roc_area(healthy: ArrayLike, faulty: ArrayLike) -> float:
-    """Area under the ROC curve: the probability that a faulty score exceeds a healthy one.
-
-    Parameters
-    ----------
-    healthy, faulty : array_like of float, shape (n,), (m,)
-        At least one each; ties count half.
-
-    Examples
-    --------
-    >>> roc_area([0.0, 1.0], [1.0, 2.0])
-    0.875
-    """
-    from scipy.stats import rankdata
-
-    low, high = np.asarray(healthy, dtype=float), np.asarray(faulty, dtype=float)
-    if not len(low) or not len(high):
-        raise ArgumentError("roc_area needs at least one healthy and one faulty score")
-    ranks = rankdata(np.concatenate([low, high]))[len(low) :]
-    return float((ranks.mean() - 0.5 * (len(high) + 1)) / len(low))
-
-
 def roc_area_interval(
     healthy: Sequence[FloatArray], faulty: Sequence[FloatArray], seed: int = 0
 ) -> tuple[float, float, float]:
@@ -454,47 +410,29 @@ def roc_area_interval(
     Parameters
     ----------
     healthy, faulty : sequence of ndarray
-        Scores, machine by machine; of a machine there may be none.
+        Scores, machine by machine; of a machine there may be none. One each there must be.
     seed : int
 
     Returns
     -------
     (float, float, float)
-        Area, lower and upper limit.
-    """
-    low, high = np.concatenate(healthy), np.concatenate(faulty)
-    area, machines = roc_area(low, high), np.arange(len(healthy))
-    rng = np.random.default_rng(seed)
-    chosen = rng.integers(0, len(machines), (RESAMPLES, len(machines)))
-    drawn = (chosen[:, :, None] == machines).sum(axis=1)
-    # how often each score was drawn
-    left = drawn[:, np.repeat(machines, [len(own) for own in healthy])]
-    right = drawn[:, np.repeat(machines, [len(own) for own in faulty])]
-    in_order = (high > low[:, None]) + 0.5 * (high == low[:, None])
-    pairs = left.sum(axis=1) * right.sum(axis=1)
-    areas = ((left @ in_order) * right).sum(axis=1)[pairs > 0] / pairs[pairs > 0]
-    return area, *np.quantile(areas, (0.025, 0.975)).tolist()
-
-
-def share_interval(hits: int, trials: int) -> tuple[float, float, float]:
-    """Share with its 95 % interval by Wilson.
-
-    Parameters
-    ----------
-    hits, trials : int
-        trials >= 1.
+        Area, the probability that a faulty score exceeds a healthy one (ties count half); lower and
+        upper limit.
 
     Examples
     --------
-    >>> [round(x, 3) for x in share_interval(0, 10)]
-    [0.0, 0.0, 0.278]
+    >>> roc_area_interval([np.array([0.0, 1.0])], [np.array([1.0, 2.0])])[0]
+    0.875
     """
-    from scipy.stats import binomtest
-
-    if trials < 1:
-        raise ArgumentError(f"trials={trials} must be at least 1")
-    interval = binomtest(hits, trials).proportion_ci(method="wilson")
-    return hits / trials, float(interval.low), float(interval.high)
+    low, high = np.concatenate(healthy), np.concatenate(faulty)
+    in_order, machines = (high > low[:, None]) + 0.5 * (high == low[:, None]), len(healthy)
+    chosen = np.random.default_rng(seed).integers(0, machines, (RESAMPLES, machines))
+    drawn = (chosen[:, :, None] == np.arange(machines)).sum(axis=1)
+    # how often each score was drawn
+    left, right = (np.repeat(drawn, [*map(len, own)], axis=1) for own in (healthy, faulty))
+    pairs = left.sum(axis=1) * right.sum(axis=1)
+    areas = ((left @ in_order) * right).sum(axis=1)[pairs > 0] / pairs[pairs > 0]
+    return float(in_order.mean()), *np.quantile(areas, (0.025, 0.975)).tolist()
 
 
 def detection_summary(rows: Sequence[Row]) -> list[Row]:
@@ -516,10 +454,21 @@ def detection_summary(rows: Sequence[Row]) -> list[Row]:
     columns = ("figure", "detector", "of", "value", "low", "high", "count")
     found = []
     for tacho, own in pd.DataFrame(rows).groupby("tacho", sort=False):
-        for table in (_areas, _false_alarms, _findings, _run_times):
-            figures = [dict(zip(columns, figure, strict=True)) for figure in table(own)]
-            found += [{**figure, "tacho": bool(tacho)} for figure in figures]
+        told = ((figure, OURS, of, *_summed(v), len(v)) for figure, of, v in _told(own) if len(v))
+        figures = [dict(zip(columns, one, strict=True)) for one in (*_areas(own), *told)]
+        found += [one | {"tacho": bool(tacho)} for one in figures]
     return found
+
+
+def _summed(values: pd.Series[Any]) -> tuple[float, float, float]:
+    """Return a share with its 95 % interval by Wilson, or a median with its quartiles."""
+    from scipy.stats import binomtest
+
+    if values.dtype == bool:
+        share = binomtest(int(values.sum()), len(values))
+        return share.statistic, *map(float, share.proportion_ci(method="wilson"))
+    median, low, high = np.quantile(values.astype(float), (0.5, 0.25, 0.75)).tolist()
+    return median, low, high
 
 
 #: Figure, detector, of what; value, lower and upper limit; count.
@@ -528,7 +477,7 @@ _Figure = tuple[str, str, str, float, float, float, int]
 
 def _areas(rows: pd.DataFrame) -> Iterator[_Figure]:
     """Areas under ROC curves, healthy at the same operating point against one damaged tooth."""
-    machines = rows["machine"].unique()
+    machines = rows["machine"].unique().tolist()
     sound = rows[(rows["condition"] == "healthy") & (rows["variant"] == "same")]
     for loss, hurt in rows[rows["condition"] == "tooth"].groupby("size"):
         for name in (OURS, *RIVALS):
@@ -539,57 +488,38 @@ def _areas(rows: pd.DataFrame) -> Iterator[_Figure]:
                 yield "ROC area", name, f"loss {loss:.3g}", *area, count
 
 
-def _by_machine(rows: pd.DataFrame, name: str, machines: ArrayLike) -> list[FloatArray]:
+def _by_machine(rows: pd.DataFrame, name: str, machines: Sequence[int]) -> list[FloatArray]:
     scores = rows["score" if name == OURS else name].astype(float)
     # a recording that is refused is no evidence of a fault
     scores = scores.fillna(-np.inf) if name == OURS else scores.dropna()
-    return [scores[rows["machine"] == one].to_numpy() for one in np.asarray(machines)]
+    return [np.asarray(scores[rows["machine"] == one], dtype=np.float64) for one in machines]
 
 
-def _share(figure: str, of: str, hits: pd.Series[bool]) -> Iterator[_Figure]:
-    """Yield the share of recordings for which something holds, if there are any."""
-    if len(hits):
-        yield figure, OURS, of, *share_interval(int(hits.sum()), len(hits)), len(hits)
+def _told(rows: pd.DataFrame) -> Iterator[tuple[str, str, pd.Series[Any]]]:
+    """Yield figure, of what, and whether it holds for each recording, or a number of each.
 
-
-def _false_alarms(rows: pd.DataFrame) -> Iterator[_Figure]:
-    """Share of healthy recordings whose stated probability is at most each level."""
+    False alarms are healthy recordings whose stated probability is at most so large; then come
+    right gears and teeth, error and coverage of the loss, others called a tooth, and run times.
+    """
     sound = rows[(rows["condition"] == "healthy") & (rows["probability"].notna())]
     for level in LEVELS:
-        yield from _share("false alarms", f"stated {level:g}", sound["probability"] <= level)
+        yield "false alarms", f"stated {level:g}", sound["probability"] <= level
     for variant, own in sound.groupby("variant", sort=False):
-        hits = own["probability"] <= STATED
-        yield from _share("false alarms", f"stated {STATED:g}, {variant}", hits)
-
-
-def _findings(rows: pd.DataFrame) -> Iterator[_Figure]:
-    """Shares of right gears and teeth, error and coverage of the loss, others called a tooth."""
+        yield "false alarms", f"stated {STATED:g}, {variant}", own["probability"] <= STATED
     for loss, own in rows[rows["condition"] == "tooth"].groupby("size"):
         of, size = f"loss {loss:.3g}", float(str(loss))
         flagged = own[own["tooth_flag"].astype(bool)]
         sized = own[own["gear_right"].eq(True) & own["loss"].notna()]
         bounded = sized[sized["loss_low"].notna()]
-        yield from _share("called a fault", of, own["verdict"] == "fault")
-        yield from _share("gear right", of, flagged["gear_right"].eq(True))
-        near = flagged["tooth_error"].astype(float) <= TOOTH_WITHIN
-        yield from _share("tooth right", of, near)
+        yield "called a fault", of, own["verdict"] == "fault"
+        yield "gear right", of, flagged["gear_right"].eq(True)
+        yield "tooth right", of, flagged["tooth_error"].astype(float) <= TOOTH_WITHIN
         covers = bounded["loss_low"].le(size) & bounded["loss_high"].ge(size)
-        yield from _share("interval covers", of, covers)
-        yield from _quartiles("loss error, quartiles", of, sized["loss"] / size - 1)
+        yield "interval covers", of, covers
+        yield "loss error, quartiles", of, sized["loss"].astype(float) / size - 1
     for kind, own in rows[rows["condition"] != "tooth"].groupby("condition", sort=False):
-        yield from _share("called a fault", str(kind), own["verdict"] == "fault")
-        yield from _share("called a tooth", str(kind), own["tooth_flag"].astype(bool))
-
-
-def _run_times(rows: pd.DataFrame) -> Iterator[_Figure]:
-    """Median run times of an analysis with and without a reference, with quartiles [s]."""
-    own = rows[rows["run_time_s"].notna()]
-    yield from _quartiles("run time in s", "with reference", own["run_time_s"])
-    yield from _quartiles("run time in s", "without", own.groupby("machine")["alone_s"].first())
-
-
-def _quartiles(figure: str, of: str, values: pd.Series[float]) -> Iterator[_Figure]:
-    """Yield the median of numbers with their quartiles, if there are any."""
-    if len(values):
-        median, low, high = np.quantile(values.astype(float), (0.5, 0.25, 0.75)).tolist()
-        yield figure, OURS, of, median, low, high, len(values)
+        yield "called a fault", str(kind), own["verdict"] == "fault"
+        yield "called a tooth", str(kind), own["tooth_flag"].astype(bool)
+    timed = rows[rows["run_time_s"].notna()]
+    yield "run time in s", "with reference", timed["run_time_s"].astype(float)
+    yield "run time in s", "without", timed.groupby("machine")["alone_s"].first().astype(float)

@@ -19,7 +19,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import HillProblem, steady_state
@@ -198,7 +197,7 @@ class HiddenGear:
 
     teeth: int
     pitch_m: FloatArray
-    runout_m: NDArray[np.complex128]
+    runout_m: ComplexArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -235,59 +234,56 @@ def draw_machine(
     """
     while True:
         try:
-            machine = _draw_file(rng, number)
+            machine, drawn = _draw_file(rng, number)
             found = [stage_mechanics(machine, n + 1) for n in range(len(machine.stages))]
         except ArgumentError:
             continue  # a recording could not show it, or its gears cannot run together
         break
-    stages = tuple(_hide(rng, mechanics, machine) for mechanics in found)
+    stages = tuple(_hide(rng, *own) for own in zip(found, drawn, strict=True))
     sensors = int(rng.integers(1, 3)) if channels is None else channels
     path = _draw_path(rng, sensors, len(stages))
     orders = rng.uniform(1.3, 9.7, 3)
     return DrawnMachine(machine=machine, stages=stages, path=path, bearing_orders=orders)
 
 
-def _draw_file(rng: np.random.Generator, number: int) -> Machine:
-    """Return a random machine; refuse one that a recording could not show."""
+def _draw_file(rng: np.random.Generator, number: int) -> tuple[Machine, list[ParallelStage]]:
+    """Return a random machine and its stages; refuse one that a recording could not show."""
     count = int(rng.integers(1, 3))
     speed_hz = rng.uniform(*SPEED_HZ)
-    module, order, stages = rng.uniform(*MODULE_MM), 1.0, []
+    module, order = rng.uniform(*MODULE_MM), 1.0
+    stages: list[ParallelStage] = []
     for _ in range(count):
         pinion = int(rng.integers(PINION_TEETH[0], PINION_TEETH[1] + 1))
         gear = int(rng.integers(GEAR_TEETH[0], GEAR_TEETH[1] + 1))
         ratio, mesh_hz = gear / pinion, order * pinion * speed_hz
-        if pinion == gear or not 0.6 <= ratio <= LARGEST_RATIO:
-            raise ArgumentError(f"{pinion}/{gear} teeth are no pair that is drawn")
-        if not MESH_HZ[0] <= mesh_hz <= MESH_HZ[1]:
-            raise ArgumentError(f"a recording does not show a mesh frequency of {mesh_hz:.0f} Hz")
-        stages.append(_draw_stage(rng, pinion, gear, module))
+        heard = MESH_HZ[0] <= mesh_hz <= MESH_HZ[1] and 0.6 <= ratio <= LARGEST_RATIO
+        if pinion == gear or not heard:
+            raise ArgumentError("no pair that is drawn, or a mesh that a recording does not show")
+        helix = rng.uniform(5, 20) if rng.random() < 0.2 else 0.0
+        stages.append(
+            ParallelStage(
+                pinion_teeth=pinion,
+                gear_teeth=gear,
+                module_mm=round(module, 2),
+                face_width_mm=round(module * rng.uniform(*WIDTH_MODULES), 1),
+                helix_angle_deg=round(helix, 1),
+                bore_diameter_pinion_mm=round(0.35 * module * pinion, 1),
+                bore_diameter_gear_mm=round(0.3 * module * gear, 1),
+            )
+        )
         order *= pinion / gear
         module *= rng.uniform(1.1, 1.5)
     if order * speed_hz < SLOWEST_HZ:
-        raise ArgumentError(f"a recording is too short for a shaft of {order * speed_hz:.1f} Hz")
+        raise ArgumentError("a shaft that a recording is too short for")
     width_mm = float(stages[0].face_width_mm or 0.0)
     radius_m = 0.5e-3 * float(stages[0].module_mm or 0.0) * stages[0].pinion_teeth
     torque_nm = float(f"{rng.uniform(*LOAD_N_PER_MM) * width_mm * radius_m:.4g}")
     point = OperatingPoint(speed_rpm=round(60 * speed_hz, 1), torque_nm=torque_nm, share=1.0)
-    return Machine(name=f"drawn machine {number}", operating=(point,), stages=tuple(stages))
+    name = f"drawn machine {number}"
+    return Machine(name=name, operating=(point,), stages=tuple(stages)), stages
 
 
-def _draw_stage(rng: np.random.Generator, pinion: int, gear: int, module: float) -> ParallelStage:
-    helix = rng.uniform(5, 20) if rng.random() < 0.2 else 0.0
-    return ParallelStage(
-        pinion_teeth=pinion,
-        gear_teeth=gear,
-        module_mm=round(module, 2),
-        face_width_mm=round(module * rng.uniform(*WIDTH_MODULES), 1),
-        helix_angle_deg=round(helix, 1),
-        bore_diameter_pinion_mm=round(0.35 * module * pinion, 1),
-        bore_diameter_gear_mm=round(0.3 * module * gear, 1),
-    )
-
-
-def _hide(rng: np.random.Generator, mechanics: StageMechanics, machine: Machine) -> HiddenStage:
-    stage = machine.stages[mechanics.stage - 1]
-    assert isinstance(stage, ParallelStage)
+def _hide(rng: np.random.Generator, mechanics: StageMechanics, stage: ParallelStage) -> HiddenStage:
     droop, edge = rng.uniform(0.2, 0.6), rng.uniform(0.03, 0.15)
     stiffness = rng.uniform(*STIFFNESS_FACTOR) * mechanics.stiffness.mean_n_per_m
     mass = rng.uniform(*MASS_FACTOR) * mechanics.equivalent_mass_kg
@@ -433,19 +429,12 @@ class DrawnMachine:
     stages: tuple[HiddenStage, ...]
     path: FloatArray
     bearing_orders: FloatArray
-    _tables: dict[tuple[Any, ...], ComplexArray] = field(
-        default_factory=dict, init=False, repr=False
-    )
+    _tables: dict[Any, ComplexArray] = field(default_factory=dict, init=False, repr=False)
 
     @property
     def speed_hz(self) -> float:
         """Nominal speed of shaft 1 [Hz]."""
         return self.machine.operating[0].shaft1_hz
-
-    @property
-    def channels(self) -> int:
-        """Sensors."""
-        return len(self.path)
 
     @property
     def shaft_orders(self) -> FloatArray:
@@ -484,15 +473,15 @@ class DrawnMachine:
         for row in vibration:
             row += _noise(rng, count, float(np.std(row)) * 10 ** (-SNR_DB / 20))
         rows = [*(setting.gain * vibration)]
-        names, kinds = [f"a{n + 1}" for n in range(len(rows))], ["vibration"] * len(rows)
+        names = [f"a{n + 1}" for n in range(len(rows))]
         if setting.tacho:
             rows.append(tacho_pulses(turns, RATE_HZ, np.full(count, speed), 5.0, 0.1))
-            names, kinds = [*names, "tacho"], [*kinds, "tacho"]
+            names.append("tacho")
         recording = Recording(
             samples=np.array(rows),
             sampling_rate_hz=RATE_HZ,
             channel_names=tuple(names),
-            channel_kinds=tuple(kinds),
+            channel_kinds=tuple("tacho" if own == "tacho" else "vibration" for own in names),
             origin=f"{self.machine.name}, {condition.kind}",
         )
         return Taken(recording=recording, turns=turns)
@@ -550,10 +539,9 @@ class DrawnMachine:
     ) -> FloatArray:
         """Tones of bearings, and the first orders of the shafts."""
         total, size = np.zeros_like(heard), np.std(heard, axis=1)
-        share = _bearing(condition, rng)
-        lines = [(order, share) for order in self.bearing_orders[1:]]
-        lines += [(order, UNBALANCE) for order in self.shaft_orders]
-        for order, weight in lines:
+        weights = [_bearing(condition, rng)] * 2 + [UNBALANCE] * len(self.shaft_orders)
+        orders = [*self.bearing_orders[1:], *self.shaft_orders]
+        for order, weight in zip(orders, weights, strict=True):
             wave = np.sin(2 * np.pi * (order * turns + rng.random()))
             total += (weight * size * rng.uniform(0.5, 1.5, len(size)))[:, None] * wave
         return total

@@ -3,15 +3,20 @@
 On named cases each method runs with several settings; the error is the relative L2 error of the
 acceleration against an accurate motion that no method shares. At one error all are set side by
 side. Rivals know more than a user would: their steps and tolerances are tuned on the accurate
-motion, the time that free vibrations need to settle is told to them, and (but for SciPy "as usually
-written") they begin in the static deflection and read stiffness from tables made beforehand.
-`steady_state` knows its tolerance only, and its time contains its error bound.
+motion, and they read stiffness from tables made beforehand. `steady_state` knows its tolerance
+only, and its time contains its error bound.
 
 The errors of a method over many parameter sets are the largest over sets drawn from them; steps and
 harmonics of a rival grow with w0/w by one rule, whose factor is the least with which all those sets
 are within the error. The growth of the cost is that with a stiffness that dips once in P mesh
 periods, P growing; natural frequency, damping and harmonics a mesh stay, so the number of unknowns
-grows in proportion. A stability chart and a family of faults are in `jobs`.
+grows in proportion.
+
+Two jobs are of many solutions. A stability chart is judged by the error of the growth a period, ln
+of the larger multiplier, at points drawn from it, against collocation; compiled RK4 marches two
+motions through the period of every point, on all cores. The faults of a machine are judged by the
+error of what a fault adds to the acceleration, against RK4 with finer steps, which end at the
+corners of the stiffness, where it jumps.
 """
 
 from __future__ import annotations
@@ -19,66 +24,31 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
-from typing import Any
+from functools import cached_property, lru_cache, partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from gearmon.benchmark import jobs, rivals
-from gearmon.benchmark.equations import (
-    CASES,
-    FORCE_N,
-    MESH_HARMONICS,
-    PERIOD_S,
-    QUICK,
-    Case,
-    Lines,
-    Reference,
-    Samples,
-    as_lines,
-    growing_turn,
-    named_case,
-    solve_reference,
-    square_wave,
-)
-from gearmon.benchmark.rivals import (
-    COMPILED,
-    CUT_OFF,
-    NOT_INSTALLED,
-    OURS,
-    SETS_AT_ONCE,
-    TARGET,
-    Contender,
-    Row,
-    measured,
-    with_ratios,
-)
-from gearmon.benchmark.timing import task_time
-from gearmon.dynamics import HillProblem, steady_state
+from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.benchmark import equations, rivals
+from gearmon.benchmark.equations import CASES, Case, Motion, as_lines, named_case, solve_reference
+from gearmon.benchmark.rivals import TARGET, Contender, Rival, measured, with_ratios
+from gearmon.benchmark.timing import Row, Task
+from gearmon.dynamics import HillProblem, stability_chart, steady_state
+from gearmon.dynamics.stability import FourierShape
 from gearmon.dynamics.sweep import sweep as solve_sets
+from gearmon.machine import Machine, OperatingPoint
+from gearmon.signatures.expected.baseline import contact_grid
+from gearmon.signatures.expected.contact_motion import fourier_sums
+from gearmon.signatures.expected.fault_family import FamilyMember, fault_family
+from gearmon.signatures.expected.mesh import MeshPlace, PosedStage
 from gearmon.terminal import Progress, followed
 
+OURS, COMPILED, BANDED = rivals.OURS, rivals.COMPILED, rivals.BANDED
 WANTED = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
-BANDED = "solve_banded"
-AS_USUAL, FROM_REST, SHOOTING = "SciPy {}, as usually written", "SciPy {}", "SciPy {}, shooting"
 #: Every rival by the column of its factor in the headlines.
-RIVALS = {
-    "as_usual": AS_USUAL.format(rivals.SHOT),
-    "solve_ivp": FROM_REST.format(rivals.SHOT),
-    "odeint": FROM_REST.format(rivals.ODEINT),
-    "shooting": SHOOTING.format(rivals.SHOT),
-    "compiled": COMPILED,
-    "solve_banded": BANDED,
-}
+RIVALS = {"odeint": rivals.ODEINT, "compiled": COMPILED, "solve_banded": BANDED}
 SWEEP, GROWTH = "parameter sets", "cost growth"
-#: Jobs of more than one solution.
-JOBS = {"stability chart": jobs.chart_rows, "fault family": jobs.family_rows}
-#: Share of the wanted error that may be left of the free vibration.
-SETTLED_SHARE = 0.3
-#: A run expected to take longer is left out [s]; of a hunting period, which runs once, more.
-LONGEST_RUN_S, LONGEST_HUNTING_RUN_S = 10.0, 30.0
-#: A solver's tolerance over the error aimed at, before it is tuned.
-GUESSED_TOLERANCE = 0.01
 #: Ranges of mass [kg], damping [Ns/m] and stiffness [N/m] of the parameter sets: those of the
 #: published study.
 SWEPT = ((0.2, 3.0), (3e3, 9e4), (4e8, 1.6e9))
@@ -91,6 +61,20 @@ MESHES, QUICK_MESHES = tuple(2**power for power in range(12)), (1, 8, 32)
 GROWING_BYTES = 3e8
 #: Below, the run time is that of calls and not of numbers.
 FIRST_FITTED = 2000
+#: Shape, damping ratio, range of w/w0 and highest variation of the chart; points of it judged.
+SHAPE, ZETA, SPEEDS, HIGHEST = FourierShape(np.array([0.5, 0.2, 0.1])), 0.02, (0.45, 2.6), 0.9
+JUDGED = 300
+#: Tolerance of half the trace with which the growth is within the target.
+CHART_TOLERANCE = 1e-6
+#: The published pair as a machine, and what is wrong with its teeth.
+MACHINE = Machine(
+    name="published pair",
+    operating=(OperatingPoint(speed_rpm=1442.3, torque_nm=98.12, share=1.0),),
+    stages=(replace(equations.STAGE, damping_ratio=0.07),),
+)
+KINDS = ("crack", "breakage", "pitting", "spall", "missing")
+#: Every so many members are taken through RK4; steps a panel of the reference.
+TAKEN, FINEST = 15, 800
 
 
 def run_dynamics(
@@ -131,21 +115,18 @@ def run_dynamics(
     ArgumentError
         If there is no such case.
     """
-    names = (
-        list(cases) if cases is not None else [*(QUICK if quick else CASES), SWEEP, *JOBS, GROWTH]
-    )
-    rows: list[Row] = []
-    for name in followed(names, len(names), progress):
-        if name == SWEEP:
-            found = sweep_rows(200 if quick else count, seed, quick)
-        elif name == GROWTH:
-            found = growth_rows(quick)
-        elif name in JOBS:
-            found = JOBS[name](quick)
-        else:
-            found = case_rows(named_case(name), quick)
-        rows += [{"case": name, **row} for row in found]
-    return rows
+    jobs: dict[str, Callable[[bool], list[Row]]] = {
+        SWEEP: partial(sweep_rows, 200 if quick else count, seed),
+        "stability chart": chart_rows,
+        "fault family": family_rows,
+        GROWTH: growth_rows,
+    }
+    names = list(cases) if cases is not None else [*(equations.QUICK if quick else CASES), *jobs]
+    return [
+        {"case": name, **row}
+        for name in followed(names, len(names), progress)
+        for row in (jobs[name](quick) if name in jobs else case_rows(named_case(name), quick))
+    ]
 
 
 def case_rows(case: Case, quick: bool = False) -> list[Row]:
@@ -158,12 +139,11 @@ def case_rows(case: Case, quick: bool = False) -> list[Row]:
         Two errors wanted, three repeats.
     """
     reference, wanted = solve_reference(case), (1e-3, TARGET) if quick else WANTED
-    listed = [
-        *(_for_rectangle(case) if case.rectangle else _own(case, wanted)),
-        *_of_scipy(case, reference, wanted),
-        *_compiled(case, reference, wanted),
-        *([] if case.rectangle else _banded(case, reference, wanted)),
-    ]
+    listed = [*(_for_rectangle(case) if case.rectangle else _own(case, wanted))]
+    for rival in _rivals(case):
+        # of a hunting period runs are long
+        errors = (TARGET,) if rival.note or case.meshes > 100 else wanted
+        listed += [rival.tuned(error, reference.error) for error in errors]
     return with_ratios(measured(listed, 3 if quick else 31, 0.05 if quick else 0.6, reference))
 
 
@@ -191,113 +171,45 @@ def _for_rectangle(case: Case) -> Iterator[Contender]:
         kept = case.problem.stiffness_harmonics[:count]
         p, setting = replace(case.problem, stiffness_harmonics=kept), f"{count} stiffness harmonics"
         run, of_sum = partial(steady_state, p, TARGET), "steady_state of the Fourier sum"
-        yield Contender(of_sum, setting, None, run, as_lines, CUT_OFF)
+        yield Contender(of_sum, setting, None, run, as_lines, rivals.CUT_OFF)
 
 
-def _of_scipy(case: Case, reference: Reference, wanted: tuple[float, ...]) -> Iterator[Contender]:
-    """From rest with tables; of a short smooth period also as usually written, and by shooting."""
-    oscillator, long = rivals.Oscillator(case), case.meshes > 100
-
-    def from_rest(solver: str, error: float) -> tuple[Callable[[float], Samples], float]:
-        settling = reference.settling(SETTLED_SHARE * error)
-        run = partial(rivals.integrate, oscillator, solver, settling=settling)
-        return run, settling / oscillator.period
-
-    for solver in rivals.SOLVERS:
-        for error in (TARGET,) if long else wanted:
-            run, periods = from_rest(solver, error)
-            yield _timed_out_or(case, FROM_REST.format(solver), run, error, periods, reference)
-    if long:
-        return
+def _rivals(case: Case) -> Iterator[Rival]:
+    """Yield the strong rivals of a case; of jumps only the one that can step between."""
+    p, ratio, words = case.problem, case.problem.frequency_ratio, "{:.0f} steps a period"
+    # multiples of four: the jumps of a rectangle fall between steps
+    first, ready = 24 * ratio + 48, partial(_compiled, case)
+    yield Rival(COMPILED, words, first, 4, ready, rivals.numba_is_missing())
     if case.rectangle is None:
-        settling = reference.settling(SETTLED_SHARE * TARGET, deflection=0.0)
-        plain = rivals.PlainOscillator(case)
-        run = partial(rivals.integrate, plain, rivals.SHOT, state=(0.0, 0.0), settling=settling)
-        periods, usual = settling / oscillator.period, AS_USUAL.format(rivals.SHOT)
-        yield _timed_out_or(case, usual, run, TARGET, periods, reference)
-    for error in wanted:
-        run = partial(rivals.shoot, oscillator)
-        yield _timed_out_or(case, SHOOTING.format(rivals.SHOT), run, error, 0.0, reference)
+        yield Rival(rivals.ODEINT, "{:.1f} digits a step", 6.0, 0, partial(rivals.shooter, case))
+        highest = math.ceil(ratio) + equations.MESH_HARMONICS
+        needed = rivals.banded_bytes(len(p.stiffness_harmonics), highest)
+        note = f"not run: the matrix needs over {needed / 1e9:.0f} GB"
+        note = note if needed > rivals.BYTES_ALLOWED else ""
+        yield Rival(BANDED, "{:.0f} harmonics", highest, 1, partial(_banded, p), note)
 
 
-def _timed_out_or(
-    case: Case,
-    method: str,
-    run: Callable[[float], Samples],
-    error: float,
-    periods: float,
-    reference: Reference,
-) -> Contender:
-    """Tune a tolerance; of a hunting period it is guessed, for its runs are too long to repeat."""
-    long, tolerance = case.meshes > 100, GUESSED_TOLERANCE * error
-    taken, _ = task_time(partial(run, tolerance))
-    if taken > (LONGEST_HUNTING_RUN_S if long else LONGEST_RUN_S):
-        return Contender(method, f"for {error:.0e}", note=f"left out: a run takes {taken:.0f} s")
-    if not long:
-        tolerance = rivals.tolerance_within(error, run, reference)
-    setting = f"tolerance {tolerance:.1e}, {periods:.2f} periods to settle"
-    return Contender(method, setting, error, partial(run, tolerance))
+def _compiled(case: Case, steps: float) -> Task:
+    return partial(rivals.march_compiled, rivals.equal_steps(case, int(steps)), *_of(case.problem))
 
 
-def _compiled(case: Case, reference: Reference, wanted: tuple[float, ...]) -> Iterator[Contender]:
-    if not rivals.numba_is_installed():
-        yield Contender(COMPILED, note=NOT_INSTALLED)
-        return
-    p = case.problem
-    for error in (1e-4, TARGET) if case.meshes > 100 else wanted:
-        settling = reference.settling(SETTLED_SHARE * error)
-
-        def run(steps: float, settling: float = settling) -> Callable[[], Samples]:
-            table = rivals.tables(case, int(steps))
-            known = table, p.frequency_ratio, p.damping_ratio, settling
-            return partial(rivals.march_compiled, *known)
-
-        def error_at(steps: float) -> float:
-            return reference.error(run(steps)())
-
-        # multiples of four: the jumps of a rectangle fall between steps
-        steps = rivals.least_within(error, 24 * p.frequency_ratio + 48, error_at, 4)
-        yield Contender(COMPILED, f"{steps:.0f} steps a period", error, run(steps))
+def _banded(p: HillProblem, highest: float) -> Task:
+    return partial(rivals.solve_band, rivals.band(p.stiffness_harmonics, int(highest)), *_of(p))
 
 
-def _banded(case: Case, reference: Reference, wanted: tuple[float, ...]) -> Iterator[Contender]:
-    p = case.problem
-    start = math.ceil(p.frequency_ratio) + MESH_HARMONICS
-    needed = rivals.banded_bytes(len(p.stiffness_harmonics), start)
-    if needed > rivals.BYTES_ALLOWED:
-        yield Contender(BANDED, note=f"not run: the matrix needs over {needed / 1e9:.0f} GB")
-        return
-
-    def error_at(harmonics: float) -> float:
-        return reference.error(_solve_band(p, int(harmonics))())
-
-    for error in wanted:
-        highest = int(rivals.least_within(error, start, error_at, 1))
-        yield Contender(BANDED, f"{highest} harmonics", error, _solve_band(p, highest))
+def _of(p: HillProblem) -> tuple[float, float]:
+    return p.frequency_ratio, p.damping_ratio
 
 
-def _solve_band(p: HillProblem, highest: int) -> Callable[[], Lines]:
-    bands = rivals.band(p.stiffness_harmonics, highest)
-    return partial(rivals.solve_band, bands, p.frequency_ratio, p.damping_ratio)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Sweep:
-    """Parameter sets and the accurate motions of some.
-
-    Parameters
-    ----------
-    problems : tuple of HillProblem
-    references : dict of int to Reference
-        By the indices of the sets that have one.
-    """
+class Sweep(NamedTuple):
+    """Parameter sets and the accurate motions of the first of them."""
 
     problems: tuple[HillProblem, ...]
-    references: dict[int, Reference]
+    references: tuple[equations.Reference, ...]
 
-    def largest_error(self, motion_of: Callable[[int], Lines | Samples]) -> float:
+    def largest_error(self, motions: Sequence[Motion]) -> float:
         """Largest relative error of the acceleration over the sets with a reference."""
-        return max(known.error(motion_of(i)) for i, known in self.references.items())
+        return max(known.error(own) for known, own in zip(self.references, motions, strict=False))
 
 
 def draw_sweep(count: int, seed: int, probes: int = PROBES) -> Sweep:
@@ -310,20 +222,12 @@ def draw_sweep(count: int, seed: int, probes: int = PROBES) -> Sweep:
     probes : int
         How many of them get a reference.
     """
-    rng = np.random.default_rng(seed)
-    ranges = np.log(SWEPT)
-    drawn = np.exp(rng.uniform(ranges[:, :1], ranges[:, 1:], (3, count)))
-    harmonics = square_wave(10)
-    problems = tuple(
-        HillProblem(m, c, k, harmonics, PERIOD_S, FORCE_N) for m, c, k in drawn.T.tolist()
-    )
-    chosen = rng.choice(count, min(probes, count), replace=False).tolist()
-    references = {i: solve_reference(_one_set(problems[i])) for i in chosen}
+    ranges, harmonics = np.log(SWEPT), equations.square_wave(10)
+    drawn = np.exp(np.random.default_rng(seed).uniform(ranges[:, :1], ranges[:, 1:], (3, count)))
+    known = harmonics, equations.PERIOD_S, equations.FORCE_N
+    problems = tuple(HillProblem(m, c, k, *known) for m, c, k in drawn.T.tolist())
+    references = tuple(solve_reference(Case(problem=own)) for own in problems[:probes])
     return Sweep(problems=problems, references=references)
-
-
-def _one_set(problem: HillProblem) -> Case:
-    return Case(name="set", problem=problem)
 
 
 def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
@@ -338,93 +242,58 @@ def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
         Few sets and repeats.
     """
     sweep = draw_sweep(count, seed, 6 if quick else PROBES)
-    listed = [_together(sweep), _own_loop(sweep), _banded_loop(sweep), _compiled_loop(sweep)]
-    return with_ratios(measured(listed, 2 if quick else 9, 0.1 if quick else 3.0))
+    # all sets have the period and the relative stiffness of this case
+    case, many = Case(problem=sweep.problems[0]), sweep.problems[:MANY]
+    bands = lru_cache(maxsize=64)(partial(rivals.band, case.problem.stiffness_harmonics))
+    steps = lru_cache(maxsize=64)(partial(rivals.equal_steps, case))
+
+    def banded(p: HillProblem, factor: float) -> Task:
+        highest = math.ceil(factor * (p.frequency_ratio + 10))
+        return partial(rivals.solve_band, bands(highest), *_of(p))
+
+    def compiled(p: HillProblem, factor: float) -> Task:
+        count = 4 * math.ceil(factor * (p.frequency_ratio + 3) / 4)
+        return partial(rivals.march_compiled, steps(count), *_of(p))
+
+    def ready(of: Callable[[HillProblem, float], Task], factor: float) -> Task:
+        return partial(_one_by_one, [of(p, factor) for p in many])
+
+    loop, note = "in a loop, {:.2f} (w0/w + ", rivals.numba_is_missing()
+    listed = [
+        Rival(BANDED, loop + "10) harmonics", 1.0, 0, partial(ready, banded)),
+        Rival(COMPILED, loop + "3) steps a period", 30.0, 0, partial(ready, compiled), note),
+    ]
+    known: dict[str, Any] = {"error_of": sweep.largest_error, "sets": len(many)}
+    loops = [rival.tuned(TARGET, **known) for rival in listed]
+    own = [_together(sweep), _own_loop(sweep)]
+    return with_ratios(measured([*own, *loops], 2 if quick else 9, 0.1 if quick else 3.0))
+
+
+def _one_by_one(tasks: Sequence[Task]) -> list[Any]:
+    return [task() for task in tasks]
 
 
 def _together(sweep: Sweep) -> Contender:
     """All sets at once, nothing kept from an earlier call."""
     columns = [(p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m) for p in sweep.problems]
+    common = sweep.problems[0].stiffness_harmonics, equations.PERIOD_S, equations.FORCE_N
     mass, damping, stiffness = np.array(columns).T
-    common = mass, damping, stiffness, sweep.problems[0].stiffness_harmonics, PERIOD_S, FORCE_N
-    run = partial(solve_sets, *common, tolerance=TARGET)
-    found = run()
-    refused, met = int((~found.met).sum()), [i for i in sweep.references if found.met[i]]
-    errors = [sweep.references[i].error(as_lines(found.response(i))) for i in met]
-    return Contender(
-        SETS_AT_ONCE,
-        "all at once",
-        TARGET,
-        run,
-        note=f"{refused} sets refused" if refused else "",
-        sets=len(sweep.problems),
-        error=max(errors, default=None),
-        error_bound=float(found.error_bound[found.met].max()) if found.met.any() else None,
-    )
+    run = partial(solve_sets, mass, damping, stiffness, *common, tolerance=TARGET)
+    found, references = run(), enumerate(sweep.references)
+    refused = int((~found.met).sum())
+    errors = [own.error(as_lines(found.response(i))) for i, own in references if found.met[i]]
+    known: dict[str, Any] = {"sets": len(sweep.problems), "error": max(errors, default=None)}
+    known["note"] = f"{refused} sets refused" if refused else ""
+    known["error_bound"] = float(found.error_bound[found.met].max()) if found.met.any() else None
+    return Contender(rivals.SETS_AT_ONCE, "all at once", TARGET, run, **known)
 
 
 def _own_loop(sweep: Sweep) -> Contender:
-    few = sweep.problems[:FEW]
-    found = {i: steady_state(sweep.problems[i], TARGET) for i in sweep.references}
-    return Contender(
-        OURS,
-        "in a loop",
-        TARGET,
-        run=lambda: [steady_state(p, TARGET) for p in few],
-        sets=len(few),
-        error=sweep.largest_error(lambda i: as_lines(found[i])),
-        error_bound=max(response.error_bound for response in found.values()),
-    )
-
-
-def _loop(
-    method: str, rule: str, first: float, sweep: Sweep, ready: Callable[..., Callable[[], Any]]
-) -> Contender:
-    """One solution after another, each with a setting that grows with w0/w by the tuned factor."""
-
-    def error_at(factor: float) -> float:
-        return sweep.largest_error(lambda i: ready(sweep.problems[i], factor)())
-
-    factor = rivals.least_within(TARGET, first, error_at)
-    tasks = [ready(p, factor) for p in sweep.problems[:MANY]]
-    setting, error = f"in a loop, {factor:.2f} ({rule}", error_at(factor)
-    run = lambda: [task() for task in tasks]  # noqa: E731
-    return Contender(method, setting, TARGET, run, sets=len(tasks), error=error)
-
-
-def _banded_loop(sweep: Sweep) -> Contender:
-    bands: dict[int, Any] = {}
-
-    def ready(p: HillProblem, factor: float) -> Callable[[], Lines]:
-        highest = math.ceil(factor * (p.frequency_ratio + 10))
-        if highest not in bands:
-            bands[highest] = rivals.band(p.stiffness_harmonics, highest)
-        return partial(rivals.solve_band, bands[highest], p.frequency_ratio, p.damping_ratio)
-
-    return _loop(BANDED, "w0/w + 10) harmonics", 1.0, sweep, ready)
-
-
-def _compiled_loop(sweep: Sweep) -> Contender:
-    if not rivals.numba_is_installed():
-        return Contender(COMPILED, wanted=TARGET, note=NOT_INSTALLED, sets=0)
-    # all sets have the period and the relative stiffness of this case
-    case, tables = _one_set(sweep.problems[0]), dict[int, rivals.Tables]()
-
-    def ready(p: HillProblem, factor: float) -> Callable[[], Samples]:
-        steps = 4 * math.ceil(factor * (p.frequency_ratio + 3) / 4)
-        if steps not in tables:
-            tables[steps] = rivals.tables(case, steps)
-        settling = _settling(p.damping_ratio)
-        known = tables[steps], p.frequency_ratio, p.damping_ratio, settling
-        return partial(rivals.march_compiled, *known)
-
-    return _loop(COMPILED, "w0/w + 3) steps a period", 30.0, sweep, ready)
-
-
-def _settling(zeta: float) -> float:
-    """Time for the slowest free vibration to fall by 3e7 with the mean stiffness [1/w0]."""
-    rate = zeta if zeta < 1 else zeta - math.sqrt(zeta**2 - 1)
-    return math.log(3e7) / rate
+    run = partial(_one_by_one, [partial(steady_state, p, TARGET) for p in sweep.problems[:FEW]])
+    found = run()
+    error, bound = sweep.largest_error([*map(as_lines, found)]), max(r.error_bound for r in found)
+    known: dict[str, Any] = {"sets": len(found), "error": error, "error_bound": bound}
+    return Contender(OURS, "in a loop", TARGET, run, **known)
 
 
 def growth_rows(quick: bool = False) -> list[Row]:
@@ -435,28 +304,26 @@ def growth_rows(quick: bool = False) -> list[Row]:
     quick : bool
         Three small sizes.
     """
-    rows = measured(list(_growing(quick)), 3 if quick else 15, 0.05 if quick else 2.0)
+    rows: list[Row] = []
+    for meshes in QUICK_MESHES if quick else MESHES:
+        timed = measured(list(_of_size(meshes)), 3 if quick else 15, 0.05 if quick else 2.0)
+        rows += with_ratios(timed)
     for method in (OURS, BANDED):
         own = [row for row in rows if row["method"] == method]
         exponent = fitted_exponent(own)
         for row in own:
             row["exponent"] = exponent
-    # sizes are compared each by itself
-    settings = dict.fromkeys(row["setting"] for row in rows)
-    groups = [[row for row in rows if row["setting"] == setting] for setting in settings]
-    return [row for group in groups for row in with_ratios(group)]
+    return rows
 
 
-def _growing(quick: bool) -> Iterator[Contender]:
-    for meshes in QUICK_MESHES if quick else MESHES:
-        p, setting = growing_turn(meshes), f"{meshes} meshes"
-        response = steady_state(p, TARGET)
-        count, bound = len(response.displacement), response.error_bound
-        run = partial(steady_state, p, TARGET)
-        yield Contender(OURS, setting, TARGET, run, error_bound=bound, unknowns=count)
-        if rivals.banded_bytes(len(p.stiffness_harmonics), count) < GROWING_BYTES:
-            band = _solve_band(p, count - 1)
-            yield Contender(BANDED, setting, None, band, unknowns=count)
+def _of_size(meshes: int) -> Iterator[Contender]:
+    p, setting = equations.growing_turn(meshes), f"{meshes} meshes"
+    run = partial(steady_state, p, TARGET)
+    found = run()
+    count, bound = len(found.displacement), found.error_bound
+    yield Contender(OURS, setting, TARGET, run, error_bound=bound, unknowns=count)
+    if rivals.banded_bytes(len(p.stiffness_harmonics), count) < GROWING_BYTES:
+        yield Contender(BANDED, setting, None, _banded(p, count - 1), unknowns=count)
 
 
 def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | None:
@@ -473,6 +340,140 @@ def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | N
         return None
     x, y = np.log(np.array(kept)).T
     return float(np.polyfit(x, y, 1)[0])
+
+
+def chart_rows(quick: bool = False) -> list[Row]:
+    """Time a stability chart of 200 x 200 points; run times are told a chart.
+
+    Parameters
+    ----------
+    quick : bool
+        40 x 40 points, few repeats.
+    """
+    points, rng = 40 if quick else 200, np.random.default_rng(0)
+    speeds, variations = np.linspace(*SPEEDS, points), np.linspace(0.0, HIGHEST, points)
+    row, column = rng.integers(points, size=(2, JUDGED))
+    exact = np.array(
+        [_growth(1 / speeds[i], variations[j]) for i, j in zip(row, column, strict=True)]
+    )
+
+    def error_of(growth: FloatArray) -> float:
+        return float(np.abs(growth[column, row] - exact).max())
+
+    run = partial(stability_chart, SHAPE, speeds, variations, ZETA, CHART_TOLERANCE)
+    known: dict[str, Any] = {"unknowns": points**2}
+    error, setting = error_of(run().growth), f"tolerance {CHART_TOLERANCE:.0e}"
+    words, ready = "{:.0f} steps, all cores", partial(_chart, *np.meshgrid(1 / speeds, variations))
+    rival = Rival(COMPILED, words, 300, 1, ready, rivals.numba_is_missing())
+    listed = [
+        Contender(rivals.CHART, setting, TARGET, run, error=error, **known),
+        rival.tuned(TARGET, error_of, **known),
+    ]
+    return with_ratios(measured(listed, 3 if quick else 15, 0.1 if quick else 3.0))
+
+
+def _growth(ratio: float, variation: float) -> float:
+    """Natural logarithm of the larger multiplier of one point, by collocation."""
+    problem = equations.pair(variation * SHAPE.harmonics, zeta=ZETA, ratio=ratio)
+    return -2 * math.pi * ratio * solve_reference(Case(problem=problem)).decay_rate
+
+
+def _chart(ratios: FloatArray, variations: FloatArray, steps: float) -> Task:
+    """Growth a period at every point, by so many steps of two motions."""
+    values = equations.folded(np.concatenate([[0.0 + 0j], SHAPE.harmonics]), 2 * int(steps))
+    return partial(rivals.chart(), ratios, variations, ZETA, np.append(values, values[0]))
+
+
+def family_rows(quick: bool = False) -> list[Row]:
+    """Time every kind and size of damage of both gears of a pair; run times are told a member.
+
+    Parameters
+    ----------
+    quick : bool
+        Few members and repeats.
+    """
+    run = partial(fault_family, MACHINE, KINDS[:1] if quick else KINDS, tolerance=TARGET)
+    family = run()
+    turns = [_Turn(member) for member in family.members[::TAKEN]]
+
+    def from_tables(steps: float) -> Task:
+        return partial(_one_by_one, [turn.marched(int(steps)) for turn in turns])
+
+    def error_of(marched: list[tuple[FloatArray, FloatArray]]) -> float:
+        return max(turn.error(turn.lines(*own)) for turn, own in zip(turns, marched, strict=True))
+
+    note, words = rivals.numba_is_missing(), "{:.0f} steps a panel"
+    ways = {
+        COMPILED: from_tables,
+        f"{COMPILED} and its tables": lambda steps: lambda: from_tables(steps)(),
+    }
+    # an estimate, where there is no RK4 to tell
+    errors = [turn.member.lines.error if note else turn.own_error for turn in turns]
+    listed = [Contender(rivals.FAMILY, "", TARGET, run, sets=len(family), error=max(errors))]
+    for name, ready in ways.items():
+        rival = Rival(name, words, 200, 2, ready, note)
+        listed.append(rival.tuned(TARGET, error_of, sets=len(turns)))
+    return with_ratios(measured(listed, 2 if quick else 9, 0.1 if quick else 4.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Turn:
+    """A turn with one damaged tooth, for RK4."""
+
+    member: FamilyMember
+
+    @cached_property
+    def posed(self) -> PosedStage:
+        """The mesh with its damage."""
+        return MeshPlace(MACHINE, 1).alone([self.member.fault()])
+
+    @cached_property
+    def edges(self) -> FloatArray:
+        """Corners of the stiffness round the turn, and more panels between them."""
+        own = contact_grid([self.posed], self.posed.limit_hz(None)).edges[:-1]
+        return np.append(np.add.outer(np.arange(self.posed.period), own), float(self.posed.period))
+
+    def marched(self, steps: int) -> Task:
+        """Return the march with its tables made; it gives lengths of the steps and velocities."""
+        h = np.repeat(np.diff(self.edges) / steps, steps)
+        begin = self.edges[:-1].repeat(steps) + np.tile(np.arange(steps), len(self.edges) - 1) * h
+        # just inside of each step: what jumps belongs to the next
+        places = [begin + share * h for share in (1e-9, 0.5, 1 - 1e-9)]
+        stiffness, around = self.posed.mechanics.stiffness, self.posed.around
+        tables = [stiffness.at(place) * self.posed.scale for place in places]
+        known = *tables, 1.0, float(around.damping[0, 0]), float(around.force[0])
+        return lambda: (h, rivals.shooting()(h, *known)[0])
+
+    def lines(self, h: FloatArray, velocity: FloatArray) -> ComplexArray:
+        """Acceleration lines of the turn [m/s2], by Simpson's rule on every panel."""
+        panels = len(self.edges) - 1
+        weights = np.tile(np.where(np.arange(len(h) // panels) % 2, 4.0, 2.0), (panels, 1))
+        weights *= h.reshape(panels, -1) / 3
+        # the begin of a panel is the end of the one before
+        weights[:, 0] = (h.reshape(panels, -1)[:, 0] + np.roll(h.reshape(panels, -1)[:, 0], 1)) / 3
+        own, period = self.member.lines, self.posed.period
+        turns = np.append(0.0, np.cumsum(h)[:-1]) / period
+        found = fourier_sums(turns, weights.ravel() * velocity, int(own.number[-1]))[own.number - 1]
+        # a derivative in mesh periods each, of lines over the turn
+        rate = 2j * math.pi * own.number / period**2
+        return np.asarray(found * rate * own.mechanics.mesh_frequency_hz**2)
+
+    @cached_property
+    def exact(self) -> ComplexArray:
+        """Lines by many steps."""
+        return self.lines(*self.marched(FINEST)())
+
+    @property
+    def own_error(self) -> float:
+        """Error of the member."""
+        return self.error(self.member.lines.acceleration)
+
+    def error(self, lines: ComplexArray) -> float:
+        """Error of acceleration lines over what the fault adds to them."""
+        own = self.member.lines
+        sound = np.zeros(len(lines), dtype=complex)
+        sound[own.period - 1 :: own.period] = self.member.sound.acceleration
+        return float(np.linalg.norm(lines - self.exact) / np.linalg.norm(own.acceleration - sound))
 
 
 def headlines(rows: Sequence[Row]) -> list[Row]:

@@ -14,19 +14,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 from numpy.polynomial.legendre import legint, legval, legvander
 
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import HillProblem, Response
 from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import gauss
 from gearmon.machine import ParallelStage
-
-Real = npt.NDArray[np.float64]
-Complex = npt.NDArray[np.complex128]
 
 MASS_KG = 0.28
 DAMPING_NS_PER_M = 9e3
@@ -59,8 +58,6 @@ class Case:
 
     Parameters
     ----------
-    name : str
-        Short, for tables and files.
     problem : HillProblem
         The equation; of a rectangle its Fourier sum, cut off.
     rectangle : float, optional
@@ -69,26 +66,23 @@ class Case:
         Mesh periods in the period.
     """
 
-    name: str
     problem: HillProblem
     rectangle: float | None = None
     meshes: int = 1
 
-    def relative_stiffness(self, share: npt.ArrayLike) -> Real:
-        """k/k0 of a rectangle at shares of its period.
+    @property
+    def half(self) -> ComplexArray:
+        """k/k0 as harmonics 0..J."""
+        return np.concatenate([[1.0 + 0j], self.problem.stiffness_harmonics])
 
-        Raises
-        ------
-        ArgumentError
-            If the stiffness is no rectangle.
-        """
-        if self.rectangle is None:
-            raise ArgumentError(f"case {self.name}: its stiffness is no rectangle")
+    def level(self, share: npt.ArrayLike) -> FloatArray:
+        """k/k0 of a rectangle at shares of its period."""
+        assert self.rectangle is not None
         turned = (np.asarray(share, dtype=float) + 0.25) % 1.0
         return np.where(turned < 0.5, 1 + self.rectangle, 1 - self.rectangle)
 
 
-def square_wave(harmonics: int, variation: float = VARIATION) -> Complex:
+def square_wave(harmonics: int, variation: float = VARIATION) -> ComplexArray:
     """c_1..c_J of 1 + eps for half a period about t = 0, 1 - eps for the other half."""
     j = np.arange(1, harmonics + 1)
     sizes = variation * np.sin(0.5 * math.pi * j) * 2 / (math.pi * j)
@@ -96,11 +90,7 @@ def square_wave(harmonics: int, variation: float = VARIATION) -> Complex:
 
 
 def pair(
-    harmonics: npt.ArrayLike,
-    *,
-    zeta: float | None = None,
-    ratio: float | None = None,
-    meshes: int = 1,
+    harmonics: npt.ArrayLike, zeta: float | None = None, ratio: float | None = None, meshes: int = 1
 ) -> HillProblem:
     """Return the published pair, with another damping ratio, w0/w or number of meshes a period.
 
@@ -123,46 +113,34 @@ def pair(
     return HillProblem(MASS_KG, damping, STIFFNESS_N_PER_M, own, meshes * period, FORCE_N)
 
 
-def _smooth(
-    name: str, harmonics: int = 10, zeta: float | None = None, ratio: float | None = None
-) -> Case:
-    return Case(name=name, problem=pair(square_wave(harmonics), zeta=zeta, ratio=ratio))
+def _smooth(harmonics: int = 10, zeta: float | None = None, ratio: float | None = None) -> Case:
+    return Case(problem=pair(square_wave(harmonics), zeta=zeta, ratio=ratio))
 
 
-def _resonant(name: str, ratio: float) -> Case:
-    return _smooth(f"resonance {name}", zeta=0.05, ratio=ratio)
-
-
-def _rectangle() -> Case:
-    return Case(name="rectangle", problem=pair(square_wave(1000)), rectangle=VARIATION)
-
-
-def _cracked(name: str, *cracks: str) -> Case:
+def _cracked(*cracks: str) -> Case:
     from gearmon.gears.faults import parse_fault
     from gearmon.gears.stiffness import mesh_stiffness
 
     stiffness = mesh_stiffness(STAGE, [parse_fault(crack) for crack in cracks], FORM)
-    harmonics = stiffness.harmonics(MESH_HARMONICS * stiffness.period_mesh)
-    meshes = len(harmonics) // MESH_HARMONICS
-    return Case(name=name, problem=pair(harmonics, meshes=meshes), meshes=meshes)
+    meshes = stiffness.period_mesh
+    problem = pair(stiffness.harmonics(MESH_HARMONICS * meshes), meshes=meshes)
+    return Case(problem=problem, meshes=meshes)
 
 
+#: Natural over mesh frequency of the cases of a resonance, at a damping ratio of 0.05.
+_RESONANCES = {"w": 1.0, "2w": 2.0, "w/2": 0.5, "13.6w": 13.6}
 CASES: dict[str, Callable[[], Case]] = {
     # the published pair, 10 stiffness harmonics
-    "pair": lambda: _smooth("pair"),
-    "damping 0.02": lambda: _smooth("damping 0.02", zeta=0.02),
-    "damping 0.005": lambda: _smooth("damping 0.005", zeta=0.005),
-    # natural over mesh frequency, at a damping ratio of 0.05
-    "resonance w": lambda: _resonant("w", 1.0),
-    "resonance 2w": lambda: _resonant("2w", 2.0),
-    "resonance w/2": lambda: _resonant("w/2", 0.5),
-    "resonance 13.6w": lambda: _resonant("13.6w", 13.6),
-    "64 harmonics": lambda: _smooth("64 harmonics", 64),
+    "pair": _smooth,
+    "damping 0.02": partial(_smooth, zeta=0.02),
+    "damping 0.005": partial(_smooth, zeta=0.005),
+    **{f"resonance {at}": partial(_smooth, 10, 0.05, own) for at, own in _RESONANCES.items()},
+    "64 harmonics": partial(_smooth, 64),
     # with its true jumps
-    "rectangle": _rectangle,
+    "rectangle": lambda: Case(problem=pair(square_wave(1000)), rectangle=VARIATION),
     # one cracked tooth over a turn of the pinion; one on either gear over the hunting period
-    "cracked tooth": lambda: _cracked("cracked tooth", CRACK),
-    "hunting period": lambda: _cracked("hunting period", CRACK, GEAR_CRACK),
+    "cracked tooth": partial(_cracked, CRACK),
+    "hunting period": partial(_cracked, CRACK, GEAR_CRACK),
 }
 QUICK = ("pair", "resonance w", "rectangle")
 
@@ -203,11 +181,10 @@ def growing_turn(meshes: int, zeta: float = 0.07) -> HillProblem:
     return pair(harmonics, zeta=zeta, meshes=meshes)
 
 
-@dataclass(frozen=True, eq=False)
-class Lines:
+class Lines(NamedTuple):
     """A steady motion given as harmonics z_0..z_N of its deflection [F/k0]."""
 
-    displacement: Complex
+    displacement: ComplexArray
 
 
 def as_lines(response: Response) -> Lines:
@@ -216,12 +193,14 @@ def as_lines(response: Response) -> Lines:
     return Lines(response.displacement * (p.stiffness_n_per_m / p.force_n))
 
 
-@dataclass(frozen=True, eq=False)
-class Samples:
+class Samples(NamedTuple):
     """A steady motion given as accelerations [w0^2 F/k0] at shares of the period, ascending."""
 
-    share: Real
-    acceleration: Real
+    share: FloatArray
+    acceleration: FloatArray
+
+
+Motion = Lines | Samples
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -230,10 +209,8 @@ class Reference:
 
     Attributes
     ----------
-    ratio, zeta : float
-        w0/w and damping ratio.
-    state : ndarray, shape (2,)
-        Deflection and velocity at the start of the period.
+    ratio : float
+        w0/w.
     decay_rate : float
         Slowest decay of free vibrations, in units of w0; negative if they grow.
     acceleration : ndarray, shape (segments, nodes)
@@ -241,50 +218,29 @@ class Reference:
     """
 
     ratio: float
-    zeta: float
-    state: Real
     decay_rate: float
-    acceleration: Real
+    acceleration: FloatArray
 
     @property
     def size(self) -> float:
         """Rms acceleration."""
-        return math.sqrt(self._mean(self.acceleration**2))
+        return math.sqrt(float((self.acceleration**2 @ rule(NODES).weights).mean()))
 
-    def error(self, motion: Lines | Samples) -> float:
+    def error(self, motion: Motion) -> float:
         """Relative L2 error of the acceleration of a motion over the period."""
         if isinstance(motion, Lines):
-            orders = np.arange(len(motion.displacement))
+            orders, segments = np.arange(len(motion.displacement)), len(self.acceleration)
             lines = -((orders / self.ratio) ** 2) * motion.displacement
-            wrong = at_nodes(lines, len(self.acceleration)) - self.acceleration
-            return math.sqrt(self._mean(wrong**2)) / self.size
-        return self._error_of_samples(motion)
+            wrong = at_nodes(lines, segments) - self.acceleration
+            weights = rule(NODES).weights / segments
+        else:
+            wrong = motion.acceleration - self._at_shares(motion.share)
+            # every sample stands for the share of the period that is nearest to it
+            gaps = np.diff(motion.share, append=motion.share[0] + 1.0)
+            weights = 0.5 * (gaps + np.roll(gaps, 1))
+        return math.sqrt(float((weights * wrong**2).sum())) / self.size
 
-    def settling(self, wanted: float, deflection: float = 1.0) -> float:
-        """Time [1/w0] after which a start without velocity is within `wanted` of the motion.
-
-        Parameters
-        ----------
-        wanted : float
-            Relative rms error of the acceleration that is left of the free vibration.
-        deflection : float
-            At the start [F/k0]; by default the static one.
-        """
-        start = np.array([deflection, 0.0]) - self.state
-        excess = math.hypot(*start) / math.sqrt(2) / (wanted * self.size)
-        return max(0.0, math.log(excess)) / self.decay_rate if excess > 1 else 0.0
-
-    def _mean(self, values: Real) -> float:
-        return float((values @ rule(NODES).weights).mean())
-
-    def _error_of_samples(self, motion: Samples) -> float:
-        """Error at the samples, each with the share of the period that is nearest to it."""
-        difference = motion.acceleration - self._at_shares(motion.share)
-        gaps = np.diff(motion.share, append=motion.share[0] + 1.0)
-        weight = 0.5 * (gaps + np.roll(gaps, 1))
-        return math.sqrt(float((weight * difference**2).sum() / weight.sum())) / self.size
-
-    def _at_shares(self, share: Real) -> Real:
+    def _at_shares(self, share: FloatArray) -> FloatArray:
         """Acceleration anywhere, from the polynomial of the segment that begins at or before."""
         place = (share % 1.0) * len(self.acceleration)
         # a sample on a jump belongs to the segment that begins there, rounding or not
@@ -293,7 +249,7 @@ class Reference:
         return np.asarray((series * legvander(2 * (place - segment) - 1, NODES - 1)).sum(axis=1))
 
 
-def folded(half: Complex, length: int) -> Real:
+def folded(half: ComplexArray, length: int) -> FloatArray:
     """Values of a half spectrum on `length` equal steps, however many harmonics it has."""
     if len(half) <= length // 2:
         return np.asarray(np.fft.irfft(half, length, norm="forward"))
@@ -302,15 +258,14 @@ def folded(half: Complex, length: int) -> Real:
     return np.asarray(np.fft.ifft(whole, norm="forward").real)
 
 
-def at_nodes(half: Complex, segments: int) -> Real:
+def at_nodes(half: ComplexArray, segments: int) -> FloatArray:
     """Values of a half spectrum at the nodes of all segments, shape (segments, nodes)."""
     turns = 2j * math.pi * np.arange(len(half)) / segments
     # the phase of a node turns every harmonic
     return np.column_stack([folded(half * np.exp(turns * x), segments) for x in rule(NODES).nodes])
 
 
-@dataclass(frozen=True, eq=False)
-class Rule:
+class Rule(NamedTuple):
     """Gauss-Legendre collocation on [0, 1].
 
     Attributes
@@ -320,9 +275,9 @@ class Rule:
         Row i integrates the polynomial through the nodes from 0 to node i.
     """
 
-    nodes: Real
-    weights: Real
-    integral: Real
+    nodes: FloatArray
+    weights: FloatArray
+    integral: FloatArray
 
 
 @lru_cache(maxsize=4)
@@ -331,11 +286,6 @@ def rule(count: int) -> Rule:
     x, w, analysis = gauss(count)
     integral = np.asarray(legval(x, legint(analysis, lbnd=-1)).T, dtype=np.float64)
     return Rule(0.5 * (x + 1), 0.5 * w, 0.5 * integral)
-
-
-def segments_needed(ratio: float, harmonics: int) -> int:
-    """Segments short enough for rounding accuracy; divisible by 4 for the jumps of a rectangle."""
-    return 4 * math.ceil(max(8.0, 2 * math.pi * max(1.3 * ratio, harmonics + 1)) / 4)
 
 
 def solve_reference(case: Case, segments: int | None = None) -> Reference:
@@ -350,7 +300,9 @@ def solve_reference(case: Case, segments: int | None = None) -> Reference:
     p = case.problem
     ratio, zeta = p.frequency_ratio, p.damping_ratio
     if segments is None:
-        segments = segments_needed(ratio, 0 if case.rectangle else len(p.stiffness_harmonics))
+        # short enough for rounding accuracy; divisible by 4 for the jumps of a rectangle
+        lines = 0 if case.rectangle else len(p.stiffness_harmonics)
+        segments = 4 * math.ceil(max(8.0, 2 * math.pi * max(1.3 * ratio, lines + 1)) / 4)
     step = 2 * math.pi * ratio / segments
     stiffness = _stiffness(case, segments)
     parts = np.array_split(stiffness, math.ceil(segments / BATCH))
@@ -359,13 +311,9 @@ def solve_reference(case: Case, segments: int | None = None) -> Reference:
     states, growth = _close(maps)
     # acceleration is linear in (z, v, 1) at the start of the segment
     ends = np.column_stack([states, np.ones(segments)])
-    return Reference(
-        ratio=ratio,
-        zeta=zeta,
-        state=states[0],
-        decay_rate=-growth / (2 * math.pi * ratio),
-        acceleration=np.einsum("sij,sj->si", accelerations, ends),
-    )
+    acceleration = np.einsum("sij,sj->si", accelerations, ends)
+    decay_rate = -growth / (2 * math.pi * ratio)
+    return Reference(ratio=ratio, decay_rate=decay_rate, acceleration=acceleration)
 
 
 def reference_and_doubt(problem: HillProblem) -> tuple[Reference, float]:
@@ -374,7 +322,7 @@ def reference_and_doubt(problem: HillProblem) -> tuple[Reference, float]:
     The doubt is its relative difference to a second solution, with a quarter more segments and a
     period that is longer by four roundings: what the numbers given tell, and no more.
     """
-    case = Case(name="", problem=problem)
+    case = Case(problem=problem)
     first = solve_reference(case)
     segments, period_s = len(first.acceleration), problem.period_s
     moved = replace(problem, period_s=period_s + 4 * math.ulp(period_s))
@@ -383,15 +331,15 @@ def reference_and_doubt(problem: HillProblem) -> tuple[Reference, float]:
     return first, second.error(Samples(share.ravel(), first.acceleration.ravel()))
 
 
-def _stiffness(case: Case, segments: int) -> Real:
+def _stiffness(case: Case, segments: int) -> FloatArray:
     """Relative stiffness at the nodes of all segments, shape (segments, nodes)."""
     if case.rectangle is not None:
         middle = (np.arange(segments) + 0.5) / segments
-        return np.repeat(case.relative_stiffness(middle)[:, None], NODES, axis=1)
-    return at_nodes(np.concatenate([[1.0 + 0j], case.problem.stiffness_harmonics]), segments)
+        return np.repeat(case.level(middle)[:, None], NODES, axis=1)
+    return at_nodes(case.half, segments)
 
 
-def _segment_maps(stiffness: Real, zeta: float, step: float) -> tuple[Real, Real]:
+def _segment_maps(stiffness: FloatArray, zeta: float, step: float) -> tuple[FloatArray, FloatArray]:
     """Return what maps (z, v, 1) to the next (z, v), and to accelerations at the nodes."""
     r = rule(NODES)
     once, twice = step * r.integral, step**2 * (r.integral @ r.integral)
@@ -401,19 +349,15 @@ def _segment_maps(stiffness: Real, zeta: float, step: float) -> tuple[Real, Real
     right[:, :, 1] = -2 * zeta - stiffness * (step * r.nodes)
     right[:, :, 2] = 1.0
     acceleration = np.linalg.solve(matrix, right)
-    velocity = step * (r.weights @ acceleration)
     deflection = step**2 * ((r.weights @ r.integral) @ acceleration)
-    moved = np.stack([deflection, velocity], axis=1)
-    moved[:, 0, 0] += 1
-    moved[:, 0, 1] += step
-    moved[:, 1, 1] += 1
+    moved = np.stack([deflection, step * (r.weights @ acceleration)], axis=1)
+    moved += np.array([[1.0, step, 0.0], [0.0, 1.0, 0.0]])
     return moved, np.asarray(acceleration, dtype=np.float64)
 
 
-def _close(maps: Real) -> tuple[Real, float]:
+def _close(maps: FloatArray) -> tuple[FloatArray, float]:
     """Periodic states at the start of every segment, and log of the largest multiplier."""
-    whole, log = np.eye(2), 0.0
-    shift = np.zeros(2)
+    whole, shift, log = np.eye(2), np.zeros(2), 0.0
     for moved in maps:
         whole = moved[:, :2] @ whole
         shift = moved[:, :2] @ shift + moved[:, 2]
@@ -422,10 +366,7 @@ def _close(maps: Real) -> tuple[Real, float]:
         whole /= size
         log += math.log(size)
     state = np.linalg.solve(np.eye(2) - math.exp(min(log, 700.0)) * whole, shift)
-    states = np.empty((len(maps), 2))
-    # small products in plain numbers: four times as fast as arrays of two
-    z, v = float(state[0]), float(state[1])
-    for number, ((a, b, e), (c, d, f)) in enumerate(maps.tolist()):
-        states[number] = z, v
-        z, v = a * z + b * v + e, c * z + d * v + f
-    return states, log + math.log(float(np.abs(np.linalg.eigvals(whole)).max()))
+    states = [state]
+    for moved in maps[:-1]:
+        states.append(moved[:, :2] @ states[-1] + moved[:, 2])
+    return np.array(states), log + math.log(float(np.abs(np.linalg.eigvals(whole)).max()))

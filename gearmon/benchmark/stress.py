@@ -17,33 +17,21 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
-from gearmon.benchmark.equations import (
-    Complex,
-    Real,
-    Reference,
-    as_lines,
-    pair,
-    reference_and_doubt,
-)
-from gearmon.benchmark.timing import task_time
+from gearmon.arrays import ComplexArray
+from gearmon.benchmark.equations import Reference, as_lines, pair, reference_and_doubt
+from gearmon.benchmark.timing import Row, task_time
 from gearmon.dynamics import HillProblem, Response, floquet, steady_state
 from gearmon.errors import ArgumentError, check_range
 from gearmon.terminal import Progress, followed
 
-Row = dict[str, Any]
-
 OUTCOMES = ("met", "refused", "wrong_silently", "bound_broken", "not_judged", "crashed")
 
-RATIOS = (0.1, 50.0)
-ZETAS = (1e-3, 3.0)
-MOST_HARMONICS = 64
-MOST_SHARE = 0.9
+RATIOS, ZETAS, MOST_HARMONICS, MOST_SHARE = (0.1, 50.0), (1e-3, 3.0), 64, 0.9
 LARGEST_VARIATION = 2.0
 #: The limit is wanted to half a percent.
 TRACE_TOLERANCE = 1e-5
@@ -53,8 +41,7 @@ QUICK = 40
 KNOWN = 10
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class System:
+class System(NamedTuple):
     """One random system.
 
     Parameters
@@ -90,7 +77,7 @@ def draw_system(rng: np.random.Generator) -> System:
     return System(problem=problem, variation=variation, limit=limit)
 
 
-def instability_limit(ratio: float, zeta: float, shape: Complex) -> float:
+def instability_limit(ratio: float, zeta: float, shape: ComplexArray) -> float:
     """Smallest variation, to half a percent, that makes a free vibration grow; at most 2.
 
     Parameters
@@ -106,31 +93,15 @@ def instability_limit(ratio: float, zeta: float, shape: Complex) -> float:
     >>> bool(abs(instability_limit(0.5, 0.05, np.array([0.5 + 0j])) / 0.2 - 1) < 0.03)
     True
     """
-    grid = np.geomspace(1e-3 * LARGEST_VARIATION, LARGEST_VARIATION, 28)
-    for _ in range(3):
-        growing = np.flatnonzero(growth(ratio, zeta, shape, grid) > 0)
-        first = int(growing[0]) if len(growing) else len(grid) - 1
-        if first == 0 or not len(growing):
-            return float(grid[first])
-        grid = np.geomspace(grid[first - 1], grid[first], 8)
-    return float(grid[0])
-
-
-def growth(ratio: float, zeta: float, shape: Complex, variations: Real) -> Real:
-    """Logarithm of the larger Floquet multiplier's modulus, for many variations at once.
-
-    Parameters
-    ----------
-    ratio, zeta : float
-    shape : complex ndarray, shape (J,)
-    variations : ndarray, shape (V,)
-
-    Returns
-    -------
-    ndarray, shape (V,)
-        It only draws systems; whether one is stable is judged by the reference.
-    """
-    return floquet.growth_of(ratio, variations, zeta, shape, TRACE_TOLERANCE)
+    low, high, points = 1e-3 * LARGEST_VARIATION, LARGEST_VARIATION, 28
+    # it only draws systems; whether one is stable is judged by the reference
+    while high > 1.005 * low:
+        grid = np.geomspace(low, high, points)
+        growing = floquet.growth_of(ratio, grid, zeta, shape, TRACE_TOLERANCE) > 0
+        # with the largest variation it may be stable still
+        first = int(np.argmax(np.append(growing[:-1], True)))
+        low, high, points = grid[max(0, first - 1)], grid[first], 8
+    return float(low)
 
 
 def run_stress(
@@ -243,10 +214,8 @@ def stress_summary(rows: Sequence[Row]) -> list[Row]:
     rows : sequence of dict
         From `run_stress`.
     """
-    return [
-        _summary(tolerance, [row for row in rows if row["tolerance"] == tolerance])
-        for tolerance in dict.fromkeys(row["tolerance"] for row in rows)
-    ]
+    tolerances = dict.fromkeys(row["tolerance"] for row in rows)
+    return [_summary(own, [row for row in rows if row["tolerance"] == own]) for own in tolerances]
 
 
 def _summary(tolerance: float, rows: list[Row]) -> Row:

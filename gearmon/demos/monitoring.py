@@ -15,26 +15,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import gearmon
+from gearmon import report
 from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file, recorded, told
 from gearmon.diagnosis import history as histories
-from gearmon.diagnosis.analysis import analyse, learn
 from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.fault_types.judgement import analysis_features, judge_kind
-from gearmon.diagnosis.fault_types.training import train_kinds
-from gearmon.diagnosis.results import Analysis
 from gearmon.files import write_atomically
-from gearmon.gears.faults import Fault
-from gearmon.machine import Machine, load_machine
 from gearmon.machine.reading import example_machine
-from gearmon.report import analysis_text, write_report
 from gearmon.report.analysis_plots import kind_figure
-from gearmon.report.history_plots import day_figure, history_figure
-from gearmon.report.history_text import history_lines, moment_text
+from gearmon.report.history_plots import day_figure
+from gearmon.report.history_text import moment_text
 from gearmon.report.wording import percent, table_lines
-from gearmon.signals.recording import Recording, read_recording
-from gearmon.signatures.measured.reference import Reference, write_reference
-from gearmon.simulation import simulate
 from gearmon.terminal import Progress, followed, part_of
 
 if TYPE_CHECKING:
@@ -61,9 +54,9 @@ class Conveyor:
         Told of what is judged.
     """
 
-    machine: Machine
-    healthy: list[Recording]
-    reference: Reference
+    machine: gearmon.Machine
+    healthy: list[gearmon.Recording]
+    reference: gearmon.Reference
     progress: Progress | None
 
     @classmethod
@@ -91,7 +84,7 @@ class Conveyor:
         name : str
             Of each recording.
         """
-        machine = load_machine(given_file("conveyor.toml", folder, "machine.toml"))
+        machine = gearmon.load_machine(given_file("conveyor.toml", folder, "machine.toml"))
         learned, total, healthy = len(settings), len(settings) + further, []
         for number, own in enumerate(followed(settings, total, progress), start=seed):
             healthy.append(_recorded(machine, name.format(**own), number, **own))
@@ -100,36 +93,38 @@ class Conveyor:
         return cls(machine=machine, healthy=healthy, reference=reference, progress=rest)
 
     def judged(
-        self, name: str, seed: int, faults: Sequence[Fault | str] = (), **settings: Any
-    ) -> tuple[Recording, Analysis]:
+        self, name: str, seed: int, faults: Sequence[str] = (), **settings: Any
+    ) -> tuple[gearmon.Recording, gearmon.Analysis]:
         """Record it anew, and judge the recording."""
         recording = _recorded(self.machine, name, seed, faults, **settings)
-        return recording, analyse(recording, self.machine, self.reference)
+        return recording, gearmon.analyse(recording, self.machine, self.reference)
 
 
 def _recorded(
-    machine: Machine, name: str, seed: int, faults: Sequence[Fault | str] = (), **settings: Any
-) -> Recording:
+    machine: gearmon.Machine, name: str, seed: int, faults: Sequence[str] = (), **settings: Any
+) -> gearmon.Recording:
     """Simulate two accelerometers and a tachometer; seed is what differs between recordings."""
     settings = {"machine_seed": 1, "channels": 2, "tacho_shaft": 1} | settings
-    made = simulate(machine, faults, DURATION_S, RATE_HZ, recording_seed=seed, **settings)
-    return replace(read_recording(made), origin=name)
+    made = gearmon.simulate(machine, faults, DURATION_S, RATE_HZ, recording_seed=seed, **settings)
+    return replace(gearmon.read_recording(made), origin=name)
 
 
-def _kept(machine: Machine, healthy: Sequence[Recording], folder: Path) -> Reference:
+def _kept(
+    machine: gearmon.Machine, healthy: Sequence[gearmon.Recording], folder: Path
+) -> gearmon.Reference:
     """Learn from healthy recordings, and keep the reference in the folder."""
-    reference = learn(healthy, machine)
-    write_reference(reference, folder / "healthy.ref")
+    reference = gearmon.learn(healthy, machine)
+    gearmon.write_reference(reference, folder / "healthy.ref")
     return reference
 
 
 FAULT = "crack:1:pinion:7:30%"
 # Healthy recordings at three loads, then a healthy and a cracked one at a load in between.
-PLAN = {
-    "healthy-60": (0.6, ""),
-    "healthy-80": (0.8, ""),
-    "healthy-100": (1.0, ""),
-    "new-healthy": (0.9, ""),
+PLAN: dict[str, tuple[Any, ...]] = {
+    "healthy-60": (0.6,),
+    "healthy-80": (0.8,),
+    "healthy-100": (1.0,),
+    "new-healthy": (0.9,),
     "new-cracked": (0.9, FAULT),
 }
 
@@ -145,20 +140,18 @@ def crack_demo(folder: Path, progress: Progress | None = None) -> Demo:
         Called with the share done, 0 to 1.
     """
     write_atomically(folder / "machine.toml", example_machine())
-    machine, recordings = load_machine(folder / "machine.toml"), []
-    kept: dict[str, Any] = {"channels": 2, "tacho_shaft": 1, "machine_seed": 1}
+    machine, recordings = gearmon.load_machine(folder / "machine.toml"), []
+    kept: dict[str, Any] = {"channels": 2, "tacho_shaft": 1, "sampling_rate_hz": RATE_HZ}
     steps = followed(PLAN.items(), len(PLAN) + 1, progress)
-    for number, (name, (load, fault)) in enumerate(steps):
-        own = kept | {"sampling_rate_hz": RATE_HZ, "recording_seed": number, "load": load}
-        faults, path = [fault] if fault else [], folder / f"{name}.csv"
-        recordings.append(recorded(path, machine, faults, 6.0, **own))
-    reference = _kept(machine, recordings[:3], folder)
-    analyses = [analyse(recording, machine, reference) for recording in recordings[3:]]
-    report = folder / "report.html"
-    write_report(analyses, recordings[3:], reference, machine, report)
+    for number, (name, (load, *faults)) in enumerate(steps):
+        own = kept | {"machine_seed": 1, "recording_seed": number, "load": load}
+        recordings.append(recorded(folder / f"{name}.csv", machine, faults, 6.0, **own))
+    reference, new = _kept(machine, recordings[:3], folder), recordings[3:]
+    analyses = [gearmon.analyse(recording, machine, reference) for recording in new]
+    written = gearmon.write_report(analyses, new, reference, machine, folder / "report.html")
     return Demo(
-        story=tuple(line for found in analyses for line in (analysis_text(found), "")),
-        files={"folder": folder, "report": report},
+        story=tuple(line for found in analyses for line in (report.analysis_text(found), "")),
+        files={"folder": folder, "report": written[0]},
         facts={"recordings": [analysis.to_dict() for analysis in analyses]},
     )
 
@@ -206,7 +199,7 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     flagged = _first_flagged(found)
     first = None if flagged is None else flagged + 1
     facts = {"true_loss": losses, "first_flagged": first, "history": found.to_dict()}
-    figure = history_figure(found, losses)
+    figure = report.history_figure(found, losses)
     return told(folder, "growth", figure, _growth_story(found, losses, flagged), facts)
 
 
@@ -249,7 +242,7 @@ def _growth_story(
                 f"The truth lies within the 90 % interval of the trend in {inside} of "
                 f"{len(entries)} recordings."
             )
-    yield from ("", *history_lines(found))
+    yield from ("", *report.history_lines(found))
 
 
 KIND_LOADS = (0.7, 0.85, 1.0, 1.1)
@@ -303,7 +296,7 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
     further = 1 + len(STATES) * len(NEW_LOADS)
     drive = Conveyor.learned(folder, progress, further, 100, loads, "{load:.0%} load")
     training = part_of(drive.progress, 0.0, 1 / further)
-    classifier = train_kinds(drive.machine, count=EXAMPLES, progress=training)
+    classifier = gearmon.train_kinds(drive.machine, count=EXAMPLES, progress=training)
     judged: list[dict[str, Any]] = []
     judging = part_of(drive.progress, 1 / further, 1 - 1 / further)
     for truth, load in followed(product(STATES, NEW_LOADS), further - 1, judging):
@@ -318,7 +311,7 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
 
 
 def _told_kind(
-    analysis: Analysis, reference: Reference, classifier: KindClassifier
+    analysis: gearmon.Analysis, reference: gearmon.Reference, classifier: KindClassifier
 ) -> dict[str, Any]:
     """Tell what is made of a recording; the kind is asked for only where a fault is called."""
     features = analysis_features(analysis, reference)
@@ -417,7 +410,7 @@ def day_demo(folder: Path, progress: Progress | None = None) -> Demo:
     return told(folder, "day", day_figure(day, LEVEL_LIMIT_DB), _day_story(day, analyses), facts)
 
 
-def _day_story(day: pd.DataFrame, analyses: Sequence[Analysis]) -> list[str]:
+def _day_story(day: pd.DataFrame, analyses: Sequence[gearmon.Analysis]) -> list[str]:
     """Tell the story."""
     count, verdicts, moved = len(day), day["verdict"].tolist(), day[[*LEVELS]]
     load, speed_hz, alarms = day["load"], day["speed_hz"], verdicts.count("fault")
@@ -445,7 +438,7 @@ def _day() -> tuple[list[float], list[float]]:
     return np.clip(load, 0.5, 1.1).tolist(), np.clip(slip, -0.02, 0.025).tolist()
 
 
-def _level_db(recording: Recording) -> FloatArray:
+def _level_db(recording: gearmon.Recording) -> FloatArray:
     """Level of each vibration channel [dB re 1 unit, rms]."""
     samples = recording.vibration().samples
     return np.asarray(10 * np.log10(np.var(samples, axis=1)), dtype=np.float64)

@@ -6,15 +6,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+import gearmon
+from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file, recorded
-from gearmon.exposure import exposure_day, gear_share, vibration_exposure
 from gearmon.files import write_atomically
 from gearmon.harvesting import load_harvester, survey_measured
-from gearmon.machine import Machine, load_machine
 from gearmon.report import exposure_lines, harvest_lines, save_all, write_exposure_report
-from gearmon.signals.recording import Recording
 from gearmon.terminal import Progress, followed
 
 FAULT = "crack:1:pinion:5:30%"
@@ -31,7 +29,7 @@ def harvest_demo(folder: Path, progress: Progress | None = None) -> Demo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
-    machine = load_machine(given_file("tractor.toml", folder, "machine.toml"))
+    machine = gearmon.load_machine(given_file("tractor.toml", folder, "machine.toml"))
     harvester, budget = load_harvester(given_file("harvester.toml", folder, "harvester.toml"))
     sound, damaged, points = [], [], machine.operating
     for number in followed(range(len(points)), len(points) + 1, progress):
@@ -47,7 +45,7 @@ def harvest_demo(folder: Path, progress: Progress | None = None) -> Demo:
     )
 
 
-def _recorded(machine: Machine, folder: Path, number: int, fault: str) -> Recording:
+def _recorded(machine: gearmon.Machine, folder: Path, number: int, fault: str) -> gearmon.Recording:
     """Record an operating point at three places."""
     point = machine.operating[number]
     faults, state = ([fault], "damaged") if fault else ([], "sound")
@@ -80,13 +78,13 @@ def exposure_demo(folder: Path, progress: Progress | None = None) -> Demo:
         frame = _ridden(level, bumps, np.random.default_rng(number)).to_frame()
         write_atomically(path, frame.to_csv(index=False, float_format="%.6g"))
     plan = given_file("exposure_day.toml", folder, "day.toml")
-    machine = load_machine(given_file("tractor.toml", folder, "machine.toml"))
-    day = exposure_day(plan)
+    machine = gearmon.load_machine(given_file("tractor.toml", folder, "machine.toml"))
+    day = gearmon.exposure_day(plan)
     point, lever = machine.operating[0], folder / "lever.csv"
     recorded(lever, machine, [], LEVER_S, point=point, machine_seed=4, **AT_THREE_PLACES)
     axes: dict[str, str | int] = {"x": "a1", "y": "a2", "z": "a3"}
-    hand = vibration_exposure(str(lever), "hand", axes)
-    gears = gear_share(lever, hand, machine, [WEAR])
+    hand = gearmon.vibration_exposure(str(lever), "hand", axes)
+    gears = gearmon.gear_share(lever, hand, machine, [WEAR])
     told, named = (day, hand, gears), ("-day", "-hand", "-gearbox")
     figures = {name: own.figures()[""] for name, own in zip(named, told, strict=True)}
     pictures = [str(path) for path in save_all(figures, folder / "exposure.png")]
@@ -98,11 +96,11 @@ def exposure_demo(folder: Path, progress: Progress | None = None) -> Demo:
     )
 
 
-def _ridden(level: float, bumps: int, generator: np.random.Generator) -> Recording:
+def _ridden(level: float, bumps: int, generator: np.random.Generator) -> gearmon.Recording:
     """Return what a seat sensor records on rough ground, with bumps and an engine at 35 Hz."""
     count = round(RATE_HZ * DURATION_S)
     frequency = np.fft.rfftfreq(count, 1 / RATE_HZ)
-    rows: list[NDArray[np.float64]] = []
+    rows: list[FloatArray] = []
     for resonance, share in _RESONANCES.values():
         ratio = frequency / resonance
         ringing = 1j * ratio / (1 - ratio**2 + 0.5j * ratio)
@@ -112,7 +110,7 @@ def _ridden(level: float, bumps: int, generator: np.random.Generator) -> Recordi
             shocks[start : start + 60] += 4 * level * np.hanning(60)
         engine = 0.1 * np.sin(2 * np.pi * 35.0 * np.arange(count) / RATE_HZ)
         rows.append(share * (level * ground / ground.std() + shocks + engine))
-    return Recording(
+    return gearmon.Recording(
         samples=np.array(rows),
         sampling_rate_hz=RATE_HZ,
         channel_names=tuple(f"seat_{axis}" for axis in _RESONANCES),

@@ -15,6 +15,7 @@ from gearmon.benchmark.plots import (
     plot_kinds,
     plot_reliability,
     plot_sizes,
+    styles,
 )
 from gearmon.report.plots import save_all
 
@@ -72,6 +73,8 @@ def ax():
 
 def test_every_detector_has_a_style():
     assert set(DETECTOR_STYLES) == {"gearmon", *RIVALS}
+    looks = [tuple(look.values()) for look in styles(map(str, range(20))).values()]
+    assert len(set(looks)) == 20
 
 
 def test_areas(rows, ax):

@@ -10,7 +10,6 @@ import pytest
 from gearmon.benchmark import case_figures, rivals, run_case, summary_rows
 from gearmon.benchmark.dynamics import (
     GROWTH,
-    QUICK,
     SWEEP,
     TARGET,
     draw_sweep,
@@ -18,7 +17,7 @@ from gearmon.benchmark.dynamics import (
     headlines,
     run_dynamics,
 )
-from gearmon.benchmark.equations import growing_turn, square_wave
+from gearmon.benchmark.equations import QUICK, growing_turn, square_wave
 from gearmon.benchmark.timing import interleaved
 from gearmon.errors import ArgumentError
 from gearmon.report.plots import save_all
@@ -82,14 +81,14 @@ def test_tuned_rivals_meet_the_target(rows):
         # no Fourier sum comes within the target of true jumps
         if case != "rectangle":
             assert chosen[OF_JOBS.get(case, "steady_state")]["times_ours"] == 1.0
-        wanted = set() if case in OF_JOBS else {"SciPy odeint", "SciPy DOP853"}
-        if rivals.numba_is_installed():
+        wanted = set() if case in {*OF_JOBS, "rectangle"} else {"SciPy odeint", "solve_banded"}
+        if not rivals.numba_is_missing():
             wanted.add("compiled RK4")
         assert wanted <= set(chosen)
 
 
 def test_missing_numba_is_told(monkeypatch):
-    monkeypatch.setattr(rivals, "numba_is_installed", lambda: False)
+    monkeypatch.setattr(rivals, "numba_is_missing", lambda: "numba is not installed")
     rows = run_dynamics(quick=True, cases=["resonance w", SWEEP])
     absent = [row for row in rows if row["method"] == "compiled RK4"]
     assert len(absent) == 2
@@ -100,7 +99,7 @@ def test_missing_numba_is_told(monkeypatch):
 def test_headlines(rows):
     lines = {line["case"]: line for line in headlines(rows)}
     assert list(lines) == list(dict.fromkeys(row["case"] for row in rows))
-    assert lines["pair"]["solve_ivp"] > 0
+    assert lines["pair"]["solve_banded"] > 0
     assert lines["pair"]["ours_us"] > 0
     assert lines["pair"]["odeint"] > 0
 

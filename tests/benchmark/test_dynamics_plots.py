@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from gearmon.benchmark import case_figures
-from gearmon.benchmark.plots import dynamics_figures, plot_work_precision
+from gearmon.benchmark.plots import dynamics_figures, plot_work_precision, styles
 from gearmon.report.plots import save_all
 
 
@@ -41,7 +41,7 @@ ROWS = [
 def test_work_precision():
     ax = Figure().add_subplot()
     table = pd.DataFrame([r for r in ROWS if r["case"] == "pair" and r["error"]])
-    assert plot_work_precision(table, ax) is ax
+    assert plot_work_precision(table, ax, styles(table["method"])) is ax
     np.testing.assert_array_equal(ax.lines[0].get_xdata(), [1e-7, 1e-3])
     low, high = ax.get_xlim()
     assert low > high  # accuracy grows to the right
@@ -52,7 +52,7 @@ def test_small_multiples_leave_out_what_has_no_figures():
     titles = [ax.get_title() for ax in figure.axes]
     assert titles[:2] == ["pair", "other"]
     assert "cost growth" not in titles
-    names = [text.get_text() for text in figure.axes[2].get_legend().get_texts()]
+    names = [text.get_text() for text in figure.legends[0].get_texts()]
     assert names == ["steady_state", "compiled RK4"]
 
 

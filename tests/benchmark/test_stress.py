@@ -11,7 +11,7 @@ from reference.refined_balance import refined_balance
 
 from gearmon.benchmark import run_case, stress
 from gearmon.benchmark.equations import Lines, reference_and_doubt
-from gearmon.benchmark.stress import draw_system, growth, instability_limit
+from gearmon.benchmark.stress import TRACE_TOLERANCE, draw_system, instability_limit
 from gearmon.dynamics import floquet, steady_state
 from gearmon.errors import ArgumentError
 
@@ -66,7 +66,7 @@ def test_limit_of_the_principal_tongue():
 @pytest.mark.parametrize(("ratio", "zeta"), [(0.7, 0.02), (6.3, 0.1), (0.5, 0.01), (2.0, 2.0)])
 def test_growth_against_floquet(ratio, zeta):
     shape = np.array([0.3 + 0.1j, 0.1 - 0.2j])
-    found = growth(ratio, zeta, shape, np.array([0.2, 0.8]))
+    found = floquet.growth_of(ratio, np.array([0.2, 0.8]), zeta, shape, TRACE_TOLERANCE)
     for variation, value in zip((0.2, 0.8), found, strict=True):
         largest = abs(floquet.multipliers(ratio, zeta, variation * shape)[0])
         assert value == pytest.approx(np.log(largest), rel=2e-2, abs=2e-3)

@@ -1,6 +1,6 @@
 """The limits of the verdict, with the experiments that set them, and what a strength means.
 
-The table `calibration.json` was made by `gearmon benchmark calibration` from healthy pairs of
+The table `calibration.json` was made by `.ci/calibration` from healthy pairs of
 machines drawn at random, of which the detector knows the file only; it says how many. It tells the
 share of healthy machines that show as much. Beyond its last entry the probability falls by a decade
 for each unit of strength, which is what strength means where the tests' own laws hold.

@@ -1,0 +1,193 @@
+"""The tasks beside competitors run, say what they timed, and what they could not.
+
+No test asserts on seconds.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+
+import pytest
+from reference.small_gearbox import MACHINE_FILE
+
+from gearmon.benchmark import run_case, tasks
+from gearmon.benchmark.tasks import ROSS, time_harvesting, time_stiffness
+from gearmon.benchmark.timing import Timing, facts_of_run
+from gearmon.errors import ArgumentError
+from gearmon.simulation import simulate
+
+
+def shortly(machine, **settings):
+    """A second is repeated, not ten."""
+    return simulate(machine, **(settings | {"duration_s": 1.0}))
+
+
+@pytest.fixture
+def rows(monkeypatch):
+    monkeypatch.setenv(tasks.PYSDKIT.variable, "")
+    monkeypatch.setattr(tasks, "find_spec", lambda _: None)
+    monkeypatch.setattr(tasks, "simulate", shortly)
+    # simulated faster than the example
+    monkeypatch.setattr(tasks, "example_machine", lambda: MACHINE_FILE)
+    steps = [
+        tasks._spectra(16_384, 1),
+        tasks._kurtogram(1 << 15, 1),
+        tasks._reading(20_000, 2, 1),
+        tasks._after_reading(60_000, 1),
+    ]
+    return [row for step in steps for row in step]
+
+
+def test_rows_have_times(rows):
+    assert all(row["median_s"] > 0 for row in rows)
+    assert {row["case"] for row in rows} >= {"amplitude spectrum", "reading CSV"}
+    (alone,) = [row for row in rows if row["method"] == "kurtogram"]
+    assert "PySDKit not run" in alone["note"]
+    for case in {row["case"] for row in rows}:
+        assert next(row for row in rows if row["case"] == case)["times_own"] == 1.0
+
+
+def test_a_wrong_interpreter_is_refused(monkeypatch):
+    monkeypatch.setenv(tasks.PYSDKIT.variable, "/nowhere/python")
+    with pytest.raises(ArgumentError, match="is no file"):
+        tasks._kurtogram(1 << 15, 1)
+
+
+def test_rows_without_the_other_environment(monkeypatch):
+    monkeypatch.delenv(ROSS.variable, raising=False)
+    rows = time_stiffness(repeats=1)
+    assert [row["positions"] for row in rows] == [200, 5200, 1000, 1000, 1000]
+    assert all(row["median_s"] > 0 and row["fastest_s"] <= row["median_s"] for row in rows)
+    assert [row["times_healthy"] is not None for row in rows] == [False, True, False, False, False]
+    for row in rows[3:]:
+        assert row["ross_times_slower"] is None
+        assert "ROSS not run: GEARMON_ROSS_PYTHON" in row["note"]
+        assert "plotly below 6" in row["note"]
+    json.dumps(rows)
+
+
+def test_another_environment_must_be_one(tmp_path, monkeypatch):
+    monkeypatch.setenv(ROSS.variable, str(tmp_path / "python"))
+    with pytest.raises(ArgumentError, match="is no file; it must name the Python interpreter"):
+        ROSS.python()
+    monkeypatch.setenv(ROSS.variable, "")
+    assert ROSS.python() is None
+    mute = tmp_path / "mute"
+    mute.write_text("#!/bin/sh\nexit 1\n", encoding="ascii")
+    mute.chmod(0o755)
+    with pytest.raises(ArgumentError, match="gives no answer: its environment must hold ross"):
+        run_case("stiffness", ross_python=str(mute))
+
+
+def test_an_environment_without_ross_is_told_apart():
+    with pytest.raises(ArgumentError, match="gives no answer"):
+        time_stiffness(1, sys.executable)
+
+
+@pytest.mark.skipif(
+    not os.environ.get(ROSS.variable), reason=f"{ROSS.variable} names no environment"
+)
+def test_beside_ross():
+    bench, published = time_stiffness(repeats=3)[3:]
+    for row in (bench, published):
+        assert row["ross_times_slower"] > 200
+        # G of its steel is rounded to three digits
+        assert row["ross_difference"] < 1e-6
+    assert "contact ratio 1.63258, one pair 2.767e+08" in published["note"]
+
+
+@pytest.fixture(scope="module")
+def tuned():
+    seen = []
+    found = time_harvesting(seen.append, quick=True)
+    assert seen[-1] == 1.0
+    return found
+
+
+def test_tuning_finds_what_time_integration_finds(tuned):
+    assert tuned[0]["power_ratio"] == pytest.approx(1.0, abs=0.02)
+    assert min(tuned[0]["time_s"], tuned[0]["rival_time_s"]) > 0
+
+
+def test_ratios_are_times_of_the_rival_over_ours(tuned):
+    for row in tuned:
+        assert row["ratio"] == pytest.approx(row["rival_time_s"] / row["time_s"])
+
+
+def test_optimum_is_not_below_brute_force(tuned):
+    for row in tuned[1:]:
+        assert row["power_ratio"] > 0.995
+
+
+def test_facts_of_run():
+    facts = facts_of_run()
+    assert set(facts) >= {"processor", "model", "cores", "python", "numpy", "scipy", "pandas"}
+    assert facts["cores"] >= 1
+
+
+@pytest.fixture
+def quick_machine(monkeypatch):
+    """A gearbox that is simulated faster than the example."""
+    monkeypatch.setattr(tasks, "example_machine", lambda: MACHINE_FILE)
+
+
+@pytest.mark.usefixtures("quick_machine")
+def test_analysis_against_reading(monkeypatch):
+    monkeypatch.setattr(tasks, "WHOLE_S", 2.0)
+    seen = []
+    rows = tasks.analysis_against_reading(repeats=1, progress=seen.append)
+    assert [row["process"] for row in rows] == ["analyse", "pandas.read_csv"]
+    for row in rows:
+        assert set(row) == {
+            "process",
+            "rows",
+            "channels",
+            "median_s",
+            "fastest_s",
+            "repeats",
+            "ratio_to_pandas",
+        }
+        assert 0 < row["fastest_s"] <= row["median_s"]
+    assert rows[1]["ratio_to_pandas"] == 1.0
+    assert seen == [0.5, 1.0]
+    json.dumps(rows, allow_nan=False)
+
+
+@pytest.mark.usefixtures("quick_machine")
+def test_memory_of_a_long_recording(monkeypatch):
+    monkeypatch.setattr(tasks, "simulate", shortly)
+    seen = []
+    (row,) = tasks.memory_of_long_recording(60_000, (1,), seen.append)
+    assert set(row) == {
+        "rows",
+        "channels",
+        "numbers_mib",
+        "peak_mib",
+        "ratio",
+        "elapsed_s",
+    }
+    assert row["numbers_mib"] == pytest.approx(8 * 60_000 / 2**20)
+    assert row["peak_mib"] > 20  # no Python process with NumPy is smaller
+    assert row["ratio"] == pytest.approx(row["peak_mib"] / row["numbers_mib"])
+    assert seen == [1.0]
+
+
+def test_peak_memory_counts_what_a_process_takes():
+    """200 MB more are 200 MB more, in units of 1024 bytes as the system counts."""
+    peaks = [
+        tasks._peak_memory([sys.executable, "-c", f"held = b'x' * {size}"])[0]
+        for size in (100_000_000, 300_000_000)
+    ]
+    assert peaks[1] - peaks[0] == pytest.approx(2e8, rel=0.01)
+
+
+def test_timings_tell_the_median_and_the_fastest():
+    timing = Timing.of([3.0, 1.0, 8.0])
+    assert timing.columns() == {"median_s": 3.0, "fastest_s": 1.0, "repeats": 3}
+
+
+def test_unknown_case_is_refused():
+    with pytest.raises(ArgumentError, match="case='speed' must be one of analyse, memory"):
+        run_case("speed")
