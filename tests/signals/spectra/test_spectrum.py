@@ -10,8 +10,15 @@ from reference.slow_orders import hann_values, slow_floor, smallest_smooth
 from reference.synthetic_signals import white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.spectra import amplitude_spectrum, hann, local_floor, power_density, window
-from gearmon.signals.spectra.spectrum import fast_length, is_smooth, quick_length, transform
+from gearmon.signals.spectra import amplitude_spectrum, power_density, window
+from gearmon.signals.spectra.spectrum import (
+    fast_length,
+    hann,
+    is_smooth,
+    local_floor,
+    quick_length,
+    transform,
+)
 
 LENGTHS = [1024, 1000, 1001, 1009, 7, 2]
 

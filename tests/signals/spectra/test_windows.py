@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.spectra import half_lobe, noise_bandwidth, window
-from gearmon.signals.spectra.spectrum import TERMS, window_spectrum, window_sums
+from gearmon.signals.spectra import window
+from gearmon.signals.spectra.spectrum import (
+    TERMS,
+    half_lobe,
+    noise_bandwidth,
+    window_spectrum,
+    window_sums,
+)
 
 
 @pytest.mark.parametrize("name", TERMS)
