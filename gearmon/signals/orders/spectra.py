@@ -31,8 +31,8 @@ from gearmon.signals.spectra.spectrum import (
     fast_length,
     hann,
     local_floor,
+    transform,
     window_powers,
-    windowed_transforms,
 )
 from gearmon.signals.threads import side_by_side
 
@@ -269,9 +269,8 @@ def _whitened_envelope(samples: FloatArray) -> FloatArray:
     count = samples.shape[-1]
     length = fast_length(count)
     squared = np.empty((len(samples), count // 2))
-    centred = (signal - signal.mean() for signal in samples)
-    for row, whole in zip(squared, windowed_transforms(centred, 1.0, length), strict=True):
-        lines = whole[: length // 2]
+    for row, signal in zip(squared, samples, strict=True):
+        lines = transform(signal - signal.mean(), length)[: length // 2]
         lines /= np.maximum(np.abs(lines), np.finfo(float).tiny)
         lines[0] = 0.0
         analytic = ifft(lines, norm="forward", overwrite_x=True)[: count // 2]

@@ -45,6 +45,7 @@ from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.spectra.spectrum import (
     Spectrum,
     amplitude_spectrum,
+    checked,
     fast_length,
     hann,
     is_smooth,
@@ -111,7 +112,7 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
     ArgumentError
         If the band is out of its range or holds fewer than two lines.
     """
-    signals = _signals(samples, rate)
+    signals = checked(samples, rate, 8)
     check_range("low", low, 0.0, rate / 2)
     check_range("high", high, 0.0, rate / 2)
     samples_in, count = signals.shape[-1], quick_length(signals.shape[-1])
@@ -165,14 +166,6 @@ def envelope_spectrum(samples: FloatArray, rate: float, low: float, high: float)
     found = amplitude_spectrum(size, envelope.rate, length=size.shape[-1])
     kept = found.frequency_hz <= (envelope.high - envelope.low) * (1 + 1e-12)
     return replace(found, frequency_hz=found.frequency_hz[kept], values=found.values[:, kept])
-
-
-def _signals(samples: FloatArray, rate: float, fewest: int = 8) -> FloatArray:
-    check_positive("rate", rate)
-    signals = np.atleast_2d(np.asarray(samples, dtype=float))
-    if signals.ndim != 2 or signals.shape[-1] < fewest:
-        raise ArgumentError(f"samples: shape {signals.shape}, at least {fewest} values are needed")
-    return signals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -414,7 +407,7 @@ def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
     ArgumentError
         If there are too few samples or a signal is constant.
     """
-    signals = _signals(samples, rate, 16)
+    signals = checked(samples, rate, 16)
     count = quick_length(signals.shape[-1])
     size = np.abs(transform(signals - signals.mean(axis=-1, keepdims=True), count))
     largest = size.max(axis=-1, keepdims=True)

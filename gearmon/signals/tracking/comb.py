@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.spectra.spectrum import fast_length, hann, local_floor, windowed_transforms
+from gearmon.signals.spectra.spectrum import fast_length, hann, local_floor, transform
 from gearmon.signals.threads import side_by_side
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
@@ -426,8 +426,8 @@ def line_quality(block: FloatArray, length: int, bins: int) -> FloatArray:
     ndarray of float, shape (bins,)
     """
     quality = np.zeros(bins)
-    for transform in windowed_transforms(block, hann(block.shape[-1]), length):
-        own = transform[:bins]
+    for signal in block:
+        own = transform(signal, length, hann(block.shape[-1]))[:bins]
         power = own.real**2
         power += own.imag**2
         # 24 line widths: more than a group of sidebands, less than a resonance

@@ -172,7 +172,7 @@ def test_impossible_rates_are_refused(rate):
 
 
 def test_single_samples_are_refused():
-    with pytest.raises(ArgumentError, match="1 values, at least 2"):
+    with pytest.raises(ArgumentError, match="at least 2 values"):
         amplitude_spectrum(np.ones((3, 1)), 1.0)
 
 

@@ -12,16 +12,7 @@ from gearmon.signals.spectra.spectrum import (
     half_lobe,
     noise_bandwidth,
     window_spectrum,
-    window_sums,
 )
-
-
-@pytest.mark.parametrize("name", TERMS)
-@pytest.mark.parametrize("length", [1, 2, 5, 8, 101, 1024])
-def test_sums_equal_those_of_the_weights(name, length):
-    weights = window(name, length)
-    expected = (weights.sum(), np.sum(weights**2))
-    assert window_sums(name, length) == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
 @pytest.mark.parametrize(
