@@ -315,7 +315,7 @@ def angular_waveform(
     >>> wave.turns, wave.values.shape == (2, 512 * wave.turns)
     (73, True)
     """
-    from scipy.signal import firwin, kaiser_beta, upfirdn
+    from scipy.signal import firwin, kaiser_beta, resample_poly
 
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_track(track)
@@ -331,22 +331,19 @@ def angular_waveform(
         values = resample_to_angle(samples, rate, shaft, steps, float(first), count)
     else:
         # a grid finer by a whole factor, low-passed over Kaiser's length, every `factor`-th value
-        fine, highest = steps * factor, min(highest, PASSED * steps)
-        width = (_STOPPED - PASSED) / factor
-        half = factor * math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * width) / 2 / factor)
+        highest = min(highest, PASSED * steps)
+        half = math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * (_STOPPED - PASSED)) / 2) * factor
         window = ("kaiser", kaiser_beta(_ATTENUATION_DB))
         kernel = firwin(2 * half + 1, (PASSED + _STOPPED) / factor, window=window)
-        # whole steps before and behind the turns that lie inside the recording, up to its reach
+        # whole steps before and behind the turns that lie inside the recording
         ends = shaft.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
-        before = min(half // factor, max(0, math.floor(-ends[0] * steps)))
-        over = before * factor + min(count * factor - factor + half, math.floor(ends[1] * fine)) + 1
+        before = max(0, math.floor(-ends[0] * steps))
+        begin, over = first - before / steps, (before + math.floor(ends[1] * steps)) * factor + 1
         values = np.empty((len(samples), count))
         for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
-            found = resample_to_angle(
-                channel[None], rate, shaft, fine, first - before / steps, over
-            )
-            smooth = upfirdn(kernel, found[0], down=factor, mode="antireflect")
-            values[row] = smooth[half // factor + before :][:count]
+            found = resample_to_angle(channel[None], rate, shaft, steps * factor, begin, over)[0]
+            smooth = resample_poly(found, 1, factor, window=kernel, padtype="antireflect")
+            values[row] = smooth[before:][:count]
     return AngularWaveform(
         values=values,
         per_turn=int(steps),
@@ -445,14 +442,9 @@ class Kernel:
     def transform(self, x: FloatArray) -> FloatArray:
         """Fourier transform at x cycles a step."""
         inside = self.beta**2 - (np.pi * self.width * np.asarray(x)) ** 2
-        if inside.min(initial=np.inf) > 1.0:  # real throughout, ten times as fast
-            root = np.sqrt(inside)
-            return np.asarray(self.width * np.sinh(root) / root / np.i0(self.beta))
-        argument = np.sqrt(inside + 0j)
-        small = np.abs(argument) < 1e-6
-        safe = np.where(small, 1.0, argument)
-        shape = np.where(small, 1.0, np.sinh(safe) / safe)
-        return np.asarray(np.real(self.width * shape) / np.i0(self.beta))
+        # sinh(r) / r of a root that may be imaginary
+        shape = np.sinc(1j / np.pi * np.sqrt(inside + 0j)).real
+        return np.asarray(self.width * shape / np.i0(self.beta))
 
 
 @dataclass(frozen=True, eq=False)
