@@ -19,7 +19,6 @@ from itertools import zip_longest
 from math import gcd
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from gearmon.arrays import BoolArray, FloatArray, IntArray
@@ -191,7 +190,7 @@ def _evidence(
     others = [mesh for i, mesh in enumerate(meshes) if i != index]
     mesh = meshes[index]
     shared = judged.comb_score(combined_comb(others, shaft_orders)) if others or shaft_orders else 0
-    own, *decoys = judged.best(_rivals(mesh, tuple(meshes)), shared)
+    own, *decoys = (judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes)))
     decoys = [strength for strength in decoys if len(strength)]
     if len(own) == 0 or len(decoys) < 8:
         return MeshEvidence.none(len(decoys))
@@ -278,34 +277,18 @@ class _JudgedSpectrum:
         orders = (1 + self.corrections)[:, None] * comb.orders[used]
         return self._at(orders) @ comb.weights[used]
 
-    def best(
-        self, meshes: Sequence[tuple[MeshComb, Comb]], shared: FloatArray | int
-    ) -> list[FloatArray]:
+    def best(self, mesh: MeshComb, comb: Comb, shared: FloatArray | int) -> FloatArray:
         """Log strength of each harmonic's group at the speed that suits comb and mesh best.
 
-        One array a mesh, of the groups within the spectrum.
+        Of the groups within the spectrum.
         """
-        # the groups of each that lie within the spectrum
+        correction = 1 + self.corrections[int(np.argmax(self.comb_score(comb) + shared))]
         seen = [
-            [group for group in mesh.groups if max(group) < self.top_order and min(group) > 0]
-            for mesh, _ in meshes
+            self._at(correction * np.array(group))
+            for group in mesh.groups
+            if max(group) < self.top_order and min(group) > 0
         ]
-        corrections = [
-            1 + self.corrections[int(np.argmax(self.comb_score(comb) + shared))]
-            for _, comb in meshes
-        ]
-        orders = [
-            correction * order
-            for groups, correction in zip(seen, corrections, strict=True)
-            for group in groups
-            for order in group
-        ]
-        sizes = np.array([len(group) for groups in seen for group in groups], dtype=int)
-        if len(sizes) == 0:
-            return [np.zeros(0) for _ in meshes]
-        powers = np.add.reduceat(np.exp(self._at(np.array(orders))), np.cumsum(sizes) - sizes)
-        strengths = np.log(powers / sizes)
-        return np.split(strengths, np.cumsum([len(groups) for groups in seen])[:-1])
+        return np.array([np.log(np.mean(np.exp(group))) for group in seen])
 
     def _at(self, orders: FloatArray) -> FloatArray:
         place = orders / self.bin_order
@@ -529,29 +512,19 @@ def _finer_comb(
     for turns in own:
         times = tried / turns
         known |= (np.abs(times - np.rint(times)) <= 1e-6) & (times > _SIDEBANDS + 0.5)
-    tried = tried[(tried >= 4 * lines.width) & ~known]
-    # the lines of all spacings, one after the other
-    sizes = (top / tried).astype(np.intp)
-    of = np.repeat(np.arange(len(tried)), sizes)
-    orders = (np.arange(len(of)) - np.repeat(np.cumsum(sizes) - sizes, sizes) + 1.0) * tried[of]
-    meshed = lines.on(orders, mesh.order)
-    between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
-    above = lines.at(orders) - lines.usual
-
-    def mean(chosen: BoolArray) -> tuple[FloatArray, NDArray[np.intp]]:
-        kept = chosen & ~np.isnan(above)
-        count = np.bincount(of[kept], minlength=len(tried))
-        return np.bincount(of[kept], above[kept], len(tried)) / np.maximum(count, 1), count
-
-    # most spacings are out already before their neighbours are looked at
-    (off, count), (on, harmonics_on) = mean(between), mean(meshed)
-    told = (count >= _LINES) & (harmonics_on > 0)
-    told &= (off >= _AS_CLEAR * on) & (off * np.sqrt(count) >= _SURE)
-    for number in np.flatnonzero(told).tolist():
-        mine, spacing = of == number, float(tried[number])
-        standing = lines.standing(orders[mine], told_apart, (spacing, mesh.order))
-        stands = float(np.nanmean(standing[between[mine]]))
-        clear_by = float(np.nanmean(standing[meshed[mine]]))
-        if stands > _AS_CLEAR * clear_by and stands * np.sqrt(count[number]) > _SURE:
-            return spacing
+    for spacing in tried[(tried >= 4 * lines.width) & ~known].tolist():
+        orders = spacing * np.arange(1.0, int(top / spacing) + 1)
+        above = lines.at(orders) - lines.usual
+        inside, meshed = ~np.isnan(above), lines.on(orders, mesh.order)
+        between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
+        off, on = above[between & inside], above[meshed & inside]
+        many = np.sqrt(len(off))
+        # most spacings are out already before their neighbours are looked at
+        told = len(off) >= _LINES and len(on) > 0
+        if not told or off.mean() < _AS_CLEAR * on.mean() or off.mean() * many < _SURE:
+            continue
+        standing = lines.standing(orders, told_apart, (spacing, mesh.order))
+        stands, clear_by = np.nanmean(standing[between]), np.nanmean(standing[meshed])
+        if stands > _AS_CLEAR * clear_by and stands * many > _SURE:
+            return float(spacing)
     return None
