@@ -28,7 +28,6 @@ from gearmon.signals.recording import Recording
 # touched; of 180 with one knock of 15 times their peak one was, whose knock had died away within
 # 15 samples. Nor is anything found in 15 real recordings of three rigs. Of what was put in, beside
 # each limit stands what was found of 180; what is missed is too small to matter to the averages.
-_CHUNK = 1 << 20
 # Samples that tell the middle of a channel: to less than a hundredth of its spread.
 _TOLD_BY = 1 << 15
 # A run of equal samples is a channel that stands still if it is so many times as long as all but
@@ -265,51 +264,34 @@ def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
 
 def _spikes(values: FloatArray) -> Iterator[BadStretch]:
     """Find few samples far above all others, whose neighbours know nothing of them."""
-    if len(values) <= _MOST_SPIKES * _SPIKE_SAMPLES:
+    most = _MOST_SPIKES * _SPIKE_SAMPLES + 1
+    if len(values) < most:
         return  # of so few samples, chance puts one at four times the others
-    some = values[:: max(1, len(values) // _TOLD_BY)]
-    middle = float(np.median(some))
-    if not np.median(np.abs(some - middle)):
+    every = max(1, len(values) // _TOLD_BY)
+    size = np.abs(values - np.median(values[::every]))
+    if not np.median(size[::every]):
         return
-    high = _far_above(values, middle)
+    # those above the widest gap in size among the largest ones
+    place = np.argpartition(size, -most)[-most:]
+    place = place[np.argsort(-size[place])]
+    height = np.maximum(size[place], np.finfo(float).tiny)
+    high = np.sort(place[: 1 + int(np.argmax(height[:-1] / height[1:]))])
     edges = np.flatnonzero(np.diff(high) > _SPIKE_SAMPLES) + 1
     stretches = [(int(own[0]), int(own[-1]) + 1) for own in np.split(high, edges)]
     if any(stop - start > _SPIKE_SAMPLES for start, stop in stretches):
         return
-    rest = _largest_outside(values, middle, stretches)
+    beside = [
+        float(np.r_[size[max(0, start - _REACH) : start], size[stop : stop + _REACH]].max())
+        for start, stop in stretches
+    ]
+    peaks = [float(size[start:stop].max()) for start, stop in stretches]
     for start, stop in stretches:
-        peak = float(np.abs(values[start:stop] - middle).max())
-        beside = np.r_[values[max(0, start - _REACH) : start], values[stop : stop + _REACH]]
-        rings = float(np.abs(beside - middle).max(initial=0.0))
+        size[start:stop] = 0.0
+    rest = float(size.max())
+    for peak, rings, (start, stop) in zip(peaks, beside, stretches, strict=True):
         if peak > _OVER_REST * rest and rings < max(_RINGS * peak, 1.5 * rest):
             what = f"jumps to {peak / rest:.3g} times the largest other sample"
             yield BadStretch(start=start, stop=stop, what=what, bridged=True)
-
-
-def _far_above(values: FloatArray, middle: float) -> IntArray:
-    """Places of the samples above the widest gap in size among the largest ones."""
-    most = min(_MOST_SPIKES * _SPIKE_SAMPLES + 1, len(values))
-    place, size = np.zeros(0, dtype=np.intp), np.zeros(0)
-    for start in range(0, len(values), _CHUNK):
-        part = np.abs(values[start : start + _CHUNK] - middle)
-        largest = np.argpartition(part, max(0, len(part) - most))[-most:]
-        place, size = np.append(place, start + largest), np.append(size, part[largest])
-    order = np.argsort(-size, kind="stable")[:most]
-    size = np.maximum(size[order], np.finfo(float).tiny)
-    return np.sort(place[order][: 1 + int(np.argmax(size[:-1] / size[1:]))])
-
-
-def _largest_outside(
-    values: FloatArray, middle: float, stretches: Sequence[tuple[int, int]]
-) -> float:
-    """Largest departure outside some stretches."""
-    edges = [0, *(edge for stretch in stretches for edge in stretch), len(values)]
-    pieces = [values[begin:end] for begin, end in zip(edges[::2], edges[1::2], strict=True)]
-    return max(
-        max(float(piece.max()) - middle, middle - float(piece.min()))
-        for piece in pieces
-        if len(piece)
-    )
 
 
 def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[BadStretch]:

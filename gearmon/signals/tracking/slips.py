@@ -15,8 +15,11 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import convolve1d, uniform_filter1d
 
 from gearmon.arrays import BoolArray, ComplexArray, FloatArray
 from gearmon.errors import ArgumentError
@@ -287,16 +290,12 @@ def _no_clear_line(time_s: FloatArray, angle: FloatArray) -> SlipCheck:
     )
 
 
-def _about(rows: ComplexArray, width: float) -> ComplexArray:
+def _about(rows: NDArray[Any], width: float) -> NDArray[Any]:
     """Mean of the rows about each, cut at the ends: three running means, nearly a Gaussian."""
-    half = max(1, round(0.25 * width))
-    count = len(rows)
-    first = np.maximum(np.arange(count) - half, 0)
-    stop = np.minimum(np.arange(count) + half + 1, count)
-    number = (stop - first)[:, None]
+    size = 2 * max(1, round(0.25 * width)) + 1
+    number = uniform_filter1d(np.ones(len(rows)), size, mode="constant")
     for _ in range(3):
-        total = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)])
-        rows = (total[stop] - total[first]) / number
+        rows = (uniform_filter1d(rows, size, axis=0, mode="constant").T / number).T
     return rows
 
 
@@ -305,8 +304,7 @@ def _coherence(amplitude: ComplexArray, mean: ComplexArray) -> FloatArray:
     size = np.abs(mean)
     size = np.maximum(size, _FAINT * np.median(size, axis=0))
     part = np.clip((amplitude * np.conj(mean)).real / size**2, -1, 1).mean(axis=1)
-    padded = np.pad(part, 1, mode="edge")
-    return np.asarray(0.25 * padded[:-2] + 0.5 * part + 0.25 * padded[2:])
+    return np.asarray(convolve1d(part, [0.25, 0.5, 0.25], mode="nearest"))
 
 
 def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
@@ -337,8 +335,8 @@ def _variance(
     shared = drift @ weight / total
     apart = float(np.mean((drift - shared[:, None]) ** 2 @ weight) / total)
     quick = (phase / lines.orders) @ weight / total
-    variance = _about_each(quick**2, _ABOUT_TURNS / hop)
-    speed = _about_each(np.gradient(lines.angle, time_s), 2 * _DELAY_TURNS / hop)
+    variance = _about(quick**2, _ABOUT_TURNS / hop)
+    speed = _about(np.gradient(lines.angle, time_s), 2 * _DELAY_TURNS / hop)
     mean_hz = float((lines.angle[-1] - lines.angle[0]) / (time_s[-1] - time_s[0]))
     # a delay t sets the angle off by t times the departure of the speed from its mean [turns]
     departure = (speed - mean_hz) ** 2
@@ -349,10 +347,6 @@ def _variance(
     variance += delay * ((1 - _STEADY_DELAY) * departure + _STEADY_DELAY * size)
     variance[sound] += shared**2
     return variance
-
-
-def _about_each(values: FloatArray, width: float) -> FloatArray:
-    return _about(values[:, None].astype(np.complex128), width)[:, 0].real
 
 
 def _lost(

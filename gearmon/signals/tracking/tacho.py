@@ -83,10 +83,6 @@ class TachoPulses:
     def __post_init__(self) -> None:
         """Check the times."""
         times = self.time_s
-        if times.ndim != 1:
-            raise RecordingError(
-                f"pulse times: an array of shape {times.shape}; a row of times is needed"
-            )
         if not np.all(np.isfinite(times)):
             place = int(np.argmin(np.isfinite(times)))
             raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
@@ -618,11 +614,9 @@ def _jitter(time_s: FloatArray, turns: FloatArray) -> float:
 
 def _thinned(time_s: FloatArray, turns: FloatArray, together: int) -> tuple[FloatArray, FloatArray]:
     """Average neighbouring pulses of an encoder: less jitter, and fewer knots."""
-    if together == 1:
-        return time_s, turns
     cut = len(time_s) // together * together
-    means = np.stack([time_s[:cut], turns[:cut]]).reshape(2, -1, together).mean(axis=-1)
-    return means[0], means[1]
+    time_s, turns = (own[:cut].reshape(-1, together).mean(axis=1) for own in (time_s, turns))
+    return time_s, turns
 
 
 def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.05) -> int:
