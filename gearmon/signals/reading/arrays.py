@@ -224,7 +224,7 @@ def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Ho
     RecordingError
         If the only array has two axes of the same length.
     """
-    arrays, facts, others, shapes = [], {}, list(left_out), []
+    arrays, facts, others = [], {}, list(left_out)
     for name, data in items.items():
         if data.dtype.kind not in "fiub":
             others.append(name)
@@ -232,25 +232,18 @@ def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Ho
         if data.dtype.kind != "b" and all(size == 1 for size in data.shape):
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
             continue
-        shapes.append(data.shape)
         array = as_array(name, data)
-        if array is None:
-            others.append(f"{name} of shape {data.shape} and type {data.dtype}")
-        else:
+        if array is not None:
             arrays.append(array)
-    if not arrays and len(shapes) == 1:
-        check_not_square(path, shapes[0])
+            continue
+        others.append(f"{name or 'numbers'} of shape {data.shape} and type {data.dtype}")
+        long_axes = [size for size in data.shape if size != 1]
+        if len(items) == 1 and len(long_axes) == 2 and long_axes[0] == long_axes[1]:
+            raise RecordingError(
+                f"{path}: an array of shape {data.shape}: which axis is time cannot be told; store "
+                "one channel, or more samples than channels"
+            )
     return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
-
-
-def check_not_square(path: str, shape: tuple[int, ...]) -> None:
-    """Raise if both axes of an array are equally long."""
-    long_axes = [size for size in shape if size != 1]
-    if len(long_axes) == 2 and long_axes[0] == long_axes[1]:
-        raise RecordingError(
-            f"{path}: an array of shape {shape}: which axis is time cannot be told; store one "
-            "channel, or more samples than channels"
-        )
 
 
 def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:

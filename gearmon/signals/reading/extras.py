@@ -85,7 +85,7 @@ def read_hdf5(path: str) -> Iterator[Holding]:
     def trial() -> None:
         with h5py.File(path, "r") as file:
             _hdf5_arrays(path, file)
-            for _, item in _walk(file):
+            for _, item in _everything(file):
                 # the index of its chunks; what they hold is unpacked by zlib
                 if getattr(item, "chunks", None) and item.id.get_num_chunks():
                     item.id.get_chunk_info(item.id.get_num_chunks() - 1)
@@ -103,7 +103,7 @@ def _hdf5_arrays(path: str, file: Any) -> Holding:
 
     items: dict[str, Any] = {}
     facts, others = _numbers(file.attrs), []
-    for name, item in _walk(file):
+    for name, item in _everything(file):
         if isinstance(item, h5py.Group):
             facts |= _numbers(item.attrs, f"{name}.")
         elif isinstance(item, h5py.Dataset):
@@ -127,16 +127,11 @@ def _described(array: Array, attributes: Any) -> Array:
     )
 
 
-def _walk(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key in group:
-        if key.startswith("#"):
-            continue
-        item = group.get(key)
-        if item is None:  # a link that leads nowhere
-            continue
-        yield prefix + key, item
-        if hasattr(item, "keys") and group.get(key, getlink=True).__class__.__name__ == "HardLink":
-            yield from _walk(item, f"{prefix}{key}/")
+def _everything(file: Any) -> list[tuple[str, Any]]:
+    """Return groups and arrays by their paths, but for what MATLAB keeps aside."""
+    found: list[tuple[str, Any]] = []
+    file.visititems(lambda name, item: found.append((name, item)))
+    return [(name, item) for name, item in found if not re.search("(^|/)#", name)]
 
 
 def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:

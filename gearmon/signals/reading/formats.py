@@ -43,8 +43,6 @@ from gearmon.files import archive_swells, most_unpacked
 from gearmon.signals.reading.arrays import (
     Array,
     Holding,
-    as_array,
-    check_not_square,
     choose,
     hold,
 )
@@ -116,7 +114,6 @@ _FORMATS = (
     ),
     Format("a TDMS file (LabVIEW)", (b"TDSm",), "extras.read_tdms", "nptdms", "tdms"),
     _ZIP,
-    Format("an Apache Arrow file", (b"ARROW1",)),
     Format("an Ogg sound file", (b"OggS",)),
     Format("an MDF measurement file", (b"MDF ",)),
     Format("an old Excel or Office document", (b"\xd0\xcf\x11\xe0",)),
@@ -126,17 +123,10 @@ _FORMATS = (
     Format("a 7-Zip archive", (b"7z\xbc\xaf\x27\x1c",), remedy=_UNPACK),
     Format("a RAR archive", (b"Rar!\x1a\x07",), remedy=_UNPACK),
     Format("a file compressed twice", (b"\x1f\x8b",), remedy=_UNPACK),
-    Format("an SQLite database", (b"SQLite format 3\x00",)),
     Format("a PDF document", (b"%PDF-",)),
-    Format("a picture", (b"\x89PNG", b"\xff\xd8\xff")),
     Format("a JSON document", (b"{",)),
-    Format(
-        "a pointer left by Git LFS instead of the data",
-        (b"version https://git-lfs",),
-        remedy="fetch the data",
-    ),
+    Format("a pointer left by Git LFS", (b"version https://git-lfs",), remedy="fetch the data"),
     Format("a web page", (b"<!doctype html", b"<html"), remedy=_PAGE),
-    Format("an XML document", (b"<?xml",)),
 )
 _READ = "text, WAV, FLAC, npy, npz, MATLAB, HDF5, TDMS, UFF 58, Parquet"
 _UNIVERSAL_FILE = re.compile(rb" {4}-1\s*\r?\n {0,4}(?:15|55|58|58b|82|151|164|24\d\d)\s")
@@ -234,30 +224,23 @@ def read_arrays(
     module, _, name = found.loader.partition(".")
     load: Loader = getattr(importlib.import_module(f"gearmon.signals.reading.{module}"), name)
     size = os.path.getsize(source.path)
-    with _reading(source.path, found.what), load(source.path) as loaded:
-        holding = replace(loaded, path=source.path, what=found.what, size=size)
-        return choose(holding, wanted, progress, room)
-
-
-@contextmanager
-def _reading(path: str, what: str) -> Iterator[None]:
-    """Turn whatever a library raises about a damaged file into one line."""
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), load(source.path) as loaded:
             warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
-            yield
+            holding = replace(loaded, path=source.path, what=found.what, size=size)
+            return choose(holding, wanted, progress, room)
     except GearmonError:
         raise
     except MemoryError:
         raise RecordingError(
-            f"{path}: {what} whose content does not fit into memory; cut it into parts"
+            f"{source.path}: {found.what} whose content does not fit into memory; cut it into parts"
         ) from None
     # what a library raises about a damaged file is anything but documented
     except Exception as error:
         first = next(iter(str(error).splitlines()), "") or type(error).__name__
         raise RecordingError(
-            f"{path}: looks like {what} and cannot be read as such ({shortened(first)}); is it "
-            "damaged? Copy it again"
+            f"{source.path}: looks like {found.what} and cannot be read as such "
+            f"({shortened(first)}); is it damaged? Copy it again"
         ) from None
 
 
@@ -275,10 +258,6 @@ def _named(head: bytes) -> Format | None:
     if _UNIVERSAL_FILE.match(head):
         return _UFF
     return _TAR if head[257:262] == b"ustar" else None
-
-
-class _DamagedError(ValueError):
-    """The parts of a file contradict each other."""
 
 
 def outlived(task: Callable[[], object]) -> bool:
@@ -313,7 +292,7 @@ def read_wav(path: str) -> Iterator[Holding]:
     """
     chunks = _wav_chunks(path, np.memmap(path, np.uint8, "r"))
     if not {b"fmt ", b"data"} <= chunks.keys():
-        raise _DamagedError("it has no samples, or does not say what they are")
+        raise ValueError("it has no samples, or does not say what they are")
     form, data = bytes(chunks[b"fmt "]), chunks[b"data"]
     tag, channels, rate, a_second, frame, bits = struct.unpack("<HHIIHH", form[:16])
     tag = int.from_bytes(form[24:26], "little") if tag == _EXTENSIBLE else tag
@@ -323,7 +302,7 @@ def read_wav(path: str) -> Iterator[Holding]:
             "of 8, 16, 24 or 32 bits and floats of 32 or 64: export it as one of these"
         )
     if not channels or not rate or frame != channels * bits // 8 or len(data) % frame:
-        raise _DamagedError(f"{len(data)} bytes, {channels} channels, {bits} bits, {rate} Hz")
+        raise ValueError(f"{len(data)} bytes, {channels} channels, {bits} bits, {rate} Hz")
     kind, zero, full = _WAV_SAMPLES[tag, bits]
     frames = data.reshape(-1, channels, bits // 8)
 
@@ -373,7 +352,7 @@ def _wav_chunks(path: str, raw: Any) -> dict[bytes, Any]:
                 f"it wrote?); {there} bytes follow it: mend the header with a sound program"
             )
         if size > there or not name.isascii():
-            raise _DamagedError(f"a chunk of {size} bytes where {there} are left")
+            raise ValueError(f"a chunk of {size} bytes where {there} are left")
         chunks[name], place = raw[begin : begin + size], begin + size + size % 2
     return chunks
 
@@ -408,21 +387,21 @@ def _unpacked_mat(content: bytes) -> bytes:
     """Return the file with its compressed elements unpacked."""
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
     if order is None:
-        raise _DamagedError("no order of bytes")
+        raise ValueError("no order of bytes")
     parts, place, most = [content[:_MAT_HEADER]], _MAT_HEADER, most_unpacked(len(content))
     while place < len(content):
         kind, size = struct.unpack_from(f"{order}II", content, place)
         own = content[place : place + 8 + size]
         if len(own) < 8 + size:
-            raise _DamagedError(f"an element of {size} bytes where {len(own) - 8} are left")
+            raise ValueError(f"an element of {size} bytes where {len(own) - 8} are left")
         if kind == _COMPRESSED:
             packer = zlib.decompressobj()
             own = packer.decompress(own[8:], most + 1)
             most -= len(own)
             if most < 0:
-                raise _DamagedError("it unpacks to more than any")
+                raise ValueError("it unpacks to more than any")
             if not packer.eof:
-                raise _DamagedError("a part is cut off")
+                raise ValueError("a part is cut off")
         parts.append(own)
         place += 8 + size
     return b"".join(parts)
@@ -439,25 +418,10 @@ def read_npy(path: str) -> Iterator[Holding]:
     """
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.offset + stored.nbytes != os.path.getsize(path):
-        raise _DamagedError("bytes behind its numbers")
-    check_not_square(path, stored.shape)
-    array = _records(stored) if stored.dtype.names else as_array("", stored)
-    found = () if array is None else (array,)
-    described = f"numbers of type {stored.dtype} and shape {stored.shape}"
-    yield Holding(arrays=found, together=True, left_out=(described,))
-
-
-def _records(stored: Any) -> Array | None:
-    """Return the fields of records as channels of one array, as they lie side by side."""
-    names = [name for name in stored.dtype.names if stored.dtype[name].kind in "fiu"]
-    if not names or len(stored.shape) != 1 or any(stored.dtype[name].shape for name in names):
-        return None
-
-    def read(start: int, stop: int) -> Floats:
-        records = stored[start:stop]
-        return np.stack([records[name].astype(np.float64) for name in names])
-
-    return Array(name="", names=tuple(names), count=stored.shape[0], read=read)
+        raise ValueError("bytes behind its numbers")
+    # the fields of records are channels
+    items = {name: stored[name] for name in stored.dtype.names or ()} or {"": stored}
+    yield replace(hold(path, items), together=True)
 
 
 @contextmanager
@@ -471,7 +435,7 @@ def read_npz(path: str) -> Iterator[Holding]:
     """
     with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
         if archive_swells(archive):
-            raise _DamagedError("it unpacks to more than any")
+            raise ValueError("it unpacks to more than any")
         items: dict[str, Any] = {}
         others: list[str] = []
         for name in archive.files:
