@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.arrays import Array, Holding, as_array, hold, stated_rate
+from gearmon.signals.reading.arrays import Array, Holding, as_array, floats, hold, stated_rate
 from gearmon.signals.reading.formats import outlived
 from gearmon.signals.reading.source import Floats
 
@@ -187,13 +187,13 @@ def _parquet_columns(file: Any) -> Holding:
     schema, rows = file.schema_arrow, file.metadata.num_rows
     kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
     dropped = [field for field in schema if field not in kept]
-    whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0).to_pandas()))
+    whole = lru_cache(maxsize=1)(lambda name: floats(file.read([name]).column(0).to_pandas()))
 
     def column(field: Any) -> Array:
         def read(start: int, stop: int) -> Floats:
             return np.asarray(whole(field.name)[None, start:stop])
 
-        unit = "s" if pyarrow.types.is_timestamp(field.type) else _unit(field.metadata)
+        unit = "ns" if pyarrow.types.is_timestamp(field.type) else _unit(field.metadata)
         return Array(name=field.name, names=(field.name,), count=rows, read=read, units=(unit,))
 
     # the row labels of a data frame are no channel
@@ -211,13 +211,6 @@ def _is_numeric(pyarrow: Any, kind: Any) -> bool:
     types = pyarrow.types
     numeric = (types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp)
     return any(is_such(kind) for is_such in numeric)
-
-
-def _floats(column: Any) -> Floats:
-    """Return a column as numbers; time stamps in seconds from the first one on."""
-    if column.dtype.kind == "M":  # seconds since 1970 as floats would lose the microseconds
-        column = (column - column.iloc[0]) / np.timedelta64(1, "s")
-    return np.asarray(column.to_numpy(np.float64, na_value=np.nan))
 
 
 @contextmanager
