@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 # Times of which so many do not come after the one before are no times.
 _WAVEFORM = 0.1
-# So many phases at a time stay in the cache of a processor core.
-_PIECE = 1 << 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,13 +184,6 @@ def phasors(cycles: FloatArray) -> ComplexArray:
     >>> phasors(np.array([0.25, 1e6 + 0.5])).round(12).tolist()
     [1j, (-1+0j)]
     """
-    found = np.empty(np.shape(cycles), dtype=np.complex128)
-    flat, out = np.ravel(cycles), found.reshape(-1)
-    for first in range(0, len(flat), _PIECE):
-        piece = slice(first, first + _PIECE)
-        # whole cycles off first: what is left keeps all its digits
-        angle = flat[piece] - np.rint(flat[piece])
-        angle *= 2 * np.pi
-        np.cos(angle, out=out[piece].real)
-        np.sin(angle, out=out[piece].imag)
-    return found
+    # whole cycles off first: what is left keeps all its digits
+    angle = 2 * np.pi * (cycles - np.rint(cycles))
+    return np.asarray(np.cos(angle) + 1j * np.sin(angle))

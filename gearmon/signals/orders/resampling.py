@@ -60,12 +60,8 @@ _PIECE = 1 << 13
 # Places a step at which a kernel is held: straight lines between them are off by 6e-8 at most, an
 # eighth of the square of their distance times the curvature 4 b / w^2.
 _HELD = 2048
-# Steps whose places are found together, and those between two that the track is asked for.
-_PLACED, _STRIDE = 1 << 16, 16
-# Cubic of Hermite at the steps of a stretch, from its rise and its slopes a stretch.
-_V = np.arange(_STRIDE) / _STRIDE
-_CUBIC = np.stack([_V**2 * (3 - 2 * _V), _V * (1 - _V) ** 2, _V**2 * (_V - 1)])
-_CUBIC_SLOPE = np.stack([6 * _V * (1 - _V), (1 - _V) * (1 - 3 * _V), _V * (3 * _V - 2)]) / _STRIDE
+# Steps whose places are found together.
+_PLACED = 1 << 16
 
 
 def resample_to_angle(
@@ -499,42 +495,10 @@ class Spreading:
         return out
 
     def _positions(self, first_turn: float, count: int) -> tuple[FloatArray, FloatArray]:
-        """Places [samples] of equal steps of angle, and steps a sample there.
-
-        Between two knots the track is one cubic, which its values and slopes at every sixteenth
-        step tell; only the stretches with a knot inside are asked for step by step.
-        """
-        number = -(-count // _STRIDE)
-        stretches = np.arange(number + 1, dtype=np.float64)
-        ends: FloatArray = first_turn + stretches * (_STRIDE / self.grid.per_turn)
-        place, slope = self._placed(ends)
-        told = np.empty((number, 3))
-        np.subtract(place[1:], place[:-1], out=told[:, 0])
-        np.multiply(slope[:-1], _STRIDE, out=told[:, 1])
-        np.multiply(slope[1:], _STRIDE, out=told[:, 2])
-        position = told @ _CUBIC
-        position += place[:-1, None]
-        slopes = told @ _CUBIC_SLOPE
-        knots = self.track.turns
-        low, high = np.searchsorted(knots, ends[[0, -1]])
-        inside = (knots[low:high] - first_turn) * (self.grid.per_turn / _STRIDE)
-        crossed = np.unique(np.minimum(inside.astype(np.intp), number - 1))
-        if len(crossed):
-            wanted = (crossed[:, None] * _STRIDE + np.arange(_STRIDE)).reshape(-1)
-            place, slope = self._placed(first_turn + wanted / self.grid.per_turn)
-            position[crossed], slopes[crossed] = (
-                place.reshape(-1, _STRIDE),
-                slope.reshape(-1, _STRIDE),
-            )
-        np.reciprocal(slopes, out=slopes)
-        return position.reshape(-1)[:count], slopes.reshape(-1)[:count]
-
-    def _placed(self, turns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Places [samples] of ascending angles, and samples a step there."""
+        """Places [samples] of equal steps of angle, and steps a sample there."""
+        turns = first_turn + np.arange(count) / self.grid.per_turn
         time_s, slope = self.track.time_and_slope_at(turns)
-        time_s *= self.sampling_rate_hz
-        slope *= self.sampling_rate_hz / self.grid.per_turn
-        return time_s, slope
+        return time_s * self.sampling_rate_hz, self.grid.per_turn / (slope * self.sampling_rate_hz)
 
     def _piece(self, position: FloatArray, steps: FloatArray, drift: FloatArray) -> FloatArray:
         taps = int(np.ceil(self.kernel.width / float(steps.min())))

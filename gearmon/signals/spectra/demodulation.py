@@ -56,7 +56,6 @@ from gearmon.signals.spectra.spectrum import (
 
 #: Samples of the envelope that a band keeps at least: fewer make a kurtosis meaningless.
 LEAST_SAMPLES = 32
-_PIECE = 1 << 14
 # Samples of an envelope over the lines of its band. Two tones of one band beat at up to its width
 # B; sampled at B the modulus would fold from B/2 on.
 _OVERSAMPLED = 4
@@ -269,26 +268,13 @@ def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     mean, square = np.empty(count), np.empty(count)
     for first in range(0, count, rows):
         group = slice(first, first + rows)
-        envelopes = ifft(bands[group], length, axis=-1, norm="forward")
-        mean[group], square[group] = _power_sums(envelopes[:, :kept])
-    mean /= kept
-    square /= kept
+        envelopes = ifft(bands[group], length, axis=-1, norm="forward")[:, :kept]
+        power = envelopes.real**2 + envelopes.imag**2
+        mean[group], square[group] = power.mean(axis=-1), (power**2).mean(axis=-1)
     # an empty band has no kurtosis; rounding noise beside strong bands must not be taken for one
     silent = mean <= 1e-24 * mean.max(initial=0.0)
     ratio = np.divide(square, mean**2, out=np.full(count, 2.0), where=~silent)
     return np.asarray(ratio - 2.0)
-
-
-def _power_sums(envelopes: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Add up |x|^2 and |x|^4 of each row, in pieces that stay in the cache; spoils the rows."""
-    first, second = np.zeros(len(envelopes)), np.zeros(len(envelopes))
-    for start in range(0, envelopes.shape[-1], _PIECE):
-        parts = envelopes[:, start : start + _PIECE].view(np.float64)
-        parts *= parts
-        power = parts[:, 0::2] + parts[:, 1::2]
-        first += power.sum(axis=-1)
-        second += np.einsum("ij,ij->i", power, power)
-    return first, second
 
 
 @dataclass(frozen=True, kw_only=True)
