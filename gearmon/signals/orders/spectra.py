@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import ifft
+from scipy.ndimage import maximum_filter1d
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive
@@ -336,29 +337,15 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
     """
     ratio = spectrum.power / spectrum.floor
     per_width = spectrum.width / spectrum.step
-    found = [
-        _peaks(level, np.flatnonzero(row > least_ratio), per_width)
-        for row, level in zip(ratio, spectrum.power, strict=True)
-    ]
-    places = np.unique(np.concatenate(found))
-    return _clearest(places, ratio[:, places].max(axis=0), round(_LOBES[0][0] * per_width))
-
-
-def _peaks(level: FloatArray, high: NDArray[np.intp], per_width: float) -> NDArray[np.intp]:
-    """Those of the high bins that are no part and no side lobe of another one."""
-    high = high[high > 2 * per_width]
-    if len(high) == 0:
-        return high
-    value = level[high]
-    kept = np.ones(len(high), dtype=bool)
+    level = spectrum.power.copy()
+    level[:, : int(2 * per_width) + 1] = 0.0
+    kept = (ratio > least_ratio) & (level > 0)
+    # side lobes of higher ones are none
     for widths, share in _LOBES:
-        reach = round(widths * per_width)
-        first = np.searchsorted(high, high - reach)
-        stop = np.searchsorted(high, high + reach, side="right")
-        ends = np.stack([first, np.minimum(stop, len(high))], axis=-1).ravel()
-        about = np.maximum.reduceat(np.append(value, 0.0), ends)[::2]
-        kept &= value >= share * about
-    return high[kept]
+        about = maximum_filter1d(level, 2 * round(widths * per_width) + 1, mode="constant")
+        kept &= level >= share * about
+    places = np.flatnonzero(kept.any(axis=0))
+    return _clearest(places, ratio[:, places].max(axis=0), round(_LOBES[0][0] * per_width))
 
 
 def _clearest(places: NDArray[np.intp], ratio: FloatArray, reach: int) -> NDArray[np.intp]:
