@@ -244,7 +244,7 @@ def scan_speed(
     check_positive("nominal_hz", nominal_hz, "Hz")
     check_range("tolerance", tolerance, 1e-6, 0.3)
     check_positive("block_s", block_s, "s")
-    blocks = _Blocks.of(samples, sampling_rate_hz, block_s, _MANY_BLOCKS)
+    blocks = _Blocks(samples, sampling_rate_hz, block_s, _MANY_BLOCKS)
     used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
     top = float(used.orders.max())
     half = _half(tolerance, blocks.bin_hz / (nominal_hz * top))
@@ -288,7 +288,7 @@ def find_path(
     """
     check_positive("nominal_hz", nominal_hz, "Hz")
     check_range("reach", reach, 1e-6, 0.5)
-    blocks = _Blocks.of(samples, sampling_rate_hz, _PATH_TURNS / nominal_hz)
+    blocks = _Blocks(samples, sampling_rate_hz, _PATH_TURNS / nominal_hz)
     used = comb.below(0.49 * sampling_rate_hz / nominal_hz)
     span = float(np.log1p(reach))
     half = _half(span, blocks.bin_hz / (nominal_hz * float(used.orders.max())), _PATH_CANDIDATES)
@@ -306,39 +306,24 @@ def _half(span: float, bin_share: float, most: int = _MAX_CANDIDATES) -> int:
     return int(np.clip(np.ceil(span / (0.5 * bin_share)), 2, most // 2))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Blocks:
     """Hann blocks of a recording, half overlapped unless there are too many."""
 
-    samples: FloatArray
-    rate: float
-    size: int
-    overlapped: bool
-    starts: IntArray
-
-    @classmethod
-    def of(cls, samples: FloatArray, rate: float, block_s: float, many: float = np.inf) -> _Blocks:
+    def __init__(
+        self, samples: FloatArray, rate: float, block_s: float, many: float = np.inf
+    ) -> None:
         count = samples.shape[-1]
-        size = int(min(count, max(16.0, round(block_s * rate))))
-        hop = max(size // 2, 1)
-        overlapped = (count - size) // hop < many
-        starts = np.arange(0, count - size + 1, hop if overlapped else size)
-        if len(starts) > 3 and starts[-1] != count - size:
-            starts = np.append(starts, count - size)  # takes the recording to its end
-        return cls(samples=samples, rate=rate, size=size, overlapped=overlapped, starts=starts)
-
-    @property
-    def length(self) -> int:
-        """Length of the transforms: a line is then two bins wide."""
-        return fast_length(2 * self.size)
-
-    @property
-    def bin_hz(self) -> float:
-        return self.rate / self.length
-
-    @property
-    def centre_s(self) -> FloatArray:
-        return np.asarray((self.starts + self.size / 2) / self.rate)
+        self.samples = samples
+        self.size = int(min(count, max(16.0, round(block_s * rate))))
+        hop = max(self.size // 2, 1)
+        self.overlapped = (count - self.size) // hop < many
+        starts = np.arange(0, count - self.size + 1, hop if self.overlapped else self.size)
+        if len(starts) > 3 and starts[-1] != count - self.size:
+            starts = np.append(starts, count - self.size)  # takes the recording to its end
+        self.starts, self.centre_s = starts, (starts + self.size / 2) / rate
+        # a line is then two bins wide
+        self.length = fast_length(2 * self.size)
+        self.bin_hz = rate / self.length
 
     def scanned(
         self,

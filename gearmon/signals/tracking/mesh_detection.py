@@ -176,7 +176,7 @@ def mesh_evidence(
         One a mesh.
     """
     track = scan.track(_unseen(scan))
-    judged = _JudgedSpectrum.of(scan, track, nominal_hz, tolerance)
+    judged = _JudgedSpectrum(scan, track, nominal_hz, tolerance)
 
     def evidence(index: int) -> MeshEvidence:
         return _evidence(judged, meshes, shaft_orders, index)
@@ -238,44 +238,35 @@ def _decoys(mesh: MeshComb, spacing: float) -> list[MeshComb]:
     return [mesh.shifted(sign * j * spacing) for sign in (-1, 1) for j in steps]
 
 
-@dataclass(frozen=True, kw_only=True)
 class _JudgedSpectrum:
-    """Mean log signal-to-noise ratio against order, and the speed corrections to be tried."""
+    """Mean log signal-to-noise ratio against order, and the speed corrections to be tried.
 
-    quality: FloatArray
-    bin_order: float
-    corrections: FloatArray
-    top_order: float
+    The kept blocks are averaged at speeds that were told by others.
+    """
 
-    @classmethod
-    def of(
-        cls, scan: SpeedScan, track: SpeedTrack, nominal_hz: float, tolerance: float
-    ) -> _JudgedSpectrum:
-        """Average the kept blocks at speeds that were told by others."""
+    def __init__(
+        self, scan: SpeedScan, track: SpeedTrack, nominal_hz: float, tolerance: float
+    ) -> None:
         mean = track.mean_hz
         if len(track.time_s) == 1:  # one block for both: at least its speed is constant
             mean = float(track.speed_hz[0])
-        bin_order = scan.bin_hz / mean
+        self.bin_order = scan.bin_hz / mean
         bins = scan.quality.shape[1]
-        top = (bins - 1) * bin_order / (1 + tolerance)
-        steps = int(np.ceil(2 * tolerance * top / bin_order))
+        self.top_order = (bins - 1) * self.bin_order / (1 + tolerance)
+        steps = int(np.ceil(2 * tolerance * self.top_order / self.bin_order))
         corrections = tolerance * np.arange(-steps, steps + 1) / max(1, steps)
         inside = np.abs(mean * (1 + corrections) / nominal_hz - 1) <= tolerance
-        grid, quality = np.arange(bins) * bin_order, np.zeros(bins)
+        self.corrections = corrections[inside] if inside.any() else np.zeros(1)
+        grid, quality = np.arange(bins) * self.bin_order, np.zeros(bins)
         for row, speed in zip(scan.quality, track.at(scan.centre_s[scan.kept]), strict=True):
             quality += row[np.minimum(np.rint(grid * speed / scan.bin_hz).astype(int), bins - 1)]
-        return cls(
-            quality=quality / len(scan.kept),
-            bin_order=bin_order,
-            corrections=corrections[inside] if inside.any() else np.zeros(1),
-            top_order=top,
-        )
+        self.quality = quality / len(scan.kept)
 
     def comb_score(self, comb: Comb) -> FloatArray:
         """Weighted sum of the comb's lines for every correction."""
         used = comb.orders < self.top_order
         orders = (1 + self.corrections)[:, None] * comb.orders[used]
-        return self._at(orders) @ comb.weights[used]
+        return np.asarray(self._at(orders) @ comb.weights[used])
 
     def best(self, mesh: MeshComb, comb: Comb, shared: FloatArray | int) -> FloatArray:
         """Log strength of each harmonic's group at the speed that suits comb and mesh best.
@@ -438,33 +429,22 @@ def foreign_spacing(
     """
     quality = spectrum.quality[: int((_HARMONICS + 1) * mesh.order / spectrum.step)]
     found = [
-        _finer_comb(_Lines.of(quality, spectrum, averaged), mesh, turning, meshing, own)
+        _finer_comb(_Lines(quality, spectrum, averaged), mesh, turning, meshing, own)
         for averaged in _AVERAGED
     ]
     return min((spacing for spacing in found if spacing is not None), default=None)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Lines:
     """How high lines stand at any order, their width, and what is usual."""
 
-    height: FloatArray
-    step: float
-    width: float
-    usual: float
-
-    @classmethod
-    def of(cls, quality: FloatArray, spectrum: FineSpectrum, averaged: int) -> _Lines:
+    def __init__(self, quality: FloatArray, spectrum: FineSpectrum, averaged: int) -> None:
         if averaged > 1:
             quality = np.log1p(uniform_filter1d(np.expm1(quality), averaged))
-        width = spectrum.width * max(1.0, averaged / 2)
-        reach = max(1, round(0.5 * width / spectrum.step))
-        return cls(
-            height=maximum_filter1d(quality, 2 * reach + 1),
-            step=spectrum.step,
-            width=width,
-            usual=float(np.median(quality)),
-        )
+        self.step, self.width = spectrum.step, spectrum.width * max(1.0, averaged / 2)
+        reach = max(1, round(0.5 * self.width / self.step))
+        self.height = maximum_filter1d(quality, 2 * reach + 1)
+        self.usual = float(np.median(quality))
 
     def at(self, orders: FloatArray) -> FloatArray:
         """Heights at orders, NaN beyond the spectrum."""

@@ -83,6 +83,10 @@ class TachoPulses:
     def __post_init__(self) -> None:
         """Check the times."""
         times = self.time_s
+        if times.ndim != 1:
+            raise RecordingError(
+                f"pulse times: an array of shape {times.shape}; a row of times is needed"
+            )
         if not np.all(np.isfinite(times)):
             place = int(np.argmin(np.isfinite(times)))
             raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
