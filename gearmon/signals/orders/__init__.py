@@ -24,7 +24,7 @@ from gearmon.lazy import lazily
 _OFFERED = {
     "averages": ("one_turn", "time_synchronous_average"),
     "lines": ("OrderLines", "OrderSums", "order_lines", "variance_of_mean", "without_knocks"),
-    "resampling": ("AngleGrid", "angle_blocks", "angular_waveform", "resample_to_angle"),
+    "resampling": ("AngleGrid", "angular_waveform", "resample_to_angle"),
     "spectra": ("OrderMap", "clear_peaks", "fine_order_spectrum", "fine_spectrum", "order_map"),
 }
 

@@ -27,7 +27,6 @@ oversampling ratio, IEEE Trans. Medical Imaging 24 (2005) 799-808.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -185,43 +184,6 @@ class AngleGrid:
                 f"recording of {last_s:.3g} s holds {last - first:.2g} turns of shaft 1: too short"
             )
         return cls(per_turn=per_turn, first_turn=first, count=count)
-
-
-def angle_blocks(
-    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, grid: AngleGrid, block: int
-) -> Iterator[tuple[int, FloatArray]]:
-    """Give half-overlapped blocks of a recording at equal steps of angle.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n)
-        The signals.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
-    grid : AngleGrid
-        The steps of angle.
-    block : int
-        Steps a block.
-
-    Yields
-    ------
-    start : int
-        First step of the block.
-    part : ndarray of float, shape (channels, block)
-        The block.
-    """
-    hop = max(1, block // 2)
-    starts = range(0, grid.count - block + 1, hop)
-    together = max(1, _CHUNK // hop)
-    for number in range(0, len(starts), together):
-        group = starts[number : number + together]
-        turn = grid.first_turn + group[0] / grid.per_turn
-        count = group[-1] - group[0] + block
-        piece = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, turn, count)
-        for start in group:
-            yield start, piece[:, start - group[0] : start - group[0] + block]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

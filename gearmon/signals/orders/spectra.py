@@ -26,13 +26,20 @@ from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
-from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Kernel, Spreading, angle_blocks
+from gearmon.signals.orders.resampling import (
+    READ_UP_TO,
+    AngleGrid,
+    Kernel,
+    Spreading,
+    resample_to_angle,
+)
 from gearmon.signals.spectra.spectrum import (
-    amplitude_spectrum,
     fast_length,
     hann,
     local_floor,
+    noise_bandwidth,
     transform,
+    window,
     window_powers,
 )
 from gearmon.signals.threads import side_by_side
@@ -481,16 +488,13 @@ def order_map(
     bins = int(highest * block / grid.per_turn) + 1
     powers = np.zeros((len(low), len(samples), bins))
     seen = np.bincount(row, minlength=len(low))
-    resolution = 0.0
-    for number, (_, part) in enumerate(angle_blocks(samples, sampling_rate_hz, track, grid, block)):
-        found = amplitude_spectrum(
-            part - part.mean(axis=-1, keepdims=True),
-            float(grid.per_turn),
-            window_name=window_name,
-            length=block,
-        )
-        powers[row[number]] += found.values[:, :bins] ** 2
-        resolution = found.resolution_hz
+    weights = window(window_name, block)
+    for number, turn in zip(row, begin, strict=True):
+        part = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, turn, block)
+        part -= part.mean(axis=-1, keepdims=True)
+        powers[number] += window_powers(part, weights, block)[:, :bins]
+    powers *= (2.0 / weights.sum()) ** 2
+    powers[..., 0] *= 0.25  # the line at zero has no mirror image
     kept = seen > 0
     counts = seen[kept].astype(float)
     return OrderMap(
@@ -504,7 +508,7 @@ def order_map(
         high=high[kept],
         blocks=seen[kept],
         block_turns=block / grid.per_turn * ratio,
-        resolution=resolution / ratio,
+        resolution=noise_bandwidth(window_name) * float(grid.per_turn / block / ratio),
     )
 
 

@@ -233,16 +233,16 @@ def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Ho
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
             continue
         array = as_array(name, data)
-        if array is not None:
+        if array is None:
+            others.append(f"{name or 'numbers'} of shape {data.shape} and type {data.dtype}")
+        else:
             arrays.append(array)
-            continue
-        others.append(f"{name or 'numbers'} of shape {data.shape} and type {data.dtype}")
-        long_axes = [size for size in data.shape if size != 1]
-        if len(items) == 1 and len(long_axes) == 2 and long_axes[0] == long_axes[1]:
-            raise RecordingError(
-                f"{path}: an array of shape {data.shape}: which axis is time cannot be told; store "
-                "one channel, or more samples than channels"
-            )
+    shapes = [data.shape for data in items.values() if data.ndim == 2 and data.size > 1]
+    if not arrays and shapes and shapes[0][0] == shapes[0][1]:
+        raise RecordingError(
+            f"{path}: an array of shape {shapes[0]}: which axis is time cannot be told; store one "
+            "channel, or more samples than channels"
+        )
     return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
 
 
