@@ -20,7 +20,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import ifft
-from scipy.ndimage import maximum_filter1d
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive
@@ -344,15 +343,23 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
     """
     ratio = spectrum.power / spectrum.floor
     per_width = spectrum.width / spectrum.step
-    level = spectrum.power.copy()
-    level[:, : int(2 * per_width) + 1] = 0.0
-    kept = (ratio > least_ratio) & (level > 0)
-    # side lobes of higher ones are none
-    for widths, share in _LOBES:
-        about = maximum_filter1d(level, 2 * round(widths * per_width) + 1, mode="constant")
-        kept &= level >= share * about
-    places = np.flatnonzero(kept.any(axis=0))
+    found = [
+        _peaks(level, np.flatnonzero(row > least_ratio), per_width)
+        for row, level in zip(ratio, spectrum.power, strict=True)
+    ]
+    places = np.unique(np.concatenate(found))
     return _clearest(places, ratio[:, places].max(axis=0), round(_LOBES[0][0] * per_width))
+
+
+def _peaks(level: FloatArray, high: NDArray[np.intp], per_width: float) -> NDArray[np.intp]:
+    """Those of the high bins that are no part and no side lobe of another one."""
+    high = high[high > 2 * per_width]
+    value, kept = np.append(level[high], 0.0), np.ones(len(high), dtype=bool)
+    for widths, share in _LOBES:
+        reach = round(widths * per_width)
+        ends = np.searchsorted(high, [high - reach, high + reach + 1]).T.ravel()
+        kept &= value[:-1] >= share * np.maximum.reduceat(value, ends)[::2]
+    return high[kept]
 
 
 def _clearest(places: NDArray[np.intp], ratio: FloatArray, reach: int) -> NDArray[np.intp]:

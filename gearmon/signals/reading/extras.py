@@ -247,10 +247,12 @@ def read_tdms(path: str) -> Iterator[Holding]:
         If the file is damaged, or its last part is incomplete.
     """
     import nptdms
+    from nptdms.log import log_manager
 
+    log_manager.set_level(logging.CRITICAL)  # remarks on damaged files are for no terminal
     stored = _bytes_of_segments(path)
     # opened here, as the library leaves a damaged file open
-    with open(path, "rb") as stream, _quiet():
+    with open(path, "rb") as stream:
         file = nptdms.TdmsFile.open(stream)
         channels = [channel for group in file.groups() for channel in group.channels()]
         found = _tdms_channels(path, file, channels)
@@ -274,19 +276,6 @@ def _bytes_of_segments(path: str) -> int:
             _, own, begin = struct.unpack(">IQQ" if flags & _BIG_ENDIAN else "<IQQ", rest)
             end, stored = end + 28 + own, stored + own - begin
     return stored
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep the library from writing its remarks on damaged files to the terminal."""
-    from nptdms.log import log_manager
-
-    before = log_manager.log_level
-    log_manager.set_level(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log_manager.set_level(before)
 
 
 def _tdms_channels(path: str, file: Any, channels: list[Any]) -> Holding:

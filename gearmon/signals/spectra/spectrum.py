@@ -349,15 +349,13 @@ def power_density(
 
 
 def _mean_power(signal: FloatArray, weights: FloatArray, length: int) -> FloatArray:
-    """Mean squared magnitude of half-overlapped windowed blocks, some blocks at a time."""
-    block = len(weights)
+    """Mean squared magnitude of half-overlapped windowed blocks."""
+    block, power = len(weights), np.zeros(length // 2 + 1)
     blocks = np.lib.stride_tricks.sliding_window_view(signal, block)[:: max(1, block // 2)]
-    rows = rows_in_cache(length)
-    power = np.zeros(2 * (length // 2 + 1))
-    for first in range(0, len(blocks), rows):
-        parts = transform(blocks[first : first + rows], length, weights).view(np.float64)
-        power += np.einsum("ij,ij->j", parts, parts)
-    return np.asarray((power[0::2] + power[1::2]) / len(blocks), dtype=np.float64)
+    for own in blocks:
+        lines = transform(own, length, weights)
+        power += lines.real**2 + lines.imag**2
+    return power / len(blocks)
 
 
 def local_floor(power: FloatArray, width: int) -> FloatArray:

@@ -242,7 +242,7 @@ def repair(time_s: FloatArray, per_turn: int | None = None) -> TachoPulses:
             f"tacho channel: {missing} pulses missing and {extra} too many among {len(times)}; at "
             "most 2 % can be repaired. Check the sensor, or leave the tacho out"
         )
-    unclear = [own for own in (ahead.crowded_s, behind.crowded_s, unclear_s) if own is not None]
+    unclear = [*ahead.crowded_s(), *behind.crowded_s(), *unclear_s]
     if unclear:
         raise RecordingError(
             f"tacho channel: pulses about {unclear[0]:.4g} s come at times that fit no steady "
@@ -283,16 +283,11 @@ class _Walk:
     filled: list[bool]
     extra: int = 0
     places: list[int] = field(default_factory=list)
-    crowded_s: float | None = None
 
-    def mend(self) -> None:
-        """Remember a repair behind the last pulse, and where too many of them come together."""
-        self.places.append(len(self.time_s))
-        crowded = (
-            len(self.places) > _CROWD and self.places[-1] - self.places[-1 - _CROWD] <= _WITHIN
-        )
-        if crowded and self.crowded_s is None:
-            self.crowded_s = abs(self.time_s[-1])
+    def crowded_s(self) -> list[float]:
+        """Return times at which too many repairs come together."""
+        several = zip(self.places, self.places[_CROWD:], strict=False)
+        return [abs(self.time_s[last - 1]) for first, last in several if last - first <= _WITHIN]
 
 
 def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
@@ -310,11 +305,11 @@ def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
         late = time_s[index] - (found[-1] + gaps[step] * turn)
         if late < -reach or (late <= reach and abs(late + following[index]) < abs(late)):
             walk.extra += 1
-            walk.mend()
+            walk.places.append(len(found))
             index += 1
             continue
         if late > reach:
-            walk.mend()
+            walk.places.append(len(found))
         found.append(found[-1] + gaps[step] * turn if late > reach else float(time_s[index]))
         walk.filled.append(late > reach)
         index += late <= reach
@@ -323,7 +318,7 @@ def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
 
 def _settled(
     time_s: FloatArray, filled: BoolArray, per_turn: int
-) -> tuple[FloatArray, int, int, float | None]:
+) -> tuple[FloatArray, int, int, list[float]]:
     """Put pulses that were filled in or are off onto the cubic through their neighbours.
 
     Returns the times, how many were missing and extra, and where it is unclear which.
@@ -337,7 +332,7 @@ def _settled(
         expected = _expected(time_s, per_turn)
         wrong = _misplaced(time_s, expected)
         if not len(wrong):
-            return time_s, missing, extra, None
+            return time_s, missing, extra, []
         extra += len(wrong)
         if len(wrong) == 1 and wrong[0] in (0, len(time_s) - 1):
             time_s = np.delete(time_s, wrong)
@@ -345,7 +340,7 @@ def _settled(
         missing += len(wrong)
         time_s = time_s.copy()
         time_s[wrong] = expected[wrong]
-    return time_s, missing, extra, float(time_s[min(int(wrong[0]), len(time_s) - 1)])
+    return time_s, missing, extra, [float(time_s[min(int(wrong[0]), len(time_s) - 1)])]
 
 
 def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:
