@@ -80,10 +80,6 @@ class AngleTrack:
         return _curve(self.turns, self.time_s)
 
     @cached_property
-    def _slope(self) -> PPoly:
-        return self._time.derivative()
-
-    @cached_property
     def _angle(self) -> PPoly:
         return _curve(self.time_s, self.turns)
 
@@ -134,7 +130,7 @@ class AngleTrack:
 
     def time_and_slope_at(self, turns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Time [s] at the given angles [turns], and its slope there [s/turn]."""
-        return np.asarray(self._time(turns)), np.asarray(self._slope(turns))
+        return np.asarray(self._time(turns)), np.asarray(self._time(turns, 1))
 
     def turns_at(self, time_s: FloatArray) -> FloatArray:
         """Angle [turns] at the given times [s]; linear beyond the ends."""

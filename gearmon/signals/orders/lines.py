@@ -567,13 +567,13 @@ class OrderSums:
         if self._read is not None:
             if self._known[0] is track:
                 return self._known[1], self._read
-            angle = self._read.angle_in(track)
+            angle = track.turns_at(self._read.edges_s)
             if self._read.departure(angle) < _NEAR:
                 self._known = track, angle
                 return angle, self._read
             self._noise = {}
         self._read = Stretches(self.samples, self.sampling_rate_hz, track, self.orders)
-        self._known = track, self._read.angle_in(track)
+        self._known = track, track.turns_at(self._read.edges_s)
         return self._known[1], self._read
 
 
@@ -626,10 +626,6 @@ class Stretches:
         order, ends = np.argsort(number, kind="stable"), np.cumsum(np.unique_counts(number).counts)
         alike = np.split(order, np.union1d(ends[:-1], np.arange(_TOGETHER, count, _TOGETHER)))
         side_by_side(read, alike, samples.size)
-
-    def angle_in(self, track: AngleTrack) -> FloatArray:
-        """Angle of a track at the edges of the stretches [turns]."""
-        return track.turns_at(self.edges_s)
 
     def departure(self, angle: FloatArray) -> float:
         """Cycles a stretch that a track differs by from the one these sums were made with."""

@@ -38,7 +38,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.fft import ifft
+from scipy.fft import ifft, next_fast_len
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
@@ -48,7 +48,6 @@ from gearmon.signals.spectra.spectrum import (
     checked,
     fast_length,
     hann,
-    is_smooth,
     quick_length,
     rows_in_cache,
     transform,
@@ -261,7 +260,7 @@ def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     width = len(lines) // count
     # twice as many points as lines: the squared envelope is then sampled without aliasing, and its
     # mean square is exact wherever the impacts fall between the points
-    length = 2 * width if is_smooth(width) else fast_length(2 * width)
+    length = next_fast_len(2 * width)
     rows = min(count, rows_in_cache(length))
     kept = max(2, int(length * share))
     bands = lines[: width * count].reshape(count, width)

@@ -336,8 +336,12 @@ def power_density(
     if not 2 <= block <= signals.shape[-1]:
         raise ArgumentError(f"block={block} samples must lie in [2, {signals.shape[-1]}]")
     weights, length = window(window_name, block), quick_length(block)
-    values = np.array([_mean_power(signal, weights, length) for signal in signals])
-    values /= sampling_rate_hz * (weights @ weights)
+    blocks = np.lib.stride_tricks.sliding_window_view(signals, block, axis=-1)
+    blocks = blocks[:, :: max(1, block // 2)]
+    values = np.zeros((len(signals), length // 2 + 1))
+    for number in range(blocks.shape[1]):
+        values += window_powers(blocks[:, number], weights, length)
+    values /= blocks.shape[1] * sampling_rate_hz * (weights @ weights)
     values[:, 1 : (length + 1) // 2] *= 2.0
     _check_finite(values)
     return Spectrum(
@@ -346,16 +350,6 @@ def power_density(
         quantity="density",
         resolution_hz=noise_bandwidth(window_name) * sampling_rate_hz / block,
     )
-
-
-def _mean_power(signal: FloatArray, weights: FloatArray, length: int) -> FloatArray:
-    """Mean squared magnitude of half-overlapped windowed blocks."""
-    block, power = len(weights), np.zeros(length // 2 + 1)
-    blocks = np.lib.stride_tricks.sliding_window_view(signal, block)[:: max(1, block // 2)]
-    for own in blocks:
-        lines = transform(own, length, weights)
-        power += lines.real**2 + lines.imag**2
-    return power / len(blocks)
 
 
 def local_floor(power: FloatArray, width: int) -> FloatArray:
