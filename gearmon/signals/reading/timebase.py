@@ -5,6 +5,7 @@ First how time stamps follow each other, rounded as they are printed; then the r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -75,11 +76,10 @@ def spacing(stamps: Floats) -> Spacing:
     >>> spacing(np.array([0.0, 0.001, 0.002, 0.004])).fault
     'a step of 0.002 where 0.001 is usual: about 1 sample is missing'
     """
-    steps = np.diff(stamps)
-    step = float(stamps[-1] - stamps[0]) / len(steps)
-    usual, exact = _usual_step(stamps, steps)
-    backwards = _first(steps < 0)
-    if backwards or usual < 0 or step <= 0:
+    step = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
+    usual, exact = _usual_step(stamps)
+    backwards = _first(stamps, lambda steps: steps < 0)
+    if backwards >= 0 or usual < 0 or step <= 0:
         row = max(backwards, 1)
         before, after = stamps[row - 1], stamps[row]
         what = f"comes after {before:.9g}" if after < before else "is repeated"
@@ -91,17 +91,16 @@ def spacing(stamps: Floats) -> Spacing:
     if coarse:
         fault, row = _off_line(stamps, step, resolution + _JITTER * step)
     else:
-        fault, row = _fault(stamps, steps, usual, resolution)
+        fault, row = _fault(stamps, step, usual, resolution)
     found = Spacing(step=step, coarse=coarse, fault=fault, row=row)
     if exact or fault:
         return found
-    slope, _ = _straight(stamps)
-    return replace(found, step=slope, uncertainty=resolution / (step * len(stamps)))
+    return replace(found, step=_slope(stamps), uncertainty=resolution / (step * len(stamps)))
 
 
 def counts_evenly(values: Floats) -> bool:
     """Tell whether the values go up by exactly 1 from each sample to the next."""
-    return len(values) > 1 and bool(np.all(np.diff(values) == 1))
+    return len(values) > 1 and _first(values, lambda steps: steps != 1) < 0
 
 
 def rises_evenly(values: Floats) -> bool:
@@ -115,13 +114,15 @@ def rises_evenly(values: Floats) -> bool:
     return not found.fault and not found.coarse
 
 
-def _fault(stamps: Floats, steps: Floats, usual: float, resolution: float) -> tuple[str, int]:
+def _fault(stamps: Floats, step: float, usual: float, resolution: float) -> tuple[str, int]:
     """Say what is irregular about stamps that are rounded to a part of a step, and in which row."""
-    step = float(stamps[-1] - stamps[0]) / len(steps)
-    if repeated := _first(steps == 0):
+    repeated = _first(stamps, lambda steps: steps == 0)
+    if repeated >= 0:
         return f"{stamps[repeated]:.9g} is repeated", repeated
-    if uneven := _first(np.abs(steps - usual) > resolution + _JITTER * usual):
-        return _uneven(float(steps[uneven - 1]), usual), uneven
+    tolerance = resolution + _JITTER * usual
+    uneven = _first(stamps, lambda steps: np.abs(steps - usual) > tolerance)
+    if uneven >= 0:
+        return _uneven(stamps, uneven, usual), uneven
     if resolution > _DOUBTFUL * step:
         fault, row = _off_line(stamps, step, 0.5 * resolution + _JITTER * step)
         if fault:
@@ -129,13 +130,14 @@ def _fault(stamps: Floats, steps: Floats, usual: float, resolution: float) -> tu
     half = len(stamps) // 2
     if half > 1:
         early = float(stamps[half] - stamps[0]) / half
-        late = float(stamps[-1] - stamps[half]) / (len(steps) - half)
+        late = float(stamps[-1] - stamps[half]) / (len(stamps) - 1 - half)
         if abs(late - early) > _DRIFT * step + 4 * resolution / half:
             return f"the step changes from {early:.6g} to {late:.6g} between its two halves", half
     return "", 0
 
 
-def _uneven(found: float, usual: float) -> str:
+def _uneven(stamps: Floats, row: int, usual: float) -> str:
+    found = float(stamps[row] - stamps[row - 1])
     lost = round(found / usual) - 1
     text = f"a step of {found:.6g} where {usual:.6g} is usual"
     if lost < 1 or abs(found / usual - lost - 1) > 0.2:
@@ -143,10 +145,11 @@ def _uneven(found: float, usual: float) -> str:
     return f"{text}: about {lost} {'sample is' if lost == 1 else 'samples are'} missing"
 
 
-def _usual_step(stamps: Floats, steps: Floats) -> tuple[float, bool]:
+def _usual_step(stamps: Floats) -> tuple[float, bool]:
     """Return the median step, and whether nearly all steps are equal to it (nothing rounded)."""
-    if len(steps) > 2 * _CHUNK:
-        steps = np.concatenate([steps[:_CHUNK], steps[-_CHUNK:]])
+    steps = np.diff(stamps[: 2 * _CHUNK])
+    if len(stamps) > 2 * _CHUNK:
+        steps = np.concatenate([steps[:_CHUNK], np.diff(stamps[-_CHUNK:])])
     usual = float(np.median(steps))
     slack = 1e-6 * abs(usual) + 4 * np.spacing(np.abs(stamps[[0, -1]]).max())
     others = int(np.count_nonzero(np.abs(steps - usual) > slack))
@@ -168,23 +171,29 @@ def _resolution(stamps: Floats) -> float:
     )
 
 
-def _first(wrong: BoolArray) -> int:
-    """Return the index of the first stamp whose step from the one before is wrong; 0: none."""
-    return int(wrong.argmax()) + 1 if wrong.any() else 0
+def _first(stamps: Floats, wrong: Callable[[Floats], BoolArray]) -> int:
+    """Return the index of the first stamp whose step from the one before is wrong; -1: none."""
+    for start in range(0, len(stamps) - 1, _CHUNK):
+        bad = wrong(np.diff(stamps[start : start + _CHUNK + 1]))
+        if bad.any():
+            return start + int(bad.argmax()) + 1
+    return -1
 
 
-def _straight(stamps: Floats) -> tuple[float, Floats]:
-    """Return the slope of the best straight line, where rounding averages out, and what is left."""
+def _slope(stamps: Floats) -> float:
+    """Return the mean step as the slope of the best straight line: rounding averages out."""
     count = len(stamps)
-    place = np.arange(count) - 0.5 * (count - 1)
-    rest = stamps - stamps.mean()
-    slope = float(rest @ place) * 12.0 / (count * (count**2 - 1.0))
-    return slope, rest - slope * place
+    moment = float((stamps - stamps.mean()) @ _from_middle(count))
+    return moment * 12.0 / (count * (count**2 - 1.0))
+
+
+def _from_middle(count: int) -> Floats:
+    return np.asarray(np.arange(count) - 0.5 * (count - 1), dtype=np.float64)
 
 
 def _off_line(stamps: Floats, step: float, tolerance: float) -> tuple[str, int]:
     """Say which stamp is farthest from their straight line, if too far, and its index."""
-    off = np.abs(_straight(stamps)[1])
+    off = np.abs(stamps - stamps.mean() - _slope(stamps) * _from_middle(len(stamps)))
     row = int(off.argmax())
     if off[row] <= tolerance:
         return "", 0
