@@ -28,6 +28,7 @@ from gearmon.signals.recording import Recording
 # touched; of 180 with one knock of 15 times their peak one was, whose knock had died away within
 # 15 samples. Nor is anything found in 15 real recordings of three rigs. Of what was put in, beside
 # each limit stands what was found of 180; what is missed is too small to matter to the averages.
+_CHUNK = 1 << 20
 # Samples that tell the middle of a channel: to less than a hundredth of its spread.
 _TOLD_BY = 1 << 15
 # A run of equal samples is a channel that stands still if it is so many times as long as all but
@@ -267,31 +268,39 @@ def _spikes(values: FloatArray) -> Iterator[BadStretch]:
     most = _MOST_SPIKES * _SPIKE_SAMPLES + 1
     if len(values) < most:
         return  # of so few samples, chance puts one at four times the others
-    every = max(1, len(values) // _TOLD_BY)
-    size = np.abs(values - np.median(values[::every]))
-    if not np.median(size[::every]):
+    some = values[:: max(1, len(values) // _TOLD_BY)]
+    middle = float(np.median(some))
+    if not np.median(np.abs(some - middle)):
         return
-    # those above the widest gap in size among the largest ones
-    place = np.argpartition(size, -most)[-most:]
-    place = place[np.argsort(-size[place])]
-    height = np.maximum(size[place], np.finfo(float).tiny)
+    # as many as stretches can hold, and one
+    place, size = _largest(values, middle, _SPIKE_SAMPLES * most)
+    # those above the widest gap in size among them
+    height = np.maximum(size[:most], np.finfo(float).tiny)
     high = np.sort(place[: 1 + int(np.argmax(height[:-1] / height[1:]))])
     edges = np.flatnonzero(np.diff(high) > _SPIKE_SAMPLES) + 1
     stretches = [(int(own[0]), int(own[-1]) + 1) for own in np.split(high, edges)]
-    if any(stop - start > _SPIKE_SAMPLES for start, stop in stretches):
+    inside = np.any([(place >= start) & (place < stop) for start, stop in stretches], axis=0)
+    if inside.all() or any(stop - start > _SPIKE_SAMPLES for start, stop in stretches):
         return
-    beside = [
-        float(np.r_[size[max(0, start - _REACH) : start], size[stop : stop + _REACH]].max())
-        for start, stop in stretches
-    ]
-    peaks = [float(size[start:stop].max()) for start, stop in stretches]
+    rest = float(size[~inside].max())
     for start, stop in stretches:
-        size[start:stop] = 0.0
-    rest = float(size.max())
-    for peak, rings, (start, stop) in zip(peaks, beside, stretches, strict=True):
+        peak = float(np.abs(values[start:stop] - middle).max())
+        beside = np.r_[values[max(0, start - _REACH) : start], values[stop : stop + _REACH]]
+        rings = float(np.abs(beside - middle).max(initial=0.0))
         if peak > _OVER_REST * rest and rings < max(_RINGS * peak, 1.5 * rest):
             what = f"jumps to {peak / rest:.3g} times the largest other sample"
             yield BadStretch(start=start, stop=stop, what=what, bridged=True)
+
+
+def _largest(values: FloatArray, middle: float, most: int) -> tuple[IntArray, FloatArray]:
+    """Places and sizes of the largest departures, the largest first; in pieces: files are long."""
+    place, size = np.zeros(0, dtype=np.int64), np.zeros(0)
+    for start in range(0, len(values), _CHUNK):
+        part = np.abs(values[start : start + _CHUNK] - middle)
+        largest = np.argpartition(part, max(0, len(part) - most))[-most:]
+        place, size = np.append(place, start + largest), np.append(size, part[largest])
+    order = np.argsort(-size)[:most]
+    return place[order], size[order]
 
 
 def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[BadStretch]:
