@@ -3,8 +3,7 @@
 Nothing here knows gears: orders come as plain numbers. `recording` holds the value object that all
 others take, `reading` makes it of files. `spectra` looks at signals against time; `tracking` finds
 speed and angle, with a tachometer or tacholess; `orders` looks at signals against that angle;
-`indicators` condenses waveforms and averages to numbers. `angle`, `transforms` and `threads` serve
-them.
+`indicators` condenses waveforms and averages to numbers. `angle` and `threads` serve them.
 
 >>> import numpy as np
 >>> from gearmon.signals.indicators import kurtosis

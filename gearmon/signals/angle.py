@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
 # Times of which so many do not come after the one before are no times.
 _WAVEFORM = 0.1
-# So many phases at a time stay in the cache of a processor core.
-_PIECE = 1 << 12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,10 +80,6 @@ class AngleTrack:
         return _curve(self.turns, self.time_s)
 
     @cached_property
-    def _slope(self) -> PPoly:
-        return self._time.derivative()
-
-    @cached_property
     def _angle(self) -> PPoly:
         return _curve(self.time_s, self.turns)
 
@@ -136,7 +130,7 @@ class AngleTrack:
 
     def time_and_slope_at(self, turns: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Time [s] at the given angles [turns], and its slope there [s/turn]."""
-        return np.asarray(self._time(turns)), np.asarray(self._slope(turns))
+        return np.asarray(self._time(turns)), np.asarray(self._time(turns, 1))
 
     def turns_at(self, time_s: FloatArray) -> FloatArray:
         """Angle [turns] at the given times [s]; linear beyond the ends."""
@@ -186,13 +180,6 @@ def phasors(cycles: FloatArray) -> ComplexArray:
     >>> phasors(np.array([0.25, 1e6 + 0.5])).round(12).tolist()
     [1j, (-1+0j)]
     """
-    found = np.empty(np.shape(cycles), dtype=np.complex128)
-    flat, out = np.ravel(cycles), found.reshape(-1)
-    for first in range(0, len(flat), _PIECE):
-        piece = slice(first, first + _PIECE)
-        # whole cycles off first: what is left keeps all its digits
-        angle = flat[piece] - np.rint(flat[piece])
-        angle *= 2 * np.pi
-        np.cos(angle, out=out[piece].real)
-        np.sin(angle, out=out[piece].imag)
-    return found
+    # whole cycles off first: what is left keeps all its digits
+    angle = 2 * np.pi * (cycles - np.rint(cycles))
+    return np.asarray(np.cos(angle) + 1j * np.sin(angle))

@@ -265,18 +265,24 @@ def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
 
 def _spikes(values: FloatArray) -> Iterator[BadStretch]:
     """Find few samples far above all others, whose neighbours know nothing of them."""
-    if len(values) <= _MOST_SPIKES * _SPIKE_SAMPLES:
+    most = _MOST_SPIKES * _SPIKE_SAMPLES + 1
+    if len(values) < most:
         return  # of so few samples, chance puts one at four times the others
     some = values[:: max(1, len(values) // _TOLD_BY)]
     middle = float(np.median(some))
     if not np.median(np.abs(some - middle)):
         return
-    high = _far_above(values, middle)
+    # as many as stretches can hold, and one
+    place, size = _largest(values, middle, _SPIKE_SAMPLES * most)
+    # those above the widest gap in size among them
+    height = np.maximum(size[:most], np.finfo(float).tiny)
+    high = np.sort(place[: 1 + int(np.argmax(height[:-1] / height[1:]))])
     edges = np.flatnonzero(np.diff(high) > _SPIKE_SAMPLES) + 1
     stretches = [(int(own[0]), int(own[-1]) + 1) for own in np.split(high, edges)]
-    if any(stop - start > _SPIKE_SAMPLES for start, stop in stretches):
+    inside = np.any([(place >= start) & (place < stop) for start, stop in stretches], axis=0)
+    if inside.all() or any(stop - start > _SPIKE_SAMPLES for start, stop in stretches):
         return
-    rest = _largest_outside(values, middle, stretches)
+    rest = float(size[~inside].max())
     for start, stop in stretches:
         peak = float(np.abs(values[start:stop] - middle).max())
         beside = np.r_[values[max(0, start - _REACH) : start], values[stop : stop + _REACH]]
@@ -286,30 +292,15 @@ def _spikes(values: FloatArray) -> Iterator[BadStretch]:
             yield BadStretch(start=start, stop=stop, what=what, bridged=True)
 
 
-def _far_above(values: FloatArray, middle: float) -> IntArray:
-    """Places of the samples above the widest gap in size among the largest ones."""
-    most = min(_MOST_SPIKES * _SPIKE_SAMPLES + 1, len(values))
-    place, size = np.zeros(0, dtype=np.intp), np.zeros(0)
+def _largest(values: FloatArray, middle: float, most: int) -> tuple[IntArray, FloatArray]:
+    """Places and sizes of the largest departures, the largest first; in pieces: files are long."""
+    place, size = np.zeros(0, dtype=np.int64), np.zeros(0)
     for start in range(0, len(values), _CHUNK):
         part = np.abs(values[start : start + _CHUNK] - middle)
         largest = np.argpartition(part, max(0, len(part) - most))[-most:]
         place, size = np.append(place, start + largest), np.append(size, part[largest])
-    order = np.argsort(-size, kind="stable")[:most]
-    size = np.maximum(size[order], np.finfo(float).tiny)
-    return np.sort(place[order][: 1 + int(np.argmax(size[:-1] / size[1:]))])
-
-
-def _largest_outside(
-    values: FloatArray, middle: float, stretches: Sequence[tuple[int, int]]
-) -> float:
-    """Largest departure outside some stretches."""
-    edges = [0, *(edge for stretch in stretches for edge in stretch), len(values)]
-    pieces = [values[begin:end] for begin, end in zip(edges[::2], edges[1::2], strict=True)]
-    return max(
-        max(float(piece.max()) - middle, middle - float(piece.min()))
-        for piece in pieces
-        if len(piece)
-    )
+    order = np.argsort(-size)[:most]
+    return place[order], size[order]
 
 
 def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[BadStretch]:

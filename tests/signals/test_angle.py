@@ -19,7 +19,7 @@ from reference.synthetic_signals import (
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import AngleGrid, angle_blocks, resample_to_angle, resampling
+from gearmon.signals.orders import AngleGrid, resample_to_angle, resampling
 
 RATE = 2000.0
 
@@ -200,20 +200,6 @@ def test_grid_has_room_for_the_highest_order():
 def test_grid_of_a_short_recording_is_refused():
     with pytest.raises(ArgumentError, match="turns of shaft 1: too short"):
         AngleGrid.of(50, RATE, constant_track(20.0, 1.0), 1.0)
-
-
-@pytest.mark.parametrize("block", [100, 101])
-def test_blocks_are_parts_of_the_whole_resampled_recording(monkeypatch, block):
-    turns, curve = wandering(2.0)
-    samples = lines_on(turns(np.arange(4000) / RATE), [3.0, 11.3], [1.0, 0.5])
-    grid = AngleGrid.of(4000, RATE, curve, 12.0)
-    whole = resample_to_angle(samples, RATE, curve, grid.per_turn, grid.first_turn, grid.count)
-    monkeypatch.setattr(resampling, "_CHUNK", 500)
-    starts = []
-    for start, part in angle_blocks(samples, RATE, curve, grid, block):
-        starts.append(start)
-        np.testing.assert_allclose(part, whole[:, start : start + block], atol=1e-3)
-    assert starts == list(range(0, grid.count - block + 1, block // 2))
 
 
 def test_uncertainty_counts_turns_of_the_shaft_it_is_told_for():

@@ -7,12 +7,8 @@ import pytest
 from reference.synthetic_signals import constant_track, lines_on, white
 
 from gearmon.signals import threads
-from gearmon.signals.orders import (
-    OrderSums,
-    fine_envelope_spectrum,
-    fine_order_spectrum,
-    order_lines,
-)
+from gearmon.signals.orders import OrderSums, fine_order_spectrum, order_lines
+from gearmon.signals.orders.spectra import fine_envelope_spectrum
 from gearmon.signals.threads import at_once, side_by_side
 
 RATE, SPEED = 2000.0, 20.0

@@ -22,32 +22,10 @@ array([[3.]])
 from gearmon.lazy import lazily
 
 _OFFERED = {
-    "averages": ("SynchronousAverage", "one_turn", "time_synchronous_average"),
-    "lines": (
-        "OrderLines",
-        "OrderSums",
-        "SlidingLines",
-        "order_lines",
-        "variance_of_mean",
-        "without_knocks",
-    ),
-    "resampling": (
-        "AngleGrid",
-        "READ_UP_TO",
-        "angle_blocks",
-        "angular_waveform",
-        "resample_to_angle",
-        "whole_turns",
-    ),
-    "spectra": (
-        "FineSpectrum",
-        "OrderMap",
-        "clear_peaks",
-        "fine_envelope_spectrum",
-        "fine_order_spectrum",
-        "fine_spectrum",
-        "order_map",
-    ),
+    "averages": ("one_turn", "time_synchronous_average"),
+    "lines": ("OrderLines", "OrderSums", "order_lines", "variance_of_mean", "without_knocks"),
+    "resampling": ("AngleGrid", "angular_waveform", "resample_to_angle"),
+    "spectra": ("OrderMap", "clear_peaks", "fine_order_spectrum", "fine_spectrum", "order_map"),
 }
 
 __all__ = sorted(name for names in _OFFERED.values() for name in names)

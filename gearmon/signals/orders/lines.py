@@ -567,13 +567,13 @@ class OrderSums:
         if self._read is not None:
             if self._known[0] is track:
                 return self._known[1], self._read
-            angle = self._read.angle_in(track)
+            angle = track.turns_at(self._read.edges_s)
             if self._read.departure(angle) < _NEAR:
                 self._known = track, angle
                 return angle, self._read
             self._noise = {}
-        self._read = Stretches.of(self.samples, self.sampling_rate_hz, track, self.orders)
-        self._known = track, self._read.angle_in(track)
+        self._read = Stretches(self.samples, self.sampling_rate_hz, track, self.orders)
+        self._known = track, track.turns_at(self._read.edges_s)
         return self._known[1], self._read
 
 
@@ -590,60 +590,42 @@ def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csr_arr
     return csr_array(entries, shape=(count, len(place)))
 
 
-@dataclass(frozen=True, kw_only=True)
 class Stretches:
-    """Sums of samples under waves of each order, stretch by stretch.
+    """Sums of samples under waves of each order, stretch by stretch, in the angle of a track.
 
     `sums` has shape (channels, stretches, lines); `length` is the samples of a stretch, `slopes`
     the logarithms of the turns that each was made with, `cycles` the cycles of the highest order in
     one.
     """
 
-    edges_s: FloatArray
-    length: int
-    sums: ComplexArray
-    slopes: FloatArray
-    cycles: float
-
-    @classmethod
-    def of(
-        cls, samples: FloatArray, rate: float, track: AngleTrack, orders: FloatArray
-    ) -> Stretches:
-        """Read a recording in the angle of a track."""
+    def __init__(
+        self, samples: FloatArray, rate: float, track: AngleTrack, orders: FloatArray
+    ) -> None:
         top, fastest = float(orders.max()), float(track.speed_hz.max())
         turns = min(_CYCLES / top, _LONGEST)
-        length = max(1, int(min(turns * rate / fastest, samples.shape[-1] / _LEAST)))
-        count = samples.shape[-1] // length
-        edges_s = (length * np.arange(count + 1) - 0.5) / rate
+        self.length = max(1, int(min(turns * rate / fastest, samples.shape[-1] / _LEAST)))
+        length, count = self.length, samples.shape[-1] // self.length
+        self.edges_s = (length * np.arange(count + 1) - 0.5) / rate
         # some stretches share a speed, rounded to whole steps of its logarithm
         shared = np.arange(0, count, _SHARING)
         sizes = np.diff(np.append(shared, count))
-        mean = np.add.reduceat(np.diff(track.turns_at(edges_s)), shared) / sizes
+        mean = np.add.reduceat(np.diff(track.turns_at(self.edges_s)), shared) / sizes
         number = np.repeat(np.rint(np.log(mean) / _SPEED_STEP), sizes)
+        self.slopes = number * _SPEED_STEP
+        self.cycles = top * float(np.exp(np.mean(number) * _SPEED_STEP))
         place = (np.arange(length) - 0.5 * (length - 1)) / length
         parts = samples[:, : count * length].reshape(len(samples), count, length)
-        sums = np.empty((len(samples), count, len(orders)), dtype=np.complex128)
+        self.sums = np.empty((len(samples), count, len(orders)), dtype=np.complex128)
 
         def read(own: IntArray) -> None:
-            wave = 2 * np.pi * np.exp(number[own[0]] * _SPEED_STEP) * np.outer(place, orders)
-            for part, out in zip(parts, sums, strict=True):
+            wave = 2 * np.pi * np.exp(self.slopes[own[0]]) * np.outer(place, orders)
+            for part, out in zip(parts, self.sums, strict=True):
                 out.real[own] = part[own] @ np.cos(wave)
                 out.imag[own] = part[own] @ -np.sin(wave)
 
         order, ends = np.argsort(number, kind="stable"), np.cumsum(np.unique_counts(number).counts)
         alike = np.split(order, np.union1d(ends[:-1], np.arange(_TOGETHER, count, _TOGETHER)))
         side_by_side(read, alike, samples.size)
-        return cls(
-            edges_s=edges_s,
-            length=length,
-            sums=sums,
-            slopes=number * _SPEED_STEP,
-            cycles=top * float(np.exp(np.mean(number) * _SPEED_STEP)),
-        )
-
-    def angle_in(self, track: AngleTrack) -> FloatArray:
-        """Angle of a track at the edges of the stretches [turns]."""
-        return track.turns_at(self.edges_s)
 
     def departure(self, angle: FloatArray) -> float:
         """Cycles a stretch that a track differs by from the one these sums were made with."""

@@ -27,7 +27,6 @@ oversampling ratio, IEEE Trans. Medical Imaging 24 (2005) 799-808.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -60,12 +59,8 @@ _PIECE = 1 << 13
 # Places a step at which a kernel is held: straight lines between them are off by 6e-8 at most, an
 # eighth of the square of their distance times the curvature 4 b / w^2.
 _HELD = 2048
-# Steps whose places are found together, and those between two that the track is asked for.
-_PLACED, _STRIDE = 1 << 16, 16
-# Cubic of Hermite at the steps of a stretch, from its rise and its slopes a stretch.
-_V = np.arange(_STRIDE) / _STRIDE
-_CUBIC = np.stack([_V**2 * (3 - 2 * _V), _V * (1 - _V) ** 2, _V**2 * (_V - 1)])
-_CUBIC_SLOPE = np.stack([6 * _V * (1 - _V), (1 - _V) * (1 - 3 * _V), _V * (3 * _V - 2)]) / _STRIDE
+# Steps whose places are found together.
+_PLACED = 1 << 16
 
 
 def resample_to_angle(
@@ -191,43 +186,6 @@ class AngleGrid:
         return cls(per_turn=per_turn, first_turn=first, count=count)
 
 
-def angle_blocks(
-    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, grid: AngleGrid, block: int
-) -> Iterator[tuple[int, FloatArray]]:
-    """Give half-overlapped blocks of a recording at equal steps of angle.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n)
-        The signals.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
-    grid : AngleGrid
-        The steps of angle.
-    block : int
-        Steps a block.
-
-    Yields
-    ------
-    start : int
-        First step of the block.
-    part : ndarray of float, shape (channels, block)
-        The block.
-    """
-    hop = max(1, block // 2)
-    starts = range(0, grid.count - block + 1, hop)
-    together = max(1, _CHUNK // hop)
-    for number in range(0, len(starts), together):
-        group = starts[number : number + together]
-        turn = grid.first_turn + group[0] / grid.per_turn
-        count = group[-1] - group[0] + block
-        piece = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, turn, count)
-        for start in group:
-            yield start, piece[:, start - group[0] : start - group[0] + block]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AngularWaveform(Result):
     """Signals at equal steps of the angle of a shaft.
@@ -315,7 +273,7 @@ def angular_waveform(
     >>> wave.turns, wave.values.shape == (2, 512 * wave.turns)
     (73, True)
     """
-    from scipy.signal import firwin, kaiser_beta, upfirdn
+    from scipy.signal import firwin, kaiser_beta, resample_poly
 
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_track(track)
@@ -331,22 +289,19 @@ def angular_waveform(
         values = resample_to_angle(samples, rate, shaft, steps, float(first), count)
     else:
         # a grid finer by a whole factor, low-passed over Kaiser's length, every `factor`-th value
-        fine, highest = steps * factor, min(highest, PASSED * steps)
-        width = (_STOPPED - PASSED) / factor
-        half = factor * math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * width) / 2 / factor)
+        highest = min(highest, PASSED * steps)
+        half = math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * (_STOPPED - PASSED)) / 2) * factor
         window = ("kaiser", kaiser_beta(_ATTENUATION_DB))
         kernel = firwin(2 * half + 1, (PASSED + _STOPPED) / factor, window=window)
-        # whole steps before and behind the turns that lie inside the recording, up to its reach
+        # whole steps before and behind the turns that lie inside the recording
         ends = shaft.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
-        before = min(half // factor, max(0, math.floor(-ends[0] * steps)))
-        over = before * factor + min(count * factor - factor + half, math.floor(ends[1] * fine)) + 1
+        before = max(0, math.floor(-ends[0] * steps))
+        begin, over = first - before / steps, (before + math.floor(ends[1] * steps)) * factor + 1
         values = np.empty((len(samples), count))
         for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
-            found = resample_to_angle(
-                channel[None], rate, shaft, fine, first - before / steps, over
-            )
-            smooth = upfirdn(kernel, found[0], down=factor, mode="antireflect")
-            values[row] = smooth[half // factor + before :][:count]
+            found = resample_to_angle(channel[None], rate, shaft, steps * factor, begin, over)[0]
+            smooth = resample_poly(found, 1, factor, window=kernel, padtype="antireflect")
+            values[row] = smooth[before:][:count]
     return AngularWaveform(
         values=values,
         per_turn=int(steps),
@@ -445,14 +400,9 @@ class Kernel:
     def transform(self, x: FloatArray) -> FloatArray:
         """Fourier transform at x cycles a step."""
         inside = self.beta**2 - (np.pi * self.width * np.asarray(x)) ** 2
-        if inside.min(initial=np.inf) > 1.0:  # real throughout, ten times as fast
-            root = np.sqrt(inside)
-            return np.asarray(self.width * np.sinh(root) / root / np.i0(self.beta))
-        argument = np.sqrt(inside + 0j)
-        small = np.abs(argument) < 1e-6
-        safe = np.where(small, 1.0, argument)
-        shape = np.where(small, 1.0, np.sinh(safe) / safe)
-        return np.asarray(np.real(self.width * shape) / np.i0(self.beta))
+        # sinh(r) / r of a root that may be imaginary
+        shape = np.sinc(1j / np.pi * np.sqrt(inside + 0j)).real
+        return np.asarray(self.width * shape / np.i0(self.beta))
 
 
 @dataclass(frozen=True, eq=False)
@@ -507,42 +457,10 @@ class Spreading:
         return out
 
     def _positions(self, first_turn: float, count: int) -> tuple[FloatArray, FloatArray]:
-        """Places [samples] of equal steps of angle, and steps a sample there.
-
-        Between two knots the track is one cubic, which its values and slopes at every sixteenth
-        step tell; only the stretches with a knot inside are asked for step by step.
-        """
-        number = -(-count // _STRIDE)
-        stretches = np.arange(number + 1, dtype=np.float64)
-        ends: FloatArray = first_turn + stretches * (_STRIDE / self.grid.per_turn)
-        place, slope = self._placed(ends)
-        told = np.empty((number, 3))
-        np.subtract(place[1:], place[:-1], out=told[:, 0])
-        np.multiply(slope[:-1], _STRIDE, out=told[:, 1])
-        np.multiply(slope[1:], _STRIDE, out=told[:, 2])
-        position = told @ _CUBIC
-        position += place[:-1, None]
-        slopes = told @ _CUBIC_SLOPE
-        knots = self.track.turns
-        low, high = np.searchsorted(knots, ends[[0, -1]])
-        inside = (knots[low:high] - first_turn) * (self.grid.per_turn / _STRIDE)
-        crossed = np.unique(np.minimum(inside.astype(np.intp), number - 1))
-        if len(crossed):
-            wanted = (crossed[:, None] * _STRIDE + np.arange(_STRIDE)).reshape(-1)
-            place, slope = self._placed(first_turn + wanted / self.grid.per_turn)
-            position[crossed], slopes[crossed] = (
-                place.reshape(-1, _STRIDE),
-                slope.reshape(-1, _STRIDE),
-            )
-        np.reciprocal(slopes, out=slopes)
-        return position.reshape(-1)[:count], slopes.reshape(-1)[:count]
-
-    def _placed(self, turns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Places [samples] of ascending angles, and samples a step there."""
+        """Places [samples] of equal steps of angle, and steps a sample there."""
+        turns = first_turn + np.arange(count) / self.grid.per_turn
         time_s, slope = self.track.time_and_slope_at(turns)
-        time_s *= self.sampling_rate_hz
-        slope *= self.sampling_rate_hz / self.grid.per_turn
-        return time_s, slope
+        return time_s * self.sampling_rate_hz, self.grid.per_turn / (slope * self.sampling_rate_hz)
 
     def _piece(self, position: FloatArray, steps: FloatArray, drift: FloatArray) -> FloatArray:
         taps = int(np.ceil(self.kernel.width / float(steps.min())))

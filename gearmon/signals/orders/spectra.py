@@ -25,14 +25,21 @@ from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
-from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Kernel, Spreading, angle_blocks
+from gearmon.signals.orders.resampling import (
+    READ_UP_TO,
+    AngleGrid,
+    Kernel,
+    Spreading,
+    resample_to_angle,
+)
 from gearmon.signals.spectra.spectrum import (
-    amplitude_spectrum,
     fast_length,
     hann,
     local_floor,
+    noise_bandwidth,
+    transform,
+    window,
     window_powers,
-    windowed_transforms,
 )
 from gearmon.signals.threads import side_by_side
 
@@ -269,9 +276,8 @@ def _whitened_envelope(samples: FloatArray) -> FloatArray:
     count = samples.shape[-1]
     length = fast_length(count)
     squared = np.empty((len(samples), count // 2))
-    centred = (signal - signal.mean() for signal in samples)
-    for row, whole in zip(squared, windowed_transforms(centred, 1.0, length), strict=True):
-        lines = whole[: length // 2]
+    for row, signal in zip(squared, samples, strict=True):
+        lines = transform(signal - signal.mean(), length)[: length // 2]
         lines /= np.maximum(np.abs(lines), np.finfo(float).tiny)
         lines[0] = 0.0
         analytic = ifft(lines, norm="forward", overwrite_x=True)[: count // 2]
@@ -348,17 +354,11 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
 def _peaks(level: FloatArray, high: NDArray[np.intp], per_width: float) -> NDArray[np.intp]:
     """Those of the high bins that are no part and no side lobe of another one."""
     high = high[high > 2 * per_width]
-    if len(high) == 0:
-        return high
-    value = level[high]
-    kept = np.ones(len(high), dtype=bool)
+    value, kept = np.append(level[high], 0.0), np.ones(len(high), dtype=bool)
     for widths, share in _LOBES:
         reach = round(widths * per_width)
-        first = np.searchsorted(high, high - reach)
-        stop = np.searchsorted(high, high + reach, side="right")
-        ends = np.stack([first, np.minimum(stop, len(high))], axis=-1).ravel()
-        about = np.maximum.reduceat(np.append(value, 0.0), ends)[::2]
-        kept &= value >= share * about
+        ends = np.searchsorted(high, [high - reach, high + reach + 1]).T.ravel()
+        kept &= value[:-1] >= share * np.maximum.reduceat(value, ends)[::2]
     return high[kept]
 
 
@@ -495,16 +495,13 @@ def order_map(
     bins = int(highest * block / grid.per_turn) + 1
     powers = np.zeros((len(low), len(samples), bins))
     seen = np.bincount(row, minlength=len(low))
-    resolution = 0.0
-    for number, (_, part) in enumerate(angle_blocks(samples, sampling_rate_hz, track, grid, block)):
-        found = amplitude_spectrum(
-            part - part.mean(axis=-1, keepdims=True),
-            float(grid.per_turn),
-            window_name=window_name,
-            length=block,
-        )
-        powers[row[number]] += found.values[:, :bins] ** 2
-        resolution = found.resolution_hz
+    weights = window(window_name, block)
+    for number, turn in zip(row, begin, strict=True):
+        part = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, turn, block)
+        part -= part.mean(axis=-1, keepdims=True)
+        powers[number] += window_powers(part, weights, block)[:, :bins]
+    powers *= (2.0 / weights.sum()) ** 2
+    powers[..., 0] *= 0.25  # the line at zero has no mirror image
     kept = seen > 0
     counts = seen[kept].astype(float)
     return OrderMap(
@@ -518,7 +515,7 @@ def order_map(
         high=high[kept],
         blocks=seen[kept],
         block_turns=block / grid.per_turn * ratio,
-        resolution=resolution / ratio,
+        resolution=noise_bandwidth(window_name) * float(grid.per_turn / block / ratio),
     )
 
 

@@ -16,23 +16,17 @@ files, arrays and frames: `formats`. Then for all: `columns` (names, units, kind
 """
 
 from gearmon.signals.reading.channels import Wanted, interpret
-from gearmon.signals.reading.columns import describe_columns, find_defect
+from gearmon.signals.reading.columns import find_defect
 from gearmon.signals.reading.formats import identify, read_arrays
-from gearmon.signals.reading.source import Source, open_source
+from gearmon.signals.reading.source import open_source
 from gearmon.signals.reading.text import read_table
-from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, spacing
 
 __all__ = [
-    "Source",
     "Wanted",
-    "counts_evenly",
-    "describe_columns",
     "find_defect",
     "identify",
     "interpret",
     "open_source",
     "read_arrays",
     "read_table",
-    "rises_evenly",
-    "spacing",
 ]

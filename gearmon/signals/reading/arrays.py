@@ -224,7 +224,7 @@ def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Ho
     RecordingError
         If the only array has two axes of the same length.
     """
-    arrays, facts, others, shapes = [], {}, list(left_out), []
+    arrays, facts, others = [], {}, list(left_out)
     for name, data in items.items():
         if data.dtype.kind not in "fiub":
             others.append(name)
@@ -232,25 +232,18 @@ def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Ho
         if data.dtype.kind != "b" and all(size == 1 for size in data.shape):
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
             continue
-        shapes.append(data.shape)
         array = as_array(name, data)
         if array is None:
-            others.append(f"{name} of shape {data.shape} and type {data.dtype}")
+            others.append(f"{name or 'numbers'} of shape {data.shape} and type {data.dtype}")
         else:
             arrays.append(array)
-    if not arrays and len(shapes) == 1:
-        check_not_square(path, shapes[0])
-    return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
-
-
-def check_not_square(path: str, shape: tuple[int, ...]) -> None:
-    """Raise if both axes of an array are equally long."""
-    long_axes = [size for size in shape if size != 1]
-    if len(long_axes) == 2 and long_axes[0] == long_axes[1]:
+    shapes = [data.shape for data in items.values() if data.ndim == 2 and data.size > 1]
+    if not arrays and shapes and shapes[0][0] == shapes[0][1]:
         raise RecordingError(
-            f"{path}: an array of shape {shape}: which axis is time cannot be told; store one "
+            f"{path}: an array of shape {shapes[0]}: which axis is time cannot be told; store one "
             "channel, or more samples than channels"
         )
+    return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
 
 
 def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
@@ -504,41 +497,44 @@ def hold_memory(data: Any, rate_hz: float | None) -> Holding:
 
 def _of_frame(frame: Any, rate_hz: float | None) -> Holding:
     """Take the columns of numbers, and the index as one more where it may be the time."""
-    kinds = [getattr(dtype, "kind", "O") for dtype in frame.dtypes]
-    taken = [number for number, kind in enumerate(kinds) if kind in "fiub"]
+    columns = [(str(name), frame.iloc[:, number]) for number, name in enumerate(frame.columns)]
+    taken = [(name, own) for name, own in columns if _kind(own) in "fiub"]
     if not taken or len(frame) < _FEWEST_SAMPLES:
         raise RecordingError(
             f"DataFrame of shape {frame.shape}: holds no recording; columns of numbers are channels"
         )
-    names = [str(frame.columns[number]) for number in taken]
-    rows = [frame.iloc[:, number].to_numpy(np.float64, na_value=np.nan) for number in taken]
-    timed = any(column.kind == "time" for column in describe_columns(names))
-    name, stamps = _time_of(frame.index)
-    if stamps is not None and not timed:
-        names.append(name)
-        rows.append(stamps)
-    elif rate_hz is None and not timed:
-        raise ArgumentError(
-            f"DataFrame of shape {frame.shape}: its sampling rate is not known; give "
-            "sampling_rate_hz=, or the time as index"
-        )
-    left_out = [str(name) for name, kind in zip(frame.columns, kinds, strict=True) if kind == "O"]
+    index, names = frame.index, [name for name, _ in taken]
+    if not any(column.kind == "time" for column in describe_columns(names)):
+        if _kind(index) in "fiumM" and type(index).__name__ != "RangeIndex":
+            moments = _kind(index) in "mM"
+            taken.append(("time_ns" if moments else str(index.name or "time"), index))
+        elif rate_hz is None:
+            raise ArgumentError(
+                f"DataFrame of shape {frame.shape}: its sampling rate is not known; give "
+                "sampling_rate_hz=, or the time as index"
+            )
+    rows = [floats(own) for _, own in taken]
     array = Array(
         name="",
-        names=tuple(names),
+        names=tuple(name for name, _ in taken),
         count=len(frame),
         read=lambda start, stop: np.array([row[start:stop] for row in rows]),
     )
+    left_out = [name for name, own in columns if _kind(own) == "O"]
     notes = (f"no numbers, left out: {', '.join(left_out)}",) if left_out else ()
     return Holding(arrays=(array,), path="DataFrame", what="a frame", notes=notes)
 
 
-def _time_of(index: Any) -> tuple[str, Floats | None]:
-    """Return name and numbers of an index that may be the time."""
-    kind = getattr(index.dtype, "kind", "O")
-    if kind in "mM":
-        # whole nanoseconds, as pandas has them: seconds would not show where they were rounded
-        return "time_ns", np.asarray((index - index[0]) / np.timedelta64(1, "ns"), np.float64)
-    if kind not in "fiu" or type(index).__name__ == "RangeIndex":
-        return "", None
-    return str(index.name or "time"), index.to_numpy(np.float64)
+def _kind(column: Any) -> str:
+    return getattr(column.dtype, "kind", "O")
+
+
+def floats(column: Any) -> Floats:
+    """Return a column or an index of pandas as numbers; moments in ns from the first one on.
+
+    Seconds would not show where they were rounded, and those since 1970 lose microseconds.
+    """
+    if _kind(column) in "mM":
+        first = column[0] if hasattr(column, "to_series") else column.iloc[0]
+        return np.asarray((column - first) / np.timedelta64(1, "ns"), np.float64)
+    return np.asarray(column.to_numpy(np.float64, na_value=np.nan))

@@ -161,11 +161,13 @@ def describe_columns(
         What those without a name are called, with their number.
     """
     parted = [_name_and_unit(cell) for cell in cells]
-    if not units:
-        parted = _without_doubtful_units(parted, cells)
-    columns, below_them = [], units or ("",) * len(cells)
-    rows = zip(cells, below_them, parted, strict=True)
+    # among acc_e, acc_f, acc_g the last letter is no unit, unless all columns have one
+    sure = bool(units) or all(unit or _TIME.fullmatch(name) for name, unit in parted)
+    columns = []
+    rows = zip(cells, units or ("",) * len(cells), parted, strict=True)
     for number, (cell, below, (name, unit)) in enumerate(rows, first):
+        if not (sure or "[" in cell or _TIME.fullmatch(name)) and unit and len(unit) == 1:
+            name, unit = cell, None
         text = below.strip().strip("[]()<> ")
         own = unit or (text if text not in ("", "-", "--", "1") else None)
         kind = _kind_of(name, own, named=cell != "")
@@ -195,23 +197,6 @@ def _name_and_unit(cell: str) -> tuple[str, str | None]:
     if suffix:
         return cell, _SUFFIX_UNITS.get(suffix[2].lower(), suffix[2])
     return cell, None
-
-
-def _without_doubtful_units(
-    parted: Sequence[tuple[str, str | None]], cells: Sequence[str]
-) -> list[tuple[str, str | None]]:
-    """Drop units of one letter, if not in square brackets, unless all columns have a unit.
-
-    Among ``acc_e, acc_f, acc_g`` the last letter is no unit.
-    """
-    if all(unit is not None or _TIME.fullmatch(name) for name, unit in parted):
-        return list(parted)
-    return [
-        (cell, None)
-        if unit is not None and len(unit) == 1 and "[" not in cell and not _TIME.fullmatch(name)
-        else (name, unit)
-        for (name, unit), cell in zip(parted, cells, strict=True)
-    ]
 
 
 def _kind_of(name: str, unit: str | None, *, named: bool) -> str:

@@ -5,12 +5,15 @@ HDF5 (MATLAB 7.3 among them), Parquet, TDMS (LabVIEW), UFF 58 and FLAC.
 
 from __future__ import annotations
 
+import faulthandler
 import logging
 import os
 import re
+import resource
 import struct
+import warnings
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import lru_cache
@@ -20,14 +23,14 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.arrays import Array, Holding, as_array, hold, stated_rate
-from gearmon.signals.reading.formats import outlived
+from gearmon.signals.reading.arrays import Array, Holding, as_array, floats, hold, stated_rate
 from gearmon.signals.reading.source import Floats
 
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 # MATLAB stores text as numbers, and cells as references to what lies in #refs#.
 _NO_SIGNALS = ("char", "cell", "struct", "function_handle")
 _FEWEST_SAMPLES = 2
+_MOST_TRIAL_S = 10  # of processor time, to look through a file that may crash its library
 # Of UFF: functions (of time, if the code says so), and directions of a sensor.
 _FUNCTION_SETS = (58,)
 _GENERAL, _TIME_RESPONSE = 0, 1
@@ -68,6 +71,27 @@ def _numbers(metadata: Mapping[Any, Any] | None, prefix: str = "") -> dict[str, 
     return found
 
 
+def outlived(task: Callable[[], object]) -> bool:
+    """Tell whether a process of its own outlives a task; what it raises does not matter.
+
+    Of 1,000 damaged files three crash the library of HDF5, and gearmon with all that was still to
+    be analysed.
+    """
+    with warnings.catch_warnings():
+        # threads that draw a progress bar hold nothing that is needed here
+        warnings.simplefilter("ignore", DeprecationWarning)
+        pid = os.fork()
+    if not pid:
+        try:
+            faulthandler.disable()
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            resource.setrlimit(resource.RLIMIT_CPU, (_MOST_TRIAL_S, _MOST_TRIAL_S))
+            task()
+        finally:
+            os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+
+
 @contextmanager
 def read_hdf5(path: str) -> Iterator[Holding]:
     """Give what an HDF5 file holds: all its arrays and single numbers, by their paths.
@@ -85,7 +109,7 @@ def read_hdf5(path: str) -> Iterator[Holding]:
     def trial() -> None:
         with h5py.File(path, "r") as file:
             _hdf5_arrays(path, file)
-            for _, item in _walk(file):
+            for _, item in _everything(file):
                 # the index of its chunks; what they hold is unpacked by zlib
                 if getattr(item, "chunks", None) and item.id.get_num_chunks():
                     item.id.get_chunk_info(item.id.get_num_chunks() - 1)
@@ -103,7 +127,7 @@ def _hdf5_arrays(path: str, file: Any) -> Holding:
 
     items: dict[str, Any] = {}
     facts, others = _numbers(file.attrs), []
-    for name, item in _walk(file):
+    for name, item in _everything(file):
         if isinstance(item, h5py.Group):
             facts |= _numbers(item.attrs, f"{name}.")
         elif isinstance(item, h5py.Dataset):
@@ -127,16 +151,11 @@ def _described(array: Array, attributes: Any) -> Array:
     )
 
 
-def _walk(group: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
-    for key in group:
-        if key.startswith("#"):
-            continue
-        item = group.get(key)
-        if item is None:  # a link that leads nowhere
-            continue
-        yield prefix + key, item
-        if hasattr(item, "keys") and group.get(key, getlink=True).__class__.__name__ == "HardLink":
-            yield from _walk(item, f"{prefix}{key}/")
+def _everything(file: Any) -> list[tuple[str, Any]]:
+    """Return groups and arrays by their paths, but for what MATLAB keeps aside."""
+    found: list[tuple[str, Any]] = []
+    file.visititems(lambda name, item: found.append((name, item)))
+    return [(name, item) for name, item in found if not re.search("(^|/)#", name)]
 
 
 def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
@@ -192,13 +211,13 @@ def _parquet_columns(file: Any) -> Holding:
     schema, rows = file.schema_arrow, file.metadata.num_rows
     kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
     dropped = [field for field in schema if field not in kept]
-    whole = lru_cache(maxsize=1)(lambda name: _floats(file.read([name]).column(0).to_pandas()))
+    whole = lru_cache(maxsize=1)(lambda name: floats(file.read([name]).column(0).to_pandas()))
 
     def column(field: Any) -> Array:
         def read(start: int, stop: int) -> Floats:
             return np.asarray(whole(field.name)[None, start:stop])
 
-        unit = "s" if pyarrow.types.is_timestamp(field.type) else _unit(field.metadata)
+        unit = "ns" if pyarrow.types.is_timestamp(field.type) else _unit(field.metadata)
         return Array(name=field.name, names=(field.name,), count=rows, read=read, units=(unit,))
 
     # the row labels of a data frame are no channel
@@ -218,13 +237,6 @@ def _is_numeric(pyarrow: Any, kind: Any) -> bool:
     return any(is_such(kind) for is_such in numeric)
 
 
-def _floats(column: Any) -> Floats:
-    """Return a column as numbers; time stamps in seconds from the first one on."""
-    if column.dtype.kind == "M":  # seconds since 1970 as floats would lose the microseconds
-        column = (column - column.iloc[0]) / np.timedelta64(1, "s")
-    return np.asarray(column.to_numpy(np.float64, na_value=np.nan))
-
-
 @contextmanager
 def read_tdms(path: str) -> Iterator[Holding]:
     """Give what a TDMS file holds: its channels, with unit and sampling rate where stated.
@@ -235,10 +247,12 @@ def read_tdms(path: str) -> Iterator[Holding]:
         If the file is damaged, or its last part is incomplete.
     """
     import nptdms
+    from nptdms.log import log_manager
 
+    log_manager.set_level(logging.CRITICAL)  # remarks on damaged files are for no terminal
     stored = _bytes_of_segments(path)
     # opened here, as the library leaves a damaged file open
-    with open(path, "rb") as stream, _quiet():
+    with open(path, "rb") as stream:
         file = nptdms.TdmsFile.open(stream)
         channels = [channel for group in file.groups() for channel in group.channels()]
         found = _tdms_channels(path, file, channels)
@@ -262,19 +276,6 @@ def _bytes_of_segments(path: str) -> int:
             _, own, begin = struct.unpack(">IQQ" if flags & _BIG_ENDIAN else "<IQQ", rest)
             end, stored = end + 28 + own, stored + own - begin
     return stored
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep the library from writing its remarks on damaged files to the terminal."""
-    from nptdms.log import log_manager
-
-    before = log_manager.log_level
-    log_manager.set_level(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        log_manager.set_level(before)
 
 
 def _tdms_channels(path: str, file: Any, channels: list[Any]) -> Holding:

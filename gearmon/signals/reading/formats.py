@@ -1,8 +1,8 @@
-"""Kinds of files: told by their first bytes, never by their names; one table of all.
+"""Kinds of files: told by their first bytes, never by their names; one table of all at the end.
 
 A loader gives a `Holding` while its file is open: arrays that may be signals, read in blocks, and
-the facts beside them. `arrays.choose` picks the arrays that are the recording. Below the table
-stand the loaders that need no further library: WAV, NumPy's (npy, npz), MATLAB's up to version 7.
+the facts beside them. `arrays.choose` picks the arrays that are the recording. Here stand the
+loaders that need no further library: WAV, NumPy's (npy, npz), MATLAB's up to version 7.
 
 WAV files may be plain RIFF, RF64 or BW64 (beyond 4 GiB), integers of 8, 16, 24 and 32 bits, floats
 of 32 and 64 bits, plain or with an extended format. Their chunks must fill the file: libraries give
@@ -20,12 +20,9 @@ audio data and WAVE files", 2007; MathWorks, "MAT-File Format", 2023, chapter 1.
 
 from __future__ import annotations
 
-import faulthandler
-import importlib
 import io
 import os
 import re
-import resource
 import struct
 import warnings
 import zlib
@@ -40,11 +37,10 @@ import numpy as np
 
 from gearmon.errors import GearmonError, RecordingError
 from gearmon.files import archive_swells, most_unpacked
+from gearmon.signals.reading import extras
 from gearmon.signals.reading.arrays import (
     Array,
     Holding,
-    as_array,
-    check_not_square,
     choose,
     hold,
 )
@@ -67,20 +63,17 @@ class Format:
         What it is, for messages.
     magic : tuple of bytes
         How it begins. Text in lower case is compared regardless of case, after leading blanks.
-    loader : str
-        Module and function that read it; "" if it is not read.
-    needs : str
-        The library that the loader needs.
+    loader : callable or None
+        Reads it; None if it is not read.
     extra : str
-        The extra of gearmon that installs this library.
+        The extra of gearmon that installs the library that the loader needs.
     remedy : str
         What to do if it is not read.
     """
 
     what: str
     magic: tuple[bytes, ...] = ()
-    loader: str = ""
-    needs: str = ""
+    loader: Loader | None = None
     extra: str = ""
     remedy: str = "export it as CSV"
 
@@ -90,54 +83,6 @@ class Format:
         return self is TEXT
 
 
-TEXT = Format("text")
-_BINARY = Format("a binary file of unknown kind")
-_UFF = Format("a universal file (UFF)", (), "extras.read_universal", "pyuff", "uff")
-_NPZ = Format("a NumPy archive (npz)", (), "formats.read_npz")
-_XLSX = Format("an Excel workbook (xlsx)")
-_ZIP = Format("a zip archive", (b"PK\x05\x06",), remedy=_UNPACK)
-_TAR = Format("a tar archive", remedy=_UNPACK)
-_PAGE = "save the file itself, not the page that offers it"
-# First match wins.
-_FORMATS = (
-    Format("a WAV sound file", (b"RIFF", b"RF64", b"BW64"), "formats.read_wav"),
-    Format("a FLAC sound file", (b"fLaC",), "extras.read_flac", "soundfile", "flac"),
-    Format("a NumPy array (npy)", (b"\x93NUMPY",), "formats.read_npy"),
-    Format("a MATLAB file", (b"MATLAB 5.0 MAT-file",), "formats.read_mat"),
-    Format(
-        "an HDF5 or MATLAB 7.3 file",
-        (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file"),
-        "extras.read_hdf5",
-        "h5py",
-        "hdf5",
-    ),
-    Format(
-        "an Apache Parquet table", (b"PAR1",), "extras.read_parquet", "pyarrow.parquet", "parquet"
-    ),
-    Format("a TDMS file (LabVIEW)", (b"TDSm",), "extras.read_tdms", "nptdms", "tdms"),
-    _ZIP,
-    Format("an Apache Arrow file", (b"ARROW1",)),
-    Format("an Ogg sound file", (b"OggS",)),
-    Format("an MDF measurement file", (b"MDF ",)),
-    Format("an old Excel or Office document", (b"\xd0\xcf\x11\xe0",)),
-    Format("a file compressed with bzip2", (b"BZh",), remedy=_UNPACK),
-    Format("a file compressed with xz", (b"\xfd7zXZ\x00",), remedy=_UNPACK),
-    Format("a file compressed with zstd", (b"\x28\xb5\x2f\xfd",), remedy=_UNPACK),
-    Format("a 7-Zip archive", (b"7z\xbc\xaf\x27\x1c",), remedy=_UNPACK),
-    Format("a RAR archive", (b"Rar!\x1a\x07",), remedy=_UNPACK),
-    Format("a file compressed twice", (b"\x1f\x8b",), remedy=_UNPACK),
-    Format("an SQLite database", (b"SQLite format 3\x00",)),
-    Format("a PDF document", (b"%PDF-",)),
-    Format("a picture", (b"\x89PNG", b"\xff\xd8\xff")),
-    Format("a JSON document", (b"{",)),
-    Format(
-        "a pointer left by Git LFS instead of the data",
-        (b"version https://git-lfs",),
-        remedy="fetch the data",
-    ),
-    Format("a web page", (b"<!doctype html", b"<html"), remedy=_PAGE),
-    Format("an XML document", (b"<?xml",)),
-)
 _READ = "text, WAV, FLAC, npy, npz, MATLAB, HDF5, TDMS, UFF 58, Parquet"
 _UNIVERSAL_FILE = re.compile(rb" {4}-1\s*\r?\n {0,4}(?:15|55|58|58b|82|151|164|24\d\d)\s")
 _FLOATS, _EXTENSIBLE = 3, 0xFFFE
@@ -155,7 +100,6 @@ _WAV_SAMPLES = {
 _MAT_HEADER, _COMPRESSED = 128, 15
 
 
-_MOST_TRIAL_S = 10  # of processor time, to look through a file that may crash its library
 _CONTROL = bytes(set(range(32)) - set(b"\t\n\v\f\r\x1a\x1b")) + b"\x7f"
 _BLANK = b"\x00 \t\r\n\xef\xbb\xbf\xff\xfe"
 
@@ -212,7 +156,7 @@ def read_arrays(
         If that kind is not read or its library is not installed, the file is packed, comes through
         a pipe, or is damaged, or holds no recording.
     """
-    if not found.loader:
+    if found.loader is None:
         raise RecordingError(
             f"{source.path}: looks like {found.what}, which is not read here; {found.remedy} "
             f"(read are: {_READ}; text plain or gzip)"
@@ -223,41 +167,29 @@ def read_arrays(
         raise RecordingError(
             f"{source.path}: {found.what} cannot be read through a pipe; give the file itself"
         )
+    size = os.path.getsize(source.path)
     try:
-        if found.needs:
-            importlib.import_module(found.needs)
+        with warnings.catch_warnings(), found.loader(source.path) as loaded:
+            warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
+            holding = replace(loaded, path=source.path, what=found.what, size=size)
+            return choose(holding, wanted, progress, room)
+    except GearmonError:
+        raise
     except ImportError:
         raise RecordingError(
             f"{source.path}: looks like {found.what}; to read it install gearmon[{found.extra}], "
             "or export it as CSV"
         ) from None
-    module, _, name = found.loader.partition(".")
-    load: Loader = getattr(importlib.import_module(f"gearmon.signals.reading.{module}"), name)
-    size = os.path.getsize(source.path)
-    with _reading(source.path, found.what), load(source.path) as loaded:
-        holding = replace(loaded, path=source.path, what=found.what, size=size)
-        return choose(holding, wanted, progress, room)
-
-
-@contextmanager
-def _reading(path: str, what: str) -> Iterator[None]:
-    """Turn whatever a library raises about a damaged file into one line."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
-            yield
-    except GearmonError:
-        raise
     except MemoryError:
         raise RecordingError(
-            f"{path}: {what} whose content does not fit into memory; cut it into parts"
+            f"{source.path}: {found.what} whose content does not fit into memory; cut it into parts"
         ) from None
     # what a library raises about a damaged file is anything but documented
     except Exception as error:
         first = next(iter(str(error).splitlines()), "") or type(error).__name__
         raise RecordingError(
-            f"{path}: looks like {what} and cannot be read as such ({shortened(first)}); is it "
-            "damaged? Copy it again"
+            f"{source.path}: looks like {found.what} and cannot be read as such "
+            f"({shortened(first)}); is it damaged? Copy it again"
         ) from None
 
 
@@ -277,31 +209,6 @@ def _named(head: bytes) -> Format | None:
     return _TAR if head[257:262] == b"ustar" else None
 
 
-class _DamagedError(ValueError):
-    """The parts of a file contradict each other."""
-
-
-def outlived(task: Callable[[], object]) -> bool:
-    """Tell whether a process of its own outlives a task; what it raises does not matter.
-
-    Of 1,000 damaged files three crash the library of HDF5, and gearmon with all that was still to
-    be analysed.
-    """
-    with warnings.catch_warnings():
-        # threads that draw a progress bar hold nothing that is needed here
-        warnings.simplefilter("ignore", DeprecationWarning)
-        pid = os.fork()
-    if not pid:
-        try:
-            faulthandler.disable()
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            resource.setrlimit(resource.RLIMIT_CPU, (_MOST_TRIAL_S, _MOST_TRIAL_S))
-            task()
-        finally:
-            os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
-
-
 @contextmanager
 def read_wav(path: str) -> Iterator[Holding]:
     """Give what a WAV file holds: one array, its sampling rate, no unit.
@@ -313,7 +220,7 @@ def read_wav(path: str) -> Iterator[Holding]:
     """
     chunks = _wav_chunks(path, np.memmap(path, np.uint8, "r"))
     if not {b"fmt ", b"data"} <= chunks.keys():
-        raise _DamagedError("it has no samples, or does not say what they are")
+        raise ValueError("it has no samples, or does not say what they are")
     form, data = bytes(chunks[b"fmt "]), chunks[b"data"]
     tag, channels, rate, a_second, frame, bits = struct.unpack("<HHIIHH", form[:16])
     tag = int.from_bytes(form[24:26], "little") if tag == _EXTENSIBLE else tag
@@ -323,7 +230,7 @@ def read_wav(path: str) -> Iterator[Holding]:
             "of 8, 16, 24 or 32 bits and floats of 32 or 64: export it as one of these"
         )
     if not channels or not rate or frame != channels * bits // 8 or len(data) % frame:
-        raise _DamagedError(f"{len(data)} bytes, {channels} channels, {bits} bits, {rate} Hz")
+        raise ValueError(f"{len(data)} bytes, {channels} channels, {bits} bits, {rate} Hz")
     kind, zero, full = _WAV_SAMPLES[tag, bits]
     frames = data.reshape(-1, channels, bits // 8)
 
@@ -373,7 +280,7 @@ def _wav_chunks(path: str, raw: Any) -> dict[bytes, Any]:
                 f"it wrote?); {there} bytes follow it: mend the header with a sound program"
             )
         if size > there or not name.isascii():
-            raise _DamagedError(f"a chunk of {size} bytes where {there} are left")
+            raise ValueError(f"a chunk of {size} bytes where {there} are left")
         chunks[name], place = raw[begin : begin + size], begin + size + size % 2
     return chunks
 
@@ -391,7 +298,7 @@ def read_mat(path: str) -> Iterator[Holding]:
 
     plain = _unpacked_mat(Path(path).read_bytes())
     load = partial(loadmat, io.BytesIO(plain), simplify_cells=True)
-    if not outlived(load):
+    if not extras.outlived(load):
         raise RecordingError(f"{path}: a MATLAB file so damaged that reading it crashes")
     items: dict[str, Any] = {}
     left = [(name, own) for name, own in load().items() if not name.startswith("__")]
@@ -408,21 +315,21 @@ def _unpacked_mat(content: bytes) -> bytes:
     """Return the file with its compressed elements unpacked."""
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
     if order is None:
-        raise _DamagedError("no order of bytes")
+        raise ValueError("no order of bytes")
     parts, place, most = [content[:_MAT_HEADER]], _MAT_HEADER, most_unpacked(len(content))
     while place < len(content):
         kind, size = struct.unpack_from(f"{order}II", content, place)
         own = content[place : place + 8 + size]
         if len(own) < 8 + size:
-            raise _DamagedError(f"an element of {size} bytes where {len(own) - 8} are left")
+            raise ValueError(f"an element of {size} bytes where {len(own) - 8} are left")
         if kind == _COMPRESSED:
             packer = zlib.decompressobj()
             own = packer.decompress(own[8:], most + 1)
             most -= len(own)
             if most < 0:
-                raise _DamagedError("it unpacks to more than any")
+                raise ValueError("it unpacks to more than any")
             if not packer.eof:
-                raise _DamagedError("a part is cut off")
+                raise ValueError("a part is cut off")
         parts.append(own)
         place += 8 + size
     return b"".join(parts)
@@ -439,25 +346,10 @@ def read_npy(path: str) -> Iterator[Holding]:
     """
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
     if stored.offset + stored.nbytes != os.path.getsize(path):
-        raise _DamagedError("bytes behind its numbers")
-    check_not_square(path, stored.shape)
-    array = _records(stored) if stored.dtype.names else as_array("", stored)
-    found = () if array is None else (array,)
-    described = f"numbers of type {stored.dtype} and shape {stored.shape}"
-    yield Holding(arrays=found, together=True, left_out=(described,))
-
-
-def _records(stored: Any) -> Array | None:
-    """Return the fields of records as channels of one array, as they lie side by side."""
-    names = [name for name in stored.dtype.names if stored.dtype[name].kind in "fiu"]
-    if not names or len(stored.shape) != 1 or any(stored.dtype[name].shape for name in names):
-        return None
-
-    def read(start: int, stop: int) -> Floats:
-        records = stored[start:stop]
-        return np.stack([records[name].astype(np.float64) for name in names])
-
-    return Array(name="", names=tuple(names), count=stored.shape[0], read=read)
+        raise ValueError("bytes behind its numbers")
+    # the fields of records are channels
+    items = {name: stored[name] for name in stored.dtype.names or ()} or {"": stored}
+    yield replace(hold(path, items), together=True)
 
 
 @contextmanager
@@ -471,7 +363,7 @@ def read_npz(path: str) -> Iterator[Holding]:
     """
     with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
         if archive_swells(archive):
-            raise _DamagedError("it unpacks to more than any")
+            raise ValueError("it unpacks to more than any")
         items: dict[str, Any] = {}
         others: list[str] = []
         for name in archive.files:
@@ -480,3 +372,38 @@ def read_npz(path: str) -> Iterator[Holding]:
             except ValueError:  # an array of Python objects
                 others.append(name)
     yield hold(path, items, tuple(others))
+
+
+TEXT = Format("text")
+_BINARY = Format("a binary file of unknown kind")
+_UFF = Format("a universal file (UFF)", (), extras.read_universal, "uff")
+_NPZ = Format("a NumPy archive (npz)", (), read_npz)
+_XLSX = Format("an Excel workbook (xlsx)")
+_ZIP = Format("a zip archive", (b"PK\x05\x06",), remedy=_UNPACK)
+_TAR = Format("a tar archive", remedy=_UNPACK)
+_PAGE = "save the file itself, not the page that offers it"
+_HDF5 = (b"\x89HDF\r\n\x1a\n", b"MATLAB 7.3 MAT-file")
+# First match wins.
+_FORMATS = (
+    Format("a WAV sound file", (b"RIFF", b"RF64", b"BW64"), read_wav),
+    Format("a FLAC sound file", (b"fLaC",), extras.read_flac, "flac"),
+    Format("a NumPy array (npy)", (b"\x93NUMPY",), read_npy),
+    Format("a MATLAB file", (b"MATLAB 5.0 MAT-file",), read_mat),
+    Format("an HDF5 or MATLAB 7.3 file", _HDF5, extras.read_hdf5, "hdf5"),
+    Format("an Apache Parquet table", (b"PAR1",), extras.read_parquet, "parquet"),
+    Format("a TDMS file (LabVIEW)", (b"TDSm",), extras.read_tdms, "tdms"),
+    _ZIP,
+    Format("an Ogg sound file", (b"OggS",)),
+    Format("an MDF measurement file", (b"MDF ",)),
+    Format("an old Excel or Office document", (b"\xd0\xcf\x11\xe0",)),
+    Format("a file compressed with bzip2", (b"BZh",), remedy=_UNPACK),
+    Format("a file compressed with xz", (b"\xfd7zXZ\x00",), remedy=_UNPACK),
+    Format("a file compressed with zstd", (b"\x28\xb5\x2f\xfd",), remedy=_UNPACK),
+    Format("a 7-Zip archive", (b"7z\xbc\xaf\x27\x1c",), remedy=_UNPACK),
+    Format("a RAR archive", (b"Rar!\x1a\x07",), remedy=_UNPACK),
+    Format("a file compressed twice", (b"\x1f\x8b",), remedy=_UNPACK),
+    Format("a PDF document", (b"%PDF-",)),
+    Format("a JSON document", (b"{",)),
+    Format("a pointer left by Git LFS", (b"version https://git-lfs",), remedy="fetch the data"),
+    Format("a web page", (b"<!doctype html", b"<html"), remedy=_PAGE),
+)

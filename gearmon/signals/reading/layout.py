@@ -56,7 +56,7 @@ Line = tuple[int, str]
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
-    """How rows of numbers are written.
+    """How a table is written: its rows of numbers, where they begin, and what stands above them.
 
     Parameters
     ----------
@@ -72,6 +72,15 @@ class Dialect:
         Index of a column of dates and times or times of day.
     stamp_origin : int
         The first of these stamps, in microseconds.
+    first_line : int
+        Number of the first row's line.
+    names, units : sequence of str
+        The cells of the line of names, and of that of units below it; none if there is no such
+        line.
+    remark : str
+        Why a line that looks like names was not used.
+    rate_hint : str
+        The line that seems to tell the sampling rate.
     """
 
     separator: str
@@ -80,6 +89,15 @@ class Dialect:
     trailing: bool = False
     stamp: int | None = None
     stamp_origin: int = 0
+    first_line: int = 1
+    names: Sequence[str] = ()
+    units: Sequence[str] = ()
+    remark: str = ""
+    rate_hint: str = ""
+
+    def described(self) -> tuple[DataColumn, ...]:
+        """Return the columns of the table, as far as the lines above the numbers tell."""
+        return describe_columns(self.names or ("",) * self.columns, self.units)
 
     def split(self, line: str) -> list[str]:
         """Return the fields of a line."""
@@ -103,40 +121,7 @@ class Dialect:
         return sum(is_number(cell, self.decimal) for cell in cells)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Layout:
-    """Where the rows of a table begin, how they are written, and what stands above them.
-
-    Parameters
-    ----------
-    dialect : Dialect
-        How they are written.
-    first_line : int
-        Number of the first row's line.
-    names : sequence of str
-        The cells of the line of names; none if there is no such line.
-    units : sequence of str
-        The cells of the line of units below it, likewise.
-    remark : str
-        Why a line that looks like names was not used.
-    rate_hint : str
-        The line that seems to tell the sampling rate.
-    """
-
-    dialect: Dialect
-    first_line: int
-    names: Sequence[str] = ()
-    units: Sequence[str] = ()
-    remark: str = ""
-    rate_hint: str = ""
-
-    @property
-    def columns(self) -> tuple[DataColumn, ...]:
-        """The columns of the table, as far as the lines above the numbers tell."""
-        return describe_columns(self.names or ("",) * self.dialect.columns, self.units)
-
-
-def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
+def find_layout(path: str, lines: Sequence[str]) -> Dialect | None:
     """Return the layout of the table of numbers in the lines; None if there is no row of numbers.
 
     Parameters
@@ -168,8 +153,8 @@ def find_layout(path: str, lines: Sequence[str]) -> Layout | None:
     _check_no_parted_row(path, {*above} ^ {*joined}, {number for number, _ in joined}, dialect)
     dialect = _clear_decimals(path, dialect, sample, joined)
     dialect = _widened(dialect, sample, joined)
-    layout = Layout(dialect=dialect, first_line=first, rate_hint=_rate_hint(joined))
-    return _with_counted_names(_with_names(path, layout, joined), lines)
+    dialect = replace(dialect, first_line=first, rate_hint=_rate_hint(joined))
+    return _with_counted_names(_with_names(path, dialect, joined), lines)
 
 
 def _sample(lines: Sequence[str], count: int) -> list[str]:
@@ -308,23 +293,22 @@ def _columns_named(text: str) -> int:
     return 0 if len(names) == 1 and _ONE_NAME.fullmatch(names[0]) is None else len(names)
 
 
-def _with_counted_names(layout: Layout, lines: Sequence[str]) -> Layout:
+def _with_counted_names(dialect: Dialect, lines: Sequence[str]) -> Dialect:
     """Take a first row 0, 1, 2 ... above rows of decimals as the names that it is."""
-    dialect = layout.dialect
-    if layout.names or dialect.columns < 3:
-        return layout
+    if dialect.names or dialect.columns < 3:
+        return dialect
     numbered = (
         (number, row)
-        for number, line in enumerate(lines[layout.first_line - 1 :], layout.first_line)
+        for number, line in enumerate(lines[dialect.first_line - 1 :], dialect.first_line)
         if (row := dialect.row(line)) is not None
     )
     (_, names), *later = islice(numbered, _SAMPLE + 1)
     counted_up = [[str(start + k) for k in range(dialect.columns)] for start in (0, 1)]
     if names not in counted_up or len(later) < _FEWEST_BELOW:
-        return layout
+        return dialect
     if any(field.isdigit() for _, row in later for field in row):
-        return layout
-    return replace(layout, first_line=later[0][0], names=names)
+        return dialect
+    return replace(dialect, first_line=later[0][0], names=names)
 
 
 def _rate_hint(above: Sequence[Line]) -> str:
@@ -335,7 +319,7 @@ def _rate_hint(above: Sequence[Line]) -> str:
     return ""
 
 
-def _with_names(path: str, layout: Layout, above: Sequence[Line]) -> Layout:
+def _with_names(path: str, dialect: Dialect, above: Sequence[Line]) -> Dialect:
     """Add the names and units that the lines of text above the first row tell.
 
     Raises
@@ -343,17 +327,16 @@ def _with_names(path: str, layout: Layout, above: Sequence[Line]) -> Layout:
     RecordingError
         If the last of them is a row with a damaged field, or one with another number of fields.
     """
-    dialect = layout.dialect
     lines = [line for line in above if line[1] and not _is_marker(line[1])]
     if not lines:
-        return layout
+        return dialect
     number, text = lines[-1]
     cells = _cells(text, dialect)
     upper = _cells(lines[-2][1], dialect) if len(lines) > 1 else None
     if upper is not None and dialect.numbers(upper):
         upper = None
     if cells and are_units(cells) and (upper is not None or cells[0].startswith(("[", "("))):
-        return replace(layout, names=upper or (), units=cells)
+        return replace(dialect, names=upper or (), units=cells)
     damage = _damage(lines, dialect)
     if damage:
         raise RecordingError(
@@ -366,12 +349,12 @@ def _with_names(path: str, layout: Layout, above: Sequence[Line]) -> Layout:
             "columns are numbered"
         )
         told = len(named) >= 2 and not _is_metadata(text)
-        return replace(layout, remark=remark) if told else layout
+        return replace(dialect, remark=remark) if told else dialect
     if dialect.numbers(cells) and not _are_numbered(cells):
-        return layout
+        return dialect
     if dialect.columns == 1 and (_is_metadata(text) or len(text) > LONGEST_QUOTE):
-        return layout
-    return replace(layout, names=cells)
+        return dialect
+    return replace(dialect, names=cells)
 
 
 def _joined_lines(lines: Sequence[Line]) -> list[Line]:

@@ -12,7 +12,7 @@ import re
 import stat
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -32,7 +32,7 @@ _NAMES_COMPARED = 50
 _LONGEST_LINE = 16 * 1024 * 1024
 _FEWEST_UNMARKED = 16  # bytes from which on a pattern of zeros tells UTF-16
 _GZIP_MAGIC = b"\x1f\x8b"
-_END_OF_FILE_MARK = b"\x1a"
+_END_OF_FILE_MARK = "\x1a"
 _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark begins alike
     (codecs.BOM_UTF32_BE, "utf-32"),
@@ -110,73 +110,49 @@ class Source:
 
     def size_hint(self) -> int:
         """Return roughly how many bytes the unpacked file has."""
-        if self.content is not None and not self.zipped:
-            return len(self.content)
-        size = len(self.content) if self.content is not None else os.path.getsize(self.path)
+        size = os.path.getsize(self.path) if self.content is None else len(self.content)
         return size * 4 if self.zipped else size
 
-    def blocks(self, size: int = BLOCK_BYTES) -> Iterator[Block]:
-        """Yield the lines of the file, some `size` bytes at a time.
+    def blocks(self, size: int = BLOCK_BYTES, *, line: int = 1) -> Iterator[Block]:
+        """Yield the lines of the file, from the given one on, some `size` bytes at a time.
 
         Raises
         ------
         RecordingError
             If a line has no end or the compressed file is damaged.
         """
-        line, rest = 1, b""
-        for chunk in self._chunks(size):
-            cut = chunk.rfind(b"\n") + 1
-            if cut == 0:
-                rest += chunk
-                if len(rest) > _LONGEST_LINE:
+        # bytes in which a line feed is one pass through as they are
+        one_byte = self.encoding in ("", "utf-8-sig")
+        with self._opened() as raw:
+            raw.read(len(codecs.BOM_UTF8) if self.encoding == "utf-8-sig" else 0)
+            # makes one line feed of every kind of line end
+            stream = io.TextIOWrapper(raw, "latin-1" if one_byte else self.encoding, "replace")
+            for _ in range(line - 1):
+                stream.readline()
+            while text := stream.read(size) + stream.readline(_LONGEST_LINE):
+                self._check_swelling(raw)
+                end = text.rfind("\n") + 1
+                rest = text[end:].rstrip(_END_OF_FILE_MARK)
+                own = text[:end] + (rest and f"{rest}\n")
+                lines = own.encode("latin-1" if one_byte else "utf-8")
+                if len(rest) >= _LONGEST_LINE:
                     raise RecordingError(
-                        f"{self.path}, line {line}: over {_LONGEST_LINE // 2**20} MB without a "
-                        "line end; a recording needs one line per sample"
+                        f"{self.path}, line {line + lines.count(10) - 1}: over "
+                        f"{_LONGEST_LINE // 2**20} MB without a line end; a recording needs one "
+                        "line per sample"
                     )
-                continue
-            yield Block(text=rest + chunk[:cut], first_line=line)
-            line += count_of(chunk, "\n")
-            rest = chunk[cut:]
-        rest = rest.rstrip(_END_OF_FILE_MARK)
-        if rest:
-            yield Block(text=rest + b"\n", first_line=line, closed=False)
+                if lines:
+                    yield Block(text=lines, first_line=line, closed=not rest)
+                line += count_of(lines, "\n")
 
-    def _chunks(self, size: int) -> Iterator[bytes]:
-        r"""Yield the text with ``\n`` for every kind of line end."""
-        with self._opened() as stream:
-            held = b""
-            for raw in self._decoded(stream, size):
-                chunk = held + raw
-                held = b"\r" if chunk.endswith(b"\r") else b""  # its \n may follow
-                chunk = chunk[: len(chunk) - len(held)]
-                if b"\r" in chunk:
-                    chunk = chunk.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-                yield chunk
-            if held:
-                yield b"\n"
-
-    def _decoded(self, stream: BinaryIO, size: int) -> Iterator[bytes]:
-        if self.encoding in ("", "utf-8-sig"):
-            stream.read(len(codecs.BOM_UTF8) if self.encoding else 0)
-            yield from self._unpacked(stream, size)
-            return
-        decoder = codecs.getincrementaldecoder(self.encoding)(errors="replace")
-        for raw in self._unpacked(stream, size):
-            yield decoder.decode(raw).encode()
-        yield decoder.decode(b"", final=True).encode()
-
-    def _unpacked(self, stream: BinaryIO, size: int) -> Iterator[bytes]:
-        """Yield the bytes; refuse a compressed file as soon as it swells as no recording does."""
-        while raw := stream.read(size):
-            if self.zipped:
-                packed = cast(Any, stream).fileobj.tell()
-                if stream.tell() > most_unpacked(packed):
-                    raise RecordingError(
-                        f"{self.path}: {packed / 1e6:.2g} MB of it unpack to "
-                        f"{stream.tell() / 1e6:.2g} MB, as no recording does; unpack it and look "
-                        "at it"
-                    )
-            yield raw
+    def _check_swelling(self, stream: BinaryIO) -> None:
+        """Refuse a compressed file as soon as it swells as no recording does."""
+        packed = cast(Any, stream).fileobj.tell() if self.zipped else 0
+        if self.zipped and stream.tell() > most_unpacked(packed):
+            raise RecordingError(
+                f"{self.path}: {packed / 1e6:.2g} MB of it unpack to {stream.tell() / 1e6:.2g} MB, "
+                "as no recording does; unpack it and look at it"
+            )
 
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:
@@ -190,13 +166,11 @@ class Source:
             try:
                 with gzip.GzipFile(fileobj=raw) as stream:
                     yield cast(BinaryIO, stream)
-            except EOFError:
+            except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+                cut = isinstance(error, EOFError)
+                what = "cut off before its end" if cut else f"damaged ({error})"
                 raise RecordingError(
-                    f"{self.path}: the compressed file is cut off before its end; copy it again"
-                ) from None
-            except (gzip.BadGzipFile, zlib.error) as error:
-                raise RecordingError(
-                    f"{self.path}: the compressed file is damaged ({error}); copy it again"
+                    f"{self.path}: the compressed file is {what}; copy it again"
                 ) from None
 
 
@@ -221,14 +195,12 @@ def open_source(path: str | Path) -> Source:
     """
     name = os.fspath(path)
     try:
-        content = _read_once(name)
-        packed = Source(path=name, content=content)
-        magic = packed.head(2)
+        source = Source(path=name, content=_read_once(name))
+        zipped = source.head(2) == _GZIP_MAGIC
     except OSError as error:
         raise RecordingError(f"{name}: {_why_not(Path(name), error)}") from None
-    zipped = magic == _GZIP_MAGIC
-    plain = Source(path=name, content=content, zipped=zipped)
-    return Source(path=name, content=content, zipped=zipped, encoding=_encoding(plain.head(4096)))
+    source = replace(source, zipped=zipped)
+    return replace(source, encoding=_encoding(source.head(4096)))
 
 
 def _read_once(name: str) -> bytes | None:
@@ -262,13 +234,13 @@ def _encoding(head: bytes) -> str:
         if head.startswith(mark):
             return encoding
     # Text in UTF-16 without a mark: every other byte of plain ASCII is zero.
-    even, odd = head[0::2], head[1::2]
-    if len(head) < _FEWEST_UNMARKED:
-        return ""
-    if odd and 0 not in even and odd.count(0) > 0.9 * len(odd):
-        return "utf-16-le"
-    if even and 0 not in odd and even.count(0) > 0.9 * len(even):
-        return "utf-16-be"
+    for zeros, others, encoding in (
+        (head[1::2], head[0::2], "utf-16-le"),
+        (head[0::2], head[1::2], "utf-16-be"),
+    ):
+        clear = 0 not in others and zeros.count(0) > 0.9 * len(zeros)
+        if clear and len(head) >= _FEWEST_UNMARKED:
+            return encoding
     return ""
 
 

@@ -15,7 +15,6 @@ import re
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 from itertools import islice
 from typing import Literal
 
@@ -23,7 +22,7 @@ import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import Content, reserved
-from gearmon.signals.reading.layout import Dialect, Layout, counted, find_layout
+from gearmon.signals.reading.layout import Dialect, counted, find_layout
 from gearmon.signals.reading.source import (
     MISSING,
     Block,
@@ -63,9 +62,8 @@ _NO_VALUES = [
 _ENOUGH_ROWS, _MOST_ROWS = 50, 200
 _CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD][+-]?)?|[+-]?[.,]")
 _REMEDY = "correct it, or put # before the line if it is no sample"
-_HEAD_BYTES = 64 * 1024
-_LONGEST_PREAMBLE = 64 * 1024 * 1024
-_ROWS_TO_JUDGE = 50
+# The beginning of a file tells its layout: this many bytes, or four times as many, up to 64 MB.
+_HEAD_BYTES, _HEADS, _ROWS_TO_JUDGE = 64 * 1024, 6, 50
 # Threads pay only where a file has many blocks; more than four wait for the interpreter.
 _THREADED_BYTES = 8 * 1024 * 1024
 _MOST_THREADS = 4
@@ -338,10 +336,10 @@ def read_table(source: Source, progress: Progress | None = None, room: Room = np
     RecordingError
         If the file has no rows of numbers, or a line among them is none.
     """
-    layout = _layout_of(source)
-    values, count = np.empty((layout.dialect.columns, 0)), 0
+    dialect = _layout_of(source)
+    values, count = np.empty((dialect.columns, 0)), 0
     done, size = 0, max(source.size_hint(), 1)
-    for block, rows in _parsed_blocks(source, layout):
+    for block, rows in _parsed_blocks(source, dialect):
         done += len(block.text)
         if count + len(rows) > values.shape[1]:
             estimate = int(_MARGIN * len(rows) * max(1.0, size / len(block.text))) + 1000
@@ -356,38 +354,38 @@ def read_table(source: Source, progress: Progress | None = None, room: Room = np
         progress(1.0)
 
     def shown(row: int, index: int) -> str:
-        field = ([*_line_of(source, layout, row)[1][index:], ""])[0]
+        field = ([*_line_of(source, dialect, row)[1][index:], ""])[0]
         return f"'{shortened(field)}'" if field else "an empty field"
 
     return Content(
         path=source.path,
         values=values[:, :count],
-        columns=layout.columns,
-        stamp=layout.dialect.stamp,
-        rate_hint=layout.rate_hint,
-        notes=(layout.remark,) if layout.remark else (),
+        columns=dialect.described(),
+        stamp=dialect.stamp,
+        rate_hint=dialect.rate_hint,
+        notes=(dialect.remark,) if dialect.remark else (),
         is_text=True,
-        place=lambda row: f"line {_line_of(source, layout, row)[0]}",
+        place=lambda row: f"line {_line_of(source, dialect, row)[0]}",
         shown=shown,
     )
 
 
-def _line_of(source: Source, layout: Layout, row: int) -> tuple[int, list[str]]:
+def _line_of(source: Source, dialect: Dialect, row: int) -> tuple[int, list[str]]:
     """Return the number of the line that holds a row (counted from 0), and its fields."""
     rows = (
         (number, line)
-        for block in _blocks_from(source, layout.first_line)
+        for block in source.blocks(line=dialect.first_line)
         for number, line in enumerate(decoded(block.text).split("\n"), block.first_line)
-        if _is_row(line, layout.dialect)
+        if _is_row(line, dialect)
     )
     number, line = next(islice(rows, row, None))
-    return number, layout.dialect.split(line)
+    return number, dialect.split(line)
 
 
-def _parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floats]]:
+def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, Floats]]:
     """Yield the blocks with their rows, in order; large files are parsed ahead by threads."""
-    labels = [column.label for column in layout.columns]
-    blocks, dialect = _blocks_from(source, layout.first_line), layout.dialect
+    labels = [column.label for column in dialect.described()]
+    blocks = source.blocks(line=dialect.first_line)
     threads = min(cores(), _MOST_THREADS) if source.size_hint() >= _THREADED_BYTES else 1
     # The C library keeps freed memory up to the largest piece it ever gave back, instead of handing
     # every array of every block to the system and asking for it again.
@@ -408,36 +406,19 @@ def _parsed_blocks(source: Source, layout: Layout) -> Iterator[tuple[Block, Floa
             yield block, rows
 
 
-def _blocks_from(source: Source, line: int) -> Iterator[Block]:
-    """Yield the blocks from the given line on."""
-    for block in source.blocks():
-        skipped = line - block.first_line
-        if skipped <= 0:
-            yield block
-            continue
-        parts = block.text.split(b"\n", skipped)
-        if len(parts) > skipped and parts[-1]:
-            yield replace(block, text=parts[-1], first_line=line)
-
-
-def _layout_of(source: Source) -> Layout:
+def _layout_of(source: Source) -> Dialect:
     """Return the layout, from as much of the beginning of the file as it takes."""
-    text, enough = b"", _HEAD_BYTES
-    for block in source.blocks(_HEAD_BYTES):
-        text += block.text
-        if len(text) < enough:
-            continue
-        enough *= 4
-        layout = find_layout(source.path, decoded(text).split("\n")[:-1])
-        if layout is not None and text.count(b"\n") - layout.first_line >= _ROWS_TO_JUDGE:
-            return layout
-        if enough > _LONGEST_PREAMBLE:
+    found, lines = None, [""]
+    for size in (_HEAD_BYTES * 4**k for k in range(_HEADS)):
+        head = next(source.blocks(size), Block(text=b"", first_line=1)).text
+        lines = decoded(head).split("\n")[:-1]
+        found = find_layout(source.path, lines)
+        rows = 0 if found is None else len(lines) - found.first_line
+        if len(head) < size or rows >= _ROWS_TO_JUDGE:
             break
-    lines = decoded(text).split("\n")[:-1]
-    layout = find_layout(source.path, lines)
-    if layout is None:
+    if found is None:
         raise RecordingError(f"{source.path}: {_why_no_table(lines)}")
-    return layout
+    return found
 
 
 def _why_no_table(lines: Sequence[str]) -> str:

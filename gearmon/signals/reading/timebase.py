@@ -9,14 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
+from gearmon.arrays import BoolArray
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import Content, DataColumn, missing_rows
 from gearmon.signals.reading.source import Floats
 from gearmon.units import time_factor
-
-Flags = npt.NDArray[np.bool_]
 
 # Deviation of a stamp from even spacing, in sampling intervals, beyond what rounding explains.
 _JITTER = 0.1
@@ -89,13 +87,13 @@ def spacing(stamps: Floats) -> Spacing:
     resolution = _resolution(stamps)
     if exact and resolution > _DOUBTFUL * step:
         resolution = 0.0  # a step such as 0.001 with three decimals: nothing was rounded
-    if resolution > _COARSE * step:
+    coarse = resolution > _COARSE * step
+    if coarse:
         fault, row = _off_line(stamps, step, resolution + _JITTER * step)
-        found = Spacing(step=step, coarse=True, fault=fault, row=row)
     else:
         fault, row = _fault(stamps, step, usual, resolution)
-        found = Spacing(step=step, fault=fault, row=row)
-    if exact or found.fault:
+    found = Spacing(step=step, coarse=coarse, fault=fault, row=row)
+    if exact or fault:
         return found
     return replace(found, step=_slope(stamps), uncertainty=resolution / (step * len(stamps)))
 
@@ -160,22 +158,20 @@ def _usual_step(stamps: Floats) -> tuple[float, bool]:
 
 def _resolution(stamps: Floats) -> float:
     """Return the unit of the last decimal of the stamps, or of their single precision."""
-    ends = np.concatenate([stamps[:1000], stamps[-1000:]])
+    parts = stamps[:1000], stamps[-1000:]
+    ends = np.concatenate(parts)
     with np.errstate(over="ignore"):
         single = ends.astype(np.float32).astype(np.float64)
     if np.all(np.abs(ends - single) <= 1e-9 * np.abs(ends)):
         return float(np.spacing(np.float32(np.abs(ends).max())))
-    return max(_last_decimal(stamps[:1000]), _last_decimal(stamps[-1000:]))
+    decimals = range(-3, 16)
+    return max(
+        next((10.0**-k for k in decimals if np.array_equal(np.round(part, k), part)), 0.0)
+        for part in parts
+    )
 
 
-def _last_decimal(stamps: Floats) -> float:
-    for decimals in range(-3, 16):
-        if np.array_equal(np.round(stamps, decimals), stamps):
-            return float(10.0**-decimals)
-    return 0.0
-
-
-def _first(stamps: Floats, wrong: Callable[[Floats], Flags]) -> int:
+def _first(stamps: Floats, wrong: Callable[[Floats], BoolArray]) -> int:
     """Return the index of the first stamp whose step from the one before is wrong; -1: none."""
     for start in range(0, len(stamps) - 1, _CHUNK):
         bad = wrong(np.diff(stamps[start : start + _CHUNK + 1]))

@@ -11,25 +11,8 @@
 from gearmon.lazy import lazily
 
 _OFFERED = {
-    "demodulation": (
-        "Kurtogram",
-        "band_envelope",
-        "cyclic_coherence",
-        "envelope_spectrum",
-        "kurtogram",
-        "real_cepstrum",
-    ),
-    "spectrum": (
-        "Spectrum",
-        "amplitude_spectrum",
-        "half_lobe",
-        "hann",
-        "line_amplitude",
-        "local_floor",
-        "noise_bandwidth",
-        "power_density",
-        "window",
-    ),
+    "demodulation": ("band_envelope", "cyclic_coherence", "envelope_spectrum", "kurtogram"),
+    "spectrum": ("Spectrum", "amplitude_spectrum", "line_amplitude", "power_density", "window"),
 }
 
 __all__ = sorted(name for names in _OFFERED.values() for name in names)

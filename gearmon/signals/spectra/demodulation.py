@@ -38,16 +38,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.fft import ifft
+from scipy.fft import ifft, next_fast_len
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.spectra.spectrum import (
     Spectrum,
     amplitude_spectrum,
+    checked,
     fast_length,
     hann,
-    is_smooth,
     quick_length,
     rows_in_cache,
     transform,
@@ -55,7 +55,6 @@ from gearmon.signals.spectra.spectrum import (
 
 #: Samples of the envelope that a band keeps at least: fewer make a kurtosis meaningless.
 LEAST_SAMPLES = 32
-_PIECE = 1 << 14
 # Samples of an envelope over the lines of its band. Two tones of one band beat at up to its width
 # B; sampled at B the modulus would fold from B/2 on.
 _OVERSAMPLED = 4
@@ -111,7 +110,7 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
     ArgumentError
         If the band is out of its range or holds fewer than two lines.
     """
-    signals = _signals(samples, rate)
+    signals = checked(samples, rate, 8)
     check_range("low", low, 0.0, rate / 2)
     check_range("high", high, 0.0, rate / 2)
     samples_in, count = signals.shape[-1], quick_length(signals.shape[-1])
@@ -165,14 +164,6 @@ def envelope_spectrum(samples: FloatArray, rate: float, low: float, high: float)
     found = amplitude_spectrum(size, envelope.rate, length=size.shape[-1])
     kept = found.frequency_hz <= (envelope.high - envelope.low) * (1 + 1e-12)
     return replace(found, frequency_hz=found.frequency_hz[kept], values=found.values[:, kept])
-
-
-def _signals(samples: FloatArray, rate: float, fewest: int = 8) -> FloatArray:
-    check_positive("rate", rate)
-    signals = np.atleast_2d(np.asarray(samples, dtype=float))
-    if signals.ndim != 2 or signals.shape[-1] < fewest:
-        raise ArgumentError(f"samples: shape {signals.shape}, at least {fewest} values are needed")
-    return signals
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -269,33 +260,20 @@ def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     width = len(lines) // count
     # twice as many points as lines: the squared envelope is then sampled without aliasing, and its
     # mean square is exact wherever the impacts fall between the points
-    length = 2 * width if is_smooth(width) else fast_length(2 * width)
+    length = next_fast_len(2 * width)
     rows = min(count, rows_in_cache(length))
     kept = max(2, int(length * share))
     bands = lines[: width * count].reshape(count, width)
     mean, square = np.empty(count), np.empty(count)
     for first in range(0, count, rows):
         group = slice(first, first + rows)
-        envelopes = ifft(bands[group], length, axis=-1, norm="forward")
-        mean[group], square[group] = _power_sums(envelopes[:, :kept])
-    mean /= kept
-    square /= kept
+        envelopes = ifft(bands[group], length, axis=-1, norm="forward")[:, :kept]
+        power = envelopes.real**2 + envelopes.imag**2
+        mean[group], square[group] = power.mean(axis=-1), (power**2).mean(axis=-1)
     # an empty band has no kurtosis; rounding noise beside strong bands must not be taken for one
     silent = mean <= 1e-24 * mean.max(initial=0.0)
     ratio = np.divide(square, mean**2, out=np.full(count, 2.0), where=~silent)
     return np.asarray(ratio - 2.0)
-
-
-def _power_sums(envelopes: ComplexArray) -> tuple[FloatArray, FloatArray]:
-    """Add up |x|^2 and |x|^4 of each row, in pieces that stay in the cache; spoils the rows."""
-    first, second = np.zeros(len(envelopes)), np.zeros(len(envelopes))
-    for start in range(0, envelopes.shape[-1], _PIECE):
-        parts = envelopes[:, start : start + _PIECE].view(np.float64)
-        parts *= parts
-        power = parts[:, 0::2] + parts[:, 1::2]
-        first += power.sum(axis=-1)
-        second += np.einsum("ij,ij->i", power, power)
-    return first, second
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -414,7 +392,7 @@ def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
     ArgumentError
         If there are too few samples or a signal is constant.
     """
-    signals = _signals(samples, rate, 16)
+    signals = checked(samples, rate, 16)
     count = quick_length(signals.shape[-1])
     size = np.abs(transform(signals - signals.mean(axis=-1, keepdims=True), count))
     largest = size.max(axis=-1, keepdims=True)

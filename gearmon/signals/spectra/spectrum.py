@@ -20,13 +20,12 @@ with five terms).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.fft import next_fast_len, rfft
 
 from gearmon.arrays import ComplexArray, FloatArray
@@ -41,9 +40,6 @@ TERMS = {
 }
 # Longer windows are made anew each time instead of being held in memory.
 _LONGEST_HELD = 1 << 19
-# The search narrows to three steps of the grid before; eight times come to 1e-7 bins.
-_GRID = np.linspace(-1.0, 1.0, 21)
-_NARROWER, _SEARCHES = 0.15, 8
 # Buffers of so many numbers stay in the cache of a processor core.
 _CACHED = 1 << 15
 # Up to here any length transforms in milliseconds; above, awkward ones take ten times as long.
@@ -87,40 +83,29 @@ def rows_in_cache(length: int) -> int:
     return max(1, _CACHED // length)
 
 
-def windowed_transforms(
-    signals: Iterable[FloatArray], weights: FloatArray | float, length: int
-) -> Iterator[ComplexArray]:
-    """Give the transform of each signal, windowed and zero-padded, one after the other.
+def transform(signals: FloatArray, length: int, weights: FloatArray | float = 1.0) -> ComplexArray:
+    """Return the transforms of signals, windowed and zero-padded.
 
     Parameters
     ----------
-    signals : iterable of ndarray of float, shape (n,)
-    weights : ndarray of float, shape (n,), or float
-        The window.
+    signals : ndarray of float, shape (..., n)
     length : int, >= n
         Transform length.
+    weights : ndarray of float, shape (n,), or float
+        The window.
 
-    Yields
-    ------
-    ndarray of complex, shape (length // 2 + 1,)
+    Returns
+    -------
+    ndarray of complex, shape (..., length // 2 + 1)
         Unscaled.
     """
-    for signal in signals:
-        yield np.asarray(rfft(signal * weights, length))
-
-
-def transform(signals: FloatArray, length: int, weights: FloatArray | float = 1.0) -> ComplexArray:
-    """Return all `windowed_transforms` at once, shape (channels, length // 2 + 1)."""
     return np.asarray(rfft(signals * weights, length, axis=-1))
 
 
 def window_powers(signals: FloatArray, weights: FloatArray, length: int) -> FloatArray:
-    """Squared magnitudes of `windowed_transforms`, shape (channels, length // 2 + 1)."""
-    powers = np.empty((len(signals), length // 2 + 1))
-    for row, lines in zip(powers, windowed_transforms(signals, weights, length), strict=True):
-        np.square(lines.real, out=row)
-        row += np.square(lines.imag)
-    return powers
+    """Squared magnitudes of the `transform` of every signal, one after the other."""
+    lines = (transform(signal, length, weights) for signal in signals)
+    return np.array([own.real**2 + own.imag**2 for own in lines])
 
 
 def window(name: str, length: int) -> FloatArray:
@@ -159,19 +144,10 @@ def window_terms(name: str) -> tuple[float, ...]:
     return TERMS[name]
 
 
-def window_sums(name: str, length: int) -> tuple[float, float]:
-    """Return the sum of the weights and the sum of their squares."""
-    terms = window_terms(name)
-    if length <= 2 * len(terms):  # a cosine may then stand on its own image
-        weights = window(name, length)
-        return float(weights.sum()), float(weights @ weights)
-    return length * terms[0], length * (terms[0] ** 2 + 0.5 * sum(a**2 for a in terms[1:]))
-
-
 def noise_bandwidth(name: str) -> float:
     """Return the equivalent noise bandwidth of a window in bins: 1.5 for Hann, 1 for none."""
-    total, squared = window_sums(name, 100)
-    return 100 * squared / total**2
+    weights = window(name, 100)
+    return float(100 * (weights @ weights) / weights.sum() ** 2)
 
 
 def half_lobe(name: str) -> int:
@@ -294,7 +270,7 @@ def amplitude_spectrum(
     -----
     Energy: |X_k|^2 / (length sum w^2), times two but at 0 and half the rate (Parseval).
     """
-    signals = _checked(samples, sampling_rate_hz)
+    signals = checked(samples, sampling_rate_hz)
     count = signals.shape[-1]
     if quantity not in ("amplitude", "rms", "energy"):
         raise ArgumentError(f"quantity={quantity!r} must be one of amplitude, rms, energy")
@@ -302,14 +278,12 @@ def amplitude_spectrum(
     if length < count:
         raise ArgumentError(f"length={length} must be at least the {count} samples")
     weights = window(window_name, count)
-    values = np.empty((len(signals), length // 2 + 1))
-    for row, lines in zip(values, windowed_transforms(signals, weights, length), strict=True):
-        np.abs(lines, out=row)
-    total, squared = window_sums(window_name, count)
+    values = np.array([np.abs(transform(signal, length, weights)) for signal in signals])
+    total = float(weights.sum())
     folded = 2.0  # the lines of negative frequency count with their mirror images
     if quantity == "energy":
         np.square(values, out=values)
-        total = length * squared
+        total = length * float(weights @ weights)
     elif quantity == "rms":
         folded = np.sqrt(2.0)
     values *= folded / total
@@ -358,12 +332,16 @@ def power_density(
     ----------
     Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73.
     """
-    signals = _checked(samples, sampling_rate_hz)
+    signals = checked(samples, sampling_rate_hz)
     if not 2 <= block <= signals.shape[-1]:
         raise ArgumentError(f"block={block} samples must lie in [2, {signals.shape[-1]}]")
     weights, length = window(window_name, block), quick_length(block)
-    values = np.array([_mean_power(signal, weights, length) for signal in signals])
-    values /= sampling_rate_hz * window_sums(window_name, block)[1]
+    blocks = np.lib.stride_tricks.sliding_window_view(signals, block, axis=-1)
+    blocks = blocks[:, :: max(1, block // 2)]
+    values = np.zeros((len(signals), length // 2 + 1))
+    for number in range(blocks.shape[1]):
+        values += window_powers(blocks[:, number], weights, length)
+    values /= blocks.shape[1] * sampling_rate_hz * (weights @ weights)
     values[:, 1 : (length + 1) // 2] *= 2.0
     _check_finite(values)
     return Spectrum(
@@ -372,18 +350,6 @@ def power_density(
         quantity="density",
         resolution_hz=noise_bandwidth(window_name) * sampling_rate_hz / block,
     )
-
-
-def _mean_power(signal: FloatArray, weights: FloatArray, length: int) -> FloatArray:
-    """Mean squared magnitude of half-overlapped windowed blocks, some blocks at a time."""
-    block = len(weights)
-    blocks = np.lib.stride_tricks.sliding_window_view(signal, block)[:: max(1, block // 2)]
-    rows = rows_in_cache(length)
-    power = np.zeros(2 * (length // 2 + 1))
-    for first in range(0, len(blocks), rows):
-        parts = transform(blocks[first : first + rows], length, weights).view(np.float64)
-        power += np.einsum("ij,ij->j", parts, parts)
-    return np.asarray((power[0::2] + power[1::2]) / len(blocks), dtype=np.float64)
 
 
 def local_floor(power: FloatArray, width: int) -> FloatArray:
@@ -417,11 +383,12 @@ def local_floor(power: FloatArray, width: int) -> FloatArray:
     return np.maximum(np.reshape(rows, power.shape), np.finfo(float).tiny)
 
 
-def _checked(samples: FloatArray, sampling_rate_hz: float) -> FloatArray:
+def checked(samples: FloatArray, sampling_rate_hz: float, fewest: int = 2) -> FloatArray:
+    """Return signals as rows, of at least so many samples."""
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     signals = np.atleast_2d(np.asarray(samples, dtype=float))
-    if signals.shape[-1] < 2:
-        raise ArgumentError(f"samples: {signals.shape[-1]} values, at least 2 are needed")
+    if signals.ndim != 2 or signals.shape[-1] < fewest:
+        raise ArgumentError(f"samples: shape {signals.shape}, at least {fewest} values are needed")
     return signals
 
 
@@ -431,7 +398,7 @@ def _check_finite(values: FloatArray) -> None:
         raise ArgumentError("samples: not all are finite numbers, or they are too large to square")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class FittedLines:
     """Sinusoidal lines A cos(2 pi f t + p) of signals.
 
@@ -485,7 +452,9 @@ def line_amplitude(
     not reach (none: -13 dB, Hann: -31 dB, flat-top: -93 dB, Blackman-Harris: -92 dB). Lines nearer
     than the main lobe are read as one.
     """
-    fit = _Fit(samples, sampling_rate_hz, window_name)
+    from scipy.optimize import minimize_scalar
+
+    signals = checked(samples, sampling_rate_hz, 16)
     check_range("within_bins", within_bins, 0.0, 1000.0)
     wanted = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
     for value in wanted:
@@ -493,59 +462,42 @@ def line_amplitude(
             raise ArgumentError(
                 f"frequency_hz={value:g} must lie between 0 and {sampling_rate_hz / 2:g} Hz"
             )
-    table = np.array(
-        [[fit.line(bins, value, within_bins) for value in wanted] for bins in fit.bins]
-    ).reshape(len(fit.bins), -1, 3)
-    return FittedLines(frequency_hz=table[..., 0], amplitude=table[..., 1], phase_rad=table[..., 2])
+    count, weights = signals.shape[-1], window(window_name, signals.shape[-1])
+    bins = transform(signals, quick_length(count), weights) / weights.sum()
+    _check_finite(np.abs(bins))
+    place = np.arange(bins.shape[-1]) * (count / quick_length(count))
+    lobe = max(2, half_lobe(window_name))
 
-
-class _Fit:
-    """Transforms of signals and the fit of lines to their bins."""
-
-    def __init__(self, samples: FloatArray, rate: float, name: str) -> None:
-        check_positive("sampling_rate_hz", rate, "Hz")
-        signals = np.atleast_2d(np.asarray(samples, dtype=float))
-        self.count = signals.shape[-1]
-        if signals.ndim != 2 or self.count < 16:
-            raise ArgumentError(f"samples: shape {signals.shape}, at least 16 values are needed")
-        self.length = quick_length(self.count)
-        self.rate, self.name, self.per_bin = rate, name, self.length / self.count
-        weights = window(name, self.count)
-        self.bins = transform(signals, self.length, weights) / window_sums(name, self.count)[0]
-        if not np.isfinite(self.bins.sum()):
-            raise ArgumentError("samples: not all are finite numbers")
-
-    def line(
-        self, bins: ComplexArray, frequency: float, within: float
-    ) -> tuple[float, float, float]:
-        """Frequency, amplitude and phase of the line of a channel near a frequency."""
-        place, last = frequency * self.count / self.rate, len(bins) - 1
-        if within > 0.0:
-            low = max(1, int(np.ceil((place - within) * self.per_bin)))
-            high = max(low, min(last, int((place + within) * self.per_bin)))
-            place = (low + int(np.argmax(np.abs(bins[low : high + 1])))) / self.per_bin
+    def line(own: ComplexArray, at: float) -> tuple[float, float, float]:
+        """Place, amplitude and phase of the line of a channel near a place [bins]."""
+        if within_bins:
+            near = np.flatnonzero((np.abs(place - at) <= within_bins) & (place > 0))
+            near = near if len(near) else np.array([np.argmin(np.abs(place - max(at, 1.0)))])
+            at = float(place[near[np.argmax(np.abs(own[near]))]])
         # the bins about the place, as far as the main lobe reaches
-        reach, middle = max(2, half_lobe(self.name)) * self.per_bin, place * self.per_bin
-        near = np.arange(max(0, int(np.ceil(middle - reach))), min(last, int(middle + reach)) + 1)
-        width = 1.5
-        for _ in range(_SEARCHES if within > 0.0 else 0):
-            tried = np.clip(place + width * _GRID, 0.25, self.count / 2 - 1e-3)
-            place = float(tried[int(np.argmin(self._fitted(bins, tried, near)[1]))])
-            width *= _NARROWER
-        value = complex(self._fitted(bins, np.array([place]), near)[0][0])
-        return place * self.rate / self.count, 2 * abs(value), float(np.angle(value))
+        seen = np.abs(place - at) <= lobe
 
-    def _fitted(
-        self, bins: ComplexArray, places: FloatArray, near: NDArray[np.intp]
-    ) -> tuple[ComplexArray, FloatArray]:
-        """A/2 e^{ip} of a line at each of the places, and the misfit that it leaves."""
-        at, place = near / self.per_bin, places[:, None]
-        own = window_spectrum(self.name, at - place, self.count)
-        image = window_spectrum(self.name, at + place, self.count)
-        mean = np.broadcast_to(window_spectrum(self.name, at, self.count), own.shape)
-        columns = np.stack([own + image, 1j * (own - image), mean], axis=-1)
-        matrix = np.concatenate([columns.real, columns.imag], axis=1)
-        stacked = np.concatenate([bins[near].real, bins[near].imag])
-        solution = np.linalg.pinv(matrix, rcond=1e-12) @ stacked
-        left = stacked - np.einsum("pij,pj->pi", matrix, solution)
-        return solution[:, 0] + 1j * solution[:, 1], np.einsum("pi,pi->p", left, left)
+        def misfit(beside: float) -> float:
+            return _fitted(own[seen], place[seen], at + beside, window_name, count)[1]
+
+        if within_bins:
+            ends = max(0.25 - at, -1.5), min(count / 2 - 1e-3 - at, 1.5)
+            at += minimize_scalar(misfit, bounds=ends, options={"xatol": 1e-9}).x
+        value, _ = _fitted(own[seen], place[seen], at, window_name, count)
+        return at * sampling_rate_hz / count, 2 * abs(value), float(np.angle(value))
+
+    found = np.array([[line(own, at) for at in wanted * count / sampling_rate_hz] for own in bins])
+    return FittedLines(*np.moveaxis(found.reshape(len(bins), -1, 3), -1, 0))
+
+
+def _fitted(
+    bins: ComplexArray, place: FloatArray, tried: float, name: str, count: int
+) -> tuple[complex, float]:
+    """A/2 e^{ip} of a line at a place, and the misfit that it leaves in some bins."""
+    own, image, mean = (window_spectrum(name, place - k * tried, count) for k in (1, -1, 0))
+    columns = np.stack([own + image, 1j * (own - image), mean], axis=-1)
+    matrix = np.concatenate([columns.real, columns.imag])
+    wanted = np.concatenate([bins.real, bins.imag])
+    solution = np.linalg.lstsq(matrix, wanted, rcond=1e-12)[0]
+    left = wanted - matrix @ solution
+    return complex(solution[0], solution[1]), float(left @ left)

@@ -18,26 +18,10 @@ from gearmon.lazy import lazily
 
 _OFFERED = {
     "comb": ("Comb", "SpeedScan", "SpeedTrack", "find_path", "scan_speed"),
-    "mesh_detection": (
-        "MeshComb",
-        "MeshEvidence",
-        "combined_comb",
-        "foreign_spacing",
-        "mesh_evidence",
-        "sideband_spacing",
-    ),
+    "mesh_detection": ("MeshComb", "MeshEvidence", "foreign_spacing", "mesh_evidence"),
     "phases": ("coherent_share", "follow_lines", "integrate_speed", "lock_track"),
-    "slips": ("LEAST_TURNS", "SlipCheck", "check_slips"),
-    "tacho": (
-        "TachoPulses",
-        "find_pulses",
-        "join",
-        "pulse_angles",
-        "pulses_from_times",
-        "pulses_per_turn",
-        "track_from_pulse_times",
-        "track_from_pulses",
-    ),
+    "slips": ("SlipCheck", "check_slips", "mend_slips"),
+    "tacho": ("TachoPulses", "find_pulses", "join", "pulses_per_turn", "track_from_pulses"),
 }
 
 __all__ = sorted(name for names in _OFFERED.values() for name in names)

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.spectra.spectrum import fast_length, hann, local_floor, windowed_transforms
+from gearmon.signals.spectra.spectrum import fast_length, hann, local_floor, transform
 from gearmon.signals.threads import side_by_side
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
@@ -98,18 +98,28 @@ class SpeedTrack:
         return float(np.mean(self.speed_hz))
 
 
-@dataclass(frozen=True, kw_only=True)
 class SpeedScan:
     """How well every candidate speed suits every block of a recording.
 
     Parameters
     ----------
-    centre_s : ndarray of float, shape (blocks,)
-        Centres of the blocks [s].
+    blocks : _Blocks
+        The recording.
+    comb : Comb
+        What is looked for.
     middle_hz : ndarray of float, shape (blocks,)
-        Rotation frequency about which each block was searched [Hz].
+        Rotation frequency about which each block is searched [Hz].
     ratio : ndarray of float, shape (candidates,)
         Candidate speeds over that, evenly spaced, or in their logarithm.
+    bins : int
+        Bins of the spectra that are looked at.
+    reach : int, optional
+        Candidates that a path may move by from block to block; those of 2 % a second if not given.
+
+    Attributes
+    ----------
+    centre_s : ndarray of float, shape (blocks,)
+        Centres of the blocks [s].
     scores : ndarray of float, shape (blocks, candidates)
         Weighted sum of log(1 + signal-to-noise ratio) over the comb's lines.
     bin_hz : float
@@ -122,20 +132,43 @@ class SpeedScan:
         Their log(1 + signal-to-noise ratio), mean over channels.
     stride : int
         Blocks from one to the next that does not overlap it.
-    reach : int, optional
-        Candidates that a path may move by from block to block; those of 2 % a second if not given.
     """
 
-    centre_s: FloatArray
-    middle_hz: FloatArray
-    ratio: FloatArray
-    scores: FloatArray
-    bin_hz: float
-    resolution_hz: float
-    kept: IntArray
-    quality: NDArray[np.float32]
-    stride: int
-    reach: int | None = None
+    def __init__(
+        self,
+        blocks: _Blocks,
+        comb: Comb,
+        middle_hz: FloatArray,
+        ratio: FloatArray,
+        bins: int,
+        reach: int | None = None,
+    ) -> None:
+        self.centre_s, self.bin_hz = blocks.centre_s, blocks.bin_hz
+        self.middle_hz, self.ratio, self.reach = middle_hz, ratio, reach
+        self.resolution_hz = blocks.bin_hz / float(comb.orders.max())
+        count = len(blocks.starts)
+        # of blocks that do not overlap, every other one or fewer is kept
+        self.stride = min(2 if blocks.overlapped else 1, count)
+        step = 2 * self.stride
+        step = max(step, -(-count // _KEPT_BLOCKS) // step * step)
+        self.kept = np.arange(self.stride if count >= 4 else 0, count, step)
+        self.scores = np.empty((count, len(ratio)))
+        self.quality: NDArray[np.float32] = np.empty((len(self.kept), bins), dtype=np.float32)
+        row_of = {number: row for row, number in enumerate(self.kept.tolist())}
+        bin_of = np.outer(ratio, comb.orders) / self.bin_hz
+        steady = bool(np.all(middle_hz == middle_hz[0]))
+        same = _picking(bin_of * middle_hz[0], comb.weights, bins) if steady else None
+
+        def scan_block(number: int) -> None:
+            own = line_quality(blocks.part(number), blocks.length, bins)
+            picked = same
+            if picked is None:
+                picked = _picking(bin_of * middle_hz[number], comb.weights, bins)
+            self.scores[number] = picked @ own
+            if number in row_of:
+                self.quality[row_of[number]] = own
+
+        side_by_side(scan_block, range(count), count * len(blocks.samples) * blocks.length)
 
     def track(self, blocks: IntArray | None = None) -> SpeedTrack:
         """Return the best path of speeds through the blocks (all of them by default)."""
@@ -244,13 +277,14 @@ def scan_speed(
     check_positive("nominal_hz", nominal_hz, "Hz")
     check_range("tolerance", tolerance, 1e-6, 0.3)
     check_positive("block_s", block_s, "s")
-    blocks = _Blocks.of(samples, sampling_rate_hz, block_s, _MANY_BLOCKS)
+    blocks = _Blocks(samples, sampling_rate_hz, block_s, _MANY_BLOCKS)
     used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
     top = float(used.orders.max())
     half = _half(tolerance, blocks.bin_hz / (nominal_hz * top))
     bins = int(np.ceil(1.1 * top * nominal_hz * (1 + tolerance) / blocks.bin_hz) + 64)
     middle_hz = np.full(len(blocks.starts), nominal_hz)
-    return blocks.scanned(
+    return SpeedScan(
+        blocks,
         used,
         middle_hz if around is None else around.at(blocks.centre_s),
         1 + tolerance * np.arange(-half, half + 1) / half,
@@ -288,11 +322,12 @@ def find_path(
     """
     check_positive("nominal_hz", nominal_hz, "Hz")
     check_range("reach", reach, 1e-6, 0.5)
-    blocks = _Blocks.of(samples, sampling_rate_hz, _PATH_TURNS / nominal_hz)
+    blocks = _Blocks(samples, sampling_rate_hz, _PATH_TURNS / nominal_hz)
     used = comb.below(0.49 * sampling_rate_hz / nominal_hz)
     span = float(np.log1p(reach))
     half = _half(span, blocks.bin_hz / (nominal_hz * float(used.orders.max())), _PATH_CANDIDATES)
-    return blocks.scanned(
+    return SpeedScan(
+        blocks,
         used,
         np.full(len(blocks.starts), nominal_hz),
         np.exp(span * np.arange(-half, half + 1) / half),
@@ -306,84 +341,28 @@ def _half(span: float, bin_share: float, most: int = _MAX_CANDIDATES) -> int:
     return int(np.clip(np.ceil(span / (0.5 * bin_share)), 2, most // 2))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Blocks:
     """Hann blocks of a recording, half overlapped unless there are too many."""
 
-    samples: FloatArray
-    rate: float
-    size: int
-    overlapped: bool
-    starts: IntArray
-
-    @classmethod
-    def of(cls, samples: FloatArray, rate: float, block_s: float, many: float = np.inf) -> _Blocks:
+    def __init__(
+        self, samples: FloatArray, rate: float, block_s: float, many: float = np.inf
+    ) -> None:
         count = samples.shape[-1]
-        size = int(min(count, max(16.0, round(block_s * rate))))
-        hop = max(size // 2, 1)
-        overlapped = (count - size) // hop < many
-        starts = np.arange(0, count - size + 1, hop if overlapped else size)
-        if len(starts) > 3 and starts[-1] != count - size:
-            starts = np.append(starts, count - size)  # takes the recording to its end
-        return cls(samples=samples, rate=rate, size=size, overlapped=overlapped, starts=starts)
+        self.samples = samples
+        self.size = int(min(count, max(16.0, round(block_s * rate))))
+        hop = max(self.size // 2, 1)
+        self.overlapped = (count - self.size) // hop < many
+        starts = np.arange(0, count - self.size + 1, hop if self.overlapped else self.size)
+        if len(starts) > 3 and starts[-1] != count - self.size:
+            starts = np.append(starts, count - self.size)  # takes the recording to its end
+        self.starts, self.centre_s = starts, (starts + self.size / 2) / rate
+        # a line is then two bins wide
+        self.length = fast_length(2 * self.size)
+        self.bin_hz = rate / self.length
 
-    @property
-    def length(self) -> int:
-        """Length of the transforms: a line is then two bins wide."""
-        return fast_length(2 * self.size)
-
-    @property
-    def bin_hz(self) -> float:
-        return self.rate / self.length
-
-    @property
-    def centre_s(self) -> FloatArray:
-        return np.asarray((self.starts + self.size / 2) / self.rate)
-
-    def scanned(
-        self,
-        comb: Comb,
-        middle_hz: FloatArray,
-        ratio: FloatArray,
-        bins: int,
-        reach: int | None = None,
-    ) -> SpeedScan:
-        """Score every candidate about the middle of every block; keep some spectra."""
-        count, starts = len(self.starts), self.starts
-        # of blocks that do not overlap, every other one or fewer is kept
-        stride = min(2 if self.overlapped else 1, count)
-        step = max(2 * stride, -(-count // _KEPT_BLOCKS) // (2 * stride) * 2 * stride)
-        kept = np.arange(stride if count >= 4 else 0, count, step)
-        scores = np.empty((count, len(ratio)))
-        quality = np.empty((len(kept), bins), dtype=np.float32)
-        row_of = {number: row for row, number in enumerate(kept.tolist())}
-        bin_of = np.outer(ratio, comb.orders) / self.bin_hz
-        steady = bool(np.all(middle_hz == middle_hz[0]))
-        same = _picking(bin_of * middle_hz[0], comb.weights, bins) if steady else None
-
-        def scan_block(number: int) -> None:
-            part = self.samples[:, starts[number] : starts[number] + self.size]
-            own = line_quality(part, self.length, bins)
-            picked = same
-            if picked is None:
-                picked = _picking(bin_of * middle_hz[number], comb.weights, bins)
-            scores[number] = picked @ own
-            if number in row_of:
-                quality[row_of[number]] = own
-
-        side_by_side(scan_block, range(count), count * len(self.samples) * self.length)
-        return SpeedScan(
-            centre_s=self.centre_s,
-            middle_hz=middle_hz,
-            ratio=ratio,
-            scores=scores,
-            bin_hz=self.bin_hz,
-            resolution_hz=self.bin_hz / float(comb.orders.max()),
-            kept=kept,
-            quality=quality,
-            stride=stride,
-            reach=reach,
-        )
+    def part(self, number: int) -> FloatArray:
+        """Return the samples of a block."""
+        return self.samples[:, self.starts[number] : self.starts[number] + self.size]
 
 
 def _picking(places: FloatArray, weights: FloatArray, bins: int) -> csr_array:
@@ -426,8 +405,8 @@ def line_quality(block: FloatArray, length: int, bins: int) -> FloatArray:
     ndarray of float, shape (bins,)
     """
     quality = np.zeros(bins)
-    for transform in windowed_transforms(block, hann(block.shape[-1]), length):
-        own = transform[:bins]
+    for signal in block:
+        own = transform(signal, length, hann(block.shape[-1]))[:bins]
         power = own.real**2
         power += own.imag**2
         # 24 line widths: more than a group of sidebands, less than a resonance

@@ -19,7 +19,6 @@ from itertools import zip_longest
 from math import gcd
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from gearmon.arrays import BoolArray, FloatArray, IntArray
@@ -177,7 +176,7 @@ def mesh_evidence(
         One a mesh.
     """
     track = scan.track(_unseen(scan))
-    judged = _JudgedSpectrum.of(scan, track, nominal_hz, tolerance)
+    judged = _JudgedSpectrum(scan, track, nominal_hz, tolerance)
 
     def evidence(index: int) -> MeshEvidence:
         return _evidence(judged, meshes, shaft_orders, index)
@@ -191,7 +190,7 @@ def _evidence(
     others = [mesh for i, mesh in enumerate(meshes) if i != index]
     mesh = meshes[index]
     shared = judged.comb_score(combined_comb(others, shaft_orders)) if others or shaft_orders else 0
-    own, *decoys = judged.best(_rivals(mesh, tuple(meshes)), shared)
+    own, *decoys = (judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes)))
     decoys = [strength for strength in decoys if len(strength)]
     if len(own) == 0 or len(decoys) < 8:
         return MeshEvidence.none(len(decoys))
@@ -239,73 +238,48 @@ def _decoys(mesh: MeshComb, spacing: float) -> list[MeshComb]:
     return [mesh.shifted(sign * j * spacing) for sign in (-1, 1) for j in steps]
 
 
-@dataclass(frozen=True, kw_only=True)
 class _JudgedSpectrum:
-    """Mean log signal-to-noise ratio against order, and the speed corrections to be tried."""
+    """Mean log signal-to-noise ratio against order, and the speed corrections to be tried.
 
-    quality: FloatArray
-    bin_order: float
-    corrections: FloatArray
-    top_order: float
+    The kept blocks are averaged at speeds that were told by others.
+    """
 
-    @classmethod
-    def of(
-        cls, scan: SpeedScan, track: SpeedTrack, nominal_hz: float, tolerance: float
-    ) -> _JudgedSpectrum:
-        """Average the kept blocks at speeds that were told by others."""
+    def __init__(
+        self, scan: SpeedScan, track: SpeedTrack, nominal_hz: float, tolerance: float
+    ) -> None:
         mean = track.mean_hz
         if len(track.time_s) == 1:  # one block for both: at least its speed is constant
             mean = float(track.speed_hz[0])
-        bin_order = scan.bin_hz / mean
+        self.bin_order = scan.bin_hz / mean
         bins = scan.quality.shape[1]
-        top = (bins - 1) * bin_order / (1 + tolerance)
-        steps = int(np.ceil(2 * tolerance * top / bin_order))
+        self.top_order = (bins - 1) * self.bin_order / (1 + tolerance)
+        steps = int(np.ceil(2 * tolerance * self.top_order / self.bin_order))
         corrections = tolerance * np.arange(-steps, steps + 1) / max(1, steps)
         inside = np.abs(mean * (1 + corrections) / nominal_hz - 1) <= tolerance
-        grid, quality = np.arange(bins) * bin_order, np.zeros(bins)
+        self.corrections = corrections[inside] if inside.any() else np.zeros(1)
+        grid, quality = np.arange(bins) * self.bin_order, np.zeros(bins)
         for row, speed in zip(scan.quality, track.at(scan.centre_s[scan.kept]), strict=True):
             quality += row[np.minimum(np.rint(grid * speed / scan.bin_hz).astype(int), bins - 1)]
-        return cls(
-            quality=quality / len(scan.kept),
-            bin_order=bin_order,
-            corrections=corrections[inside] if inside.any() else np.zeros(1),
-            top_order=top,
-        )
+        self.quality = quality / len(scan.kept)
 
     def comb_score(self, comb: Comb) -> FloatArray:
         """Weighted sum of the comb's lines for every correction."""
         used = comb.orders < self.top_order
         orders = (1 + self.corrections)[:, None] * comb.orders[used]
-        return self._at(orders) @ comb.weights[used]
+        return np.asarray(self._at(orders) @ comb.weights[used])
 
-    def best(
-        self, meshes: Sequence[tuple[MeshComb, Comb]], shared: FloatArray | int
-    ) -> list[FloatArray]:
+    def best(self, mesh: MeshComb, comb: Comb, shared: FloatArray | int) -> FloatArray:
         """Log strength of each harmonic's group at the speed that suits comb and mesh best.
 
-        One array a mesh, of the groups within the spectrum.
+        Of the groups within the spectrum.
         """
-        # the groups of each that lie within the spectrum
+        correction = 1 + self.corrections[int(np.argmax(self.comb_score(comb) + shared))]
         seen = [
-            [group for group in mesh.groups if max(group) < self.top_order and min(group) > 0]
-            for mesh, _ in meshes
+            self._at(correction * np.array(group))
+            for group in mesh.groups
+            if max(group) < self.top_order and min(group) > 0
         ]
-        corrections = [
-            1 + self.corrections[int(np.argmax(self.comb_score(comb) + shared))]
-            for _, comb in meshes
-        ]
-        orders = [
-            correction * order
-            for groups, correction in zip(seen, corrections, strict=True)
-            for group in groups
-            for order in group
-        ]
-        sizes = np.array([len(group) for groups in seen for group in groups], dtype=int)
-        if len(sizes) == 0:
-            return [np.zeros(0) for _ in meshes]
-        powers = np.add.reduceat(np.exp(self._at(np.array(orders))), np.cumsum(sizes) - sizes)
-        strengths = np.log(powers / sizes)
-        return np.split(strengths, np.cumsum([len(groups) for groups in seen])[:-1])
+        return np.array([np.log(np.mean(np.exp(group))) for group in seen])
 
     def _at(self, orders: FloatArray) -> FloatArray:
         place = orders / self.bin_order
@@ -455,33 +429,22 @@ def foreign_spacing(
     """
     quality = spectrum.quality[: int((_HARMONICS + 1) * mesh.order / spectrum.step)]
     found = [
-        _finer_comb(_Lines.of(quality, spectrum, averaged), mesh, turning, meshing, own)
+        _finer_comb(_Lines(quality, spectrum, averaged), mesh, turning, meshing, own)
         for averaged in _AVERAGED
     ]
     return min((spacing for spacing in found if spacing is not None), default=None)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Lines:
     """How high lines stand at any order, their width, and what is usual."""
 
-    height: FloatArray
-    step: float
-    width: float
-    usual: float
-
-    @classmethod
-    def of(cls, quality: FloatArray, spectrum: FineSpectrum, averaged: int) -> _Lines:
+    def __init__(self, quality: FloatArray, spectrum: FineSpectrum, averaged: int) -> None:
         if averaged > 1:
             quality = np.log1p(uniform_filter1d(np.expm1(quality), averaged))
-        width = spectrum.width * max(1.0, averaged / 2)
-        reach = max(1, round(0.5 * width / spectrum.step))
-        return cls(
-            height=maximum_filter1d(quality, 2 * reach + 1),
-            step=spectrum.step,
-            width=width,
-            usual=float(np.median(quality)),
-        )
+        self.step, self.width = spectrum.step, spectrum.width * max(1.0, averaged / 2)
+        reach = max(1, round(0.5 * self.width / self.step))
+        self.height = maximum_filter1d(quality, 2 * reach + 1)
+        self.usual = float(np.median(quality))
 
     def at(self, orders: FloatArray) -> FloatArray:
         """Heights at orders, NaN beyond the spectrum."""
@@ -529,29 +492,19 @@ def _finer_comb(
     for turns in own:
         times = tried / turns
         known |= (np.abs(times - np.rint(times)) <= 1e-6) & (times > _SIDEBANDS + 0.5)
-    tried = tried[(tried >= 4 * lines.width) & ~known]
-    # the lines of all spacings, one after the other
-    sizes = (top / tried).astype(np.intp)
-    of = np.repeat(np.arange(len(tried)), sizes)
-    orders = (np.arange(len(of)) - np.repeat(np.cumsum(sizes) - sizes, sizes) + 1.0) * tried[of]
-    meshed = lines.on(orders, mesh.order)
-    between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
-    above = lines.at(orders) - lines.usual
-
-    def mean(chosen: BoolArray) -> tuple[FloatArray, NDArray[np.intp]]:
-        kept = chosen & ~np.isnan(above)
-        count = np.bincount(of[kept], minlength=len(tried))
-        return np.bincount(of[kept], above[kept], len(tried)) / np.maximum(count, 1), count
-
-    # most spacings are out already before their neighbours are looked at
-    (off, count), (on, harmonics_on) = mean(between), mean(meshed)
-    told = (count >= _LINES) & (harmonics_on > 0)
-    told &= (off >= _AS_CLEAR * on) & (off * np.sqrt(count) >= _SURE)
-    for number in np.flatnonzero(told).tolist():
-        mine, spacing = of == number, float(tried[number])
-        standing = lines.standing(orders[mine], told_apart, (spacing, mesh.order))
-        stands = float(np.nanmean(standing[between[mine]]))
-        clear_by = float(np.nanmean(standing[meshed[mine]]))
-        if stands > _AS_CLEAR * clear_by and stands * np.sqrt(count[number]) > _SURE:
-            return spacing
+    for spacing in tried[(tried >= 4 * lines.width) & ~known].tolist():
+        orders = spacing * np.arange(1.0, int(top / spacing) + 1)
+        above = lines.at(orders) - lines.usual
+        inside, meshed = ~np.isnan(above), lines.on(orders, mesh.order)
+        between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
+        off, on = above[between & inside], above[meshed & inside]
+        many = np.sqrt(len(off))
+        # most spacings are out already before their neighbours are looked at
+        told = len(off) >= _LINES and len(on) > 0
+        if not told or off.mean() < _AS_CLEAR * on.mean() or off.mean() * many < _SURE:
+            continue
+        standing = lines.standing(orders, told_apart, (spacing, mesh.order))
+        stands, clear_by = np.nanmean(standing[between]), np.nanmean(standing[meshed])
+        if stands > _AS_CLEAR * clear_by and stands * many > _SURE:
+            return float(spacing)
     return None

@@ -20,8 +20,22 @@ from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
 from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_speed
-from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
 
+# Thresholds divide what `test_phases` and `test_speed_tracking` hold apart: simulated gears whose
+# speed wanders, jumps and ramps, in noise.
+#: Hann blocks a quarter of their length apart that are worth an independent one in a mean: 1 + 2
+#: (0.659 + 0.167 + 0.008), by the correlations of such blocks (Harris 1978).
+QUARTER_HOP = 2.7
+#: Phase noise that modulation and interference leave on even the clearest line, against its own
+#: slow mean [cycles].
+FLOOR_CYCLES = 0.005
+# Power over noise from which the phase of a line counts; a vote for the angle further than this
+# from the consensus has slipped [cycles].
+_CLEAR_POWER, _SLIPPED_CYCLES = 6.0, 0.25
+# Restlessness of a speed that is locked to lines: standard deviation of its relative change in one
+# second; relative distance of speeds at which a line has a mean of its own: the path turns it
+# between.
+_WANDER, _SPEED_CLASS = 0.02, 0.04
 # Blocks that tell whether lines are phase-coherent [turns].
 _BLOCK_TURNS = 5.0
 # Half the width of a line read through a Hann window, over one by its length.
@@ -87,7 +101,7 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
     turns = min(_BLOCK_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
     blended = np.abs(sums.orders[:, None] - sums.orders) < _PARTED / turns
     loudest = np.max(np.where(blended, power[:, None, :], 0.0), axis=2)
-    clear = (power > LIMITS.clear_power * noise) & (power >= loudest)
+    clear = (power > _CLEAR_POWER * noise) & (power >= loudest)
     if not clear.any():
         return 0.0
     still = np.abs(amplitude.mean(axis=0)) ** 2 - noise * QUARTER_HOP / len(amplitude)
@@ -202,7 +216,7 @@ def _unwound(lines: SlidingLines) -> FloatArray:
     product = lines.amplitude[1:] * np.conj(lines.amplitude[:-1])
     advance = np.angle(product) / (2 * np.pi)
     jump = np.angle(product[1:] * np.conj(product[:-1])) / (2 * np.pi)
-    variance = np.mean(jump**2, axis=0) / 6 + LIMITS.floor_cycles**2
+    variance = np.mean(jump**2, axis=0) / 6 + FLOOR_CYCLES**2
     weight = np.where(variance < _NOISE_VARIANCE / 6, lines.orders**2 / variance, 0.0)
     total = float(weight.sum())
     if total <= 0:
@@ -210,7 +224,7 @@ def _unwound(lines: SlidingLines) -> FloatArray:
     increment = _median(advance / lines.orders, weight)
     for _ in range(3):
         rest = advance - increment[:, None] * lines.orders
-        votes = weight * (np.abs(rest) < LIMITS.slipped_cycles)
+        votes = weight * (np.abs(rest) < _SLIPPED_CYCLES)
         mass = votes.sum(axis=1)
         mean = (votes * rest / lines.orders).sum(axis=1) / np.maximum(mass, 1e-300)
         increment = increment + np.where(mass > 0, mean, 0.0)
@@ -231,7 +245,7 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
 
     hop_turns = float(np.median(np.diff(lines.angle)))
     hop_s = hop_turns / float(np.mean(track.speed_hz))
-    step = LIMITS.wander * np.sqrt(hop_s) * hop_turns
+    step = _WANDER * np.sqrt(hop_s) * hop_turns
     low = 1.01 * float(lines.orders.min())
     error = _unwound(lines)
     hats = _speed_classes(track, lines.angle)
@@ -244,10 +258,10 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         # of each line as a function of the speed, linear between classes of speed
         mean = hats @ ((hats.T @ turned) / mass)
         rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
-        variance = np.mean(rest**2, axis=0) + LIMITS.floor_cycles**2
+        variance = np.mean(rest**2, axis=0) + FLOOR_CYCLES**2
         clear = variance < 0.5 * _NOISE_VARIANCE
         weight = np.where(
-            clear & (np.abs(rest) < LIMITS.slipped_cycles), order**2 / (variance * QUARTER_HOP), 0.0
+            clear & (np.abs(rest) < _SLIPPED_CYCLES), order**2 / (variance * QUARTER_HOP), 0.0
         )
         total = weight.sum(axis=1)
         departure = rest / order
@@ -268,7 +282,7 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     """Weights of the blocks in overlapping classes of speed, shape (blocks, classes)."""
     time = track.time_at(angle)
     speed = np.gradient(angle, time)
-    place = np.log(speed / speed.min()) / LIMITS.speed_class
+    place = np.log(speed / speed.min()) / _SPEED_CLASS
     count = max(1, round(float(place.max())))
     place = place * (count / max(float(place.max()), 1e-12)) if count > 1 else 0.0 * place
     classes = np.arange(count + 1 if count > 1 else 1)

@@ -15,16 +15,41 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import convolve1d, uniform_filter1d
 
 from gearmon.arrays import BoolArray, ComplexArray, FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
-from gearmon.signals.tracking.phases import lock_track
-from gearmon.signals.tracking.thresholds import LIMITS, QUARTER_HOP
+from gearmon.signals.tracking.phases import FLOOR_CYCLES, QUARTER_HOP, lock_track
 
+# Thresholds divide what `test_slips` holds apart: angles with slips of whole mesh periods planted,
+# lines that fade, paths that ring.
+# Phase scatter of a line that counts [cycles], and the share of its usual strength below which its
+# mean is no measure of it.
+_CLEAR_CYCLES, _FAINT = 0.12, 0.3
+# Coherence below which an angle is lost, and up to which a lost stretch reaches.
+_LOST, _SOUND = 1 / 3, 0.6
+# Where the coherence is below the first for more than a tenth of the time, the lines fade by
+# themselves, as those of real gears do for a turn or two: shorter stretches than the second [turns]
+# are then no sign of a slip.
+_STEADY_LINES, _FADING_TURNS = 0.75, 5.0
+# Lost stretches nearer to one another are one; over longer ones no displacement is looked for, and
+# longer ones are not led over [turns].
+_APART_TURNS, _LONGEST_TURNS, _MENDABLE_TURNS = 6.0, 200.0, 20.0
+# Largest error of the speed while the angle is lost.
+_ASTRAY = 0.06
+# Group delay of a housing [s] where lines do not tell it: half a cycle for each mode, some two a
+# kilohertz, of which the zeros between modes give half back; and the part of its error that does
+# not go with the departure of the speed from its mean.
+_DELAY_S, _STEADY_DELAY = 5e-4, 0.25
+# Lines before and after a lost stretch: over how many turns at most and at least, what the speed
+# may turn them by [cycles], and the log likelihood by which one displacement must outdo others.
+_BESIDE_TURNS, _LEAST_BESIDE, _TURNED_CYCLES, _TOLD = 40.0, 12.0, 0.05, 5.0
 #: Turns of shaft 1 in which slips can show.
 LEAST_TURNS = 8.0
 # Length of the blocks [turns]: the sidebands of shaft 1 are next to nothing in it.
@@ -153,7 +178,7 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     mean = _about(lines.amplitude, _ABOUT_TURNS / hop)
     phase = np.angle(lines.amplitude * np.conj(mean)) / (2 * np.pi)
     scatter = np.median(np.abs(phase), axis=0) / 0.6745
-    clear = scatter < LIMITS.clear_cycles
+    clear = scatter < _CLEAR_CYCLES
     time_s = track.time_at(lines.angle)
     if not clear.any():
         return _no_clear_line(time_s, lines.angle)
@@ -166,7 +191,7 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
         return _no_clear_line(time_s, lines.angle)
     told = replace(lines, orders=lines.orders[clear], amplitude=lines.amplitude[:, clear])
     lost = tuple(_lost(told, time_s, stretches, number) for number in range(len(stretches)))
-    weight = lines.orders[clear] ** 2 / (scatter[clear] ** 2 + LIMITS.floor_cycles**2)
+    weight = lines.orders[clear] ** 2 / (scatter[clear] ** 2 + FLOOR_CYCLES**2)
     variance = _variance(told, phase[:, clear], weight, sound, time_s)
     variance += _astray(stretches, lost, sound) ** 2
     return SlipCheck(
@@ -222,7 +247,7 @@ def _led_over(track: AngleTrack, stretch: LostStretch) -> AngleTrack | None:
     beside = _KNOTS * np.arange(1.0, _BESIDE / _KNOTS)
     angle = np.concatenate([begin - beside[::-1], end + beside])
     angle = angle[(angle > first) & (angle < last)]
-    if stretch.turns > LIMITS.mendable_turns or len(angle) < len(beside):
+    if stretch.turns > _MENDABLE_TURNS or len(angle) < len(beside):
         return None
     behind = angle > end
     inside = np.linspace(begin, end, 1 + int(np.ceil((end - begin) / _KNOTS)))
@@ -256,7 +281,7 @@ def _no_clear_line(time_s: FloatArray, angle: FloatArray) -> SlipCheck:
     return SlipCheck(
         time_s=time_s,
         coherence=np.zeros(len(time_s)),
-        uncertainty_turns=np.full(len(time_s), LIMITS.astray * turns / np.sqrt(3)),
+        uncertainty_turns=np.full(len(time_s), _ASTRAY * turns / np.sqrt(3)),
         lost=(
             LostStretch(
                 start_s=float(time_s[0]), end_s=float(time_s[-1]), turns=turns, slipped_turns=None
@@ -265,38 +290,33 @@ def _no_clear_line(time_s: FloatArray, angle: FloatArray) -> SlipCheck:
     )
 
 
-def _about(rows: ComplexArray, width: float) -> ComplexArray:
+def _about(rows: NDArray[Any], width: float) -> NDArray[Any]:
     """Mean of the rows about each, cut at the ends: three running means, nearly a Gaussian."""
-    half = max(1, round(0.25 * width))
-    count = len(rows)
-    first = np.maximum(np.arange(count) - half, 0)
-    stop = np.minimum(np.arange(count) + half + 1, count)
-    number = (stop - first)[:, None]
+    size = 2 * max(1, round(0.25 * width)) + 1
+    number = uniform_filter1d(np.ones(len(rows)), size, mode="constant")
     for _ in range(3):
-        total = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)])
-        rows = (total[stop] - total[first]) / number
+        rows = (uniform_filter1d(rows, size, axis=0, mode="constant").T / number).T
     return rows
 
 
 def _coherence(amplitude: ComplexArray, mean: ComplexArray) -> FloatArray:
     """Mean over the lines of their part in phase with their mean, over three blocks."""
     size = np.abs(mean)
-    size = np.maximum(size, LIMITS.faint * np.median(size, axis=0))
+    size = np.maximum(size, _FAINT * np.median(size, axis=0))
     part = np.clip((amplitude * np.conj(mean)).real / size**2, -1, 1).mean(axis=1)
-    padded = np.pad(part, 1, mode="edge")
-    return np.asarray(0.25 * padded[:-2] + 0.5 * part + 0.25 * padded[2:])
+    return np.asarray(convolve1d(part, [0.25, 0.5, 0.25], mode="nearest"))
 
 
 def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
     """Where the coherence is lost, as far as it is not sound."""
     found: list[tuple[int, int]] = []
-    least = LIMITS.fading_turns if np.quantile(coherence, 0.1) < LIMITS.steady_lines else 0.0
-    edges = np.flatnonzero(np.diff(coherence < LIMITS.sound, prepend=False, append=False))
+    least = _FADING_TURNS if np.quantile(coherence, 0.1) < _STEADY_LINES else 0.0
+    edges = np.flatnonzero(np.diff(coherence < _SOUND, prepend=False, append=False))
     for start, stop in edges.reshape(-1, 2).tolist():
-        if float(coherence[start:stop].min()) >= LIMITS.lost or (stop - start) * hop < least:
+        if float(coherence[start:stop].min()) >= _LOST or (stop - start) * hop < least:
             continue
         # while the angle slips by several periods the lines come back once in each
-        if found and (start - found[-1][1]) * hop < LIMITS.apart_turns:
+        if found and (start - found[-1][1]) * hop < _APART_TURNS:
             start = found.pop()[0]
         found.append((start, stop))
     return found
@@ -315,22 +335,18 @@ def _variance(
     shared = drift @ weight / total
     apart = float(np.mean((drift - shared[:, None]) ** 2 @ weight) / total)
     quick = (phase / lines.orders) @ weight / total
-    variance = _about_each(quick**2, _ABOUT_TURNS / hop)
-    speed = _about_each(np.gradient(lines.angle, time_s), 2 * _DELAY_TURNS / hop)
+    variance = _about(quick**2, _ABOUT_TURNS / hop)
+    speed = _about(np.gradient(lines.angle, time_s), 2 * _DELAY_TURNS / hop)
     mean_hz = float((lines.angle[-1] - lines.angle[0]) / (time_s[-1] - time_s[0]))
     # a delay t sets the angle off by t times the departure of the speed from its mean [turns]
     departure = (speed - mean_hz) ** 2
     size = float(departure[sound].mean())
-    delay = float(np.sum(weight**2)) / total**2 * LIMITS.delay_s**2
+    delay = float(np.sum(weight**2)) / total**2 * _DELAY_S**2
     if size > 0:
         delay += apart / size
-    variance += delay * ((1 - LIMITS.steady_delay) * departure + LIMITS.steady_delay * size)
+    variance += delay * ((1 - _STEADY_DELAY) * departure + _STEADY_DELAY * size)
     variance[sound] += shared**2
     return variance
-
-
-def _about_each(values: FloatArray, width: float) -> FloatArray:
-    return _about(values[:, None].astype(np.complex128), width)[:, 0].real
 
 
 def _lost(
@@ -342,7 +358,7 @@ def _lost(
     begin, end = float(angle[max(start - 1, 0)]), float(angle[min(stop, len(angle) - 1)])
     slipped = None
     inside = start > 0 and stop < len(angle)
-    if inside and end - begin < LIMITS.longest_turns:
+    if inside and end - begin < _LONGEST_TURNS:
         first = stretches[number - 1][1] if number > 0 else 0
         last = stretches[number + 1][0] - 1 if number + 1 < len(stretches) else len(angle) - 1
         slipped = _displacement(told, (float(angle[first]), begin, end, float(angle[last])))
@@ -361,18 +377,18 @@ def _displacement(told: SlidingLines, angles: tuple[float, float, float, float])
     """
     _, begin, end, _ = angles
     turned, order, sure = _turned(told, angles)
-    if sure.sum() < 2 * LIMITS.told:
+    if sure.sum() < 2 * _TOLD:
         return None
     # lines that are turned alike are told apart within half a cycle of their mean order
     lobe = 0.5 / float(np.sqrt(np.average(order**2, weights=sure)))
-    reach = max(LIMITS.astray * (end - begin), 4 * lobe)
+    reach = max(_ASTRAY * (end - begin), 4 * lobe)
     step = 0.125 * lobe
     count = int(np.ceil(reach / step))
     tried = step * np.arange(-count, count + 1)
     likely = phasors(turned + np.outer(tried, order)).real @ sure
     best = int(np.argmax(likely))
     others = np.abs(tried - tried[best]) > 2 * lobe
-    if likely[best] - likely[others].max() < LIMITS.told:
+    if likely[best] - likely[others].max() < _TOLD:
         return None
     found = float(tried[best])
     return 0.0 if abs(found) <= lobe else found
@@ -387,11 +403,11 @@ def _turned(
     apart = 2 * float(np.median(np.diff(centre)))
     low, begin, end, high = angles
     low, begin, end, high = low + apart, begin - apart, end + apart, high - apart
-    before = (centre < begin) & (centre > max(low, begin - LIMITS.beside_turns))
-    after = (centre > end) & (centre < min(high, end + LIMITS.beside_turns))
-    if min(begin - low, high - end) < LIMITS.least_turns or min(before.sum(), after.sum()) < 3:
+    before = (centre < begin) & (centre > max(low, begin - _BESIDE_TURNS))
+    after = (centre > end) & (centre < min(high, end + _BESIDE_TURNS))
+    if min(begin - low, high - end) < _LEAST_BESIDE or min(before.sum(), after.sum()) < 3:
         return np.zeros(0), np.zeros(0), np.zeros(0)
-    variance = np.full(len(order), (2 * np.pi * LIMITS.turned_cycles) ** 2)
+    variance = np.full(len(order), (2 * np.pi * _TURNED_CYCLES) ** 2)
     means = []
     for side in (before, after):
         rows = lines.amplitude[side]
@@ -414,7 +430,7 @@ def _astray(
     home = max(range(len(held)), key=lambda number: held[number][1] - held[number][0])
     for number, (start, stop) in enumerate(stretches):
         stretch = lost[number]
-        own = LIMITS.astray * stretch.turns / np.sqrt(3)
+        own = _ASTRAY * stretch.turns / np.sqrt(3)
         off[start:stop] = np.hypot(off[start:stop], own)
         if stretch.harmless:
             continue

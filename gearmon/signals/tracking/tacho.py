@@ -28,9 +28,24 @@ from gearmon.arrays import BoolArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
-from gearmon.signals.tracking.phases import lock_track, roughness
-from gearmon.signals.tracking.thresholds import LIMITS
+from gearmon.signals.tracking.phases import FLOOR_CYCLES, lock_track, roughness
 
+# Thresholds divide what `test_pulse_repair` and `test_uneven_pulses` (trains with pulses taken out,
+# put in and moved, at changing speeds) and `test_tacho_phases` (edges that jitter or are quantised)
+# hold apart.
+# Fewest pulses that are believed, the share of them that may be repaired, and the share from which
+# on a train is only counted.
+_FEWEST_PULSES, _REPAIRABLE, _HOPELESS = 4, 0.02, 0.1
+# How far a nominal speed may be off.
+_NOMINAL_OFF = 0.03
+# Intervals over the typical one below which a pulse is extra, and from which on some are missing.
+_SHORT, _LONG = 0.6, 1.5
+# How far off the cubic through its neighbours a pulse may be: smaller intervals beside it, and
+# robust deviations.
+_OFF, _DEVIATIONS = 0.08, 8.0
+# How far from its place a pulse may come, as a share of the smaller interval beside it, and how far
+# the shares of a turn may differ for pulses to be called even.
+_EARLY_OR_LATE, _EVEN = 0.35, 0.05
 # Intervals on either side whose median tells what is typical.
 _NEIGHBOURS = 7
 # Repairs one after the other, the last of which must find nothing.
@@ -124,8 +139,8 @@ def find_pulses(
     check_range("hysteresis", hysteresis, 1e-3, 0.45)
     low, high = float(np.min(waveform)), float(np.max(waveform))
     raw = _edges(waveform, 0.5 * (low + high), hysteresis * (high - low)) / sampling_rate_hz
-    if len(raw) < LIMITS.fewest_pulses:
-        times = len(waveform) > LIMITS.fewest_pulses and bool(np.all(np.diff(waveform) > 0))
+    if len(raw) < _FEWEST_PULSES:
+        times = len(waveform) > _FEWEST_PULSES and bool(np.all(np.diff(waveform) > 0))
         rise = "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
         hint = rise if times else ""
         raise RecordingError(
@@ -171,7 +186,7 @@ def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPu
         than four, or more than 2 % have to be repaired.
     """
     times = np.asarray(time_s, dtype=np.float64)
-    if times.ndim != 1 or len(times) < LIMITS.fewest_pulses:
+    if times.ndim != 1 or len(times) < _FEWEST_PULSES:
         raise RecordingError(
             f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
         )
@@ -222,12 +237,12 @@ def repair(time_s: FloatArray, per_turn: int | None = None) -> TachoPulses:
     filled = np.array(behind.filled[both:][::-1] + ahead.filled)
     times, missing, more, unclear_s = _settled(times, filled, per_turn)
     extra = behind.extra + ahead.extra + more
-    if missing + extra > max(2, LIMITS.repairable * len(times)):
+    if missing + extra > max(2, _REPAIRABLE * len(times)):
         raise RecordingError(
             f"tacho channel: {missing} pulses missing and {extra} too many among {len(times)}; at "
             "most 2 % can be repaired. Check the sensor, or leave the tacho out"
         )
-    unclear = [own for own in (ahead.crowded_s, behind.crowded_s, unclear_s) if own is not None]
+    unclear = [*ahead.crowded_s(), *behind.crowded_s(), *unclear_s]
     if unclear:
         raise RecordingError(
             f"tacho channel: pulses about {unclear[0]:.4g} s come at times that fit no steady "
@@ -242,7 +257,7 @@ def _sound(time_s: FloatArray) -> bool:
     interval = np.diff(time_s)
     half = min(2 * _NEIGHBOURS + 1, len(interval)) // 2
     ratio = interval / median_filter(interval, 2 * half + 1, mode="mirror")
-    usual = bool(np.all((ratio > LIMITS.short) & (ratio < LIMITS.long)))
+    usual = bool(np.all((ratio > _SHORT) & (ratio < _LONG)))
     return usual and not len(_misplaced(time_s, _expected(time_s, 1)))
 
 
@@ -268,16 +283,11 @@ class _Walk:
     filled: list[bool]
     extra: int = 0
     places: list[int] = field(default_factory=list)
-    crowded_s: float | None = None
 
-    def mend(self) -> None:
-        """Remember a repair behind the last pulse, and where too many of them come together."""
-        self.places.append(len(self.time_s))
-        crowded = (
-            len(self.places) > _CROWD and self.places[-1] - self.places[-1 - _CROWD] <= _WITHIN
-        )
-        if crowded and self.crowded_s is None:
-            self.crowded_s = abs(self.time_s[-1])
+    def crowded_s(self) -> list[float]:
+        """Return times at which too many repairs come together."""
+        several = zip(self.places, self.places[_CROWD:], strict=False)
+        return [abs(self.time_s[last - 1]) for first, last in several if last - first <= _WITHIN]
 
 
 def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
@@ -285,21 +295,21 @@ def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
     index = 3 * per_turn + 1
     walk = _Walk(time_s=time_s[:index].tolist(), filled=[False] * index)
     found = walk.time_s
-    limit = max(10, int(LIMITS.hopeless * len(time_s)))
+    limit = max(10, int(_HOPELESS * len(time_s)))
     following = np.append(np.diff(time_s), np.inf)
     while index < len(time_s) and len(walk.places) <= limit:
         step = (len(found) - 1) % per_turn
         # the middle of three: one pulse at a wrong time does not count
         turn = sorted(found[-k] - found[-k - per_turn] for k in (1, 2, 3))[1]
-        reach = LIMITS.early_or_late * turn * min(gaps[step], gaps[(step + 1) % per_turn])
+        reach = _EARLY_OR_LATE * turn * min(gaps[step], gaps[(step + 1) % per_turn])
         late = time_s[index] - (found[-1] + gaps[step] * turn)
         if late < -reach or (late <= reach and abs(late + following[index]) < abs(late)):
             walk.extra += 1
-            walk.mend()
+            walk.places.append(len(found))
             index += 1
             continue
         if late > reach:
-            walk.mend()
+            walk.places.append(len(found))
         found.append(found[-1] + gaps[step] * turn if late > reach else float(time_s[index]))
         walk.filled.append(late > reach)
         index += late <= reach
@@ -308,7 +318,7 @@ def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
 
 def _settled(
     time_s: FloatArray, filled: BoolArray, per_turn: int
-) -> tuple[FloatArray, int, int, float | None]:
+) -> tuple[FloatArray, int, int, list[float]]:
     """Put pulses that were filled in or are off onto the cubic through their neighbours.
 
     Returns the times, how many were missing and extra, and where it is unclear which.
@@ -322,7 +332,7 @@ def _settled(
         expected = _expected(time_s, per_turn)
         wrong = _misplaced(time_s, expected)
         if not len(wrong):
-            return time_s, missing, extra, None
+            return time_s, missing, extra, []
         extra += len(wrong)
         if len(wrong) == 1 and wrong[0] in (0, len(time_s) - 1):
             time_s = np.delete(time_s, wrong)
@@ -330,7 +340,7 @@ def _settled(
         missing += len(wrong)
         time_s = time_s.copy()
         time_s[wrong] = expected[wrong]
-    return time_s, missing, extra, float(time_s[min(int(wrong[0]), len(time_s) - 1)])
+    return time_s, missing, extra, [float(time_s[min(int(wrong[0]), len(time_s) - 1)])]
 
 
 def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:
@@ -357,14 +367,14 @@ def _misplaced(time_s: FloatArray, expected: FloatArray) -> IntArray:
     beside = np.minimum(np.append(interval, np.inf), np.insert(interval, 0, np.inf))
     off = np.abs(time_s - expected) / beside
     spread = float(np.median(off[2:-2])) / 0.6745 if len(off) > _FEWEST_JUDGED else 0.0
-    limit = min(max(LIMITS.off, LIMITS.deviations * spread), LIMITS.early_or_late)
+    limit = min(max(_OFF, _DEVIATIONS * spread), _EARLY_OR_LATE)
     # a pulse that is off makes its neighbours appear so
     inner = off[2:-2]
     wrong = 2 + np.flatnonzero((inner > limit) & (inner == maximum_filter1d(inner, 5)))
     if len(wrong):
         return wrong
     # the parabola beyond an end errs three times as much as the cubic between neighbours
-    far = max(LIMITS.off, 3 * LIMITS.deviations * spread)
+    far = max(_OFF, 3 * _DEVIATIONS * spread)
     ends = (1, len(off) - 2, 0, len(off) - 1)
     return np.array([end for end in ends if off[end] > far][:1], dtype=np.int64)
 
@@ -386,9 +396,9 @@ def is_even(time_s: FloatArray, per_turn: int) -> bool:
     if len(time_s) < 3 * per_turn + 1:
         # too few turns to see intervals repeat
         ratio = np.diff(np.log(np.diff(time_s)))
-        return bool(np.median(np.abs(ratio)) < 2 * LIMITS.even)
+        return bool(np.median(np.abs(ratio)) < 2 * _EVEN)
     _, shares = _repeating(time_s, per_turn)
-    return bool(np.max(np.abs(shares * per_turn - 1)) < LIMITS.even)
+    return bool(np.max(np.abs(shares * per_turn - 1)) < _EVEN)
 
 
 def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
@@ -441,6 +451,17 @@ def _curve_at(
     return curve
 
 
+# Pulses and lines together: the fewest pulses and turns, below which no mean of a line stands for
+# anything.
+_JOINED_PULSES, _JOINED_TURNS = 16, 16.0
+# Twice the log likelihood that a drift of the lines must gain to be believed: chance gains as much
+# in one recording of a thousand, half of chi square of one degree of freedom.
+_DRIFT = 10.0
+# Coherence of the fractions of a sample by which edges advance a turn, from which on quantisation
+# beats with the rotation and passes for a drift; of white ones 200 turns give 0.07.
+_BEATING = 0.25
+# Pulses over which the angle must keep to their mean, and standard deviations of that mean.
+_MEAN_OF, _MEAN_DEVIATIONS = 25, 4.0
 # Knots a turn that an angle track gets; of an encoder's many pulses neighbours are averaged.
 _KNOTS_PER_TURN = 16
 
@@ -583,7 +604,7 @@ def track_through(time_s: FloatArray, turns: FloatArray, duration_s: float) -> A
 
 def _jitter(time_s: FloatArray, turns: FloatArray) -> float:
     """Return the standard deviation of a pulse's time about its neighbours' line [s]."""
-    if len(time_s) < LIMITS.fewest_pulses:
+    if len(time_s) < _FEWEST_PULSES:
         return 0.0
     share = (turns[1:-1] - turns[:-2]) / (turns[2:] - turns[:-2])
     off = time_s[1:-1] - (1 - share) * time_s[:-2] - share * time_s[2:]
@@ -592,11 +613,9 @@ def _jitter(time_s: FloatArray, turns: FloatArray) -> float:
 
 def _thinned(time_s: FloatArray, turns: FloatArray, together: int) -> tuple[FloatArray, FloatArray]:
     """Average neighbouring pulses of an encoder: less jitter, and fewer knots."""
-    if together == 1:
-        return time_s, turns
     cut = len(time_s) // together * together
-    means = np.stack([time_s[:cut], turns[:cut]]).reshape(2, -1, together).mean(axis=-1)
-    return means[0], means[1]
+    time_s, turns = (own[:cut].reshape(-1, together).mean(axis=1) for own in (time_s, turns))
+    return time_s, turns
 
 
 def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.05) -> int:
@@ -625,11 +644,11 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.0
     # the mean rate: of uneven pulses no single interval tells it
     rate = (len(times) - 1) / float(times[-1] - times[0])
     count = max(1, round(rate / shaft_hz))
-    if count * LIMITS.nominal > 0.25:
+    if count * _NOMINAL_OFF > 0.25:
         raise RecordingError(
             f"tacho channel: about {rate / shaft_hz:.3g} pulses a turn at the nominal "
             f"{shaft_hz:.4g} Hz, too many to count while the speed may be "
-            f"{LIMITS.nominal:.0%} off; give pulses_per_turn in a [[sensor]] of the machine file"
+            f"{_NOMINAL_OFF:.0%} off; give pulses_per_turn in a [[sensor]] of the machine file"
         )
     if abs(rate / shaft_hz / count - 1) > tolerance:
         raise RecordingError(
@@ -691,13 +710,13 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     """
     rate, jitter = sums.sampling_rate_hz, known.uncertainty_turns
     sample = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0])) / rate
-    enough = len(turns) >= LIMITS.pulses and turns[-1] - turns[0] >= LIMITS.turns
+    enough = len(turns) >= _JOINED_PULSES and turns[-1] - turns[0] >= _JOINED_TURNS
     # an edge is somewhere between two samples
     scatter = max(jitter, sample / math.sqrt(12))
-    if not enough or scatter * float(sums.orders.max()) < LIMITS.floor_cycles:
+    if not enough or scatter * float(sums.orders.max()) < FLOOR_CYCLES:
         return Joined(track=known)
-    count = min(LIMITS.mean_of, len(turns) // 4)
-    allowed = 0.5 * sample + LIMITS.mean_deviations * jitter / math.sqrt(count)
+    count = min(_MEAN_OF, len(turns) // 4)
+    allowed = 0.5 * sample + _MEAN_DEVIATIONS * jitter / math.sqrt(count)
 
     def departure(beside: FloatArray) -> float:
         """By how much means of pulses lie beside an angle, over what they may."""
@@ -733,7 +752,7 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
 def _beats(place: FloatArray, lag: int) -> bool:
     """Whether edges fall at the same place between two samples turn after turn."""
     steps = place[lag:] - place[:-lag]
-    return bool(abs(np.mean(np.exp(2j * np.pi * steps))) > LIMITS.beats)
+    return bool(abs(np.mean(np.exp(2j * np.pi * steps))) > _BEATING)
 
 
 def _coherence(sums: OrderSums, track: AngleTrack) -> float:
@@ -766,5 +785,5 @@ def _smoothed(x: FloatArray, y: FloatArray, order: int, least: float = 0.0) -> F
         determinant = 2 * np.log(root[0]).sum() - free * np.log(stiff)
         found.append((free * np.log(misfit) + determinant, curve))
     likeliest = min(found, key=lambda one: one[0])
-    believed = likeliest[0] + LIMITS.drift < found[-1][0]
+    believed = likeliest[0] + _DRIFT < found[-1][0]
     return np.asarray(plain + likeliest[1] if believed else plain)

@@ -7,14 +7,10 @@ import pytest
 from reference.synthetic_signals import lines_on, track_of, wandering_turns, white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.orders import (
-    clear_peaks,
-    fine_envelope_spectrum,
-    fine_order_spectrum,
-    fine_spectrum,
-)
+from gearmon.signals.orders import clear_peaks, fine_order_spectrum, fine_spectrum
 from gearmon.signals.orders import spectra as module
 from gearmon.signals.orders.lines import OrderBlocks
+from gearmon.signals.orders.spectra import fine_envelope_spectrum
 
 RATE, DURATION, SPEED = 4000.0, 6.0, 20.0
 TIME = np.arange(round(RATE * DURATION)) / RATE

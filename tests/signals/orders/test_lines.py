@@ -11,13 +11,7 @@ from reference.synthetic_signals import constant_track, lines_on, track_of, wand
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import (
-    AngleGrid,
-    OrderLines,
-    one_turn,
-    order_lines,
-    without_knocks,
-)
+from gearmon.signals.orders import AngleGrid, OrderLines, one_turn, order_lines, without_knocks
 from gearmon.signals.orders import lines as lines_module
 
 RATE = 2000.0

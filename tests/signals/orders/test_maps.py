@@ -7,7 +7,7 @@ import pytest
 from reference.synthetic_signals import constant_track, lines_on, track_of, white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.orders import AngleGrid, angle_blocks, order_map
+from gearmon.signals.orders import AngleGrid, order_map, resample_to_angle
 from gearmon.signals.orders import spectra as module
 from gearmon.signals.spectra import amplitude_spectrum
 
@@ -100,7 +100,9 @@ def test_equals_blocks_taken_one_by_one(monkeypatch):
     grid = AngleGrid.of(40_000, RATE, track, 30.0)
     block = round(found.block_turns * grid.per_turn)
     powers = []
-    for _, part in angle_blocks(samples, RATE, track, grid, block):
+    for start in range(0, grid.count - block + 1, block // 2):
+        turn = grid.first_turn + start / grid.per_turn
+        part = resample_to_angle(samples, RATE, track, grid.per_turn, turn, block)
         centred = part - part.mean(axis=-1, keepdims=True)
         powers.append(amplitude_spectrum(centred, 1.0, length=block).values ** 2)
     bins = len(found.order)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading import describe_columns, find_defect
+from gearmon.signals.reading.columns import describe_columns, find_defect
 from gearmon.signals.recording import read_recording
 from gearmon.units import acceleration_factor, time_factor
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from reference.slow_csv import read_slowly
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading import Source, read_table
+from gearmon.signals.reading import read_table
 from gearmon.signals.reading.layout import Dialect
-from gearmon.signals.reading.source import Block
+from gearmon.signals.reading.source import Block, Source
 from gearmon.signals.reading.text import parse_rows, read_rows
 from gearmon.signals.recording import read_recording
 

@@ -9,7 +9,8 @@ from reference.damaged_tables import alike, damaged, encoded, mixed_up, some_tab
 from reference.slow_csv import NotATableError, read_slowly
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading import Source, identify, open_source, read_table, text
+from gearmon.signals.reading import identify, open_source, read_table, text
+from gearmon.signals.reading.source import Source
 from gearmon.signals.recording import read_recording
 
 

@@ -10,8 +10,15 @@ from reference.slow_orders import hann_values, slow_floor, smallest_smooth
 from reference.synthetic_signals import white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.spectra import amplitude_spectrum, hann, local_floor, power_density, window
-from gearmon.signals.spectra.spectrum import fast_length, is_smooth, quick_length, transform
+from gearmon.signals.spectra import amplitude_spectrum, power_density, window
+from gearmon.signals.spectra.spectrum import (
+    fast_length,
+    hann,
+    is_smooth,
+    local_floor,
+    quick_length,
+    transform,
+)
 
 LENGTHS = [1024, 1000, 1001, 1009, 7, 2]
 
@@ -165,7 +172,7 @@ def test_impossible_rates_are_refused(rate):
 
 
 def test_single_samples_are_refused():
-    with pytest.raises(ArgumentError, match="1 values, at least 2"):
+    with pytest.raises(ArgumentError, match="at least 2 values"):
         amplitude_spectrum(np.ones((3, 1)), 1.0)
 
 

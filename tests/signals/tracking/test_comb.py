@@ -10,7 +10,8 @@ from reference.slow_orders import comb_score, hann_values, slow_floor
 from reference.synthetic_signals import lines_on, wandering_turns, white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.tracking import Comb, MeshComb, SpeedTrack, comb, combined_comb, scan_speed
+from gearmon.signals.tracking import Comb, MeshComb, SpeedTrack, comb, scan_speed
+from gearmon.signals.tracking.mesh_detection import combined_comb
 
 RATE, NOMINAL = 4000.0, 25.0
 MESH = MeshComb(order=23.0, groups=tuple((23.0 * k,) for k in range(1, 7)), spacings=(1.0, 23 / 61))

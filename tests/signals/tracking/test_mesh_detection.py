@@ -7,14 +7,8 @@ import pytest
 from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
 
 from gearmon.signals.orders import fine_order_spectrum
-from gearmon.signals.tracking import (
-    MeshComb,
-    MeshEvidence,
-    combined_comb,
-    mesh_evidence,
-    scan_speed,
-    sideband_spacing,
-)
+from gearmon.signals.tracking import MeshComb, MeshEvidence, mesh_evidence, scan_speed
+from gearmon.signals.tracking.mesh_detection import combined_comb, sideband_spacing
 
 RATE, NOMINAL, DURATION = 4000.0, 25.0, 6.0
 TIME = np.arange(int(DURATION * RATE)) / RATE

@@ -20,11 +20,11 @@ from gearmon.signals.tracking import (
     MeshComb,
     SpeedTrack,
     coherent_share,
-    combined_comb,
     integrate_speed,
     lock_track,
     scan_speed,
 )
+from gearmon.signals.tracking.mesh_detection import combined_comb
 from gearmon.signatures.measured.measurement import measure_signature
 
 RATE, DURATION = 4000.0, 10.0

@@ -8,8 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
-from gearmon.signals.tracking import pulses_from_times
-from gearmon.signals.tracking.tacho import repair
+from gearmon.signals.tracking.tacho import pulses_from_times, repair
 
 LIMIT = 0.02
 REFUSED = "Check the sensor"

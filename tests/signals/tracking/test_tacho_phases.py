@@ -7,7 +7,8 @@ import pytest
 from reference.synthetic_signals import wandering_turns, white
 
 from gearmon.signals.orders import OrderSums
-from gearmon.signals.tracking import find_pulses, join, pulse_angles, track_from_pulses
+from gearmon.signals.tracking import find_pulses, join, track_from_pulses
+from gearmon.signals.tracking.tacho import pulse_angles
 
 RATE, DURATION, SPEED, TEETH = 4000.0, 10.0, 21.7, 31
 TIME = np.arange(int(RATE * DURATION)) / RATE

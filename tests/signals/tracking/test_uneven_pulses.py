@@ -9,14 +9,13 @@ from hypothesis import strategies as st
 from reference.synthetic_signals import wandering_turns, white
 
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.signals.tracking import (
-    TachoPulses,
-    find_pulses,
+from gearmon.signals.tracking import TachoPulses, find_pulses, track_from_pulses
+from gearmon.signals.tracking.tacho import (
+    learn_spacing,
     pulses_from_times,
+    repair,
     track_from_pulse_times,
-    track_from_pulses,
 )
-from gearmon.signals.tracking.tacho import learn_spacing, repair
 
 RATE, DURATION = 20_000.0, 10.0
 TIME = np.arange(int(RATE * DURATION)) / RATE
