@@ -30,8 +30,11 @@ from gearmon.benchmark.rivals import shooter
 from gearmon.benchmark.timing import NO_LIMIT_S, Competitor, Row, Task, Timing, interleaved
 from gearmon.dynamics import HillProblem, steady_state
 from gearmon.files import write_atomically
-from gearmon.gears import Fault, mesh_pairs, mesh_stiffness, parse_fault, teeth_of
+from gearmon.gears.faults import Fault, parse_fault
+from gearmon.gears.pairs import mesh_pairs
+from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.gears.tooth import Foundation, ToothBeam
+from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.harvesting import InertialHarvester, OperatingShare, tune_harvester, vibration_of_lines
 from gearmon.harvesting.harvester import Harvester
 from gearmon.harvesting.request import built_in

@@ -33,7 +33,8 @@ Examples
 >>> from gearmon.gears import FORM_NAMES, Excitation, GearError, GearTeeth, Kinematics, MeshPair
 >>> from gearmon.gears import MeshStiffness, MethodB, PairGeometry, PotentialEnergy, StageMechanics
 >>> from gearmon.gears import StiffnessReport, compare_forms, displacement_excitation, line_table
->>> from gearmon.gears import mesh_pairs, pair_resonance, parse_error, stage_mechanics, teeth_of
+>>> from gearmon.gears import mesh_pairs, pair_resonance, parse_error, parse_fault_or_error
+>>> from gearmon.gears import stage_mechanics, teeth_of
 >>> from gearmon.gears.kinematics import kinematics
 >>> from gearmon.gears.stiffness_report import stiffness_report
 >>> turning = kinematics(machine)
@@ -68,7 +69,15 @@ from gearmon.lazy import lazily
 
 _OFFERED = {
     "excitation": ("Excitation", "displacement_excitation"),
-    "faults": ("ERROR_KINDS", "KINDS", "Fault", "GearError", "parse_error", "parse_fault"),
+    "faults": (
+        "ERROR_KINDS",
+        "KINDS",
+        "Fault",
+        "GearError",
+        "parse_error",
+        "parse_fault",
+        "parse_fault_or_error",
+    ),
     "geometry": ("GearTeeth", "PairGeometry", "pair_geometry"),
     "kinematics": ("Kinematics", "line_table"),
     "mechanics": ("StageMechanics", "stage_mechanics"),
