@@ -22,7 +22,6 @@ from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.comb import (
     Comb,
     SpeedScan,
-    SpeedTrack,
     clearest,
     find_path,
     scan_speed,
@@ -150,12 +149,11 @@ class GearVibration:
         self,
         block_s: float,
         tolerance: float = SPEED_TOLERANCE,
-        around: SpeedTrack | None = None,
         about_hz: float | None = None,
     ) -> SpeedScan:
         """Scan for the comb about the nominal speed, or another one, as `scan_speed` does."""
         about = self.nominal_hz if about_hz is None else about_hz
-        return scan_speed(self.samples, self.rate, self.comb, about, tolerance, block_s, around)
+        return scan_speed(self.samples, self.rate, self.comb, about, tolerance, block_s)
 
     def blocks_of(self, turns: float) -> float:
         """Length of blocks of so many turns [s]; of a short recording all is one."""
@@ -343,7 +341,7 @@ class Tracking:
         # both ends of the track are uncertain
         uncertainty = float(np.sqrt(2) * track.uncertainty_turns) / duration_s
         if not np.isfinite(uncertainty):
-            relative = self.scan.resolution_hz / float(np.mean(self.scan.middle_hz))
+            relative = self.scan.resolution_hz / self.scan.nominal_hz
             uncertainty = 0.5 * relative * track.mean_hz
         return Speed(
             nominal_hz=self.nominal_hz,

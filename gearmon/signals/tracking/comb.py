@@ -107,8 +107,8 @@ class SpeedScan:
         The recording.
     comb : Comb
         What is looked for.
-    middle_hz : ndarray of float, shape (blocks,)
-        Rotation frequency about which each block is searched [Hz].
+    nominal_hz : float
+        Rotation frequency about which it is searched [Hz].
     ratio : ndarray of float, shape (candidates,)
         Candidate speeds over that, evenly spaced, or in their logarithm.
     bins : int
@@ -138,13 +138,13 @@ class SpeedScan:
         self,
         blocks: _Blocks,
         comb: Comb,
-        middle_hz: FloatArray,
+        nominal_hz: float,
         ratio: FloatArray,
         bins: int,
         reach: int | None = None,
     ) -> None:
         self.centre_s, self.bin_hz = blocks.centre_s, blocks.bin_hz
-        self.middle_hz, self.ratio, self.reach = middle_hz, ratio, reach
+        self.nominal_hz, self.ratio, self.reach = nominal_hz, ratio, reach
         self.resolution_hz = blocks.bin_hz / float(comb.orders.max())
         count = len(blocks.starts)
         # of blocks that do not overlap, every other one or fewer is kept
@@ -155,15 +155,12 @@ class SpeedScan:
         self.scores = np.empty((count, len(ratio)))
         self.quality: NDArray[np.float32] = np.empty((len(self.kept), bins), dtype=np.float32)
         row_of = {number: row for row, number in enumerate(self.kept.tolist())}
-        bin_of = np.outer(ratio, comb.orders) / self.bin_hz
-        steady = bool(np.all(middle_hz == middle_hz[0]))
-        same = _picking(bin_of * middle_hz[0], comb.weights, bins) if steady else None
+        picked = _picking(
+            nominal_hz * np.outer(ratio, comb.orders) / self.bin_hz, comb.weights, bins
+        )
 
         def scan_block(number: int) -> None:
             own = line_quality(blocks.part(number), blocks.length, bins)
-            picked = same
-            if picked is None:
-                picked = _picking(bin_of * middle_hz[number], comb.weights, bins)
             self.scores[number] = picked @ own
             if number in row_of:
                 self.quality[row_of[number]] = own
@@ -177,7 +174,7 @@ class SpeedScan:
         path = self._path if blocks is None else best_path(scores, self._reach(rows))
         return SpeedTrack(
             time_s=self.centre_s[rows],
-            speed_hz=self.middle_hz[rows] * peak_refined(scores, path, self.ratio),
+            speed_hz=self.nominal_hz * peak_refined(scores, path, self.ratio),
             resolution_hz=self.resolution_hz,
         )
 
@@ -242,9 +239,8 @@ def scan_speed(
     nominal_hz: float,
     tolerance: float = 0.03,
     block_s: float = 1.0,
-    around: SpeedTrack | None = None,
 ) -> SpeedScan:
-    """Try all speeds about the nominal one, or about a first track, on every block of a recording.
+    """Try all speeds about the nominal one on every block of a recording.
 
     Parameters
     ----------
@@ -262,8 +258,6 @@ def scan_speed(
     block_s : float
         Duration of a Hann block [s], cut to the recording. Blocks overlap by half, but for those
         of a recording that holds more than 400 so: they stand end to end.
-    around : SpeedTrack, optional
-        First track about which each block is searched, in place of the nominal speed.
 
     Returns
     -------
@@ -282,11 +276,10 @@ def scan_speed(
     top = float(used.orders.max())
     half = _half(tolerance, blocks.bin_hz / (nominal_hz * top))
     bins = int(np.ceil(1.1 * top * nominal_hz * (1 + tolerance) / blocks.bin_hz) + 64)
-    middle_hz = np.full(len(blocks.starts), nominal_hz)
     return SpeedScan(
         blocks,
         used,
-        middle_hz if around is None else around.at(blocks.centre_s),
+        nominal_hz,
         1 + tolerance * np.arange(-half, half + 1) / half,
         min(blocks.length // 2 + 1, bins),
     )
@@ -329,7 +322,7 @@ def find_path(
     return SpeedScan(
         blocks,
         used,
-        np.full(len(blocks.starts), nominal_hz),
+        nominal_hz,
         np.exp(span * np.arange(-half, half + 1) / half),
         blocks.length // 2 + 1,
         max(1, round(_PATH_SLOPE * max(blocks.size // 2, 1) / sampling_rate_hz / (span / half))),

@@ -141,18 +141,6 @@ def test_right_one_of_several_nominal_speeds_scores_best():
     assert np.argmax(scores) == 1
 
 
-def test_finer_scan_about_a_first_track_follows_it():
-    time = np.arange(int(10 * RATE)) / RATE
-    turns = wandering_turns(time, 0.98 * NOMINAL, 0.003, 3, slowest_s=8.0)
-    samples = machine(turns, noise=0.3)
-    first = scan_speed(samples, RATE, COMB, NOMINAL).track()
-    finer = scan_speed(samples, RATE, COMB, NOMINAL, 0.008, 0.3, around=first)
-    speed = np.gradient(turns, time)
-    true = np.interp(finer.centre_s, time, speed)
-    assert np.std(finer.track().speed_hz / true - 1) < 1.5e-3
-    np.testing.assert_allclose(finer.middle_hz, first.at(finer.centre_s))
-
-
 def test_recording_shorter_than_a_block_is_one_block():
     scan = scan_speed(machine(steady(24.9, 0.7)), RATE, COMB, NOMINAL, block_s=5.0)
     assert scan.scores.shape[0] == 1

@@ -5,14 +5,20 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from reference.speed_cases import Pattern, make_case, train_of
-from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
+from reference.synthetic_signals import (
+    constant_track,
+    lines_on,
+    track_of,
+    wandering_turns,
+    white,
+)
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import OrderSums
-from gearmon.signals.tracking import find_path, integrate_speed, lock_track
+from gearmon.signals.tracking import find_path, integrate_speed, lock_track, scan_speed
 from gearmon.signals.tracking.comb import peak_refined
-from gearmon.signals.tracking.phases import unwarp
+from gearmon.signals.tracking.phases import scan_angle, unwarp
 from gearmon.signatures.speed import machine_comb
 
 RATE, DURATION, NOMINAL = 4000.0, 8.0, 25.0
@@ -49,6 +55,37 @@ def test_path_follows_a_ramp(share):
     path = find_path(vibration(turns), RATE, COMB, NOMINAL).track()
     true = NOMINAL * (1 + share * (path.time_s / DURATION - 0.5))
     np.testing.assert_allclose(path.speed_hz, true, rtol=2.5e-3)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_path_follows_an_engine_that_hunts(seed):
+    """A speed that changes by up to 25 % a second."""
+    turns = wandering_turns(TIME, NOMINAL, 0.03, seed, slowest_s=4.0)
+    path = find_path(vibration(turns), RATE, COMB, NOMINAL).track()
+    true = np.interp(path.time_s, TIME, np.gradient(turns, TIME))
+    assert np.abs(path.speed_hz / true - 1).max() < 0.025
+
+
+def test_lines_stand_still_in_the_angle_of_a_track_however_the_speed_changes():
+    turns = wandering_turns(TIME, NOMINAL, 0.03, 5, slowest_s=4.0)
+    samples, comb = vibration(turns), COMB.below(60.0)  # within the band at the highest speed
+    known = track_of(lambda t: wandering_turns(t, NOMINAL, 0.03, 5, slowest_s=4.0), TIME[-1], 400)
+    scan, grid = scan_angle(samples, RATE, known, comb, 0.012, 20.0)
+    np.testing.assert_allclose(scan.track().speed_hz, 1.0, atol=3e-4)
+    assert scan.centre_s[-1] < grid.count / grid.per_turn
+    # as clear as of a steady speed; in blocks of as many turns of time they are smeared
+    even = constant_track(NOMINAL, TIME[-1])
+    steady, _ = scan_angle(vibration(NOMINAL * TIME), RATE, even, comb, 0.012, 20.0)
+    smeared = scan_speed(samples, RATE, comb, NOMINAL, 0.012, 20 / NOMINAL)
+    assert scan.best_score == pytest.approx(steady.best_score, rel=0.1)
+    assert smeared.best_score < 0.6 * steady.best_score
+
+
+@pytest.mark.parametrize("off", [-0.006, 0.003])
+def test_a_scan_in_the_angle_of_a_track_tells_by_what_its_speed_is_off(off):
+    wrong = constant_track(NOMINAL * (1 + off), TIME[-1])
+    scan, _ = scan_angle(vibration(NOMINAL * TIME), RATE, wrong, COMB, 0.012, 10.0)
+    np.testing.assert_allclose(scan.track().speed_hz, 1 / (1 + off), atol=3e-4)
 
 
 @pytest.mark.parametrize("off", [-0.15, 0.2])
