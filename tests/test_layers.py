@@ -48,7 +48,7 @@ for front in FRONT:
 OWNED = {
     "matplotlib": lambda module: (
         (module.startswith("gearmon.report.") and "plots" in module)
-        or module in ("gearmon.benchmark.plots", "gearmon.study.plots")
+        or module in ("gearmon.benchmark.plots", "gearmon.study.report")
     ),
     "sklearn": lambda module: module.startswith(("gearmon.diagnosis", "gearmon.benchmark")),
     "scipy.signal": lambda module: module.startswith(
@@ -194,7 +194,7 @@ def test_heavy_libraries_are_imported_inside_functions():
     for name, path in MODULES.items():
         if name.startswith("gearmon.report.") and "plots" in name:
             continue
-        if name in ("gearmon.benchmark.plots", "gearmon.study.plots"):
+        if name in ("gearmon.benchmark.plots", "gearmon.study.report"):
             continue
         top = ast.Module(body=list(_at_import(tree(name).body)), type_ignores=[])
         for target in imports(name, path, ast.walk(top)):

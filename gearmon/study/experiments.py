@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -267,9 +266,9 @@ def study_damage(healthy: pair.StiffnessSignal) -> DamageStudy:
     """
     problems = (_turn_problem(healthy, loss) for loss in (0.0, *LOSSES))
     sound, *hurt = (steady_state(problem, DAMAGE_TOLERANCE) for problem in problems)
-    mesh_rms = np.linalg.norm(sound.acceleration[pair.PINION_TEETH :: pair.PINION_TEETH])
-    between = [np.arange(len(r.acceleration)) % pair.PINION_TEETH > 0 for r in hurt]
-    sidebands = [np.linalg.norm(r.acceleration[b]) for r, b in zip(hurt, between, strict=True)]
+    mesh = slice(None, None, pair.PINION_TEETH)
+    mesh_rms = np.linalg.norm(sound.acceleration[mesh][1:])
+    sidebands = [np.linalg.norm(np.delete(r.acceleration, mesh)) for r in hurt]
     levels = 20 * np.log10(np.array(sidebands) / mesh_rms)
     return DamageStudy(responses=tuple(hurt), levels_db=levels)
 
@@ -391,8 +390,8 @@ def _integrated(case: Case, solver: str, tolerance: float) -> Samples:
         z, v = state.tolist()
         return [v, 1.0 - damping * v - kappa * z]
 
-    known: dict[str, Any] = {"rtol": tolerance, "atol": 0.1 * tolerance}
-    found = solve_ivp(slope, (-period, period), (0.0, 0.0), method=solver, **known)
+    span, rest = (-period, period), (0.0, 0.0)
+    found = solve_ivp(slope, span, rest, solver, rtol=tolerance, atol=0.1 * tolerance)
     own = (found.t >= 0) & (found.t < period * (1 - 1e-12))
     rows = zip(found.t[own], found.y[:, own].T, strict=True)
     return Samples(found.t[own] / period, np.array([slope(*row)[1] for row in rows]))

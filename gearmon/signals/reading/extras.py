@@ -247,12 +247,10 @@ def read_tdms(path: str) -> Iterator[Holding]:
         If the file is damaged, or its last part is incomplete.
     """
     import nptdms
-    from nptdms.log import log_manager
 
-    log_manager.set_level(logging.CRITICAL)  # remarks on damaged files are for no terminal
     stored = _bytes_of_segments(path)
     # opened here, as the library leaves a damaged file open
-    with open(path, "rb") as stream:
+    with _without_remarks(), open(path, "rb") as stream:
         file = nptdms.TdmsFile.open(stream)
         channels = [channel for group in file.groups() for channel in group.channels()]
         found = _tdms_channels(path, file, channels)
@@ -262,6 +260,21 @@ def read_tdms(path: str) -> Iterator[Holding]:
         if None not in sizes and sum(sizes) != stored:
             raise ValueError(f"its channels take {sum(sizes)} bytes, and it holds {stored}")
         yield found
+
+
+@contextmanager
+def _without_remarks() -> Iterator[None]:
+    """Keep what nptdms remarks on damaged files off the terminal, while one is open."""
+    from nptdms.log import log_manager
+
+    levels = {logger: logger.level for logger in log_manager.loggers.values()}
+    for logger in levels:
+        logger.setLevel(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        for logger, level in levels.items():
+            logger.setLevel(level)
 
 
 def _bytes_of_segments(path: str) -> int:

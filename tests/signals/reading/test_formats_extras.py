@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import signal
 import sys
@@ -305,11 +306,24 @@ class TestParquet:
         assert "is damaged: the pages of" in refused(path, 5000.0)
 
 
-def test_remarks_of_a_library_on_damage_stay_inside(tmp_path, capfd):
+@pytest.mark.parametrize("lost_bytes", [0, 300])
+def test_remarks_of_a_library_on_damage_stay_inside(tmp_path, capfd, lost_bytes):
     nptdms = pytest.importorskip("nptdms")
     path = tmp_path / "a.tdms"
     with nptdms.TdmsWriter(path) as writer:
         writer.write_segment([nptdms.ChannelObject("g", "a", X[0], {"wf_increment": 1e-3})])
-    path.write_bytes(path.read_bytes()[:-300])
-    refused(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) - lost_bytes])
+    reader = logging.getLogger("nptdms.reader")
+    before = reader.level
+    reader.setLevel(logging.INFO)
+    try:
+        if lost_bytes:
+            refused(path)
+        else:
+            read_recording(path)
+        # it says again what its user has asked for
+        assert reader.level == logging.INFO
+    finally:
+        reader.setLevel(before)
     assert capfd.readouterr().err == ""
