@@ -181,6 +181,15 @@ class PosedStage:
         """The same with nothing wrong with single teeth."""
         return replace(self, members=tuple(mesh.sound for mesh in self.members))
 
+    def scaled(self, factor: float) -> PosedStage:
+        """Return the same with `factor` times what its damaged teeth lose."""
+        members = []
+        for mesh in self.members:
+            pulses = tuple(train.scaled(factor) for train in mesh.stiffness.pulses)
+            mechanics = replace(mesh.mechanics, stiffness=replace(mesh.stiffness, pulses=pulses))
+            members.append(replace(mesh, mechanics=mechanics))
+        return replace(self, members=tuple(members))
+
     def loss(self, whole: PosedStage) -> float:
         """Return the share of the stiffness of a pair, integrated over its contact, that is lost.
 
