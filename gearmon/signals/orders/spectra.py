@@ -487,7 +487,8 @@ def order_map(
     block = min(grid.count, fast_length(max(16, int(turns * grid.per_turn))))
     # of every block its middle [s] and the mean speed of shaft 1 within it [Hz]
     length = block / grid.per_turn
-    starts = np.arange(0, grid.count - block + 1, max(1, block // 2))
+    hop = max(1, block // 2)
+    starts = np.arange(0, grid.count - block + 1, hop)
     begin = grid.first_turn + starts / grid.per_turn
     ends = track.time_at(begin), track.time_at(begin + length)
     middle, speed = 0.5 * (ends[0] + ends[1]), length / (ends[1] - ends[0])
@@ -495,11 +496,15 @@ def order_map(
     bins = int(highest * block / grid.per_turn) + 1
     powers = np.zeros((len(low), len(samples), bins))
     seen = np.bincount(row, minlength=len(low))
-    weights = window(window_name, block)
+    weights, part = window(window_name, block), samples[:, :0]
     for number, turn in zip(row, begin, strict=True):
-        part = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, turn, block)
-        part -= part.mean(axis=-1, keepdims=True)
-        powers[number] += window_powers(part, weights, block)[:, :bins]
+        # its first half is the second of the block before
+        part = part[:, hop:]
+        ahead, count = turn + part.shape[1] / grid.per_turn, block - part.shape[1]
+        fresh = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, ahead, count)
+        part = np.hstack([part, fresh])
+        centred = part - part.mean(axis=-1, keepdims=True)
+        powers[number] += window_powers(centred, weights, block)[:, :bins]
     powers *= (2.0 / weights.sum()) ** 2
     powers[..., 0] *= 0.25  # the line at zero has no mirror image
     kept = seen > 0

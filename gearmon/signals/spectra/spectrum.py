@@ -104,8 +104,11 @@ def transform(signals: FloatArray, length: int, weights: FloatArray | float = 1.
 
 def window_powers(signals: FloatArray, weights: FloatArray, length: int) -> FloatArray:
     """Squared magnitudes of the `transform` of every signal, one after the other."""
-    lines = (transform(signal, length, weights) for signal in signals)
-    return np.array([own.real**2 + own.imag**2 for own in lines])
+    powers = np.empty((len(signals), length // 2 + 1))
+    for row, signal in zip(powers, signals, strict=True):
+        lines = transform(signal, length, weights)
+        np.add(np.square(lines.real, out=row), lines.imag**2, out=row)
+    return powers
 
 
 def window(name: str, length: int) -> FloatArray:
@@ -339,8 +342,10 @@ def power_density(
     blocks = np.lib.stride_tricks.sliding_window_view(signals, block, axis=-1)
     blocks = blocks[:, :: max(1, block // 2)]
     values = np.zeros((len(signals), length // 2 + 1))
-    for number in range(blocks.shape[1]):
-        values += window_powers(blocks[:, number], weights, length)
+    rows = rows_in_cache(length)
+    for first in range(0, blocks.shape[1], rows):
+        lines = transform(blocks[:, first : first + rows], length, weights)
+        values += (lines.real**2 + lines.imag**2).sum(axis=1)
     values /= blocks.shape[1] * sampling_rate_hz * (weights @ weights)
     values[:, 1 : (length + 1) // 2] *= 2.0
     _check_finite(values)
