@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.fft import ifft
 
 from gearmon.arrays import FloatArray, IntArray
-from gearmon.errors import ArgumentError, check_positive
+from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.orders.resampling import (
@@ -471,8 +471,7 @@ def order_map(
     ((6, 2, 1874), array([0.        , 0.05338542, 0.10677083]))
     """
     check_track(track)
-    if against not in ("time", "speed"):
-        raise ArgumentError(f"against={against!r} must be one of time, speed")
+    check_word("against=", against, ("time", "speed"))
     most = rows if rows is not None else TIME_ROWS if against == "time" else SPEED_ROWS
     if most < 1:
         raise ArgumentError(f"rows={rows} must be at least 1")
@@ -486,8 +485,7 @@ def order_map(
     turns = min(wanted, grid.count / grid.per_turn / 4)
     block = min(grid.count, fast_length(max(16, int(turns * grid.per_turn))))
     # of every block its middle [s] and the mean speed of shaft 1 within it [Hz]
-    length = block / grid.per_turn
-    hop = max(1, block // 2)
+    length, hop = block / grid.per_turn, max(1, block // 2)
     starts = np.arange(0, grid.count - block + 1, hop)
     begin = grid.first_turn + starts / grid.per_turn
     ends = track.time_at(begin), track.time_at(begin + length)

@@ -125,12 +125,11 @@ class Source:
         """
         # bytes in which a line feed is one pass through as they are
         one_byte = self.encoding in ("", "utf-8-sig")
-        code, first = "latin-1" if one_byte else self.encoding, 1
         with self._opened() as raw:
             raw.read(len(codecs.BOM_UTF8) if self.encoding == "utf-8-sig" else 0)
-            stream: Any = raw
+            first, stream = 1, cast(Any, raw)
             if not one_byte or _LONE_RETURN.search(self.head(_TOLD_BY)):
-                stream = io.TextIOWrapper(raw, code, "replace")
+                stream = io.TextIOWrapper(raw, "latin-1" if one_byte else self.encoding, "replace")
             while text := stream.read(size) + stream.readline(_LONGEST_LINE):
                 self._check_swelling(raw)
                 if isinstance(text, str):

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from scipy.fft import next_fast_len, rfft
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
+from gearmon.errors import ArgumentError, check_positive, check_range, check_word
 
 #: Coefficients a_0, a_1, ... of each window.
 TERMS = {
@@ -140,10 +140,7 @@ def window_terms(name: str) -> tuple[float, ...]:
     ArgumentError
         If there is no such window.
     """
-    if name not in TERMS:
-        near = nearest_name(name, TERMS)
-        hint = f"; did you mean {near!r}?" if near else ""
-        raise ArgumentError(f"window={name!r} must be one of {', '.join(TERMS)}{hint}")
+    check_word("window=", name, TERMS)
     return TERMS[name]
 
 
@@ -275,8 +272,7 @@ def amplitude_spectrum(
     """
     signals = checked(samples, sampling_rate_hz)
     count = signals.shape[-1]
-    if quantity not in ("amplitude", "rms", "energy"):
-        raise ArgumentError(f"quantity={quantity!r} must be one of amplitude, rms, energy")
+    check_word("quantity=", quantity, ("amplitude", "rms", "energy"))
     length = quick_length(count) if length is None else length
     if length < count:
         raise ArgumentError(f"length={length} must be at least the {count} samples")

@@ -496,9 +496,8 @@ def _finer_comb(
     # the lines of all spacings, one after the other
     sizes = (top / tried).astype(int)
     start = np.cumsum(sizes) - sizes
-    orders = np.concatenate(
-        [[], *(s * np.arange(1, n + 1) for s, n in zip(tried, sizes, strict=True))]
-    )
+    orders = np.arange(1.0, sizes.sum() + 1) - np.repeat(start, sizes)
+    orders *= np.repeat(tried, sizes)
     above, meshed = lines.at(orders) - lines.usual, lines.on(orders, mesh.order)
     between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
     columns = np.array([above * between, between, above * meshed, meshed])

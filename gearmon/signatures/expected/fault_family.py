@@ -203,9 +203,8 @@ class FaultFamily(Result):
         lines, even = member.lines.of_tooth(), member.sound
         mine, is_mesh = lines.acceleration, lines.number % lines.period == 0
         # a mesh line that the healthy set has not is new
-        sound = dict(
-            zip(zip(even.number, even.carrier, strict=True), even.acceleration, strict=True)
-        )
+        known = zip(even.number, even.carrier, strict=True)
+        sound = dict(zip(known, even.acceleration, strict=True))
         places = zip(lines.number[is_mesh] // lines.period, lines.carrier[is_mesh], strict=True)
         meshes = mine[is_mesh] - np.array([sound.get(place, 0.0) for place in places])
         names = ("kind", "stage", "gear", "size", "loss", "operating", "teeth")
@@ -447,9 +446,7 @@ def _sizes(
 
 
 def _default(kind: str) -> tuple[str, ...]:
-    if kind == "missing":
-        return GONE
-    return ERROR_SIZES if kind in ERROR_KINDS else LOSSES
+    return GONE if kind == "missing" else ERROR_SIZES if kind in ERROR_KINDS else LOSSES
 
 
 def _meant(kind: str, texts: Iterable[str]) -> dict[str, Wrong]:
