@@ -173,7 +173,7 @@ class Pulse:
         """End of the last piece [mesh periods]."""
         return float(self.edges[-1]) if len(self.series) else 0.0
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Integral over the whole pulse."""
         return float(np.diff(self.edges) @ self.series[:, 0])

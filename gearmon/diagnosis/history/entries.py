@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from gearmon.diagnosis.results import VERDICTS, Analysis, Flag, ToothProfile
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError, check_range, check_word
 
 #: Half the width of the 90 % interval of a loss, in standard deviations.
 HALF_OF_90 = 1.6448536269514722
@@ -154,8 +154,7 @@ class Entry:
             if not isinstance(text, str):
                 raise ArgumentError(f"{text!r} must be a text")
         check_range("false_alarm_probability", self.false_alarm_probability, 0.0, 1.0)
-        if self.verdict not in VERDICTS:
-            raise ArgumentError(f"verdict={self.verdict!r} must be one of {', '.join(VERDICTS)}")
+        check_word("verdict=", self.verdict, VERDICTS)
         if len({place.key for place in self.places}) < len(self.places):
             raise ArgumentError(f"{self.recording}: a gear or a tooth stands there twice")
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.fft import ifft
 
 from gearmon.arrays import FloatArray, IntArray
-from gearmon.errors import ArgumentError, check_positive
+from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.orders.resampling import (
@@ -471,8 +471,7 @@ def order_map(
     ((6, 2, 1874), array([0.        , 0.05338542, 0.10677083]))
     """
     check_track(track)
-    if against not in ("time", "speed"):
-        raise ArgumentError(f"against={against!r} must be one of time, speed")
+    check_word("against=", against, ("time", "speed"))
     most = rows if rows is not None else TIME_ROWS if against == "time" else SPEED_ROWS
     if most < 1:
         raise ArgumentError(f"rows={rows} must be at least 1")
@@ -486,8 +485,8 @@ def order_map(
     turns = min(wanted, grid.count / grid.per_turn / 4)
     block = min(grid.count, fast_length(max(16, int(turns * grid.per_turn))))
     # of every block its middle [s] and the mean speed of shaft 1 within it [Hz]
-    length = block / grid.per_turn
-    starts = np.arange(0, grid.count - block + 1, max(1, block // 2))
+    length, hop = block / grid.per_turn, max(1, block // 2)
+    starts = np.arange(0, grid.count - block + 1, hop)
     begin = grid.first_turn + starts / grid.per_turn
     ends = track.time_at(begin), track.time_at(begin + length)
     middle, speed = 0.5 * (ends[0] + ends[1]), length / (ends[1] - ends[0])
@@ -495,11 +494,15 @@ def order_map(
     bins = int(highest * block / grid.per_turn) + 1
     powers = np.zeros((len(low), len(samples), bins))
     seen = np.bincount(row, minlength=len(low))
-    weights = window(window_name, block)
+    weights, part = window(window_name, block), samples[:, :0]
     for number, turn in zip(row, begin, strict=True):
-        part = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, turn, block)
-        part -= part.mean(axis=-1, keepdims=True)
-        powers[number] += window_powers(part, weights, block)[:, :bins]
+        # its first half is the second of the block before
+        part = part[:, hop:]
+        ahead, count = turn + part.shape[1] / grid.per_turn, block - part.shape[1]
+        fresh = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, ahead, count)
+        part = np.hstack([part, fresh])
+        centred = part - part.mean(axis=-1, keepdims=True)
+        powers[number] += window_powers(centred, weights, block)[:, :bins]
     powers *= (2.0 / weights.sum()) ** 2
     powers[..., 0] *= 0.25  # the line at zero has no mirror image
     kept = seen > 0

@@ -30,9 +30,11 @@ BLOCK_BYTES = 768 * 1024
 # Files of a folder up to which a name is looked for that looks like a missing one.
 _NAMES_COMPARED = 50
 _LONGEST_LINE = 16 * 1024 * 1024
+# A line that a carriage return alone ends, and the first bytes in which it is looked for.
+_LONE_RETURN, _TOLD_BY = re.compile(rb"\r(?!\n|\Z)"), 1 << 16
 _FEWEST_UNMARKED = 16  # bytes from which on a pattern of zeros tells UTF-16
 _GZIP_MAGIC = b"\x1f\x8b"
-_END_OF_FILE_MARK = "\x1a"
+_END_OF_FILE_MARK = b"\x1a"
 _BYTE_ORDER_MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark begins alike
     (codecs.BOM_UTF32_BE, "utf-32"),
@@ -125,25 +127,29 @@ class Source:
         one_byte = self.encoding in ("", "utf-8-sig")
         with self._opened() as raw:
             raw.read(len(codecs.BOM_UTF8) if self.encoding == "utf-8-sig" else 0)
-            # makes one line feed of every kind of line end
-            stream = io.TextIOWrapper(raw, "latin-1" if one_byte else self.encoding, "replace")
-            for _ in range(line - 1):
-                stream.readline()
+            first, stream = 1, cast(Any, raw)
+            if not one_byte or _LONE_RETURN.search(self.head(_TOLD_BY)):
+                stream = io.TextIOWrapper(raw, "latin-1" if one_byte else self.encoding, "replace")
             while text := stream.read(size) + stream.readline(_LONGEST_LINE):
                 self._check_swelling(raw)
-                end = text.rfind("\n") + 1
+                if isinstance(text, str):
+                    text = text.encode("latin-1" if one_byte else "utf-8")
+                elif b"\r" in text:
+                    text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+                end = text.rfind(b"\n") + 1
                 rest = text[end:].rstrip(_END_OF_FILE_MARK)
-                own = text[:end] + (rest and f"{rest}\n")
-                lines = own.encode("latin-1" if one_byte else "utf-8")
+                lines = text[:end] + (rest and rest + b"\n")
+                count, skipped = count_of(lines, "\n"), max(0, line - first)
                 if len(rest) >= _LONGEST_LINE:
                     raise RecordingError(
-                        f"{self.path}, line {line + lines.count(10) - 1}: over "
+                        f"{self.path}, line {first + count - 1}: over "
                         f"{_LONGEST_LINE // 2**20} MB without a line end; a recording needs one "
                         "line per sample"
                     )
-                if lines:
-                    yield Block(text=lines, first_line=line, closed=not rest)
-                line += count_of(lines, "\n")
+                if count > skipped:
+                    own = lines.split(b"\n", skipped)[-1]
+                    yield Block(text=own, first_line=first + skipped, closed=not rest)
+                first += count
 
     def _check_swelling(self, stream: BinaryIO) -> None:
         """Refuse a compressed file as soon as it swells as no recording does."""

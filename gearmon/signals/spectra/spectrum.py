@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 from scipy.fft import next_fast_len, rfft
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.errors import ArgumentError, check_positive, check_range, nearest_name
+from gearmon.errors import ArgumentError, check_positive, check_range, check_word
 
 #: Coefficients a_0, a_1, ... of each window.
 TERMS = {
@@ -104,8 +104,11 @@ def transform(signals: FloatArray, length: int, weights: FloatArray | float = 1.
 
 def window_powers(signals: FloatArray, weights: FloatArray, length: int) -> FloatArray:
     """Squared magnitudes of the `transform` of every signal, one after the other."""
-    lines = (transform(signal, length, weights) for signal in signals)
-    return np.array([own.real**2 + own.imag**2 for own in lines])
+    powers = np.empty((len(signals), length // 2 + 1))
+    for row, signal in zip(powers, signals, strict=True):
+        lines = transform(signal, length, weights)
+        np.add(np.square(lines.real, out=row), lines.imag**2, out=row)
+    return powers
 
 
 def window(name: str, length: int) -> FloatArray:
@@ -137,10 +140,7 @@ def window_terms(name: str) -> tuple[float, ...]:
     ArgumentError
         If there is no such window.
     """
-    if name not in TERMS:
-        near = nearest_name(name, TERMS)
-        hint = f"; did you mean {near!r}?" if near else ""
-        raise ArgumentError(f"window={name!r} must be one of {', '.join(TERMS)}{hint}")
+    check_word("window=", name, TERMS)
     return TERMS[name]
 
 
@@ -272,8 +272,7 @@ def amplitude_spectrum(
     """
     signals = checked(samples, sampling_rate_hz)
     count = signals.shape[-1]
-    if quantity not in ("amplitude", "rms", "energy"):
-        raise ArgumentError(f"quantity={quantity!r} must be one of amplitude, rms, energy")
+    check_word("quantity=", quantity, ("amplitude", "rms", "energy"))
     length = quick_length(count) if length is None else length
     if length < count:
         raise ArgumentError(f"length={length} must be at least the {count} samples")
@@ -339,8 +338,10 @@ def power_density(
     blocks = np.lib.stride_tricks.sliding_window_view(signals, block, axis=-1)
     blocks = blocks[:, :: max(1, block // 2)]
     values = np.zeros((len(signals), length // 2 + 1))
-    for number in range(blocks.shape[1]):
-        values += window_powers(blocks[:, number], weights, length)
+    rows = rows_in_cache(length)
+    for first in range(0, blocks.shape[1], rows):
+        lines = transform(blocks[:, first : first + rows], length, weights)
+        values += (lines.real**2 + lines.imag**2).sum(axis=1)
     values /= blocks.shape[1] * sampling_rate_hz * (weights @ weights)
     values[:, 1 : (length + 1) // 2] *= 2.0
     _check_finite(values)

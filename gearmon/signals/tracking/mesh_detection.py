@@ -274,12 +274,10 @@ class _JudgedSpectrum:
         Of the groups within the spectrum.
         """
         correction = 1 + self.corrections[int(np.argmax(self.comb_score(comb) + shared))]
-        seen = [
-            self._at(correction * np.array(group))
-            for group in mesh.groups
-            if max(group) < self.top_order and min(group) > 0
-        ]
-        return np.array([np.log(np.mean(np.exp(group))) for group in seen])
+        seen = [group for group in mesh.groups if max(group) < self.top_order and min(group) > 0]
+        sizes = np.array([len(group) for group in seen], dtype=int)
+        powers = np.exp(self._at(correction * np.concatenate([[], *seen])))
+        return np.asarray(np.log(np.add.reduceat(powers, np.cumsum(sizes) - sizes) / sizes))
 
     def _at(self, orders: FloatArray) -> FloatArray:
         place = orders / self.bin_order
@@ -492,19 +490,25 @@ def _finer_comb(
     for turns in own:
         times = tried / turns
         known |= (np.abs(times - np.rint(times)) <= 1e-6) & (times > _SIDEBANDS + 0.5)
-    for spacing in tried[(tried >= 4 * lines.width) & ~known].tolist():
-        orders = spacing * np.arange(1.0, int(top / spacing) + 1)
-        above = lines.at(orders) - lines.usual
-        inside, meshed = ~np.isnan(above), lines.on(orders, mesh.order)
-        between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
-        off, on = above[between & inside], above[meshed & inside]
-        many = np.sqrt(len(off))
-        # most spacings are out already before their neighbours are looked at
-        told = len(off) >= _LINES and len(on) > 0
-        if not told or off.mean() < _AS_CLEAR * on.mean() or off.mean() * many < _SURE:
-            continue
-        standing = lines.standing(orders, told_apart, (spacing, mesh.order))
-        stands, clear_by = np.nanmean(standing[between]), np.nanmean(standing[meshed])
-        if stands > _AS_CLEAR * clear_by and stands * many > _SURE:
-            return float(spacing)
+    # where a line is no more than rounded to the last bin
+    top = min(top, (len(lines.height) - 0.5) * lines.step * (1 - 1e-12))
+    tried = tried[(tried >= 4 * lines.width) & ~known & (tried <= top)]
+    # the lines of all spacings, one after the other
+    sizes = (top / tried).astype(int)
+    start = np.cumsum(sizes) - sizes
+    orders = np.arange(1.0, sizes.sum() + 1) - np.repeat(start, sizes)
+    orders *= np.repeat(tried, sizes)
+    above, meshed = lines.at(orders) - lines.usual, lines.on(orders, mesh.order)
+    between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
+    columns = np.array([above * between, between, above * meshed, meshed])
+    off, many, on, harmonics_on = np.add.reduceat(columns, start, axis=1)
+    # most spacings are out already before their neighbours are looked at
+    told = (many >= _LINES) & (harmonics_on > 0) & (off >= _SURE * np.sqrt(many))
+    told &= off * harmonics_on >= _AS_CLEAR * on * many
+    for number in np.flatnonzero(told).tolist():
+        mine = slice(start[number], start[number] + sizes[number])
+        standing = lines.standing(orders[mine], told_apart, (tried[number], mesh.order))
+        stands, clear_by = standing[between[mine]].mean(), standing[meshed[mine]].mean()
+        if stands > _AS_CLEAR * clear_by and stands * np.sqrt(many[number]) > _SURE:
+            return float(tried[number])
     return None

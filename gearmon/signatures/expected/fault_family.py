@@ -19,7 +19,9 @@ import numpy.typing as npt
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
-from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
+from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
+from gearmon.gears.pulses import LEAST_OVERLAP
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signatures.expected.baseline import faulty_lines, periodic_lines
@@ -42,6 +44,8 @@ FAMILY_KINDS += ("pitch", "eccentricity", "misalignment")
 LOSSES = ("2.5%", "5%", "10%", "20%", "40%")
 ERROR_SIZES = ("5um", "10um", "20um", "40um")
 GONE = ("1tooth",)
+#: Kinds that take as a loss the same pulse, more or less of it; breakage does of spur teeth only.
+EVEN_KINDS = ("breakage", "crack", "stiffness", "pitting", "spall")
 #: Kinds that concern all teeth of a gear.
 ALL_TEETH = ("wear", "eccentricity", "cumulative", "misalignment", "profile")
 
@@ -199,9 +203,8 @@ class FaultFamily(Result):
         lines, even = member.lines.of_tooth(), member.sound
         mine, is_mesh = lines.acceleration, lines.number % lines.period == 0
         # a mesh line that the healthy set has not is new
-        sound = dict(
-            zip(zip(even.number, even.carrier, strict=True), even.acceleration, strict=True)
-        )
+        known = zip(even.number, even.carrier, strict=True)
+        sound = dict(zip(known, even.acceleration, strict=True))
         places = zip(lines.number[is_mesh] // lines.period, lines.carrier[is_mesh], strict=True)
         meshes = mine[is_mesh] - np.array([sound.get(place, 0.0) for place in places])
         names = ("kind", "stage", "gear", "size", "loss", "operating", "teeth")
@@ -315,7 +318,7 @@ def fault_family(
         one = _Gear(MeshPlace(machine, stage, number, form, mesh), gear, even)
         for kind, own in texts.items():
             try:
-                cases += [one.case(kind, size, wrong) for size, wrong in own.items()]
+                cases += list(one.cases(kind, own))
             except ArgumentError as error:
                 if kinds is not None:
                     raise
@@ -357,13 +360,24 @@ class _Gear:
         """Its mesh without faults, by itself."""
         return self.place.alone()
 
-    def case(self, kind: str, size: str, wrong: Wrong) -> _Case:
-        """Pose a kind and size of fault of the gear."""
-        posed = self.place.posed([replace(wrong, stage=self.place.stage, gear=self.gear)])
-        # what a set cannot be solved with is taken by itself
-        even = self.even if (self.even.train is None) == (posed.train is None) else self.alone
+    def cases(self, kind: str, sizes: Mapping[str, Wrong]) -> Iterator[_Case]:
+        """Pose all sizes of a kind; losses that take the same pulse, more or less, by a half."""
         place = {"stage": self.place.stage, "gear": self.gear, "operating": self.place.operating}
-        return _Case(place | {"kind": kind, "size": size}, posed, even, self.even)
+        helical = self.even.mechanics.stiffness.overlap_ratio >= LEAST_OVERLAP
+        alike = kind in EVEN_KINDS[helical:] and self.place.form != POTENTIAL_ENERGY
+        half: PosedStage | None = None
+        for size, wrong in sizes.items():
+            if alike and isinstance(wrong, Fault) and wrong.is_loss and wrong.loss:
+                half = half or self._posed(replace(wrong, size=0.5, unit=""))
+                posed = half.scaled(2 * wrong.loss)
+            else:
+                posed = self._posed(wrong)
+            # what a set cannot be solved with is taken by itself
+            even = self.even if (self.even.train is None) == (posed.train is None) else self.alone
+            yield _Case(place | {"kind": kind, "size": size}, posed, even, self.even)
+
+    def _posed(self, wrong: Wrong) -> PosedStage:
+        return self.place.posed([replace(wrong, stage=self.place.stage, gear=self.gear)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -432,9 +446,7 @@ def _sizes(
 
 
 def _default(kind: str) -> tuple[str, ...]:
-    if kind == "missing":
-        return GONE
-    return ERROR_SIZES if kind in ERROR_KINDS else LOSSES
+    return GONE if kind == "missing" else ERROR_SIZES if kind in ERROR_KINDS else LOSSES
 
 
 def _meant(kind: str, texts: Iterable[str]) -> dict[str, Wrong]:

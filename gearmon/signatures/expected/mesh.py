@@ -28,7 +28,7 @@ sun-planet mesh.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -85,14 +85,6 @@ class PosedMesh:
         return self.mechanics.stiffness
 
     @property
-    def sound(self) -> PosedMesh:
-        """The same mesh with nothing wrong with single teeth."""
-        stiffness = self.stiffness.unmarked
-        mechanics = replace(self.mechanics, stiffness=stiffness)
-        still = Excitation(stiffness=stiffness, errors=())
-        return replace(self, mechanics=mechanics, excitation=still)
-
-    @property
     def marked(self) -> dict[str, int]:
         """Gears that differ from tooth to tooth, and their teeth."""
         # an error that modulates the stiffness moves the flanks too
@@ -138,11 +130,6 @@ class PosedStage:
         return own if self.train is None else replace(own, assumptions=self.train.notes)
 
     @property
-    def order(self) -> float:
-        """Mesh frequency over that of shaft 1."""
-        return self.mesh.order
-
-    @property
     def pass_order(self) -> Fraction:
         """Signed order of a carrier whose planets pass the housing, over that of the mesh."""
         return Fraction(0) if self.train is None else self.mesh.carrier / self.mesh.exact
@@ -179,7 +166,20 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
-        return replace(self, members=tuple(mesh.sound for mesh in self.members))
+        return self._with(lambda k: k.unmarked, errors=())
+
+    def scaled(self, factor: float) -> PosedStage:
+        """Return the same with `factor` times what its damaged teeth lose."""
+        return self._with(lambda k: replace(k, pulses=tuple(t.scaled(factor) for t in k.pulses)))
+
+    def _with(self, changed: Callable[[MeshStiffness], MeshStiffness], **moved: Any) -> PosedStage:
+        members = []
+        for mesh in self.members:
+            stiffness = changed(mesh.stiffness)
+            mechanics = replace(mesh.mechanics, stiffness=stiffness)
+            excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
+            members.append(replace(mesh, mechanics=mechanics, excitation=excitation))
+        return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
         """Return the share of the stiffness of a pair, integrated over its contact, that is lost.
@@ -517,7 +517,7 @@ class MeshLines:
     @property
     def order(self) -> FloatArray:
         """Frequencies over that of shaft 1, shape (n,)."""
-        return np.asarray(self._turns * self.posed.order)
+        return np.asarray(self._turns * self.posed.mesh.order)
 
     @property
     def frequency_hz(self) -> FloatArray:

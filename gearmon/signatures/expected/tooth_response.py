@@ -184,7 +184,7 @@ def loss_response(
         loss=lost if loss else 0.0,
         number=number,
         carrier=carrier,
-        order=np.asarray(turns * healthy.order),
+        order=np.asarray(turns * healthy.mesh.order),
         frequency_hz=np.asarray(turns * healthy.mechanics.mesh_frequency_hz),
         acceleration=to_acceleration * added / lost,
         mesh_acceleration=to_acceleration * even,

@@ -41,7 +41,7 @@ def test_spectrum_vanishes_from_the_edge_of_the_main_lobe_on(name):
 
 
 def test_unknown_windows_are_refused_with_the_nearest_name():
-    with pytest.raises(ArgumentError, match="did you mean 'flat-top'"):
+    with pytest.raises(ArgumentError, match="did you mean flat-top"):
         window("flattop", 8)
 
 
