@@ -22,7 +22,7 @@ from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor, load_machine
 from gearmon.signals.orders import order_lines
-from gearmon.signals.recording import Recording
+from gearmon.signals.recording import Recording, read_recording
 from gearmon.signatures.measured.line_plan import line_plan
 from gearmon.signatures.measured.measurement import family_levels, measure_signature
 from gearmon.signatures.speed import mesh_combs
@@ -209,6 +209,39 @@ def test_twice_the_speed_is_told_from_once(seed, rpm):
     found = measure_signature(made, machine)
     assert found.found
     assert found.speed.estimated_hz == pytest.approx(rpm / 60, rel=0.03)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_path_through_noise_is_no_mesh(seed):
+    """Whatever a path that may change by 30 % a second gathers on its way."""
+    recording = Recording(samples=white((1, len(TIME)), seed=20 + seed), sampling_rate_hz=RATE)
+    assert not measure_signature(recording, MACHINE).held
+
+
+@pytest.mark.parametrize("seed", [6, 7])
+def test_an_engine_that_hunts_is_followed(seed):
+    """A speed that wanders by 3 %, up to 19 % a second, in noise, bearing tones and mains hum."""
+    made = simulate(
+        load_machine(PAIR),
+        machine_seed=911,
+        recording_seed=seed,
+        channels=2,
+        load=0.9,
+        speed_drift=0.03,
+        load_drift=0.1,
+        snr_db=10.0,
+        mains_hz=50.0,
+        bearing_tones=0.3,
+        tacho_shaft=1,
+    )
+    recording = read_recording(made)
+    true, found = (
+        measure_signature(own, load_machine(PAIR)) for own in (recording, recording.vibration())
+    )
+    assert found.found
+    assert not found.angle_lost
+    assert (true.speed.method, found.speed.method) == ("tacho", "comb")
+    assert found.speed.estimated_hz == pytest.approx(true.speed.estimated_hz, rel=2e-4)
 
 
 def test_noise_is_a_result_and_not_an_error():

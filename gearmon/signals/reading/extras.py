@@ -179,7 +179,7 @@ def read_parquet(path: str) -> Iterator[Holding]:
     RecordingError
         If the file is damaged.
     """
-    from pyarrow import parquet
+    import pyarrow.parquet as parquet
 
     with parquet.ParquetFile(path, page_checksum_verification=True) as file:
         _check_pages(path, file.metadata)
