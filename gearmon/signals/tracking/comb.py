@@ -25,7 +25,8 @@ from gearmon.signals.threads import side_by_side
 _MAX_CANDIDATES, _PATH_CANDIDATES = 6000, 4000
 # Blocks in which a speed is followed that may change [turns at the nominal speed].
 _PATH_TURNS = 8.0
-# Fastest relative change of the speed that is followed [1/s], of a steady machine and of any.
+# Fastest relative change of the speed that is followed [1/s], of a steady machine and of any: a
+# simulated engine that hunts by 3 % within 0.5 to 20 s reaches 19 % a second.
 _STEADY_SLOPE, _PATH_SLOPE = 0.02, 0.3
 # Blocks from which on they do not overlap: a long recording has enough of them.
 _MANY_BLOCKS = 400
