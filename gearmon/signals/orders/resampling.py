@@ -440,6 +440,16 @@ class Spreading:
         )
         return replace(self, held=np.concatenate(parts, axis=1))
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Channels and steps, as of an array."""
+        return len(self.samples), self.grid.count
+
+    def __getitem__(self, part: tuple[slice, slice]) -> FloatArray:
+        """Return a stretch of the steps of all channels, as of an array."""
+        first, end, _ = part[1].indices(self.grid.count)
+        return self.steps(first, end - first)
+
     def steps(self, first: int, count: int) -> FloatArray:
         """Return so many steps from one on, shape (channels, count)."""
         if self.held is not None:

@@ -18,6 +18,7 @@ from scipy.sparse import csr_array
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.signals.orders.resampling import Spreading
 from gearmon.signals.spectra.spectrum import fast_length, hann, local_floor, window_powers
 from gearmon.signals.threads import side_by_side
 
@@ -166,7 +167,7 @@ class SpeedScan:
             if number in row_of:
                 self.quality[row_of[number]] = own
 
-        side_by_side(scan_block, range(count), count * len(blocks.samples) * blocks.length)
+        side_by_side(scan_block, range(count), count * blocks.samples.shape[0] * blocks.length)
 
     def track(self, blocks: IntArray | None = None) -> SpeedTrack:
         """Return the best path of speeds through the blocks (all of them by default)."""
@@ -234,7 +235,7 @@ def clearest(scans: Sequence[tuple[SpeedScan, Comb]]) -> int:
 
 
 def scan_speed(
-    samples: FloatArray,
+    samples: FloatArray | Spreading,
     sampling_rate_hz: float,
     comb: Comb,
     nominal_hz: float,
@@ -245,8 +246,8 @@ def scan_speed(
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration; a channel's scale does not matter.
+    samples : ndarray of float or Spreading, shape (channels, n)
+        Vibration; a channel's scale does not matter. What is spread is made block by block.
     sampling_rate_hz : float
         Sampling rate [Hz].
     comb : Comb
@@ -339,7 +340,7 @@ class _Blocks:
     """Hann blocks of a recording, half overlapped unless there are too many."""
 
     def __init__(
-        self, samples: FloatArray, rate: float, block_s: float, many: float = np.inf
+        self, samples: FloatArray | Spreading, rate: float, block_s: float, many: float = np.inf
     ) -> None:
         count = samples.shape[-1]
         self.samples = samples

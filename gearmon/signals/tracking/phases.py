@@ -36,6 +36,9 @@ _CLEAR_POWER, _SLIPPED_CYCLES = 6.0, 0.25
 # second; relative distance of speeds at which a line has a mean of its own: the path turns it
 # between.
 _WANDER, _SPEED_CLASS = 0.02, 0.04
+# Samples up to which a recording is held in its angle: 16 MB. Longer ones are spread block by
+# block, twice where blocks overlap: memory stays flat.
+_HELD = 1 << 21
 # Blocks that tell whether lines are phase-coherent [turns].
 _BLOCK_TURNS = 5.0
 # Half the width of a line read through a Hann window, over one by its length.
@@ -325,7 +328,7 @@ def scan_angle(
     grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
     # what spreading takes of an order it takes of the noise there as well
     spreading = Spreading(samples, sampling_rate_hz, track, grid, Kernel.of(4, 1.3))
-    read = spreading.holding().steps(0, grid.count)
+    read = spreading.holding() if samples.size <= _HELD else spreading
     return scan_speed(read, grid.per_turn, comb.below(top), 1.0, reach, block_turns), grid
 
 

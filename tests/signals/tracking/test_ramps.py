@@ -81,6 +81,15 @@ def test_lines_stand_still_in_the_angle_of_a_track_however_the_speed_changes():
     assert smeared.best_score < 0.6 * steady.best_score
 
 
+def test_a_long_recording_is_spread_block_by_block_with_the_same_result(monkeypatch):
+    turns = wandering_turns(TIME, NOMINAL, 0.01, 5, slowest_s=4.0)
+    known = track_of(lambda t: wandering_turns(t, NOMINAL, 0.01, 5, slowest_s=4.0), TIME[-1], 400)
+    held, _ = scan_angle(vibration(turns), RATE, known, COMB, 0.012, 20.0)
+    monkeypatch.setattr("gearmon.signals.tracking.phases._HELD", 0)
+    spread, _ = scan_angle(vibration(turns), RATE, known, COMB, 0.012, 20.0)
+    np.testing.assert_allclose(spread.scores, held.scores, rtol=1e-6)
+
+
 @pytest.mark.parametrize("off", [-0.006, 0.003])
 def test_a_scan_in_the_angle_of_a_track_tells_by_what_its_speed_is_off(off):
     wrong = constant_track(NOMINAL * (1 + off), TIME[-1])
