@@ -22,7 +22,7 @@ from gearmon.diagnosis.law.machine import (
     MachineDeviation,
     level_deviation,
 )
-from gearmon.diagnosis.law.state import Kriging, operating_states
+from gearmon.diagnosis.law.state import Kriging, StateGauge
 
 __all__ = [
     "GearDeviation",
@@ -31,7 +31,7 @@ __all__ = [
     "Kriging",
     "LevelDeviation",
     "MachineDeviation",
+    "StateGauge",
     "level_deviation",
-    "operating_states",
     "turned_alike",
 ]

@@ -427,10 +427,10 @@ class GearLaw:
     def _scales(self) -> dict[tuple[int, int], FloatArray]:
         """Variances of departures over their priors, by band: how references depart from another.
 
-        Where they depart less than the prior has it, the machine is steady in both parts, scatter
-        and change with the state. Where they depart more, each tells of both by the shares that
-        these have in it: a machine that changes much with its load need not scatter much beside a
-        reference of the same load. Shape (2, channels).
+        Where they depart less than the prior has it, the machine is steady in all parts, scatter
+        and change with the state. Where they depart more, each tells of the parts by their
+        shares in it: a machine that changes much with its load need not scatter much beside a
+        reference of the same load, nor change with its speed. Shape (parts, channels).
         """
         found: dict[tuple[int, int], list[tuple[FloatArray, FloatArray]]] = {}
         for bands, parts in self._left_out:
@@ -550,7 +550,7 @@ class GearLaw:
             if far.sum() < _LEAST_LINES:
                 continue
             rows = slice(place * new.channels, (place + 1) * new.channels)
-            scale = scales.get((side, harmonic), np.ones((2, new.channels)))
+            scale = scales.get((side, harmonic), np.ones((len(parts), new.channels)))
             pattern = known.amplitude[rows, use]
             noise = new.variance[rows, use] + known.variance[rows, use]
             variance = noise + (parts @ scale)[:, None] * _loudness(pattern, offset)
@@ -566,7 +566,7 @@ class GearLaw:
                     noise=np.sqrt(noise[:, far]),
                     pattern=(pattern / np.sqrt(variance))[:, far],
                     known=left_out[:, rows, use[far]],
-                    changing=float(parts[1] * scale[1].sum() / (parts @ scale).sum()),
+                    changing=1.0 - float(parts[0] * scale[0].sum() / (parts @ scale).sum()),
                     side=side,
                 )
             )

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, turned_alike
-from gearmon.diagnosis.law.state import Kriging, load_unit, operating_states
+from gearmon.diagnosis.law.state import Kriging, StateGauge, load_unit
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import load_share
 from gearmon.machine import Machine
@@ -201,8 +201,10 @@ class HealthyMachine:
         Channels of theirs that are used.
     family_names : tuple of str
         Families of lines that all of them have.
+    gauge : StateGauge
+        Tells operating states.
     states : ndarray of float, shape (references, 2)
-        Their operating states.
+        Those of the healthy recordings.
     gears : dict
         (stage, gear) to its law and whether the angle zero is that of a tachometer.
     lightest : float, > 0
@@ -212,6 +214,7 @@ class HealthyMachine:
     profiles: tuple[Profile, ...]
     rows: tuple[int, ...]
     family_names: tuple[str, ...]
+    gauge: StateGauge
     states: FloatArray
     gears: dict[tuple[int, str], tuple[GearLaw, bool]]
     lightest: float
@@ -220,9 +223,10 @@ class HealthyMachine:
     def of(cls, reference: Reference, rows: Sequence[int], machine: Machine) -> HealthyMachine:
         """Build the law of a machine from a reference, some channels of it."""
         profiles, every = reference.profiles, [rows] * len(reference.profiles)
-        states = operating_states(profiles, profiles[0], every, rows)
         gears: dict[tuple[int, str], tuple[GearLaw, bool]] = {}
         loads = [load_share(machine, number + 1) for number in range(len(machine.stages))]
+        gauge = StateGauge.of(profiles, rows, min(loads))
+        states = np.array([gauge.state(profile, rows) for profile in profiles])
         for wheel in profiles[0].wheels:
             same = [found for p in profiles if (found := same_gear(wheel, p)) is not None]
             if len(same) < len(profiles) or not all(len(one.number) for one in same):
@@ -237,6 +241,7 @@ class HealthyMachine:
             profiles=profiles,
             rows=tuple(rows),
             family_names=tuple(reference.family_names),
+            gauge=gauge,
             states=states,
             gears=gears,
             lightest=min(loads),
@@ -265,7 +270,7 @@ class HealthyMachine:
         ArgumentError
             If no family of lines is left.
         """
-        state = operating_states([own], self.profiles[0], [rows], self.rows)[0]
+        state = self.gauge.state(own, rows)
         gears = []
         for wheel in own.wheels:
             law, _ = self.gears.get((wheel.stage, wheel.gear), (None, False))

@@ -1,7 +1,7 @@
 """The operating state of recordings, and prediction from one state to another.
 
 The state is what a healthy machine may change by itself: its load, heard as the level of its mesh
-harmonics against all else, and its speed. Every healthy quantity is taken as a Gaussian process of
+harmonics, and its speed. Every healthy quantity is taken as a Gaussian process of
 it, of unknown mean, with a scatter from recording to recording and a slope per unit of state: from
 one reference the prediction is that reference, with a variance that grows with the distance; from
 several it is interpolated between them (universal kriging; Matheron 1963), and the change with load
@@ -11,7 +11,7 @@ is explained instead of counted as scatter.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from gearmon.arrays import FloatArray
 from gearmon.signatures.measured.reference import Profile
 
 _NEPER = float(np.log(10.0) / 20.0)
+# Change of a mesh harmonic [Np] from which on references tell how it follows the load where teeth
+# are hardly loaded: those of one load differ by 0.05 to 0.1. Rounds in which loads and that are
+# fitted in turn.
+_TOLD, _ROUNDS = 0.15, 5
 #: Distance [units of state: nepers of the mesh] over which a slope may turn: loads a factor of two
 #: apart. Healthy pairs of simulated machines from 40 to 115 % load.
 LENGTH = 0.7
@@ -47,9 +51,9 @@ class Kriging:
     ----------
     weights : ndarray of float, shape (references,)
         Of each reference in the prediction; their sum is 1.
-    parts : ndarray of float, shape (2,)
+    parts : ndarray of float, shape (1 + coordinates,)
         Variance of the quantity about the prediction: by scatter from recording to recording, and
-        by what changes with the state. Noise of the measurement comes on top.
+        by what changes with each coordinate of the state. Noise of the measurement comes on top.
     """
 
     weights: FloatArray
@@ -68,9 +72,9 @@ class Kriging:
 
         Parameters
         ----------
-        known : ndarray of float, shape (references, 2)
+        known : ndarray of float, shape (references, coordinates)
             Their states [units].
-        state : ndarray of float, shape (2,)
+        state : ndarray of float, shape (coordinates,)
             Where to predict.
         scatter : float, > 0
             Standard deviation from one healthy recording to the next at the same state.
@@ -89,62 +93,118 @@ class Kriging:
         system[count, count] = 0.0
         right = np.append(shared(known, state[None])[:, 0], 1.0)
         weights = np.linalg.solve(system, right)[:count]
-        changed = size - 2.0 * weights @ right[:count] + weights @ shared(known, known) @ weights
-        parts = [scatter**2 * (1.0 + weights @ weights), max(float(changed), 0.0)]
+
+        def changed(which: FloatArray) -> float:
+            own, here = known * which, state * which
+            between = weights @ shared(own, here[None])[:, 0]
+            return float(size - 2.0 * between + weights @ shared(own, own) @ weights)
+
+        each = np.array([max(changed(which), 0.0) for which in np.eye(len(state))])
+        each *= max(changed(np.ones(len(state))), 0.0) / max(each.sum(), np.finfo(float).tiny)
+        parts = [scatter**2 * (1.0 + weights @ weights), *each]
         return cls(weights=weights, parts=np.array(parts))
 
 
-def operating_states(
-    profiles: Sequence[Profile],
-    base: Profile,
-    rows: Sequence[Sequence[int]],
-    base_rows: Sequence[int],
-) -> FloatArray:
-    """Place recordings in the space of operating states, relative to one of them.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class StateGauge:
+    """Tells the operating state of recordings, relative to the first reference.
 
     Parameters
     ----------
-    profiles : sequence of Profile
-        Recordings.
     base : Profile
-        The recording at the origin.
-    rows, base_rows : sequence of int
-        The same channels in each.
-
-    Returns
-    -------
-    ndarray of float, shape (recordings, 2)
-        Load: level of the mesh harmonics [Np], what all lines and the noise floor have in common
-        (the gain of a sensor) left out; and speed, in units of `SPEED_UNIT`.
+        The first reference, at the origin.
+    rows : tuple of int
+        Its channels that are used.
+    direction : ndarray of float, shape (channels, families)
+        How the level of each mesh harmonic changes with the load, over the root mean square of all.
     """
-    return np.array(
-        [
-            [
-                _load(profile, base, own, base_rows),
-                (profile.speed_hz / base.speed_hz - 1) / SPEED_UNIT,
-            ]
-            for profile, own in zip(profiles, rows, strict=True)
+
+    base: Profile
+    rows: tuple[int, ...]
+    direction: FloatArray
+
+    @classmethod
+    def of(cls, profiles: Sequence[Profile], rows: Sequence[int], share: float) -> StateGauge:
+        """Learn from the references how the mesh harmonics of this machine follow its load.
+
+        In proportion where teeth are loaded fully. Of teeth that are loaded less one factor is
+        fitted to the changes from the first reference, with a prior of equal parts: as teeth leave
+        contact some harmonics fall to a third and some double while the load is halved.
+
+        Parameters
+        ----------
+        profiles : sequence of Profile
+            The references.
+        rows : sequence of int
+            Channels of theirs that are used.
+        share : float, > 0
+            How the teeth are loaded that are loaded least (`gears.mechanics.load_share`).
+
+        Notes
+        -----
+        Seven simulated machines at 17 and 42 N/mm, loads 0.5 to 1.0: the median of the harmonics
+        was off the load by 0.06 to 0.30 Np, and of one machine it was the same at 0.75 and at 0.5.
+        Learned from three references it is off by 0.01 to 0.04 Np, at loads between them too. On a
+        real rig of unknown torque harmonics change in all directions, and what two references at
+        neighbouring loads would teach is chance.
+        """
+        base = profiles[0]
+        direction = np.ones((len(rows), len(base.family_names)))
+        gauge = cls(base=base, rows=tuple(rows), direction=direction)
+        changes = np.array([gauge._changes(profile, rows) for profile in profiles])
+        heard = ~np.isnan(changes)
+        unit = load_unit(share)
+        if unit == 1.0:
+            return gauge
+        prior = _TOLD**2 / (1.0 - unit)
+        for _ in range(_ROUNDS):
+            load = np.array([_slope(change, direction) for change in changes])[:, None, None]
+            direction = np.sum(np.where(heard, load * changes, 0.0), axis=0) + prior
+            direction /= np.sum(heard * load**2, axis=0) + prior
+            direction /= np.sqrt(np.mean(direction[heard[0]] ** 2)) if heard.any() else 1.0
+        return replace(gauge, direction=direction)
+
+    def state(self, profile: Profile, rows: Sequence[int]) -> FloatArray:
+        """Place a recording in the space of operating states.
+
+        Parameters
+        ----------
+        profile : Profile
+            The recording.
+        rows : sequence of int
+            Its channels, the same as those of the base.
+
+        Returns
+        -------
+        ndarray of float, shape (2,)
+            Load, as the level of the mesh harmonics tells it [Np]; and speed, in units of
+            `SPEED_UNIT`. The gain of a sensor is taken for load: noise follows either.
+        """
+        speed = (profile.speed_hz / self.base.speed_hz - 1) / SPEED_UNIT
+        return np.array([_slope(self._changes(profile, rows), self.direction), speed])
+
+    def _changes(self, profile: Profile, rows: Sequence[int]) -> FloatArray:
+        """Return changes of the mesh harmonics [Np]; NaN where unheard, and of other families."""
+        base, change = self.base, np.full(self.direction.shape, np.nan)
+        its = [
+            n
+            for n, name in enumerate(base.family_names)
+            if name.startswith("mesh") and name in profile.family_names
         ]
-    )
+        own = [profile.family_names.index(base.family_names[n]) for n in its]
+        new, old = np.ix_(rows, own), np.ix_(self.rows, its)
+        heard = profile.heard[new] & base.heard[old]
+        change[:, its] = np.where(heard, profile.level_db[new] - base.level_db[old], np.nan)
+        return _NEPER * change
 
 
-def _load(profile: Profile, base: Profile, rows: Sequence[int], base_rows: Sequence[int]) -> float:
-    shared = [name for name in base.family_names if name in profile.family_names]
-    own = np.ix_(rows, [profile.family_names.index(name) for name in shared])
-    its = np.ix_(base_rows, [base.family_names.index(name) for name in shared])
-    change = _NEPER * (profile.level_db[own] - base.level_db[its])
-    heard = profile.heard[own] & base.heard[its]
-    of_mesh = np.array([name.startswith("mesh") for name in shared])
-    parts = [_middle(change[heard & of_mesh]), _middle(change[heard & ~of_mesh])]
-    if profile.band_db.shape[1:] == base.band_db.shape[1:]:
-        parts.append(
-            _middle(_NEPER * (profile.band_db[list(rows)] - base.band_db[list(base_rows)]))
-        )
-    # a gain moves lines and floor alike; what moves them apart is the load
-    same_way = all(part > 0 for part in parts) or all(part < 0 for part in parts)
-    gain = min(parts, key=abs) if same_way else 0.0
-    return parts[0] - gain
-
-
-def _middle(values: FloatArray) -> float:
-    return float(np.median(values)) if values.size else 0.0
+def _slope(values: FloatArray, along: FloatArray) -> float:
+    """Factor of a direction that leaves the least sum of magnitudes of some values."""
+    told = ~np.isnan(values) & (along != 0.0)
+    ratio, weight = values[told] / along[told], np.abs(along[told])
+    if not ratio.size:
+        return 0.0
+    order = np.argsort(ratio)
+    below = np.cumsum(weight[order])
+    middle = [int(np.searchsorted(below, 0.5 * below[-1], side)) for side in ("left", "right")]
+    return float(np.mean(ratio[order][middle]))

@@ -124,11 +124,12 @@ def lines_of(own, seed):
     )
 
 
+@pytest.mark.parametrize("speed", [0.0, 0.1])
 @pytest.mark.parametrize(
     ("change", "least", "most", "away"), [(3.0, 0.9, 1.6, 15.0), (0.0, 0.5, 1.0, 2.0)]
 )
 def test_a_machine_that_changes_with_its_load_is_as_sure_beside_a_reference_of_that_load(
-    change, least, most, away
+    change, least, most, away, speed
 ):
     """Two references at the load of the recording, two others, and deviations beside the first."""
     rng = np.random.default_rng(6)
@@ -138,17 +139,18 @@ def test_a_machine_that_changes_with_its_load_is_as_sure_beside_a_reference_of_t
     far = [lines_of(own + change * other * part, seed) for part, seed in ((1, 3), (-1, 4))]
     states = [(0.0, 0.0), (0.0, 0.0), (1.0, 0.0), (2.0, 0.0)]
     new = lines_of(own, 5)
-    beside, among, between = (
+    beside, among, learned, between = (
         np.median(np.concatenate([b.deviation.ravel() for b in told.bands]))
         for told in (
-            held_against(new, near, states=states[:2]),
+            held_against(new, near, states=states[:2], state=(0.0, speed)),
+            held_against(new, [*near, *far], states=states, state=(0.0, speed)),
             held_against(new, [*near, *far], states=states),
             held_against(new, [*near, *far], states=states, state=(0.5, 0.0)),
         )
     )
     assert least < among / beside < most
     # where nothing was learned it is as unsure as the change has it
-    assert between > away * among
+    assert between > away * learned
 
 
 def evidence(deviation: GearDeviation) -> GearEvidence:

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.law import Kriging, operating_states
-from gearmon.diagnosis.law.state import LENGTH
+from gearmon.diagnosis.law import Kriging, StateGauge
+from gearmon.diagnosis.law.state import LENGTH, SPEED_UNIT
 
 HERE = np.zeros(2)
 
@@ -41,9 +41,9 @@ def test_references_at_one_state_are_averaged(count):
 
 def test_scatter_and_change_with_the_state_are_told_apart():
     same = Kriging.of(at(0.3, 0.3), np.array([0.3, 0.0]), 0.1, 0.5)
-    assert same.parts == pytest.approx([0.1**2 * (1 + 1 / 2), 0.0], abs=1e-12)
+    assert same.parts == pytest.approx([0.1**2 * (1 + 1 / 2), 0.0, 0.0], abs=1e-12)
     far = Kriging.of(at(50.0), HERE, 0.1, 0.5)
-    assert far.parts == pytest.approx([2 * 0.1**2, 2 * (0.5 * LENGTH) ** 2])
+    assert far.parts == pytest.approx([2 * 0.1**2, 2 * (0.5 * LENGTH) ** 2, 0.0])
 
 
 def test_between_two_references_it_interpolates_and_is_surer_than_beside_one():
@@ -69,21 +69,54 @@ def test_one_more_reference_never_makes_it_less_sure(known, more, state):
     assert two.spread <= one.spread * (1 + 1e-9)
 
 
-@pytest.mark.parametrize(
-    ("mesh", "others", "floor", "load"),
-    [(6.0, 6.0, 6.0, 0.0), (6.0, 0.0, 0.0, 6.0), (6.0, 2.0, 3.0, 4.0), (6.0, -1.0, 2.0, 6.0)],
-)
-def test_the_load_is_what_the_mesh_lines_rose_beyond_a_gain(mesh, others, floor, load):
-    def profile(*change_db):
-        return SimpleNamespace(
-            family_names=("mesh 1 x1", "shaft 1"),
-            level_db=np.array([change_db[:2]]),
-            heard=np.ones((1, 2), dtype=bool),
-            band_db=np.array([[change_db[2]]]),
-            speed_hz=20.0,
-        )
+def test_what_changes_with_the_load_is_told_from_what_changes_with_the_speed():
+    near = Kriging.of(np.array([[0.1, 0.2]]), HERE, 0.1, 0.5)
+    # while they are small, squares of slope times distance in each direction
+    assert near.parts[1:] == pytest.approx([(0.5 * 0.1) ** 2, (0.5 * 0.2) ** 2], rel=0.06)
+    assert near.spread == pytest.approx(Kriging.of(at(0.05**0.5), HERE, 0.1, 0.5).spread)
 
-    base, new = profile(0.0, 0.0, 0.0), profile(mesh, others, floor)
-    ((found, speed),) = operating_states([new], base, [(0,)], (0,))
-    assert found == pytest.approx(load * np.log(10) / 20)
-    assert speed == 0.0
+
+def profile(*change_np, heard=True, speed_hz=20.0):
+    """Levels of mesh harmonics, and of a family that is none and moves otherwise."""
+    names = (*(f"mesh 1 harmonic {k}" for k in range(1, len(change_np) + 1)), "shaft 1")
+    return SimpleNamespace(
+        family_names=names,
+        level_db=20 / np.log(10) * np.array([[*change_np, 3.0]]),
+        heard=np.array([[*np.broadcast_to(heard, len(change_np)), True]]),
+        speed_hz=speed_hz,
+    )
+
+
+#: How the harmonics of a lightly loaded machine follow its load; their median does not.
+UNEVEN = np.array([2.2, 1.6, 0.1, 0.0, -0.1, -0.9, 0.2])
+
+
+def test_one_reference_takes_the_median_mesh_harmonic_for_the_load():
+    gauge = StateGauge.of([profile(*0.0 * UNEVEN)], (0,), 0.2)
+    load, speed = gauge.state(profile(*-0.5 + 0.1 * UNEVEN, speed_hz=20.6), (0,))
+    assert load == pytest.approx(-0.5 + 0.1 * np.median(UNEVEN))
+    assert speed == pytest.approx(0.03 / SPEED_UNIT)
+    muffled = profile(-9.0, *-0.5 + 0.0 * UNEVEN[1:], heard=[False, *6 * [True]])
+    assert gauge.state(muffled, (0,))[0] == pytest.approx(-0.5)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 1.0, 2.0])
+def test_lightly_loaded_references_teach_how_the_harmonics_follow_the_load(share):
+    loads = np.log([1.0, 0.75, 0.5])
+    references = [profile(*load * UNEVEN) for load in loads]
+    gauge = StateGauge.of(references, (0,), share)
+    between, heavier = (gauge.state(profile(*x * UNEVEN), (0,))[0] for x in np.log([0.6, 1.2]))
+    size = np.sqrt(np.mean(UNEVEN**2))
+    if share < 1.5:
+        assert between == pytest.approx(size * np.log(0.6), rel=0.1)
+        assert heavier == pytest.approx(size * np.log(1.2), rel=0.1)
+    else:
+        # of fully loaded teeth all follow alike, whatever a few of them do
+        assert between == pytest.approx(np.median(UNEVEN) * np.log(0.6))
+
+
+def test_references_of_one_load_teach_nothing():
+    rng = np.random.default_rng(3)
+    alike = [profile(*0.03 * rng.normal(size=7)) for _ in range(3)]
+    gauge = StateGauge.of(alike, (0,), 0.1)
+    assert np.all(np.abs(gauge.direction[0, :7] - 1.0) < 0.25)
