@@ -7,7 +7,7 @@ tells whether it follows the shafts or stays where it is when the speed wanders.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -175,33 +175,6 @@ class NonGearLines:
         if last >= self.in_time_db.shape[-1]:
             return None
         return np.asarray(self.in_time_db[:, first : last + 1].max(axis=-1))
-
-
-def contaminated(
-    orders: FloatArray, lines: Iterable[NonGearLine], resolution: float
-) -> NDArray[np.bool_]:
-    """Tell which orders a line of no gear disturbs.
-
-    Parameters
-    ----------
-    orders : ndarray of float
-        Orders that are to be measured.
-    lines : iterable of NonGearLine
-        Lines; those of the envelope disturb nothing and are passed over.
-    resolution : float
-        Distance at which a line still disturbs [orders]: twice one over the length of a Hann
-        block for single blocks, twice one over the recording for its synchronous mean.
-
-    Returns
-    -------
-    ndarray of bool
-        Like `orders`.
-    """
-    mask = np.zeros(np.shape(orders), dtype=bool)
-    for line in lines:
-        if line.kind == "spectrum":
-            mask |= (orders > line.low_order - resolution) & (orders < line.high_order + resolution)
-    return mask
 
 
 def taken(lines: NonGearLines, rows: Sequence[int]) -> NonGearLines:
