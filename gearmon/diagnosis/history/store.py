@@ -267,31 +267,23 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
         If the file holds several machines and none was named.
     """
     with opened(Path(path), create=False) as store:
-        rows = _rows(store, Path(path), machine)
+        if machine is None:
+            names = [row[0] for row in store.execute("SELECT machine FROM latest ORDER BY machine")]
+            if len(names) != 1:
+                listed = ", ".join(map(repr, names)) or "none"
+                raise ArgumentError(f"{path}: name one of its machines: {listed}")
+            machine = names[0]
+        named = (as_text(machine),)
+        asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
+        rows = store.execute(asked, named).fetchall()
+        told = store.execute("SELECT recordings FROM latest WHERE machine = ?", named).fetchone()
         try:
-            entries = [_entry(store, row) for row in rows]
+            if len(rows) != (told[0] if told else 0):
+                raise ValueError(f"recordings of {machine!r} are missing")
+            entries = tuple(_entry(store, row) for row in rows)
         except (ArgumentError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise _damaged(Path(path), "is a damaged history file", error) from None
-    if machine is None:
-        names = sorted({entry.machine for entry in entries})
-        if len(names) != 1:
-            listed = ", ".join(repr(name) for name in names) or "none"
-            raise ArgumentError(f"{path}: name one of its machines: {listed}")
-        machine = names[0]
-    return History(machine=machine, entries=tuple(e for e in entries if e.machine == machine))
-
-
-def _rows(store: sqlite3.Connection, path: Path, machine: str | None) -> list[sqlite3.Row]:
-    """Give the recordings of a machine, by default of all; say if a damaged name hides some."""
-    if machine is None:
-        return store.execute("SELECT * FROM recordings ORDER BY time_s").fetchall()
-    named = (as_text(machine),)
-    asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
-    rows = store.execute(asked, named).fetchall()
-    told = store.execute("SELECT recordings FROM latest WHERE machine = ?", named).fetchone()
-    if len(rows) != (told[0] if told else 0):
-        raise _damaged(path, "is a damaged history file", f"recordings of {machine!r} are missing")
-    return rows
+    return History(machine=as_text(machine), entries=entries)
 
 
 def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:
