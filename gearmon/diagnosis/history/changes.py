@@ -400,7 +400,7 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
         raise ArgumentError("sigma: must be equal, or the order has a meaning")
     if len(series) < FEWEST or np.ptp(series.value) <= 1e-12 * np.abs(series.value).max():
         return 1.0
-    paths, _, rest = Fits.of_search(series, ()).freed
+    paths, _, rest = Fits.of(series, ()).freed
     generator = np.random.default_rng(seed)
     clearest, as_clear = float(np.abs(paths @ rest).max()), 0
     for start in range(0, permutations, 500):
@@ -427,8 +427,9 @@ def _repaired(series: Series, below: float) -> list[ChangePoint]:
         return []
     if change_probability(series) < below:
         return []
-    places, end = _middles(series), float(series.time_s[-1])
-    steps = [ChangePoint(growth=STEP, time_s=float(place), end_s=end) for place in places]
+    fits, end = Fits.of(series, ()), float(series.time_s[-1])
+    places = fits.places[fits.courses == 0].tolist()
+    steps = [ChangePoint(growth=STEP, time_s=place, end_s=end) for place in places]
     pairs = [[step, other] for step in steps if (other := _search(series, [step])) is not None]
     best = min(pairs, key=lambda pair: pair[1].false_alarm_probability, default=None)
     if best is None or best[1].false_alarm_probability * len(places) >= below:
@@ -462,7 +463,7 @@ def _refined(series: Series, found: list[ChangePoint], below: float) -> list[Cha
 
 def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
     """Return the clearest change beside those known."""
-    fits = Fits.of_search(series, known)
+    fits = Fits.of(series, tuple(known))
     paths, sizes, rest = fits.freed
     left, size = len(series) - fits.base.shape[1], float(np.linalg.norm(rest))
     if left < 3 or size <= 1e-12 * np.linalg.norm(series.value / series.sigma):
@@ -487,17 +488,6 @@ def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
         end_s=float(series.time_s[-1]),
         false_alarm_probability=min(1.0, probability) if lengths else 1.0,
     )
-
-
-def _middles(series: Series) -> FloatArray:
-    """Return the places at which a step is tried: fewer of long series."""
-    times, most = series.time_s, _most(series, _FOUND_AT)
-    places = 0.5 * (times[1:] + times[:-1])[BORNE_BY - 1 : len(times) - BORNE_BY]
-    return np.asarray(places[np.linspace(0, len(places) - 1, min(most, len(places))).astype(int)])
-
-
-def _most(series: Series, ends: tuple[int, int]) -> int:
-    return int(np.clip(_MOST_NUMBERS // max(1, len(series)), *ends))
 
 
 def _between(knots: FloatArray, about: int, most: int) -> FloatArray:
@@ -538,34 +528,22 @@ class Fits:
     tangents: bool = False
 
     @classmethod
-    def of(
-        cls,
-        series: Series,
-        known: Sequence[ChangePoint],
-        middles: FloatArray,
-        places: FloatArray,
-        growths: Sequence[int],
-        *,
-        tangents: bool = False,
-    ) -> Fits:
-        """Return those by steps at some places, and by growth of each course from others."""
-        courses = np.repeat([0, *growths], [len(middles), *[len(places)] * len(growths)])
-        every = np.concatenate([middles, np.tile(places, len(growths))])
-        return cls(series=series, known=known, places=every, courses=courses, tangents=tangents)
+    @lru_cache(maxsize=6)  # a change is bent, and timed a moment later
+    def of(cls, series: Series, known: tuple[ChangePoint, ...], *, bent: bool = False) -> Fits:
+        """Return steps and growth at places all along: straight to find it, bent to time it.
 
-    @classmethod
-    def of_search(cls, series: Series, known: Sequence[ChangePoint]) -> Fits:
-        """Return the steps and kinks that a series is searched for."""
-        most = _most(series, _FOUND_AT)
-        kinks = _between(series.time_s[: len(series) - BORNE_BY], most, most)
-        return cls.of(series, known, _middles(series), kinks, [1], tangents=True)
-
-    @classmethod
-    @lru_cache(maxsize=4)  # a change is bent, and timed a moment later
-    def of_all(cls, series: Series, known: tuple[ChangePoint, ...]) -> Fits:
-        """Return all courses: growth may have begun any time before the last recording but one."""
-        places = _between(series.time_s[:-1], *_TIMED_AT)
-        return cls.of(series, known, _middles(series), places, range(1, len(COURSES)))
+        Bent growth, of all courses, may have begun any time before the last recording but one.
+        """
+        times = series.time_s
+        most = int(np.clip(_MOST_NUMBERS // max(1, len(times)), *_FOUND_AT))
+        steps = 0.5 * (times[1:] + times[:-1])[BORNE_BY - 1 : len(times) - BORNE_BY]
+        steps = steps[np.linspace(0, len(steps) - 1, min(most, len(steps))).astype(int)]
+        ends = _TIMED_AT if bent else (most, most)
+        begun = _between(times[: -1 if bent else -BORNE_BY], *ends)
+        growths = range(1, len(COURSES) if bent else 2)
+        places = np.concatenate([steps, np.tile(begun, len(growths))])
+        courses = np.repeat([0, *growths], [len(steps), *[len(begun)] * len(growths)])
+        return cls(series=series, known=known, places=places, courses=courses, tangents=not bent)
 
     @property
     def base(self) -> FloatArray:
@@ -592,7 +570,7 @@ class Fits:
 
     @property
     def chance(self) -> FloatArray:
-        """Chance of each fit of `of_all`, where every time is as likely beforehand as another."""
+        """Chance of each fit of all courses, where every time is as likely beforehand."""
         steps, places = self.places[self.courses == 0], self.places[self.courses == 1]
         # places stand closer together where recordings do
         width = [np.gradient(steps), np.tile(np.gradient(places), len(GROWTHS))]
@@ -666,7 +644,7 @@ def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) ->
 
     A step that growth explains better, by more than one fitted number is worth, becomes growth.
     """
-    fits = Fits.of_all(series, tuple(others))
+    fits = Fits.of(series, tuple(others), bent=True)
     grown = np.where(fits.courses > 0, fits.left, np.inf)
     best, worth = int(np.argmin(grown)), fits.variance * math.log(len(series))
     if change.kind == "step" and grown[best] + worth > fits.left[fits.courses == 0].min():
@@ -681,7 +659,7 @@ def _timed(
 
     A small change may be a step as well as growth: the interval is that of both.
     """
-    times, fits = series.time_s, Fits.of_all(series, tuple(others))
+    times, fits = series.time_s, Fits.of(series, tuple(others), bent=True)
     if fits.freedom < 1:
         return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
     chance, steps = fits.chance, fits.courses == 0

@@ -9,19 +9,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.history import (
-    ChangePoint,
-    Entry,
+from gearmon.diagnosis.history import ChangePoint, Entry, History, Place, history_trends
+from gearmon.diagnosis.history.changes import (
+    CHANCES,
+    GROWTHS,
+    STRAIGHT,
+    Fits,
     Growth,
-    History,
-    Place,
     Series,
     find_changes,
-    fit_trend,
-    history_trends,
 )
-from gearmon.diagnosis.history.changes import CHANCES, GROWTHS, STRAIGHT, Fits
 from gearmon.diagnosis.history.changes import COURSES as TRIED
+from gearmon.diagnosis.history.trends import fit_trend
 from gearmon.report.history_text import change_text
 
 DAY = 86400.0
