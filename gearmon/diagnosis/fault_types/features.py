@@ -102,13 +102,11 @@ class FeatureVector:
     @property
     def focus(self) -> int:
         """Row with the most evidence of a change, whatever its kind."""
-        column = {name: self.values[:, i] for i, name in enumerate(NAMES)}
-        sides = np.maximum.reduce(
-            [column[name] for name in ("near_db", "far_db", "once_db", "twice_db")]
-        )
+        column = dict(zip(NAMES, self.values.T, strict=True))
+        sides = [column[name] for name in ("near_db", "far_db", "once_db", "twice_db")]
         # the greatest of the healthy teeth of a gear stands some 4 dB above their median
         local = np.maximum(column["peak_db"] - 4.0, 0.0)
-        evidence = np.maximum(sides, 0.0) + local + 0.5 * column["mesh_rms_db"]
+        evidence = np.maximum(np.max(sides, axis=0), 0.0) + local + 0.5 * column["mesh_rms_db"]
         return int(np.argmax(evidence))
 
     def row(self, stage: int | None = None, gear: str | None = None) -> int:
