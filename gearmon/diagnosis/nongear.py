@@ -665,27 +665,25 @@ class _Naming(NamedTuple):
         modulating, by = self._modulation(wanted)
         reach = _BEARING_SIDEBANDS if modulating else 0
         sidebands = sorted(range(-reach, reach + 1), key=abs)
+        series = list(product(range(1, _BEARING_HARMONICS + 1), sidebands))
+        harmonic, sideband = np.array(series).T
+        orders = np.array([[self.lines[i].order] for i in left]).reshape(-1, 1)
         # how far each line would slip as each harmonic with each sideband
-        seen = {
-            (i, h, r): (self.lines[i].order - r * modulating) / (h * wanted.order) - 1
-            for h, r, i in product(range(1, _BEARING_HARMONICS + 1), sidebands, left)
-        }
-        seen = {key: slip for key, slip in seen.items() if _SLIP_LOW <= slip <= _SLIP_HIGH}
+        slips = (orders - sideband * modulating) / (harmonic * wanted.order) - 1
+        usual = (slips >= _SLIP_LOW) & (slips <= _SLIP_HIGH)
+        swing = np.maximum(self.width, _SLIP_SWING * orders) / (harmonic * wanted.order)
 
         def agreeing(slip: float) -> dict[int, tuple[int, int]]:
-            near: dict[int, tuple[int, int]] = {}
-            for (i, h, r), own in seen.items():
-                away = h * wanted.order * abs(own - slip)
-                if away <= max(self.width, _SLIP_SWING * self.lines[i].order):
-                    near.setdefault(i, (h, r))
-            return near
+            near = usual & (np.abs(slips - slip) <= swing)
+            pairs = zip(left, near, strict=True)
+            return {i: series[int(np.argmax(row))] for i, row in pairs if row.any()}
 
         def rank(slip: float) -> tuple[int, bool]:
             near = agreeing(slip)
             return len(near), (1, 0) in near.values()
 
         # the slip that most lines agree on is that of one of them
-        slip = max(seen.values(), key=rank, default=0.0)
+        slip = max(slips.T[usual.T].tolist(), key=rank, default=0.0)
         best = agreeing(slip)
         known = [one.slip for one in found if _bearing_of(one) == _bearing_of(wanted)]
         agrees = bool(known) and abs(slip - known[0]) <= _SLIP_ALIKE
@@ -693,12 +691,12 @@ class _Naming(NamedTuple):
             return None
         centre = wanted.order * (1 + slip)
         count = int(min(self.top / centre, 2 * _BEARING_HARMONICS))
-        orders = (h * centre + r * modulating for h in range(1, count + 1) for r in sidebands)
+        places = (h * centre + r * modulating for h in range(1, count + 1) for r in sidebands)
         return NamedSeries(
             kind="bearing",
             name=wanted.name,
             labels={i: _label(*best[i], by) for i in sorted(best)},
-            orders=tuple(order for order in orders if 0 < order < self.top),
+            orders=tuple(order for order in places if 0 < order < self.top),
             slip=slip,
         )
 
