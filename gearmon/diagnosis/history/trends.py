@@ -85,12 +85,11 @@ class Crossing:
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
-        named = {"time": self.time_s, "time_low": self.low_s, "time_high": self.high_s}
-        times = {
-            name: None if time is None or not 0 <= time < NEVER_S else time_text(time)
-            for name, time in named.items()
+        times = {"time": self.time_s, "time_low": self.low_s, "time_high": self.high_s}
+        return {"status": self.status, "reason": self.reason} | {
+            name: time_text(time) if time is not None and 0 <= time < NEVER_S else None
+            for name, time in times.items()
         }
-        return {"status": self.status, "reason": self.reason} | times
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -618,19 +617,12 @@ def _followed(history: History) -> Mapping[_Key, Sequence[tuple[float, Place]]]:
     found: dict[_Key, list[tuple[float, Place]]] = {}
     for entry in history.entries:
         for place in entry.places:
-            if place.loss is not None and place.loss_sigma is not None:
+            if place.loss is not None:
                 found.setdefault(place.key, []).append((entry.time_s, place))
-    whole = {(stage, gear) for stage, gear, tooth in found if tooth is None}
-    numbered = {
-        (stage, gear)
-        for (stage, gear, tooth), points in found.items()
-        if tooth is not None and (len(points) >= FEWEST or (stage, gear) not in whole)
-    }
-    return {
-        key: points
-        for key, points in found.items()
-        if (key[:2] in numbered) == (key[2] is not None)
-    }
+    often = {key for key, points in found.items() if len(points) >= FEWEST}
+    whole = {key[:2] for key in found if key[2] is None}
+    numbered = {k[:2] for k in found if k[2] is not None and (k in often or k[:2] not in whole)}
+    return {key: found[key] for key in found if (key[:2] in numbered) == (key[2] is not None)}
 
 
 def _evidence(history: History, below: float, level: float) -> tuple[Trend | None, float]:
@@ -638,9 +630,9 @@ def _evidence(history: History, below: float, level: float) -> tuple[Trend | Non
     judged = [entry for entry in history.entries if entry.verdict != "no mesh found"]
     if len(judged) < FEWEST:
         return None, 1.0
-    score = normal_equivalent(np.array([entry.score for entry in judged]))
-    time_s = np.array([entry.time_s for entry in judged])
-    series = Series(time_s=time_s, value=score, sigma=np.ones(len(score)), sigma_known=False)
+    time_s, score = np.array([(entry.time_s, entry.score) for entry in judged]).T
+    value, equal = normal_equivalent(score), np.ones(len(score))
+    series = Series(time_s=time_s, value=value, sigma=equal, sigma_known=False)
     probability = permuted_probability(series)
     if probability >= below:
         return Trend(series=series, changes=(), level=level), probability
@@ -650,7 +642,7 @@ def _evidence(history: History, below: float, level: float) -> tuple[Trend | Non
         replace(c, false_alarm_probability=max(probability, c.false_alarm_probability))
         for c in found.changes
     )
-    return Trend(series=series, changes=changes, level=level), probability
+    return replace(found, changes=changes), probability
 
 
 def normal_equivalent(score: FloatArray) -> FloatArray:
