@@ -51,6 +51,8 @@ _BETWEEN, _MOST_NUMBERS, _FOUND_AT, _TIMED_AT = 16, 400_000, (200, 4000), (320, 
 # Exponents beyond which an exponential is as good as without end, and its square still finite.
 _MOST_FOLDS = 200.0
 _TINY = np.finfo(float).tiny
+# Step of differences in place of derivatives: half of the digits are left.
+_SMALL = 1e-7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,22 +98,11 @@ class Growth:
             grown = np.expm1(np.minimum(self.folds * since, _MOST_FOLDS)) / np.expm1(self.folds)
         return np.where(share > 0, self.jump + (1.0 - self.jump) * grown, 0.0)
 
-    def rate(self, share: FloatArray) -> FloatArray:
-        """Return the derivative of `at`; 0 up to where it began."""
-        since = np.maximum(share, _TINY)
-        rate = self.exponent * since ** (self.exponent - 1.0)
-        if self.folds:
-            grown = np.exp(np.minimum(self.folds * since, _MOST_FOLDS))
-            rate = self.folds * grown / np.expm1(self.folds)
-        return np.where(share > 0, (1.0 - self.jump) * rate, 0.0)
-
-    def bend(self, share: FloatArray) -> FloatArray:
-        """Return the direction in which `at` moves with the exponent; 0 up to where it began."""
-        since = np.maximum(share, _TINY)
-        if self.folds:
-            grown = since * np.exp(np.minimum(self.folds * since, _MOST_FOLDS))
-            return np.where(share > 0, grown, 0.0)
-        return np.asarray(since**self.exponent * np.log(since))
+    def tangents(self, share: FloatArray) -> list[FloatArray]:
+        """Return the directions in which `at` moves with its begin and bends, of any length."""
+        smooth, bent = replace(self, jump=0.0), "folds" if self.folds else "exponent"
+        at, more = smooth.at(share), replace(smooth, **{bent: getattr(self, bent) + _SMALL})
+        return [at - smooth.at(share - _SMALL), more.at(share) - at]
 
 
 STEP, STRAIGHT = Growth(exponent=0.0), Growth()
@@ -139,7 +130,7 @@ _TAIL = 0.2
 
 
 def growth_rows(
-    time_s: FloatArray, places_s: FloatArray, end_s: float, growth: Growth, *, rates: bool = False
+    time_s: FloatArray, places_s: FloatArray, end_s: float, growth: Growth
 ) -> FloatArray:
     """Return a course that began at some places, as rows.
 
@@ -152,8 +143,6 @@ def growth_rows(
     end_s : float
         Time of the last recording [s].
     growth : Growth
-    rates : bool
-        Whether derivatives [1/s] are asked for.
 
     Returns
     -------
@@ -163,8 +152,6 @@ def growth_rows(
     """
     span = np.maximum(end_s - places_s, _TINY)[:, None]
     share = (time_s - places_s[:, None]) / span
-    if rates:
-        return growth.rate(share)
     return np.asarray(growth.at(share) * (span if growth.exponent else 1.0))
 
 
@@ -265,11 +252,7 @@ class Series:
 
 
 def change_columns(
-    time_s: FloatArray,
-    changes: Sequence[ChangePoint],
-    *,
-    tangents: bool = False,
-    rates: bool = False,
+    time_s: FloatArray, changes: Sequence[ChangePoint], *, tangents: bool = False
 ) -> FloatArray:
     """Return a constant and the shapes of some changes as columns.
 
@@ -281,20 +264,18 @@ def change_columns(
     tangents : bool
         Whether growth brings the directions in which it would move and bend as well: what growth
         that is a little off leaves behind must not be taken for another change.
-    rates : bool
-        Whether derivatives [1/s] are asked for.
 
     Returns
     -------
     ndarray of float, shape (n, columns)
     """
-    columns = [np.full(len(time_s), 0.0 if rates else 1.0)]
+    columns = [np.ones(len(time_s))]
     for change in changes:
         place, growth = np.array([change.time_s]), change.growth
-        columns.append(growth_rows(time_s, place, change.end_s, growth, rates=rates)[0])
+        columns.append(growth_rows(time_s, place, change.end_s, growth)[0])
         if tangents and growth.exponent:
             share = (time_s - change.time_s) / (change.end_s - change.time_s)
-            columns += [growth.rate(share), growth.bend(share)]
+            columns += growth.tangents(share)
     return np.column_stack(columns)
 
 
@@ -581,9 +562,9 @@ class Fits:
         return np.asarray(chance / chance.sum())
 
     def at(
-        self, time_s: FloatArray, which: IntArray, *, rates: bool = False
+        self, time_s: FloatArray, which: IntArray, weights: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Value, or rate, of some fits and its variance in units of that of the noise.
+        """Value of some fits and its variance in units of that of the noise.
 
         Parameters
         ----------
@@ -591,12 +572,12 @@ class Fits:
             Times [s].
         which : ndarray of int, shape (some,)
             The fits.
-        rates : bool
-            Whether derivatives [1/s] are asked for.
+        weights : ndarray of float, shape (sums, k), optional
+            Of weighted sums over the times, which are then told in place of the values.
 
         Returns
         -------
-        value, variance : ndarray of float, shape (some, k)
+        value, variance : ndarray of float, shape (some, k) or (some, sums)
 
         Notes
         -----
@@ -605,9 +586,11 @@ class Fits:
         """
         paths, size, rest = self.freed
         series, solver = self.series, _solver(self.series, self.known)
-        known = change_columns(time_s, self.known, rates=rates)
+        known, rows = change_columns(time_s, self.known), self._rows(time_s, which)
+        if weights is not None:
+            known, rows = weights @ known, rows @ weights.T
         explained = self._rows(series.time_s, which) / series.sigma @ solver.T
-        beside = self._rows(time_s, which, rates=rates) - explained @ known.T
+        beside = rows - explained @ known.T
         beside *= np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)[which, None]
         value = known @ solver @ (series.value / series.sigma)
         variance = np.sum((known @ solver) ** 2, axis=1)
@@ -629,13 +612,13 @@ class Fits:
         paths = rest[1:] * (size > 0)[:, None] / np.where(size > 0, size, 1.0)[:, None]
         return paths, size, rest[0]
 
-    def _rows(self, time_s: FloatArray, which: IntArray, *, rates: bool = False) -> FloatArray:
+    def _rows(self, time_s: FloatArray, which: IntArray) -> FloatArray:
         """Shapes of the one more at some times, shape (some, times)."""
         end, rows = float(self.series.time_s[-1]), np.empty((len(which), len(time_s)))
         places, courses = self.places[which], self.courses[which]
         for number in np.unique(courses):
             own = courses == number
-            rows[own] = growth_rows(time_s, places[own], end, COURSES[number], rates=rates)
+            rows[own] = growth_rows(time_s, places[own], end, COURSES[number])
         return rows
 
 

@@ -58,6 +58,8 @@ FORECASTS = 20
 #: How far a trend is followed to a limit, in lengths of the series (beyond is as good as never),
 #: and in how many steps up to the last recording and from there.
 _NEAREST, _FARTHEST, _STEPS = 1e-3, 100.0, (100, 150)
+# Time over which the present rate is read, in lengths of the series.
+_RATE_OVER = 1e-4
 #: Seconds since 1970 beyond the calendar, which are as good as never.
 NEVER_S = 2.5e11
 _Key = tuple[int, str, int | None]
@@ -141,9 +143,13 @@ class Trend:
 
     def rate(self) -> tuple[float, float, float]:
         """Slope at the last recording with its interval [1/s]; zeros for a level series."""
+        times = self.series.time_s
         if not self.grows:
             return 0.0, 0.0, 0.0
-        value, low, high = self._allowed(self.series.time_s[-1:], rates=True)
+        # the derivative of a parabola through three times from the last recording on
+        step = _RATE_OVER * (times[-1] - times[0])
+        weights = np.array([[-1.5, 2.0, -0.5]]) / step
+        value, low, high = self._allowed(times[-1] + step * np.arange(3), weights)
         return float(value[0]), float(low[0]), float(high[0])
 
     def crossing(self, limit: float) -> Crossing:
@@ -220,11 +226,11 @@ class Trend:
         return math.exp(float(ndtri(0.5 + 0.5 * self.level)) * self.common)
 
     def _allowed(
-        self, times: FloatArray, *, rates: bool = False
+        self, times: FloatArray, weights: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Value of the trend, or its rate, and the ends of what the data allow."""
+        """Value of the trend, or sums of it, and the ends of what the data allow."""
         fits, which, room = self._candidates
-        value, variance = fits.at(times, which, rates=rates)
+        value, variance = fits.at(times, which, weights)
         # where any strain is allowed, none is as well: without end
         half = np.sqrt(np.maximum(variance, np.finfo(float).tiny) * room[:, None])
         told, size = value[0], np.maximum(value[0], 0.0)
