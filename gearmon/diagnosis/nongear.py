@@ -13,7 +13,6 @@ scatter.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,7 +21,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import pdtrc, spence, stdtr
+from scipy.special import spence, stdtr
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import check_finite
@@ -33,6 +32,7 @@ from gearmon.signatures.measured.nongear_lines import (
     OWN_WIDTHS,
     NonGearLine,
     NonGearLines,
+    harmonic_sources,
     noise_exceeds,
     taken,
 )
@@ -75,9 +75,6 @@ _SLIP_ALIKE, _SLIP_SWING = 3e-3, 1e-3
 _BEARING_HARMONICS, _BEARING_SIDEBANDS = 6, 2
 # Parts of a turn in which a loose shaft repeats, and the highest order at which it is looked for.
 _PARTS, _LOOSE_ORDER = {2: "half", 3: "third"}, 20.0
-# Highest multiple of a fundamental that is looked for; unrelated lines stand at as many multiples
-# by chance with less than this probability.
-_MULTIPLES, _CHANCE = 20, 0.01
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -747,55 +744,3 @@ def _of_hunting_tooth(line: NonGearLine, train: Kinematics, width: float) -> boo
         and abs(line.order - round(line.order / order) * order) <= 0.5 * width
         for order in hunting
     )
-
-
-def harmonic_sources(lines: Sequence[NonGearLine], widths: dict[str, float]) -> list[list[int]]:
-    """Group lines that are multiples of one another.
-
-    Parameters
-    ----------
-    lines : sequence of NonGearLine
-        Of one recording.
-    widths : dict of str to float
-        Resolution of the spectrum and of the envelope [orders], by the kind of line.
-
-    Returns
-    -------
-    list of list of int
-        Positions of the lines of each source, fundamental first. Each line stands in one source;
-        those of the spectrum and of the envelope, and those that follow the shafts and that keep
-        their frequency, are held apart.
-
-    Notes
-    -----
-    A line is a multiple of a fundamental if it stands within a width of it, and as many lines would
-    hardly stand so near to multiples by chance: unrelated ones fall on them as a Poisson law has
-    it, each with the share of the axis that the widths about the multiples cover. A source whose
-    fundamental is not listed is not put together.
-    """
-    apart: dict[tuple[str, bool], list[int]] = {}
-    for i in sorted(range(len(lines)), key=lambda i: lines[i].order):
-        apart.setdefault((lines[i].kind, lines[i].locked == "time"), []).append(i)
-    found = []
-    for (kind, _), left in sorted(apart.items()):
-        while left:
-            group = [0, *_multiples([lines[i].order for i in left], widths[kind])]
-            found.append([left[place] for place in group])
-            left = [i for place, i in enumerate(left) if place not in group]
-    return found
-
-
-def _multiples(orders: Sequence[float], width: float) -> list[int]:
-    """Return which rising orders are multiples of the first, none if that may be chance."""
-    base = orders[0]
-    # a fundamental is known to half a width; each multiple found tells it more finely
-    known, at, found, expected = base, 1, list[int](), 0.0
-    for place in range(1, bisect_left(orders, (_MULTIPLES + 0.5) * base)):
-        number = round(orders[place] / known)
-        reach = width * max(1.0, number / at)
-        expected += min(1.0, 2 * reach / base)
-        if number > 1 and abs(orders[place] - number * known) <= reach:
-            found.append(place)
-            if number > at:
-                known, at = orders[place] / number, number
-    return found if found and pdtrc(len(found) - 1, expected) <= _CHANCE else []

@@ -350,12 +350,9 @@ class _Mesh:
         self.module_m = 1e-3 * (_USUAL_MODULE_MM if own.module_mm is None else own.module_mm)
         # the first gear of a stage is in its main mesh
         first = mesh_pairs(own, stage, machine.path)[0].members[0].name
-        self.sound = self._lines(None, 1, first)
+        self.sound = self._lines("", first)
         self.rms = float(np.linalg.norm(self.sound))
-        profile, worn = (
-            self._lines(self._wrong(kind, first), 1, first) - self.sound
-            for kind in ("profile", "wear")
-        )
+        profile, worn = (self._lines(kind, first) - self.sound for kind in ("profile", "wear"))
         self.profile, self.wear = self._unit(profile), worn / LOSS
 
     def gear(self, wheel: WheelLines) -> GearLines:
@@ -393,22 +390,23 @@ class _Mesh:
         return np.asarray(lines * (self.rms / size if size > 1e-6 * self.rms else 0.0))
 
     def _added(self, kind: str, wheel: WheelLines, size: float = SIZE) -> ComplexArray:
-        lines = self._lines(self._wrong(kind, wheel.gear, size), wheel.teeth, wheel.gear)
+        lines = self._lines(kind, wheel.gear, wheel.teeth, size)
         common = lines[:: wheel.teeth]
         common -= common if wheel.gear == "ring" else self.sound[: len(common)]
         return _on(lines, wheel.number)
 
-    def _lines(self, wrong: Fault | GearError | None, teeth: int, gear: str) -> ComplexArray:
+    def _lines(self, kind: str, gear: str, teeth: int = 1, size: float = SIZE) -> ComplexArray:
         """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
         mesh = 1 if gear == "ring" else 0
         place = MeshPlace(self.machine, self.stage, self.operating, mesh=mesh)
-        healthy, faulty = place.alone(), place.alone([] if wrong is None else [wrong])
+        wrong = [self._wrong(kind, gear, size)] if kind else []
+        healthy, faulty = place.alone(), place.alone(wrong)
         (solved,) = faulty_lines(healthy, [faulty], self.max_hz, _TOLERANCE)
         lines = np.zeros(int(np.ceil(_TOP * teeth)) + 1, dtype=np.complex128)
         lines[solved.number * (teeth // solved.period)] = 2 * solved.acceleration
         return lines
 
-    def _wrong(self, kind: str, gear: str, size: float = SIZE) -> Fault | GearError:
+    def _wrong(self, kind: str, gear: str, size: float) -> Fault | GearError:
         tooth = 1 if kind in ("crack", "pitting", "pitch") else None
         if kind in ("crack", "pitting", "wear"):
             return Fault(kind=kind, stage=self.stage, gear=gear, tooth=tooth, size=LOSS)

@@ -7,12 +7,13 @@ tells whether it follows the shafts or stays where it is when the speed wanders.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincc, gammainccinv
+from scipy.special import gammaincc, gammainccinv, pdtrc
 
 from gearmon.arrays import FloatArray
 from gearmon.gears.kinematics import Kinematics
@@ -47,6 +48,9 @@ _CELLS_AN_ORDER = 20
 _BANDS = 128
 # The envelope is looked at up to this order, or this multiple of the highest order of a bearing.
 _ENVELOPE_ORDER, _ENVELOPE_HARMONICS = 20.0, 3.5
+# Highest multiple of a fundamental that is looked for; unrelated lines stand at as many multiples
+# by chance with less than this probability.
+_MULTIPLES, _CHANCE = 20, 0.01
 KINDS = ("spectrum", "envelope")
 LOCKS = ("shaft", "time", "either")
 # No level, order, frequency or count is larger.
@@ -472,6 +476,58 @@ def _of_envelope(found: _Standing) -> Iterator[NonGearLine]:
     kept = (orders > reach) & (found.power > found.course.skirt(orders) * found.about(reach))
     for i in np.flatnonzero(kept):
         yield found.line(i, [orders[i]] * 3, "shaft")
+
+
+def harmonic_sources(lines: Sequence[NonGearLine], widths: dict[str, float]) -> list[list[int]]:
+    """Group lines that are multiples of one another.
+
+    Parameters
+    ----------
+    lines : sequence of NonGearLine
+        Of one recording.
+    widths : dict of str to float
+        Resolution of the spectrum and of the envelope [orders], by the kind of line.
+
+    Returns
+    -------
+    list of list of int
+        Positions of the lines of each source, fundamental first. Each line stands in one source;
+        those of the spectrum and of the envelope, and those that follow the shafts and that keep
+        their frequency, are held apart.
+
+    Notes
+    -----
+    A line is a multiple of a fundamental if it stands within a width of it, and as many lines would
+    hardly stand so near to multiples by chance: unrelated ones fall on them as a Poisson law has
+    it, each with the share of the axis that the widths about the multiples cover. A source whose
+    fundamental is not listed is not put together.
+    """
+    apart: dict[tuple[str, bool], list[int]] = {}
+    for i in sorted(range(len(lines)), key=lambda i: lines[i].order):
+        apart.setdefault((lines[i].kind, lines[i].locked == "time"), []).append(i)
+    found = []
+    for (kind, _), left in sorted(apart.items()):
+        while left:
+            group = [0, *_multiples([lines[i].order for i in left], widths[kind])]
+            found.append([left[place] for place in group])
+            left = [i for place, i in enumerate(left) if place not in group]
+    return found
+
+
+def _multiples(orders: Sequence[float], width: float) -> list[int]:
+    """Return which rising orders are multiples of the first, none if that may be chance."""
+    base = orders[0]
+    # a fundamental is known to half a width; each multiple found tells it more finely
+    known, at, found, expected = base, 1, list[int](), 0.0
+    for place in range(1, bisect_left(orders, (_MULTIPLES + 0.5) * base)):
+        number = round(orders[place] / known)
+        reach = width * max(1.0, number / at)
+        expected += min(1.0, 2 * reach / base)
+        if number > 1 and abs(orders[place] - number * known) <= reach:
+            found.append(place)
+            if number > at:
+                known, at = orders[place] / number, number
+    return found if found and pdtrc(len(found) - 1, expected) <= _CHANCE else []
 
 
 def check_lines(lines: NonGearLines, channels: int) -> None:
