@@ -56,7 +56,7 @@ class KindJudgement:
     Parameters
     ----------
     kind : str
-        One of `kind_faults.KINDS`.
+        One of `features.KINDS`.
     stage : int or None
         Stage, from 1; None for "none of these".
     gear : str or None
