@@ -78,33 +78,6 @@ _PARTS, _LOOSE_ORDER = {2: "half", 3: "third"}, 20.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class LineChange:
-    """Change of one line of no gear against healthy recordings.
-
-    Parameters
-    ----------
-    line : NonGearLine
-        The line in the new recording.
-    change_db : float
-        Rise of its level, mean over the channels that hear it, gains taken off [dB]; of a new line
-        the least rise that the noise of the reference allows.
-    sigma_db : float
-        Standard deviation of that on a healthy machine [dB].
-    new : bool
-        Whether no healthy recording lists it.
-    log10_probability : float
-        Logarithm of the expected number of unrelated lines of a healthy machine that change as
-        much.
-    """
-
-    line: NonGearLine
-    change_db: float
-    sigma_db: float
-    new: bool
-    log10_probability: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class NonGearFinding:
     """Something that changed and is no gear.
 
@@ -114,8 +87,11 @@ class NonGearFinding:
         What it may be.
     name : str
         Which one, as "input: outer race (BPFO)".
-    changes : tuple of LineChange
+    lines : tuple of NonGearLine
         Its lines, most striking first.
+    change_db : float
+        Largest rise of a line: of its level, mean over the channels that hear it, gains taken off;
+        of a new line the least rise that the noise of the reference allows [dB].
     orders : tuple of float
         Orders at which it may show besides, under the lines of gears too.
     width : float
@@ -128,21 +104,12 @@ class NonGearFinding:
 
     kind: str
     name: str
-    changes: tuple[LineChange, ...]
+    lines: tuple[NonGearLine, ...]
+    change_db: float
     orders: tuple[float, ...]
     width: float
     log10_probability: float
     evidence: tuple[str, ...]
-
-    @property
-    def lines(self) -> tuple[NonGearLine, ...]:
-        """Its lines, most striking first."""
-        return tuple(change.line for change in self.changes)
-
-    @property
-    def change_db(self) -> float:
-        """Largest rise of a line [dB]."""
-        return max(change.change_db for change in self.changes)
 
     @property
     def false_alarm_probability(self) -> float:
@@ -286,7 +253,8 @@ def compare_lines(
             NonGearFinding(
                 kind=series.kind,
                 name=series.name,
-                changes=tuple(changes[i] for i in order),
+                lines=tuple(changes[i].line for i in order),
+                change_db=max(changes[i].change_db for i in order),
                 orders=series.orders,
                 width=grid.width,
                 log10_probability=min(0.0, first.log10_probability),
@@ -326,7 +294,7 @@ def disturbed(
     return mask
 
 
-def _sentence(change: LineChange, label: str, channel_names: Sequence[str]) -> str:
+def _sentence(change: _LineChange, label: str, channel_names: Sequence[str]) -> str:
     line = change.line
     row = int(np.argmax(line.over_noise_db))
     channel = f"{channel_names[row]}: " if channel_names else ""
@@ -338,7 +306,7 @@ def _sentence(change: LineChange, label: str, channel_names: Sequence[str]) -> s
     }.get(line.locked, "")
     where = f"{line.frequency_hz:.4g} Hz (order {line.order:.4g} of shaft 1{of})"
     moved = f"rose {change.change_db:.1f} dB; scatter {change.sigma_db:.1f} dB"
-    if change.new:
+    if not change.listed.any():
         moved = (
             f"is in no healthy recording: {line.over_noise_db[row]:.0f} dB over the noise, "
             f"{change.change_db:.1f} dB over what could have been hidden there"
@@ -346,19 +314,23 @@ def _sentence(change: LineChange, label: str, channel_names: Sequence[str]) -> s
     return f"{channel}{what} at {where} {moved}{follows}"
 
 
-class _Rise(NamedTuple):
+class _LineChange(NamedTuple):
     """Level of a line in the healthy recordings and its rise, over the channels that hear it [dB].
 
-    `variance` is what the noise and a change of speed add to the rise [dB^2], `peaks` how many
-    peaks of mere noise are as high, of a new line.
+    `listed` tells which healthy recordings list it, `variance` what the noise and a change of speed
+    add to the rise [dB^2], `peaks` how many peaks of mere noise are as high, of a new line; then
+    the standard deviation of the rise on a healthy machine [dB], and the logarithm of the number of
+    unrelated lines that are expected to change as much there.
     """
 
     line: NonGearLine
-    change: float
+    change_db: float
     then: FloatArray  # (recordings,)
-    variance: float
     listed: NDArray[np.bool_]  # (recordings,)
+    variance: float
     peaks: float
+    sigma_db: float = math.nan
+    log10_probability: float = 0.0
 
 
 class _Comparison(NamedTuple):
@@ -369,23 +341,17 @@ class _Comparison(NamedTuple):
     train: Kinematics
     gain_db: FloatArray
 
-    def changes(self) -> list[LineChange]:
+    def changes(self) -> list[_LineChange]:
         """Return the change of every line that the healthy recordings can be asked for."""
         rises = [rise for line in self.lines if (rise := self._rise(line)) is not None]
         if not rises:
             return []
-        return [
-            LineChange(
-                line=rise.line,
-                change_db=rise.change,
-                sigma_db=float(sigma),
-                new=not rise.listed.any(),
-                log10_probability=float(np.log10(max(expected, 10.0**_LEAST_LOG10))),
-            )
-            for rise, sigma, expected in zip(rises, *self._law(rises), strict=True)
-        ]
+        sigma, expected = self._law(rises)
+        told = np.log10(np.maximum(expected, 10.0**_LEAST_LOG10))
+        law = zip(rises, sigma.tolist(), told.tolist(), strict=True)
+        return [rise._replace(sigma_db=own, log10_probability=p) for rise, own, p in law]
 
-    def _rise(self, line: NonGearLine) -> _Rise | None:
+    def _rise(self, line: NonGearLine) -> _LineChange | None:
         asked = [self._level_in(other, line) for other in self.healthy]
         levels = [level for level, _ in asked if level is not None]
         if len(levels) < len(asked):
@@ -404,16 +370,17 @@ class _Comparison(NamedTuple):
         listed = np.array([there for _, there in asked])
         exceeding = float(noise_exceeds(10 ** (over.max() / 10), grid.pieces))
         peaks = 0.0 if listed.any() else grid.looked_at * exceeding
-        return _Rise(line, float(now[heard].mean() - then.mean()), then, variance, listed, peaks)
+        change = float(now[heard].mean() - then.mean())
+        return _LineChange(line, change, then, listed, variance, peaks)
 
-    def _law(self, rises: Sequence[_Rise]) -> tuple[FloatArray, FloatArray]:
+    def _law(self, rises: Sequence[_LineChange]) -> tuple[FloatArray, FloatArray]:
         """Return the standard deviation of each rise when healthy, and how many rise as much.
 
         The prior is joined by the scatter among the healthy recordings; unrelated lines are
         counted.
         """
         found, *columns = zip(*rises, strict=True)
-        change, then, noise, listed, peaks = (np.array(column) for column in columns)
+        change, then, listed, noise, peaks = (np.array(column) for column in columns[:5])
         share, count = np.empty(len(rises)), len(self.healthy)
         for group in _sources(found, self.lines):
             share[group] = len(group) ** (_ALIKE_POWER - 1)

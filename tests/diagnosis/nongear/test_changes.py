@@ -17,7 +17,6 @@ from scipy.special import stdtrit
 from gearmon.diagnosis.nongear import (
     PRIOR_CHANGE_DB,
     PRIOR_WORTH,
-    LineChange,
     NonGearFinding,
     compare_lines,
     disturbed,
@@ -132,14 +131,11 @@ def test_disturbed_orders_hold_seen_and_hidden_lines(healthy):
 
 def found_lines(*lines):
     """What is found where these lines are new."""
-    changes = tuple(
-        LineChange(line=x, change_db=20.0, sigma_db=4.0, new=True, log10_probability=-4.0)
-        for x in lines
-    )
     return NonGearFinding(
         kind="unknown lines",
         name="unknown line",
-        changes=changes,
+        lines=lines,
+        change_db=20.0,
         orders=(),
         width=0.005,
         log10_probability=-4.0,
