@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from reference.nongear_cases import (
     RATE_HZ,
     SPEED_HZ,
@@ -22,10 +20,8 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import fine_order_spectrum
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import (
-    NonGearLine,
     NonGearLines,
     check_lines,
-    contaminated,
     noise_exceeds,
     nongear_lines,
     taken,
@@ -96,29 +92,6 @@ def test_known_orders_hold_shafts_meshes_and_sidebands(of_train):
         for family in mesh.modulations:
             near = [k * mesh.order + r * float(family.exact) for k in (1, 2) for r in (-2, 3)]
             assert distance_to(known, np.array([x for x in near if x > 0])).max() < 1e-6
-
-
-@given(order=st.floats(0.1, 100.0), resolution=st.floats(1e-3, 1.0), smear=st.floats(0.0, 0.02))
-def test_orders_near_a_line_are_contaminated(order, resolution, smear):
-    line = NonGearLine(
-        kind="spectrum",
-        order=order,
-        frequency_hz=order,
-        locked="time",
-        level_db=(0.0,),
-        over_noise_db=(20.0,),
-        low_order=order * (1 - smear),
-        high_order=order * (1 + smear),
-    )
-    grid = np.array([order, order + 0.9 * resolution, order * (1 + smear) + 1.1 * resolution])
-    assert contaminated(grid, [line], resolution).tolist() == [True, True, False]
-
-
-def test_lines_of_the_envelope_contaminate_nothing():
-    found = heard(2, added=impacts("BPFO", 0.5))
-    beats = [line for line in found if line.kind == "envelope"]
-    assert beats
-    assert not contaminated(np.array([line.order for line in beats]), beats, 1.0).any()
 
 
 @pytest.mark.parametrize("pieces", [1, 4])

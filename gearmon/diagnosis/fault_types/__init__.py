@@ -17,11 +17,11 @@ _OFFERED = {
     "classifier": ("KindClassifier", "read_kinds", "write_kinds"),
     "features": ("FEATURES", "KINDS", "NAMES", "NONE", "FeatureVector", "kind_features"),
     "judgement": ("analysis_features", "kind_of_analysis"),
-    "lines": ("machine_lines",),
     "training": (
         "EXAMPLES_BETWEEN",
         "draw_example",
         "examples",
+        "machine_lines",
         "train_kinds",
         "training_table",
     ),

@@ -102,13 +102,11 @@ class FeatureVector:
     @property
     def focus(self) -> int:
         """Row with the most evidence of a change, whatever its kind."""
-        column = {name: self.values[:, i] for i, name in enumerate(NAMES)}
-        sides = np.maximum.reduce(
-            [column[name] for name in ("near_db", "far_db", "once_db", "twice_db")]
-        )
+        column = dict(zip(NAMES, self.values.T, strict=True))
+        sides = [column[name] for name in ("near_db", "far_db", "once_db", "twice_db")]
         # the greatest of the healthy teeth of a gear stands some 4 dB above their median
         local = np.maximum(column["peak_db"] - 4.0, 0.0)
-        evidence = np.maximum(sides, 0.0) + local + 0.5 * column["mesh_rms_db"]
+        evidence = np.maximum(np.max(sides, axis=0), 0.0) + local + 0.5 * column["mesh_rms_db"]
         return int(np.argmax(evidence))
 
     def row(self, stage: int | None = None, gear: str | None = None) -> int:
@@ -204,10 +202,8 @@ class _Group(NamedTuple):
     def slope(self) -> float:
         """Weighted least-squares slope over log2 of the harmonic; 0 where there is only one."""
         octave = np.log2(self.harmonic)
-        centred = octave - np.average(octave, weights=self.weight)
-        spread = float(np.sum(self.weight * centred**2))
-        product = float(np.sum(self.weight * centred * self.change))
-        return product / spread if spread >= 1e-9 else 0.0
+        spread, product = np.cov(octave, self.change, aweights=self.weight, ddof=0)[0]
+        return float(product / spread) if spread >= 1e-9 else 0.0
 
 
 _UNCHANGED = _Group(np.zeros(1), np.ones(1), np.ones(1))
@@ -215,20 +211,15 @@ _UNCHANGED = _Group(np.zeros(1), np.ones(1), np.ones(1))
 
 def _grouped(changes: Sequence[Change]) -> dict[tuple[str, int, str], _Group]:
     """Sort changes by kind, stage and gear, freed of the gain of their channels."""
-    by_channel: dict[str, list[float]] = {}
+    moved_db = np.array([change.change_db for change in changes], dtype=np.float64)
+    channel = np.array([change.channel for change in changes])
+    for name in set(channel.tolist()):
+        moved_db[channel == name] -= np.median(moved_db[channel == name])
     members: dict[tuple[str, int, str], list[tuple[float, float, int]]] = {}
-    for change in changes:
-        by_channel.setdefault(change.channel, []).append(change.change_db)
-    gain = {channel: float(np.median(values)) for channel, values in by_channel.items()}
-    for change in changes:
-        row = (change.change_db - gain[change.channel], change.scatter_db, change.harmonic)
+    for change, cut_db in zip(changes, np.clip(moved_db, -LARGEST_DB, LARGEST_DB), strict=True):
+        row = (cut_db, 1.0 / (change.scatter_db**2 + 1.0), change.harmonic)
         members.setdefault((change.kind, change.stage, change.gear), []).append(row)
-    groups = {}
-    for key, rows in members.items():
-        moved_db, scatter_db, harmonic = np.array(rows, dtype=np.float64).T
-        cut_db = np.clip(moved_db, -LARGEST_DB, LARGEST_DB)
-        groups[key] = _Group(cut_db, 1.0 / (scatter_db**2 + 1.0), harmonic)
-    return groups
+    return {key: _Group(*np.array(rows, dtype=float).T) for key, rows in members.items()}
 
 
 def _mesh(group: _Group) -> dict[str, float]:

@@ -24,9 +24,9 @@ from gearmon.diagnosis.fault_types.features import (
 from gearmon.diagnosis.hypotheses.own_teeth import aligned, departure_energy
 from gearmon.diagnosis.hypotheses.runout import turn_changes
 from gearmon.diagnosis.law.machine import same_gear
-from gearmon.diagnosis.results import Analysis, ToothProfile
+from gearmon.diagnosis.results import Analysis
 from gearmon.errors import ArgumentError, check_type
-from gearmon.signatures.measured.reference import Profile, Reference, WheelPattern
+from gearmon.signatures.measured.reference import Profile, Reference
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -56,7 +56,7 @@ class KindJudgement:
     Parameters
     ----------
     kind : str
-        One of `kind_faults.KINDS`.
+        One of `features.KINDS`.
     stage : int or None
         Stage, from 1; None for "none of these".
     gear : str or None
@@ -81,15 +81,8 @@ class KindJudgement:
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
-        return {
-            "kind": self.kind,
-            "stage": self.stage,
-            "gear": self.gear,
-            "probability": self.probability,
-            "probabilities": dict(self.probabilities),
-            "method": self.method,
-            "evidence": list(self.evidence),
-        }
+        lists = {"probabilities": dict(self.probabilities), "evidence": list(self.evidence)}
+        return vars(self) | lists
 
 
 def judge_kind(
@@ -202,33 +195,30 @@ def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
     seen : bool
         Whether it is known by other means how far one tooth is the cause.
     """
-    far, known = row["far_db"], row["turns_known"] > 0
-    # where single sidebands are not known the nearest are taken to lead, the farther ones to follow
-    once, twice = row["once_db"], row["twice_db"] if known else row["near_db"] - 3.0
-    thrice = row["thrice_db"] if known else far
-    several = row["several_db"] if known else far
-    event = 0.0 if seen else max(min(row["peak_db"] - USUAL_PEAK_DB, 12.0), 0.0)
-    wide = 0.0 if seen else 2.0 * max(row["teeth_involved"] - 3.0, 0.0)
-    beyond = max(far, several, 0.0)
+    far, once = row["far_db"], row["once_db"]
+    if row["turns_known"] > 0:
+        twice, thrice, several = row["twice_db"], row["thrice_db"], row["several_db"]
+    else:
+        # where single sidebands are not known the nearest are taken to lead, the rest to follow
+        twice, thrice, several = row["near_db"] - 3.0, far, far
+    event = wide = 0.0
+    if not seen:
+        event = min(max(row["peak_db"] - USUAL_PEAK_DB, 0.0), _SURE_DB)
+        wide = 2.0 * max(row["teeth_involved"] - 3.0, 0.0)
+    pitted = far - USUAL_DB
     # what changes smoothly over the turn does not reach the farther lines
-    rough = _ROUGH * max(far - USUAL_DB, 0.0)
-    mesh = row["mesh_rms_db"] - USUAL_DB
+    rough = _ROUGH * max(pitted, 0.0) + event
+    if pitted > 0:
+        pitted = min(3.0 * pitted, _SURE_DB) - event + wide
+    lasting = max(several - max(once - _DECAY_DB, 0.0), 0.0)
+    loose = min(twice, thrice, several) - 0.7 * max(far, 0.0) + 0.3 * max(row["shaft_near_db"], 0.0)
+    unworn = max(once, twice, far, several, 0.0) + event
     return {
-        "distributed pitting": min(3.0 * (far - USUAL_DB), _SURE_DB) - event + wide
-        if far > USUAL_DB
-        else far - USUAL_DB,
-        "wear": mesh - max(once, twice, beyond, 0.0) - event,
-        "eccentricity": once
-        - USUAL_DB
-        - 1.5 * max(several - max(once - _DECAY_DB, 0.0), 0.0)
-        - rough
-        - event
-        - max(twice - once + 3.0, 0.0),
-        "misalignment": twice - USUAL_DB - max(once, thrice, 0.0) - rough - event,
-        "looseness": min(twice, thrice, several)
-        - USUAL_DB
-        - 0.7 * max(far, 0.0)
-        + 0.3 * max(row["shaft_near_db"], 0.0),
+        "distributed pitting": pitted,
+        "wear": row["mesh_rms_db"] - USUAL_DB - unworn,
+        "eccentricity": once - USUAL_DB - 1.5 * lasting - rough - max(twice - once + 3.0, 0.0),
+        "misalignment": twice - USUAL_DB - max(once, thrice, 0.0) - rough,
+        "looseness": loose - USUAL_DB,
         NONE: 0.0,
     }
 
@@ -252,10 +242,8 @@ def _evidence(kind: str, gear: tuple[int, str], row: Mapping[str, float]) -> tup
         f"mesh harmonics of stage {stage} changed by {row['mesh_db']:+.1f} dB in the mean and by "
         f"{row['mesh_slope_db']:+.1f} dB per octave"
     )
-    both = (
-        f"gears of other stages on the same shaft: sidebands changed by {row['shaft_near_db']:+.1f}"
-        " dB"
-    )
+    shaft = row["shaft_near_db"]
+    both = f"gears of other stages on the same shaft: sidebands changed by {shaft:+.1f} dB"
     askew = (
         f"what changes once a turn of {whose} may also be a gear that stands askew on its shaft: "
         "measure runout and face of the gear"
@@ -330,28 +318,17 @@ def analysis_features(analysis: Analysis, reference: Reference) -> FeatureVector
     theirs = [reference.channel_names.index(name) for name in shared]
     wheels = Profile.of(analysis.signature).wheels
     turns = turn_changes(wheels, rows, [p.wheels for p in reference.profiles], theirs)
-    shapes: Sequence[ToothProfile | TurnEnergy] = analysis.profiles
-    if analysis.verdict == "fault":
-        # the law leaves nothing of a sound machine; of a fault, what the training saw
-        shapes = _shapes(wheels, rows, reference, theirs)
-    return kind_features(analysis.changes, shapes, turns)
-
-
-def _shapes(
-    wheels: Sequence[WheelPattern],
-    rows: Sequence[int],
-    reference: Reference,
-    theirs: Sequence[int],
-) -> list[TurnEnergy]:
-    """Energy of the departure around every gear, found as in the examples of the training."""
-    found = []
+    if analysis.verdict != "fault":
+        return kind_features(analysis.changes, analysis.profiles, turns)
+    # the law leaves nothing of a sound machine; of a fault, what the training saw
+    shapes = []
     for wheel in wheels:
         healthy = [one for p in reference.profiles if (one := same_gear(wheel, p))]
         pairs = [aligned(wheel, rows, one, theirs) for one in healthy]
         energies = [departure_energy(new, old) for new, old in pairs if len(new.number)]
         if energies:
-            found.append(TurnEnergy(wheel.stage, wheel.gear, np.mean(energies, axis=0)))
-    return found
+            shapes.append(TurnEnergy(wheel.stage, wheel.gear, np.mean(energies, axis=0)))
+    return kind_features(analysis.changes, shapes, turns)
 
 
 def features(

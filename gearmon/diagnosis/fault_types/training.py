@@ -1,13 +1,17 @@
 """Examples of every kind of fault on one machine, and a classifier trained on them.
 
-Each example is a machine of its own: errors of manufacture, path to the sensors, noise, load and
-speed are drawn anew, so that nothing can be learned from them. A healthy and a faulty set of order
-lines are superposed, measured through the same path, and condensed by the functions that also serve
-recordings.
+Order lines that faults and errors of a machine add are computed once, ready to be superposed: every
+mesh is solved for each thing that may be wrong with one tooth or with a whole gear, of a given
+small size. To first order the lines of several teeth add, each delayed by its place in the turn, so
+that any pattern w_j over the teeth of a gear gives the lines ``L_n W_n``, with L_n those of tooth 1
+and ``W_n = sum_j w_j exp(-2 pi i n (j - 1)/z)``.
 
-What is wrong with a machine is drawn as order lines to add to the sound ones. Sizes are drawn over
-the whole range from what nothing shows to what anybody hears, so that a classifier also learns how
-sure it can be.
+Each example is a machine of its own: errors of manufacture, path to the sensors, noise, load and
+speed are drawn anew, so that nothing can be learned from them. What is wrong with it is drawn as
+order lines to add to the sound ones; sizes are drawn over the whole range from what nothing shows
+to what anybody hears, so that a classifier also learns how sure it can be. A healthy and a faulty
+set of lines are measured through the same path, and condensed by the functions that also serve
+recordings.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.diagnosis.fault_types.features import (
     KINDS,
     NAMES,
@@ -29,144 +33,34 @@ from gearmon.diagnosis.fault_types.features import (
     TurnEnergy,
     kind_features,
 )
-from gearmon.diagnosis.fault_types.lines import GearLines, MachineLines, machine_lines
 from gearmon.diagnosis.hypotheses.own_teeth import NEAR, departure_energy
 from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
 from gearmon.diagnosis.results import Change
 from gearmon.errors import check_range
+from gearmon.gears.faults import Fault, GearError
+from gearmon.gears.kinematics import kinematics
+from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, MachineLike, load_machine
+from gearmon.signatures.expected.baseline import faulty_lines
+from gearmon.signatures.expected.mesh import MeshPlace, operating_point
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
 from gearmon.signatures.measured.reference import WheelPattern, tooth_counts
-
-#: Multiples of the rotation that a loose shaft excites.
-_LOOSE_MULTIPLES = 10
-
-
-class _Added(NamedTuple):
-    """Lines that a fault adds at the multiples of one gear's rotation [m/s2], and its size.
-
-    The first grow with the load, and are those at the operating point; the others do not. The size
-    is the largest loss of stiffness, or the effect of an error over the lines of the sound mesh.
-    """
-
-    stiffness: ComplexArray
-    displacement: ComplexArray
-    size: float
-
-
-def _wrong(
-    lines: MachineLines, kind: str, spread: FloatArray, rng: np.random.Generator
-) -> dict[int, _Added]:
-    """Draw a fault of one kind: what it adds to each gear that has it.
-
-    `spread` is the effect of the errors of manufacture of each gear; an eccentricity is as many
-    times that of a sound gear.
-    """
-    if kind == NONE:
-        return {}
-    if kind == "looseness":
-        return _loose(lines, spread, rng)
-    index = int(rng.integers(len(lines.gears)))
-    return {index: _DRAWN[kind](lines.gears[index], float(spread[index]), rng)}
-
-
-def log_uniform(generator: np.random.Generator, low: float, high: float) -> float:
-    """Draw a number whose logarithm is uniform between those of two positive ends."""
-    return float(np.exp(generator.uniform(np.log(low), np.log(high))))
-
-
-def _teeth(gear: GearLines, spread: float, rng: np.random.Generator, most: int = 1) -> _Added:
-    """Return a few damaged teeth: cracks, breakage, pits, some of them bent as well."""
-    teeth, count = gear.wheel.teeth, int(rng.integers(min(2, most), most + 1))
-    weight, bent = np.zeros(teeth), np.zeros(teeth)
-    first, size = int(rng.integers(teeth)), log_uniform(rng, 0.04, 0.7)
-    # two neighbours are hardly more than one
-    scattered = count == 2 or rng.uniform() < 0.8
-    places = rng.choice(teeth, min(count, teeth), replace=False) if scattered else None
-    for step in range(count):
-        tooth = int(places[step % len(places)]) if places is not None else (first + step) % teeth
-        weight[tooth] = size * (1.0 if step == 0 else rng.uniform(0.6, 1.0))
-        if rng.uniform() < 0.3:
-            bent[tooth] = spread * rng.uniform(0, 8) * size
-    kind = gear.crack if rng.uniform() < 0.65 else gear.pitting
-    return _Added(gear.by_tooth(kind, weight), gear.by_tooth(gear.pitch, bent), size)
-
-
-def _pitted(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
-    """Return pits on most teeth, more on some than on others."""
-    teeth, size = gear.wheel.teeth, log_uniform(rng, 0.03, 0.4)
-    weight = size * np.exp(rng.normal(0, rng.uniform(0.2, 0.7), teeth))
-    weight = np.minimum(weight, 0.8) * (rng.uniform(size=teeth) < rng.uniform(0.4, 1.0))
-    rough = rng.normal(0, spread * rng.uniform(0, 0.5), teeth)
-    return _Added(gear.by_tooth(gear.pitting, weight), gear.by_tooth(gear.pitch, rough), size)
-
-
-def _worn(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
-    """Return teeth that are worn alike, but for a little."""
-    teeth, loss = gear.wheel.teeth, log_uniform(rng, 0.02, 0.3)
-    uneven = loss * rng.normal(0, rng.uniform(0.0, 0.1), teeth)
-    profile = log_uniform(rng, 0.1, 1.5)
-    rough = rng.normal(0, 0.1 * spread * rng.uniform(), teeth)
-    return _Added(
-        loss * gear.wear + gear.by_tooth(gear.crack, uneven - uneven.mean()),
-        profile * gear.profile + gear.by_tooth(gear.pitch, rough),
-        profile,
-    )
-
-
-def _eccentric(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
-    size = min(spread * log_uniform(rng, 1.5, 15.0), 5.0)
-    lines = size * gear.multiple(1, rng.uniform(), rng.uniform(0, 2 * np.pi))
-    return _Added(np.zeros_like(lines), lines, size)
-
-
-def _misaligned(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
-    """Return a gear that wobbles on its shaft, and perhaps a shaft that stands askew."""
-    size = min(log_uniform(rng, 0.08, 2.0) + 0.5 * spread, 5.0)
-    lines = size * gear.multiple(2, rng.uniform(), rng.uniform(0, 2 * np.pi))
-    askew = rng.uniform(0, 0.15) if rng.uniform() < 0.5 else 0.0
-    return _Added(askew * gear.wear, lines, size)
-
-
-_DRAWN: dict[str, Callable[[GearLines, float, np.random.Generator], _Added]] = {
-    "tooth damage": _teeth,
-    "several teeth": partial(_teeth, most=5),
-    "distributed pitting": _pitted,
-    "wear": _worn,
-    "eccentricity": _eccentric,
-    "misalignment": _misaligned,
-}
-
-
-def _loose(lines: MachineLines, spread: FloatArray, rng: np.random.Generator) -> dict[int, _Added]:
-    """Return a loose shaft, which moves its gears with multiples of its rotation that fall slowly.
-
-    Half orders lie on none of the lines that are compared.
-    """
-    shafts = sorted({gear.wheel.shaft for gear in lines.gears if gear.wheel.shaft is not None})
-    chosen = shafts[int(rng.integers(len(shafts)))]
-    own = [i for i, gear in enumerate(lines.gears) if gear.wheel.shaft == chosen]
-    multiple = np.arange(1, _LOOSE_MULTIPLES + 1)
-    size = log_uniform(rng, 1.5, 15.0) * float(np.mean(spread[own]))
-    share = multiple ** -rng.uniform(0.2, 1.2) * rng.uniform(0.5, 1.5, len(multiple))
-    phase = rng.uniform(0, 2 * np.pi, len(multiple))
-    found = {}
-    for index in own:
-        gear = lines.gears[index]
-        turn = 2 * np.pi * np.arange(gear.wheel.teeth) / gear.wheel.teeth
-        weight = np.cos(np.outer(turn, multiple) + phase) @ share
-        weight *= min(size, 5.0) * rng.uniform(0.4, 1.0) / np.std(weight)
-        moved = gear.by_tooth(gear.pitch, weight)
-        found[index] = _Added(np.zeros_like(moved), moved, size)
-    return found
-
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.fault_types.classifier import KindClassifier
 
-
+#: Loss of stiffness at which the lines of a damaged tooth, and of worn teeth, are computed.
+LOSS = 0.1
+#: Size at which the lines of errors are computed, in modules: 20 um at 2 mm.
+SIZE = 0.01
+#: A wobble that the load closes shows nothing; it is made larger up to this size, in modules.
+LARGEST_WOBBLE = 0.3
+_USUAL_MODULE_MM = 2.0
+_TOLERANCE = 1e-2
+# Lines are followed up to this multiple of the mesh.
+_TOP = MESH_HARMONICS + 0.6
 #: Scatter between healthy recordings that a level is taken to have at least [dB].
 _BETWEEN_DB = 2.0
-_TINY = np.finfo(float).tiny
 #: Points at which a path is drawn; between them it is straight.
 _PATH_POINTS = 384
 #: Longest echo, in periods of the highest order.
@@ -176,6 +70,10 @@ _ECHOES = 16
 EXAMPLES = 1600
 #: Examples that a classifier can be trained on: ten a kind at least.
 EXAMPLES_BETWEEN = (10 * len(KINDS), 1_000_000)
+#: Multiples of the rotation that a loose shaft excites.
+_LOOSE_MULTIPLES = 10
+# effect of pitch errors, eccentricity and wobble of a sound gear over the lines of the perfect mesh
+_ERROR_EFFECTS = ((0.03, 0.5), (0.03, 0.4), (0.003, 0.05))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -298,27 +196,228 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
     noise_db = float(generator.uniform(0, 8)) if kind == "looseness" else 0.0
     load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
     moved = load * lines.healthy + errors
-    for index, added in wrong.items():
-        wheel = lines.gears[index].wheel
+    for wheel, added in wrong:
         moved[wheel.stage - 1, wheel.lines] += load * added.stiffness + added.displacement
-    view = _View.drawn(lines, lines.healthy + errors, generator)
-    one = view.measured(lines.healthy + errors, generator, 0.0)
+    sensors = _Sensors(lines, lines.healthy + errors, generator)
+    one = sensors.measured(lines.healthy + errors)
     # another speed moves every line along the resonances, the same way in every channel
-    curve = _smooth(lines.plan.orders, generator, 2.0 / view.top)
+    curve = _smooth(lines.plan.orders, generator, 2.0 / sensors.top)
     drift = np.exp(log_uniform(generator, 0.01, 0.1) * curve)
-    two = view.measured(moved * drift, generator, noise_db)
+    two = sensors.measured(moved * drift, noise_db)
     if kind == NONE and generator.uniform() < 0.4:
         two = _with_strange_lines(two, generator)
-    features = kind_features(
-        _changes(lines, view, one, two, generator), *_wheels(lines, view, one, two, generator)
-    )
-    wheels = [lines.gears[index].wheel for index in wrong]
     return Example(
-        features=features,
+        features=kind_features(sensors.changes(one, two), *sensors.turns(one, two)),
         kind=kind,
-        gears=tuple((wheel.stage, wheel.gear) for wheel in wheels),
-        size=max((added.size for added in wrong.values()), default=0.0),
+        gears=tuple((wheel.stage, wheel.gear) for wheel, _ in wrong),
+        size=max((added.size for _, added in wrong), default=0.0),
     )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearLines:
+    """What can be wrong with one gear, as lines at the multiples of its rotation.
+
+    Errors come in units of their effect: 1 makes lines of the same rms as those of the sound mesh.
+
+    Parameters
+    ----------
+    wheel : WheelLines
+        The gear and its place in the plan.
+    distance : ndarray of int, shape (lines,)
+        Turns of the gear from the nearest mesh harmonic.
+    crack, pitting : ndarray of complex, shape (lines,)
+        Acceleration lines per whole loss of stiffness of tooth 1 [m/s2].
+    pitch : ndarray of complex, shape (lines,)
+        The same for tooth 1 standing back; a pattern over the teeth of unit variance has unit
+        effect.
+    eccentricity, wobble, profile : ndarray of complex, shape (lines,)
+        The same for the whole gear, of unit effect.
+    wear : ndarray of complex, shape (lines,)
+        Per whole loss of stiffness of all teeth.
+    """
+
+    wheel: WheelLines
+    distance: IntArray
+    crack: ComplexArray
+    pitting: ComplexArray
+    pitch: ComplexArray
+    eccentricity: ComplexArray
+    wobble: ComplexArray
+    profile: ComplexArray
+    wear: ComplexArray
+
+    def by_tooth(self, line: ComplexArray, weight: FloatArray) -> ComplexArray:
+        """Return the lines of a pattern over the teeth, from those of tooth 1."""
+        return np.asarray(line * np.fft.fft(weight)[self.distance % self.wheel.teeth])
+
+    def multiple(self, number: int, share: float, angle_rad: float) -> ComplexArray:
+        """Return the lines of an error that repeats once or twice per turn, of unit effect.
+
+        Parameters
+        ----------
+        number : {1, 2}
+            1 for eccentricity, 2 for wobble.
+        share : float, in [0, 1]
+            Share of lines in which the error changes the contact of the teeth as well, and not only
+            moves them: models and machines differ in that.
+        angle_rad : float
+            Of the gear.
+        """
+        whole = self.eccentricity if number == 1 else self.wobble
+        tooth = 2 * np.pi * np.arange(self.wheel.teeth) / self.wheel.teeth
+        moved = self.by_tooth(self.pitch, np.sqrt(2.0) * np.cos(number * tooth))
+        return self.turned(share * whole + (1 - share) * moved, angle_rad)
+
+    def turned(self, line: ComplexArray, angle_rad: float) -> ComplexArray:
+        """Return the lines of a whole gear's error, turned by an angle."""
+        return np.asarray(line * np.exp(1j * self.distance * angle_rad))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MachineLines:
+    """All that superposition needs of a machine.
+
+    Parameters
+    ----------
+    plan : LinePlan
+        Orders and families.
+    healthy : ndarray of complex, shape (stages, orders)
+        Acceleration of each sound mesh at the operating point [m/s2].
+    gears : tuple of GearLines
+        Every gear.
+    members : ndarray of float, shape (orders, families)
+        1 where an order is of a family.
+    """
+
+    plan: LinePlan
+    healthy: ComplexArray
+    gears: tuple[GearLines, ...]
+    members: FloatArray
+
+
+def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
+    """Compute the lines of everything that can be wrong with the gears of a machine.
+
+    Parameters
+    ----------
+    machine : Machine
+        With the data that a baseline needs.
+    operating : int
+        Operating point, from 0.
+
+    Returns
+    -------
+    MachineLines
+
+    Raises
+    ------
+    ArgumentError
+        If the machine lacks data.
+
+    Notes
+    -----
+    Of a planetary set the ring's mesh adds to the mesh harmonics with phases that depend on the
+    planets; faults of the ring are therefore taken not to change them.
+    """
+    train = kinematics(machine)
+    top = _TOP * max(mesh.order for mesh in train.meshes)
+    slowest = min(wheel.relative_order for mesh in train.meshes for wheel in mesh.wheels)
+    plan = line_plan(train, top, 0.5 * slowest)
+    healthy = np.zeros((len(machine.stages), len(plan.orders)), dtype=np.complex128)
+    gears = []
+    for stage in range(1, len(machine.stages) + 1):
+        mesh = _Mesh(machine, stage, operating)
+        own = [wheel for wheel in plan.wheels if wheel.stage == stage]
+        gears += [mesh.gear(wheel) for wheel in own]
+        for wheel in own[:1]:
+            chosen = wheel.number % wheel.teeth == 0
+            sound = _on(mesh.sound, wheel.number // wheel.teeth)
+            healthy[stage - 1, wheel.lines[chosen]] = sound[chosen]
+    members = np.zeros((len(plan.orders), len(plan.families)))
+    for index, family in enumerate(plan.families):
+        members[list(family.lines), index] = 1.0
+    return MachineLines(plan=plan, healthy=healthy, gears=tuple(gears), members=members)
+
+
+class _Mesh:
+    """The mesh of one stage at one operating point."""
+
+    def __init__(self, machine: Machine, stage: int, operating: int) -> None:
+        self.machine, self.stage, self.operating = machine, stage, operating
+        own, shaft1_hz = machine.stages[stage - 1], operating_point(machine, operating).shaft1_hz
+        self.max_hz = _TOP * kinematics(machine).mesh(stage).order * shaft1_hz
+        self.module_m = 1e-3 * (_USUAL_MODULE_MM if own.module_mm is None else own.module_mm)
+        # the first gear of a stage is in its main mesh
+        first = mesh_pairs(own, stage, machine.path)[0].members[0].name
+        self.sound = self._lines("", first)
+        self.rms = float(np.linalg.norm(self.sound))
+        profile, worn = (self._lines(kind, first) - self.sound for kind in ("profile", "wear"))
+        self.profile, self.wear = self._unit(profile), worn / LOSS
+
+    def gear(self, wheel: WheelLines) -> GearLines:
+        """Return what can be wrong with a gear."""
+        half, number = wheel.teeth // 2, wheel.number
+        distance = (number + half) % wheel.teeth - half
+        pitch = self._added("pitch", wheel)
+        # summed over z random teeth, z times the power of one
+        scale = np.sqrt(wheel.teeth) * float(np.linalg.norm(pitch))
+        mesh = (distance == 0) & (wheel.gear != "ring")
+        common = number // wheel.teeth
+        return GearLines(
+            wheel=wheel,
+            distance=distance,
+            crack=self._added("crack", wheel) / LOSS,
+            pitting=self._added("pitting", wheel) / LOSS,
+            pitch=pitch * (self.rms / scale if scale else 0.0),
+            eccentricity=self._unit(self._added("eccentricity", wheel)),
+            wobble=self._wobble(wheel),
+            profile=np.where(mesh, _on(self.profile, common), 0.0),
+            wear=np.where(mesh, _on(self.wear, common), 0.0),
+        )
+
+    def _wobble(self, wheel: WheelLines) -> ComplexArray:
+        size = SIZE
+        lines = self._added("misalignment", wheel, size)
+        while np.linalg.norm(lines) <= 0.05 * self.rms and 3 * size <= LARGEST_WOBBLE:
+            size *= 3
+            lines = self._added("misalignment", wheel, size)
+        return self._unit(lines)
+
+    def _unit(self, lines: ComplexArray) -> ComplexArray:
+        size = float(np.linalg.norm(lines))
+        # what does not act (a gap that the load closes) leaves rounding errors
+        return np.asarray(lines * (self.rms / size if size > 1e-6 * self.rms else 0.0))
+
+    def _added(self, kind: str, wheel: WheelLines, size: float = SIZE) -> ComplexArray:
+        lines = self._lines(kind, wheel.gear, wheel.teeth, size)
+        common = lines[:: wheel.teeth]
+        common -= common if wheel.gear == "ring" else self.sound[: len(common)]
+        return _on(lines, wheel.number)
+
+    def _lines(self, kind: str, gear: str, teeth: int = 1, size: float = SIZE) -> ComplexArray:
+        """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
+        mesh = 1 if gear == "ring" else 0
+        place = MeshPlace(self.machine, self.stage, self.operating, mesh=mesh)
+        wrong = [self._wrong(kind, gear, size)] if kind else []
+        healthy, faulty = place.alone(), place.alone(wrong)
+        (solved,) = faulty_lines(healthy, [faulty], self.max_hz, _TOLERANCE)
+        lines = np.zeros(int(np.ceil(_TOP * teeth)) + 1, dtype=np.complex128)
+        lines[solved.number * (teeth // solved.period)] = 2 * solved.acceleration
+        return lines
+
+    def _wrong(self, kind: str, gear: str, size: float) -> Fault | GearError:
+        tooth = 1 if kind in ("crack", "pitting", "pitch") else None
+        if kind in ("crack", "pitting", "wear"):
+            return Fault(kind=kind, stage=self.stage, gear=gear, tooth=tooth, size=LOSS)
+        moved = size * self.module_m
+        return GearError(kind=kind, stage=self.stage, gear=gear, tooth=tooth, size_m=moved)
+
+
+def _on(lines: ComplexArray, number: IntArray) -> ComplexArray:
+    """Return lines by their numbers, 0 where there is none."""
+    known = number < len(lines)
+    return np.asarray(np.where(known, lines[np.where(known, number, 0)], 0.0))
 
 
 def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[ComplexArray, FloatArray]:
@@ -338,41 +437,123 @@ def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[Comple
     return total, spread
 
 
-# effect of pitch errors, eccentricity and wobble of a sound gear over the lines of the perfect mesh
-_ERROR_EFFECTS = ((0.03, 0.5), (0.03, 0.4), (0.003, 0.05))
+class _Added(NamedTuple):
+    """Lines that a fault adds at the multiples of one gear's rotation [m/s2], and its size.
+
+    The first do not grow with the load; the others do, and are those at the operating point. The
+    size is the largest loss of stiffness, or the effect of an error over the lines of the sound
+    mesh.
+    """
+
+    size: float
+    displacement: ComplexArray
+    stiffness: ComplexArray | float = 0.0
 
 
-class _View(NamedTuple):
-    """What the sensors are like: path, noise, range."""
+def _wrong(
+    lines: MachineLines, kind: str, spread: FloatArray, rng: np.random.Generator
+) -> list[tuple[WheelLines, _Added]]:
+    """Draw a fault of one kind: what it adds to each gear that has it.
 
-    path: ComplexArray
-    loudness: FloatArray
-    gain: FloatArray
-    variance: FloatArray
-    departure: float
-    top: float
+    `spread` is the effect of the errors of manufacture of each gear; an eccentricity is as many
+    times that of a sound gear.
+    """
+    if kind == NONE:
+        return []
+    if kind == "looseness":
+        return _loose(lines, spread, rng)
+    index = int(rng.integers(len(lines.gears)))
+    gear = lines.gears[index]
+    return [(gear.wheel, _DRAWN[kind](gear, float(spread[index]), rng))]
 
-    @classmethod
-    def drawn(cls, lines: MachineLines, sound: ComplexArray, rng: np.random.Generator) -> _View:
-        orders, channels = lines.plan.orders, int(rng.integers(1, 4))
-        path = np.array([_echoes(orders, rng) for _ in range(channels)])
-        # a mesh is heard through its own bearings: which one is louder is for the path to say
-        rms = np.linalg.norm(sound, axis=1)
-        loudness = 10 ** (rng.uniform(-25, 0, (channels, len(rms))) / 20) / rms
-        power = np.sum(np.abs(path * (loudness @ sound)) ** 2, axis=1)
-        variance = power * 10 ** (-rng.uniform(48, 75, channels) / 10)
-        gain, departure = np.exp(rng.normal(0, 0.4, channels)), log_uniform(rng, 0.002, 0.03)
-        top = float(orders[-1] * rng.uniform(0.3, 1.0))
-        return cls(path, loudness, gain, variance, departure, top)
 
-    def measured(self, lines: ComplexArray, rng: np.random.Generator, noise_db: float) -> _Measured:
-        shape = self.path.shape
-        variance = np.repeat((self.variance * 10 ** (noise_db / 10))[:, None], shape[1], axis=1)
-        random = rng.normal(0, np.sqrt(0.5), (2, 2, *shape))
-        first, second = random[:, 0] + 1j * random[:, 1]
-        amplitude = self.path * (self.loudness @ lines) * (1 + self.departure * first)
-        amplitude = self.gain[:, None] ** rng.integers(0, 2) * amplitude
-        return _Measured(amplitude=amplitude + np.sqrt(variance) * second, variance=variance)
+def log_uniform(generator: np.random.Generator, low: float, high: float) -> float:
+    """Draw a number whose logarithm is uniform between those of two positive ends."""
+    return float(np.exp(generator.uniform(np.log(low), np.log(high))))
+
+
+def _teeth(gear: GearLines, spread: float, rng: np.random.Generator, most: int = 1) -> _Added:
+    """Return a few damaged teeth: cracks, breakage, pits, some of them bent as well."""
+    teeth, count = gear.wheel.teeth, int(rng.integers(min(2, most), most + 1))
+    weight, bent = np.zeros(teeth), np.zeros(teeth)
+    first, size = int(rng.integers(teeth)), log_uniform(rng, 0.04, 0.7)
+    # two neighbours are hardly more than one
+    scattered = count == 2 or rng.uniform() < 0.8
+    places = rng.choice(teeth, min(count, teeth), replace=False) if scattered else None
+    for step in range(count):
+        tooth = int(places[step % len(places)]) if places is not None else (first + step) % teeth
+        weight[tooth] = size * (1.0 if step == 0 else rng.uniform(0.6, 1.0))
+        if rng.uniform() < 0.3:
+            bent[tooth] = spread * rng.uniform(0, 8) * size
+    kind = gear.crack if rng.uniform() < 0.65 else gear.pitting
+    return _Added(size, gear.by_tooth(gear.pitch, bent), gear.by_tooth(kind, weight))
+
+
+def _pitted(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
+    """Return pits on most teeth, more on some than on others."""
+    teeth, size = gear.wheel.teeth, log_uniform(rng, 0.03, 0.4)
+    weight = size * np.exp(rng.normal(0, rng.uniform(0.2, 0.7), teeth))
+    weight = np.minimum(weight, 0.8) * (rng.uniform(size=teeth) < rng.uniform(0.4, 1.0))
+    rough = rng.normal(0, spread * rng.uniform(0, 0.5), teeth)
+    return _Added(size, gear.by_tooth(gear.pitch, rough), gear.by_tooth(gear.pitting, weight))
+
+
+def _worn(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
+    """Return teeth that are worn alike, but for a little."""
+    teeth, loss = gear.wheel.teeth, log_uniform(rng, 0.02, 0.3)
+    uneven = loss * rng.normal(0, rng.uniform(0.0, 0.1), teeth)
+    profile = log_uniform(rng, 0.1, 1.5)
+    rough = rng.normal(0, 0.1 * spread * rng.uniform(), teeth)
+    moved = profile * gear.profile + gear.by_tooth(gear.pitch, rough)
+    lost = loss * gear.wear + gear.by_tooth(gear.crack, uneven - uneven.mean())
+    return _Added(profile, moved, lost)
+
+
+def _eccentric(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
+    size = min(spread * log_uniform(rng, 1.5, 15.0), 5.0)
+    return _Added(size, size * gear.multiple(1, rng.uniform(), rng.uniform(0, 2 * np.pi)))
+
+
+def _misaligned(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
+    """Return a gear that wobbles on its shaft, and perhaps a shaft that stands askew."""
+    size = min(log_uniform(rng, 0.08, 2.0) + 0.5 * spread, 5.0)
+    lines = size * gear.multiple(2, rng.uniform(), rng.uniform(0, 2 * np.pi))
+    askew = rng.uniform(0, 0.15) if rng.uniform() < 0.5 else 0.0
+    return _Added(size, lines, askew * gear.wear)
+
+
+_DRAWN: dict[str, Callable[[GearLines, float, np.random.Generator], _Added]] = {
+    "tooth damage": _teeth,
+    "several teeth": partial(_teeth, most=5),
+    "distributed pitting": _pitted,
+    "wear": _worn,
+    "eccentricity": _eccentric,
+    "misalignment": _misaligned,
+}
+
+
+def _loose(
+    lines: MachineLines, spread: FloatArray, rng: np.random.Generator
+) -> list[tuple[WheelLines, _Added]]:
+    """Return a loose shaft, which moves its gears with multiples of its rotation that fall slowly.
+
+    Half orders lie on none of the lines that are compared.
+    """
+    on_shaft = np.array([gear.wheel.shaft or 0 for gear in lines.gears])
+    shafts = np.unique(on_shaft[on_shaft > 0])
+    own = on_shaft == shafts[int(rng.integers(len(shafts)))]
+    multiple = np.arange(1, _LOOSE_MULTIPLES + 1)
+    size = log_uniform(rng, 1.5, 15.0) * float(np.mean(spread[own]))
+    share = multiple ** -rng.uniform(0.2, 1.2) * rng.uniform(0.5, 1.5, len(multiple))
+    phase = rng.uniform(0, 2 * np.pi, len(multiple))
+    found = []
+    for index in np.flatnonzero(own).tolist():
+        gear = lines.gears[index]
+        turn = 2 * np.pi * np.arange(gear.wheel.teeth) / gear.wheel.teeth
+        weight = np.cos(np.outer(turn, multiple) + phase) @ share
+        weight *= min(size, 5.0) * rng.uniform(0.4, 1.0) / np.std(weight)
+        found.append((gear.wheel, _Added(size, gear.by_tooth(gear.pitch, weight))))
+    return found
 
 
 class _Measured(NamedTuple):
@@ -380,6 +561,98 @@ class _Measured(NamedTuple):
 
     amplitude: ComplexArray
     variance: FloatArray
+
+
+class _Sensors:
+    """Sensors on one machine: path, noise and range drawn, and what they make of its lines."""
+
+    def __init__(
+        self, lines: MachineLines, sound: ComplexArray, generator: np.random.Generator
+    ) -> None:
+        self.lines, self.rng = lines, generator
+        orders, channels = lines.plan.orders, int(generator.integers(1, 4))
+        self.path = np.array([_echoes(orders, generator) for _ in range(channels)])
+        # a mesh is heard through its own bearings: which one is louder is for the path to say
+        rms = np.linalg.norm(sound, axis=1)
+        self.loudness = 10 ** (generator.uniform(-25, 0, (channels, len(rms))) / 20) / rms
+        power = np.sum(np.abs(self.path * (self.loudness @ sound)) ** 2, axis=1)
+        self.variance = power * 10 ** (-generator.uniform(48, 75, channels) / 10)
+        self.gain = np.exp(generator.normal(0, 0.4, channels))
+        self.departure = log_uniform(generator, 0.002, 0.03)
+        self.top = float(orders[-1] * generator.uniform(0.3, 1.0))
+
+    def measured(self, lines: ComplexArray, noise_db: float = 0.0) -> _Measured:
+        """Measure lines of the meshes, shape (stages, orders)."""
+        level = (self.variance * 10 ** (noise_db / 10))[:, None]
+        variance = np.repeat(level, self.path.shape[1], axis=1)
+        random = self.rng.normal(0, np.sqrt(0.5), (2, 2, *self.path.shape))
+        first, second = random[:, 0] + 1j * random[:, 1]
+        amplitude = self.path * (self.loudness @ lines) * (1 + self.departure * first)
+        amplitude = self.gain[:, None] ** self.rng.integers(0, 2) * amplitude
+        return _Measured(amplitude + np.sqrt(variance) * second, variance)
+
+    def changes(self, one: _Measured, two: _Measured) -> list[Change]:
+        """Compare the families of lines, channel by channel."""
+        before, before_scatter = self._levels(one)
+        after, after_scatter = self._levels(two)
+        after += self.rng.normal(0, self.rng.uniform(0.3, 1.5), after.shape)
+        scatter = np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2)
+        told = ("kind", "stage", "harmonic", "gear", "shaft")
+        return [
+            Change(
+                channel=str(channel),
+                family=family.name,
+                **{name: getattr(family, name) for name in told},
+                level_db=float(after[channel, column]),
+                reference_db=float(before[channel, column]),
+                scatter_db=float(scatter[channel, column]),
+            )
+            for column, family in enumerate(self.lines.plan.families)
+            for channel in range(len(after))
+            if self.lines.plan.orders[max(family.lines)] < self.top
+        ]
+
+    def _levels(self, measured: _Measured) -> tuple[FloatArray, FloatArray]:
+        """Levels of the families and their standard errors, as of recordings [dB]."""
+        size, variance = np.abs(measured.amplitude) ** 2, measured.variance
+        power = (size - variance) @ self.lines.members
+        spread = np.sqrt((variance**2 + 2 * variance * size) @ self.lines.members)
+        shown = np.maximum(power, np.maximum(spread, np.finfo(float).tiny))
+        return 10 * np.log10(shown), 10 / np.log(10) * np.minimum(spread / shown, 1.0)
+
+    def turns(
+        self, one: _Measured, two: _Measured
+    ) -> tuple[list[TurnEnergy], tuple[TurnChange, ...]]:
+        """Look around the turn of every gear, and at its single sidebands."""
+        gears = self.lines.gears
+        pairs = [(self._pattern(g.wheel, one), self._pattern(g.wheel, two)) for g in gears]
+        pairs = [(old, new) for old, new in pairs if len(new.number) > new.teeth]
+        near = NEAR if self.rng.uniform() < 0.5 else 0
+        # what the two recordings do not share beyond their lines fills all of the turn
+        floor = log_uniform(self.rng, 0.003, 0.3)
+        shapes = []
+        for old, new in pairs:
+            energy = departure_energy(new, old, near)
+            raised = energy + floor * energy.mean()
+            shapes.append(TurnEnergy(new.stage, new.gear, raised / np.median(raised)))
+        if self.rng.uniform() < 0.1:  # a caller may have families of lines only
+            return shapes, ()
+        rows, after = range(len(self.path)), [new for _, new in pairs]
+        return shapes, turn_changes(after, rows, [[old for old, _ in pairs]], rows)
+
+    def _pattern(self, wheel: WheelLines, measured: _Measured) -> WheelPattern:
+        inside = wheel.number * wheel.order < self.top
+        place = wheel.lines[inside]
+        return WheelPattern(
+            stage=wheel.stage,
+            gear=wheel.gear,
+            teeth=wheel.teeth,
+            order=wheel.order,
+            number=wheel.number[inside],
+            mesh=wheel.mesh[inside],
+            amplitude=measured.amplitude[:, place],
+            variance=measured.variance[:, place],
+        )
 
 
 def _echoes(orders: FloatArray, rng: np.random.Generator) -> ComplexArray:
@@ -411,77 +684,3 @@ def _with_strange_lines(measured: _Measured, rng: np.random.Generator) -> _Measu
     amplitude = measured.amplitude.copy()
     amplitude[:, place] += size[:, None] * phase
     return measured._replace(amplitude=amplitude)
-
-
-def _changes(
-    lines: MachineLines, view: _View, one: _Measured, two: _Measured, rng: np.random.Generator
-) -> list[Change]:
-    """Compare the families of lines, channel by channel."""
-    before, before_scatter = _family_levels(lines, one)
-    after, after_scatter = _family_levels(lines, two)
-    after += rng.normal(0, rng.uniform(0.3, 1.5), after.shape)
-    scatter = np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2)
-    told = ("kind", "stage", "harmonic", "gear", "shaft")
-    return [
-        Change(
-            channel=str(channel),
-            family=family.name,
-            **{name: getattr(family, name) for name in told},
-            level_db=float(after[channel, column]),
-            reference_db=float(before[channel, column]),
-            scatter_db=float(scatter[channel, column]),
-        )
-        for column, family in enumerate(lines.plan.families)
-        for channel in range(len(after))
-        if lines.plan.orders[max(family.lines)] < view.top
-    ]
-
-
-def _family_levels(lines: MachineLines, measured: _Measured) -> tuple[FloatArray, FloatArray]:
-    """Levels of the families and their standard errors, as of recordings [dB]."""
-    size, variance = np.abs(measured.amplitude) ** 2, measured.variance
-    power = (size - variance) @ lines.members
-    spread = np.sqrt((variance**2 + 2 * variance * size) @ lines.members)
-    shown = np.maximum(power, np.maximum(spread, np.finfo(float).tiny))
-    return 10 * np.log10(shown), 10 / np.log(10) * np.minimum(spread / shown, 1.0)
-
-
-def _wheels(
-    lines: MachineLines, view: _View, one: _Measured, two: _Measured, rng: np.random.Generator
-) -> tuple[list[TurnEnergy], tuple[TurnChange, ...]]:
-    """Look around the turn of every gear, and at its single sidebands."""
-    pairs = [(_pattern(g, view, one), _pattern(g, view, two)) for g in lines.gears]
-    kept = [(old, new) for old, new in pairs if len(new.number) > new.teeth]
-    near = NEAR if rng.uniform() < 0.5 else 0
-    # what the two recordings do not share beyond their lines fills all of the turn
-    floor = log_uniform(rng, 0.003, 0.3)
-    shapes = [
-        TurnEnergy(new.stage, new.gear, _raised(departure_energy(new, old, near), floor))
-        for old, new in kept
-    ]
-    rows = range(len(view.path))
-    if rng.uniform() < 0.1:  # a caller may have families of lines only
-        return shapes, ()
-    turns = turn_changes([new for _, new in kept], rows, [[old for old, _ in kept]], rows)
-    return shapes, turns
-
-
-def _raised(energy: FloatArray, share: float) -> FloatArray:
-    raised = energy + share * energy.mean()
-    return np.asarray(raised / np.median(raised))
-
-
-def _pattern(gear: GearLines, view: _View, measured: _Measured) -> WheelPattern:
-    wheel = gear.wheel
-    inside = wheel.number * wheel.order < view.top
-    place = wheel.lines[inside]
-    return WheelPattern(
-        stage=wheel.stage,
-        gear=wheel.gear,
-        teeth=wheel.teeth,
-        order=wheel.order,
-        number=wheel.number[inside],
-        mesh=wheel.mesh[inside],
-        amplitude=measured.amplitude[:, place],
-        variance=measured.variance[:, place],
-    )

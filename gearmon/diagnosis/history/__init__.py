@@ -2,8 +2,8 @@
 
 Every analysed recording becomes an `Entry` of a `History`, which a file keeps (`append`,
 `read_history`, `export_history`). `history_trends` follows the loss of each tooth, and the score,
-through it: changes that noise would not make (`find_changes`), the trend with its intervals
-(`fit_trend`), and when it reaches a limit. ::
+through it: changes that noise would not make (`changes.find_changes`), the trend with its intervals
+(`trends.fit_trend`), and when it reaches a limit. ::
 
     append("drive.db", [entry_of(analysis, read_time("2026-03-01T08:00Z"))])
     found = history_trends(read_history("drive.db"), limit=0.2)
@@ -11,14 +11,7 @@ through it: changes that noise would not make (`find_changes`), the trend with i
         print(tooth.gear, tooth.tooth, tooth.now, tooth.crossing)
 """
 
-from gearmon.diagnosis.history.changes import (
-    ChangePoint,
-    Growth,
-    Series,
-    change_probability,
-    find_changes,
-    permuted_probability,
-)
+from gearmon.diagnosis.history.changes import ChangePoint
 from gearmon.diagnosis.history.entries import (
     Entry,
     History,
@@ -28,34 +21,27 @@ from gearmon.diagnosis.history.entries import (
     time_text,
 )
 from gearmon.diagnosis.history.store import append, export_history, read_history, read_latest
-from gearmon.diagnosis.history.teeth import (
+from gearmon.diagnosis.history.trends import (
     SECONDS_PER_DAY,
+    Crossing,
     HistoryTrends,
     ToothTrend,
     history_trends,
 )
-from gearmon.diagnosis.history.trend import Crossing, Trend, fit_trend
 
 __all__ = [
     "SECONDS_PER_DAY",
     "ChangePoint",
     "Crossing",
     "Entry",
-    "Growth",
     "History",
     "HistoryTrends",
     "Place",
-    "Series",
     "ToothTrend",
-    "Trend",
     "append",
-    "change_probability",
     "entry_of",
     "export_history",
-    "find_changes",
-    "fit_trend",
     "history_trends",
-    "permuted_probability",
     "read_history",
     "read_latest",
     "recording_times",

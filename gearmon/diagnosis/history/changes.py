@@ -51,6 +51,8 @@ _BETWEEN, _MOST_NUMBERS, _FOUND_AT, _TIMED_AT = 16, 400_000, (200, 4000), (320, 
 # Exponents beyond which an exponential is as good as without end, and its square still finite.
 _MOST_FOLDS = 200.0
 _TINY = np.finfo(float).tiny
+# Step of differences in place of derivatives: half of the digits are left.
+_SMALL = 1e-7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,22 +98,11 @@ class Growth:
             grown = np.expm1(np.minimum(self.folds * since, _MOST_FOLDS)) / np.expm1(self.folds)
         return np.where(share > 0, self.jump + (1.0 - self.jump) * grown, 0.0)
 
-    def rate(self, share: FloatArray) -> FloatArray:
-        """Return the derivative of `at`; 0 up to where it began."""
-        since = np.maximum(share, _TINY)
-        rate = self.exponent * since ** (self.exponent - 1.0)
-        if self.folds:
-            grown = np.exp(np.minimum(self.folds * since, _MOST_FOLDS))
-            rate = self.folds * grown / np.expm1(self.folds)
-        return np.where(share > 0, (1.0 - self.jump) * rate, 0.0)
-
-    def bend(self, share: FloatArray) -> FloatArray:
-        """Return the direction in which `at` moves with the exponent; 0 up to where it began."""
-        since = np.maximum(share, _TINY)
-        if self.folds:
-            grown = since * np.exp(np.minimum(self.folds * since, _MOST_FOLDS))
-            return np.where(share > 0, grown, 0.0)
-        return np.asarray(since**self.exponent * np.log(since))
+    def tangents(self, share: FloatArray) -> list[FloatArray]:
+        """Return the directions in which `at` moves with its begin and bends, of any length."""
+        smooth, bent = replace(self, jump=0.0), "folds" if self.folds else "exponent"
+        at, more = smooth.at(share), replace(smooth, **{bent: getattr(self, bent) + _SMALL})
+        return [at - smooth.at(share - _SMALL), more.at(share) - at]
 
 
 STEP, STRAIGHT = Growth(exponent=0.0), Growth()
@@ -139,7 +130,7 @@ _TAIL = 0.2
 
 
 def growth_rows(
-    time_s: FloatArray, places_s: FloatArray, end_s: float, growth: Growth, *, rates: bool = False
+    time_s: FloatArray, places_s: FloatArray, end_s: float, growth: Growth
 ) -> FloatArray:
     """Return a course that began at some places, as rows.
 
@@ -152,8 +143,6 @@ def growth_rows(
     end_s : float
         Time of the last recording [s].
     growth : Growth
-    rates : bool
-        Whether derivatives [1/s] are asked for.
 
     Returns
     -------
@@ -163,8 +152,6 @@ def growth_rows(
     """
     span = np.maximum(end_s - places_s, _TINY)[:, None]
     share = (time_s - places_s[:, None]) / span
-    if rates:
-        return growth.rate(share)
     return np.asarray(growth.at(share) * (span if growth.exponent else 1.0))
 
 
@@ -265,11 +252,7 @@ class Series:
 
 
 def change_columns(
-    time_s: FloatArray,
-    changes: Sequence[ChangePoint],
-    *,
-    tangents: bool = False,
-    rates: bool = False,
+    time_s: FloatArray, changes: Sequence[ChangePoint], *, tangents: bool = False
 ) -> FloatArray:
     """Return a constant and the shapes of some changes as columns.
 
@@ -281,20 +264,18 @@ def change_columns(
     tangents : bool
         Whether growth brings the directions in which it would move and bend as well: what growth
         that is a little off leaves behind must not be taken for another change.
-    rates : bool
-        Whether derivatives [1/s] are asked for.
 
     Returns
     -------
     ndarray of float, shape (n, columns)
     """
-    columns = [np.full(len(time_s), 0.0 if rates else 1.0)]
+    columns = [np.ones(len(time_s))]
     for change in changes:
         place, growth = np.array([change.time_s]), change.growth
-        columns.append(growth_rows(time_s, place, change.end_s, growth, rates=rates)[0])
+        columns.append(growth_rows(time_s, place, change.end_s, growth)[0])
         if tangents and growth.exponent:
             share = (time_s - change.time_s) / (change.end_s - change.time_s)
-            columns += [growth.rate(share), growth.bend(share)]
+            columns += growth.tangents(share)
     return np.column_stack(columns)
 
 
@@ -400,7 +381,7 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
         raise ArgumentError("sigma: must be equal, or the order has a meaning")
     if len(series) < FEWEST or np.ptp(series.value) <= 1e-12 * np.abs(series.value).max():
         return 1.0
-    paths, _, rest = Fits.of_search(series, ()).freed
+    paths, _, rest = Fits.of(series, ()).freed
     generator = np.random.default_rng(seed)
     clearest, as_clear = float(np.abs(paths @ rest).max()), 0
     for start in range(0, permutations, 500):
@@ -427,8 +408,9 @@ def _repaired(series: Series, below: float) -> list[ChangePoint]:
         return []
     if change_probability(series) < below:
         return []
-    places, end = _middles(series), float(series.time_s[-1])
-    steps = [ChangePoint(growth=STEP, time_s=float(place), end_s=end) for place in places]
+    fits, end = Fits.of(series, ()), float(series.time_s[-1])
+    places = fits.places[fits.courses == 0].tolist()
+    steps = [ChangePoint(growth=STEP, time_s=place, end_s=end) for place in places]
     pairs = [[step, other] for step in steps if (other := _search(series, [step])) is not None]
     best = min(pairs, key=lambda pair: pair[1].false_alarm_probability, default=None)
     if best is None or best[1].false_alarm_probability * len(places) >= below:
@@ -462,7 +444,7 @@ def _refined(series: Series, found: list[ChangePoint], below: float) -> list[Cha
 
 def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
     """Return the clearest change beside those known."""
-    fits = Fits.of_search(series, known)
+    fits = Fits.of(series, tuple(known))
     paths, sizes, rest = fits.freed
     left, size = len(series) - fits.base.shape[1], float(np.linalg.norm(rest))
     if left < 3 or size <= 1e-12 * np.linalg.norm(series.value / series.sigma):
@@ -487,17 +469,6 @@ def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
         end_s=float(series.time_s[-1]),
         false_alarm_probability=min(1.0, probability) if lengths else 1.0,
     )
-
-
-def _middles(series: Series) -> FloatArray:
-    """Return the places at which a step is tried: fewer of long series."""
-    times, most = series.time_s, _most(series, _FOUND_AT)
-    places = 0.5 * (times[1:] + times[:-1])[BORNE_BY - 1 : len(times) - BORNE_BY]
-    return np.asarray(places[np.linspace(0, len(places) - 1, min(most, len(places))).astype(int)])
-
-
-def _most(series: Series, ends: tuple[int, int]) -> int:
-    return int(np.clip(_MOST_NUMBERS // max(1, len(series)), *ends))
 
 
 def _between(knots: FloatArray, about: int, most: int) -> FloatArray:
@@ -538,34 +509,22 @@ class Fits:
     tangents: bool = False
 
     @classmethod
-    def of(
-        cls,
-        series: Series,
-        known: Sequence[ChangePoint],
-        middles: FloatArray,
-        places: FloatArray,
-        growths: Sequence[int],
-        *,
-        tangents: bool = False,
-    ) -> Fits:
-        """Return those by steps at some places, and by growth of each course from others."""
-        courses = np.repeat([0, *growths], [len(middles), *[len(places)] * len(growths)])
-        every = np.concatenate([middles, np.tile(places, len(growths))])
-        return cls(series=series, known=known, places=every, courses=courses, tangents=tangents)
+    @lru_cache(maxsize=6)  # a change is bent, and timed a moment later
+    def of(cls, series: Series, known: tuple[ChangePoint, ...], *, bent: bool = False) -> Fits:
+        """Return steps and growth at places all along: straight to find it, bent to time it.
 
-    @classmethod
-    def of_search(cls, series: Series, known: Sequence[ChangePoint]) -> Fits:
-        """Return the steps and kinks that a series is searched for."""
-        most = _most(series, _FOUND_AT)
-        kinks = _between(series.time_s[: len(series) - BORNE_BY], most, most)
-        return cls.of(series, known, _middles(series), kinks, [1], tangents=True)
-
-    @classmethod
-    @lru_cache(maxsize=4)  # a change is bent, and timed a moment later
-    def of_all(cls, series: Series, known: tuple[ChangePoint, ...]) -> Fits:
-        """Return all courses: growth may have begun any time before the last recording but one."""
-        places = _between(series.time_s[:-1], *_TIMED_AT)
-        return cls.of(series, known, _middles(series), places, range(1, len(COURSES)))
+        Bent growth, of all courses, may have begun any time before the last recording but one.
+        """
+        times = series.time_s
+        most = int(np.clip(_MOST_NUMBERS // max(1, len(times)), *_FOUND_AT))
+        steps = 0.5 * (times[1:] + times[:-1])[BORNE_BY - 1 : len(times) - BORNE_BY]
+        steps = steps[np.linspace(0, len(steps) - 1, min(most, len(steps))).astype(int)]
+        ends = _TIMED_AT if bent else (most, most)
+        begun = _between(times[: -1 if bent else -BORNE_BY], *ends)
+        growths = range(1, len(COURSES) if bent else 2)
+        places = np.concatenate([steps, np.tile(begun, len(growths))])
+        courses = np.repeat([0, *growths], [len(steps), *[len(begun)] * len(growths)])
+        return cls(series=series, known=known, places=places, courses=courses, tangents=not bent)
 
     @property
     def base(self) -> FloatArray:
@@ -592,7 +551,7 @@ class Fits:
 
     @property
     def chance(self) -> FloatArray:
-        """Chance of each fit of `of_all`, where every time is as likely beforehand as another."""
+        """Chance of each fit of all courses, where every time is as likely beforehand."""
         steps, places = self.places[self.courses == 0], self.places[self.courses == 1]
         # places stand closer together where recordings do
         width = [np.gradient(steps), np.tile(np.gradient(places), len(GROWTHS))]
@@ -603,9 +562,9 @@ class Fits:
         return np.asarray(chance / chance.sum())
 
     def at(
-        self, time_s: FloatArray, which: IntArray, *, rates: bool = False
+        self, time_s: FloatArray, which: IntArray, weights: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Value, or rate, of some fits and its variance in units of that of the noise.
+        """Value of some fits and its variance in units of that of the noise.
 
         Parameters
         ----------
@@ -613,12 +572,12 @@ class Fits:
             Times [s].
         which : ndarray of int, shape (some,)
             The fits.
-        rates : bool
-            Whether derivatives [1/s] are asked for.
+        weights : ndarray of float, shape (sums, k), optional
+            Of weighted sums over the times, which are then told in place of the values.
 
         Returns
         -------
-        value, variance : ndarray of float, shape (some, k)
+        value, variance : ndarray of float, shape (some, k) or (some, sums)
 
         Notes
         -----
@@ -627,9 +586,11 @@ class Fits:
         """
         paths, size, rest = self.freed
         series, solver = self.series, _solver(self.series, self.known)
-        known = change_columns(time_s, self.known, rates=rates)
+        known, rows = change_columns(time_s, self.known), self._rows(time_s, which)
+        if weights is not None:
+            known, rows = weights @ known, rows @ weights.T
         explained = self._rows(series.time_s, which) / series.sigma @ solver.T
-        beside = self._rows(time_s, which, rates=rates) - explained @ known.T
+        beside = rows - explained @ known.T
         beside *= np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)[which, None]
         value = known @ solver @ (series.value / series.sigma)
         variance = np.sum((known @ solver) ** 2, axis=1)
@@ -651,13 +612,13 @@ class Fits:
         paths = rest[1:] * (size > 0)[:, None] / np.where(size > 0, size, 1.0)[:, None]
         return paths, size, rest[0]
 
-    def _rows(self, time_s: FloatArray, which: IntArray, *, rates: bool = False) -> FloatArray:
+    def _rows(self, time_s: FloatArray, which: IntArray) -> FloatArray:
         """Shapes of the one more at some times, shape (some, times)."""
         end, rows = float(self.series.time_s[-1]), np.empty((len(which), len(time_s)))
         places, courses = self.places[which], self.courses[which]
         for number in np.unique(courses):
             own = courses == number
-            rows[own] = growth_rows(time_s, places[own], end, COURSES[number], rates=rates)
+            rows[own] = growth_rows(time_s, places[own], end, COURSES[number])
         return rows
 
 
@@ -666,7 +627,7 @@ def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) ->
 
     A step that growth explains better, by more than one fitted number is worth, becomes growth.
     """
-    fits = Fits.of_all(series, tuple(others))
+    fits = Fits.of(series, tuple(others), bent=True)
     grown = np.where(fits.courses > 0, fits.left, np.inf)
     best, worth = int(np.argmin(grown)), fits.variance * math.log(len(series))
     if change.kind == "step" and grown[best] + worth > fits.left[fits.courses == 0].min():
@@ -681,7 +642,7 @@ def _timed(
 
     A small change may be a step as well as growth: the interval is that of both.
     """
-    times, fits = series.time_s, Fits.of_all(series, tuple(others))
+    times, fits = series.time_s, Fits.of(series, tuple(others), bent=True)
     if fits.freedom < 1:
         return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
     chance, steps = fits.chance, fits.courses == 0

@@ -14,13 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from gearmon.diagnosis.results import VERDICTS, Analysis, Flag, ToothProfile
-from gearmon.errors import ArgumentError, check_range, check_word
+from gearmon.errors import ArgumentError, check_positive, check_range, check_type, check_word
 
 #: Half the width of the 90 % interval of a loss, in standard deviations.
 HALF_OF_90 = 1.6448536269514722
-
-#: Where times may be taken from if they are not given.
-SOURCES = ("modified", "name")
 
 _REMEDY = "name it as pump_2026-11-21T10-30-00.csv, or give the times"
 _DATE = r"(?<!\d)(\d{4})([-_.]?)(\d{2})\2(\d{2})"
@@ -30,18 +27,9 @@ _CLOCK = (
 )
 # What an entry takes from an analysis as it is.
 _TOLD = ("machine", "recording", "verdict", "score", "false_alarm_probability")
-# Years 1 to 9999; and what no evidence, no estimate reaches.
+# Years 1 to 9999; and what no evidence, no estimate, no number of teeth reaches.
 _TIMES_S = -6.21e10, 2.53e11
 _MUCH = 1e9
-_RANGES = {
-    "stage": (1, 100),
-    "teeth": (1, 100_000),
-    "tooth": (1, 100_000),
-    "statistic": (0.0, _MUCH),
-    "log10_probability": (-_MUCH, 0.0),
-    **dict.fromkeys(("loss", "loss_low", "loss_high"), (-_MUCH, _MUCH)),
-    "loss_sigma": (0.0, _MUCH),
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,13 +73,13 @@ class Place:
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for name, (low, high) in _RANGES.items():
-            if getattr(self, name) is not None:
-                check_range(name, getattr(self, name), low, high)
-        if not isinstance(self.gear, str):
-            raise ArgumentError(f"gear={self.gear!r} must be a text")
-        if self.loss_sigma is not None and self.loss_sigma <= 0:
-            raise ArgumentError(f"loss_sigma={self.loss_sigma} must be > 0")
+        check_type("gear", self.gear, str, "a text")
+        for name in PLACE:
+            value = getattr(self, name)
+            if name != "gear" and value is not None:
+                check_range(name, value, 1 if name in _COUNTED else -_MUCH, _MUCH)
+        if self.loss_sigma is not None:
+            check_positive("loss_sigma", self.loss_sigma)
         if self.loss is not None and self.loss_sigma is None:
             raise ArgumentError(f"loss={self.loss} needs loss_sigma beside it: how sure is it?")
 
@@ -151,8 +139,7 @@ class Entry:
         check_range("score", self.score, -_MUCH, _MUCH)
         check_range("speed_hz", self.speed_hz, 0.0, _MUCH, "Hz")
         for text in (self.time_source, self.machine, self.recording, *self.findings):
-            if not isinstance(text, str):
-                raise ArgumentError(f"{text!r} must be a text")
+            check_type(f"{text!r}", text, str, "a text")
         check_range("false_alarm_probability", self.false_alarm_probability, 0.0, 1.0)
         check_word("verdict=", self.verdict, VERDICTS)
         if len({place.key for place in self.places}) < len(self.places):
@@ -238,6 +225,7 @@ class History:
 #: Columns of an entry, and of a place.
 ENTRY = tuple(f.name for f in fields(Entry) if f.name not in ("findings", "places"))
 PLACE = tuple(f.name for f in fields(Place))
+_COUNTED = ("stage", "teeth", "tooth")
 
 
 def duplicate_time(entry: Entry, known: str) -> ArgumentError:
@@ -291,11 +279,13 @@ def _places(profile: ToothProfile, flags: Sequence[Flag]) -> Iterator[Place]:
     Loss estimates are those of the profile; where there are none, those of the flags.
     """
     gear: dict[str, Any] = {"stage": profile.stage, "gear": profile.gear, "teeth": profile.teeth}
-    own = [flag for flag in flags if (flag.stage, flag.gear) == (profile.stage, profile.gear)]
-    flagged = next((flag for flag in own if flag.stiffness_loss is not None), None)
-    told = {} if flagged is None else _flag_loss(flagged)
-    losses, sigmas = profile.loss_by_tooth, profile.loss_sigma_by_tooth
-    teeth = [] if losses is None or sigmas is None else list(map(_loss, losses, sigmas))
+    on_gear = (f for f in flags if (f.stage, f.gear) == (profile.stage, profile.gear))
+    flagged = next((flag for flag in on_gear if flag.stiffness_loss is not None), None)
+    told = _estimate(*_loss(flagged)) if flagged else {}
+    teeth: list[dict[str, Any]] = []
+    if profile.loss_by_tooth is not None and profile.loss_sigma_by_tooth is not None:
+        loss, half = profile.loss_by_tooth, HALF_OF_90 * profile.loss_sigma_by_tooth
+        teeth = list(map(_estimate, loss, loss - half, loss + half))
     worst: dict[str, Any] = max(filter(None, teeth), key=lambda told: told["loss"], default={})
     yield Place(
         **gear,
@@ -304,29 +294,27 @@ def _places(profile: ToothProfile, flags: Sequence[Flag]) -> Iterator[Place]:
         **(told or worst),
     )
     # without a numbered tooth the same number is another tooth in the next recording
-    for number, loss in enumerate(teeth if profile.tooth is not None else [], 1):
-        if told and flagged and (flagged.tooth, told["loss"]) == (number, loss.get("loss")):
+    for number, own in enumerate(teeth if profile.tooth is not None else [], 1):
+        if told and flagged and (flagged.tooth, told["loss"]) == (number, own.get("loss")):
             # the same estimate, whose interval is not the same to both sides
-            loss = loss | {name: told[name] for name in ("loss_low", "loss_high")}
-        yield Place(**gear, tooth=number, statistic=_finite(profile.energy[number - 1]), **loss)
+            own = told | {"loss_sigma": own["loss_sigma"]}
+        yield Place(**gear, tooth=number, statistic=_finite(profile.energy[number - 1]), **own)
 
 
-def _loss(loss: float, sigma: float) -> dict[str, Any]:
+def _loss(flag: Flag) -> tuple[float, float, float]:
+    """Loss of a flag with its interval; NaN where there is none."""
+    told = (flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
+    loss, low, high = (math.nan if x is None else x for x in told)
+    return loss, low, high
+
+
+def _estimate(loss: float, low: float, high: float) -> dict[str, Any]:
     """Return an estimate with its 90 % interval; nothing where there is none."""
-    if not (math.isfinite(loss) and math.isfinite(sigma) and sigma > 0):
-        return {}
-    low, high = loss - HALF_OF_90 * sigma, loss + HALF_OF_90 * sigma
-    told = {"loss": loss, "loss_low": low, "loss_high": high, "loss_sigma": sigma}
-    return {name: float(value) for name, value in told.items()}
-
-
-def _flag_loss(flag: Flag) -> dict[str, Any]:
-    loss, low, high = flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high
-    if loss is None or low is None or high is None:
-        return {}
     # an interval cut off at zero says more on its other side
-    told = _loss(loss, max(high - loss, loss - low) / HALF_OF_90)
-    return told and told | {"loss_low": low, "loss_high": high}
+    sigma = max(high - loss, loss - low) / HALF_OF_90
+    told = {"loss": loss, "loss_low": low, "loss_high": high, "loss_sigma": sigma}
+    known = sigma > 0 and all(map(math.isfinite, told.values()))
+    return {name: float(value) for name, value in told.items()} if known else {}
 
 
 def _finite(value: float) -> float | None:
@@ -337,8 +325,8 @@ def _finding(flag: Flag) -> str:
     stage = f"stage {flag.stage}" if flag.stage else None
     tooth = f"tooth {flag.tooth}" if flag.tooth else None
     text = ", ".join(filter(None, (flag.kind, stage, flag.gear, tooth)))
-    loss, low, high = flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high
-    if loss is None or low is None or high is None:
+    loss, low, high = _loss(flag)
+    if not math.isfinite(high - low):
         return text
     least, middle, most = (f"{100 * x:.{0 if high >= 0.1 else 1}f}" for x in (low, loss, high))
     return f"{text}: loss {middle} % ({least} to {most} %)"
@@ -416,11 +404,12 @@ def time_from_name(path: str | Path) -> datetime:
     """
     name = Path(path).name
     # eight digits that are no date are a number
-    dates = [match for match in re.finditer(_DATE, name) if _moment(match) is not None]
+    dates = [match for match in re.finditer(_DATE, name) if _moment(*match.group(1, 3, 4))]
     if len(dates) != 1:
         what = "no date stands" if not dates else f"{len(dates)} dates stand"
         raise ArgumentError(f"{path}: {what} in the name of the file; {_REMEDY}")
-    found = _moment(re.compile(_DATE + _CLOCK).match(name, dates[0].start()))
+    whole = re.compile(_DATE + _CLOCK).match(name, dates[0].start())
+    found = _moment(*whole.group(1, 3, 4, 5, 6, 7, 8)) if whole else None
     if found is None:
         raise ArgumentError(
             f"{path}: what follows the date in the name of the file is no time; {_REMEDY}"
@@ -428,12 +417,10 @@ def time_from_name(path: str | Path) -> datetime:
     return found
 
 
-def _moment(match: re.Match[str] | None) -> datetime | None:
-    if match is None:
-        return None
-    year, _, month, day, *clock = (part or "" for part in match.groups())
-    hour, minute, second, offset = clock or [""] * 4
-    time = f"{hour or '00'}:{minute or '00'}:{second or '00'}{offset}"
+def _moment(year: str, month: str, day: str, *clock: str | None) -> datetime | None:
+    """Return the time of a date with or without its clock time; None if it is none."""
+    hour, minute, second, offset = clock or [None] * 4
+    time = f"{hour or '00'}:{minute or '00'}:{second or '00'}{offset or ''}"
     try:
         return read_time(f"{year}-{month}-{day}T{time}")
     except ArgumentError:
@@ -487,6 +474,8 @@ def recording_times(
             "when were the recordings made? Their samples do not tell: give --times "
             "2026-11-21T10:30:00Z,... or --time-from name (or modified)"
         )
-    if source not in SOURCES:
-        raise ArgumentError(f"--time-from {source}: must be one of {', '.join(SOURCES)}")
-    return [(time_from_name if source == "name" else time_modified)(path) for path in paths]
+    check_word("--time-from ", source, _SOURCES)
+    return [_SOURCES[source](path) for path in paths]
+
+
+_SOURCES = {"modified": time_modified, "name": time_from_name}

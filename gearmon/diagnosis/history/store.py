@@ -16,6 +16,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from dataclasses import fields
 from importlib.util import find_spec
+from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -121,19 +123,11 @@ def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool = False)
 def summarise(store: sqlite3.Connection, machines: Iterable[str]) -> None:
     """Renew what `latest` says of machines, from their recordings."""
     for machine in map(as_text, machines):
-        newest = store.execute(
-            "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s DESC LIMIT ?",
-            (machine, _SCORES),
-        ).fetchall()
-        if not newest:
+        asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s DESC"
+        told = store.execute(asked, (machine,)).fetchall()
+        if not told:
             continue
-        last = newest[0]
-        count, since_s = store.execute(
-            "SELECT count(*), min(CASE WHEN time_s > coalesce((SELECT max(time_s) FROM recordings "
-            "WHERE machine = ?1 AND verdict != ?2), -1e300) THEN time_s END) "
-            "FROM recordings WHERE machine = ?1",
-            (machine, last["verdict"]),
-        ).fetchone()
+        last, (_, alike) = told[0], next(groupby(told, key=itemgetter("verdict")))
         # only where it stands clear of zero is the loss of a whole gear more than noise
         loss = store.execute(
             "SELECT loss, loss_low, loss_high FROM places WHERE recording_id = ? AND tooth IS NULL "
@@ -141,8 +135,9 @@ def summarise(store: sqlite3.Connection, machines: Iterable[str]) -> None:
             (last["id"], last["verdict"]),
         ).fetchone()
         kept = {name: last[name] for name in ("machine", "time_s", "verdict", "score", "findings")}
-        scores = json.dumps([round(row["score"], 3) for row in reversed(newest)])
-        kept |= {"recordings": count, "since_s": since_s, "scores": scores}
+        scores = json.dumps([round(row["score"], 3) for row in reversed(told[:_SCORES])])
+        since_s = min(row["time_s"] for row in alike)
+        kept |= {"recordings": len(told), "since_s": since_s, "scores": scores}
         kept |= dict(loss) if loss else dict.fromkeys(("loss", "loss_low", "loss_high"))
         put(store, "latest", kept)
 
@@ -267,31 +262,23 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
         If the file holds several machines and none was named.
     """
     with opened(Path(path), create=False) as store:
-        rows = _rows(store, Path(path), machine)
+        if machine is None:
+            names = [row[0] for row in store.execute("SELECT machine FROM latest ORDER BY machine")]
+            if len(names) != 1:
+                listed = ", ".join(map(repr, names)) or "none"
+                raise ArgumentError(f"{path}: name one of its machines: {listed}")
+            machine = names[0]
+        named = (as_text(machine),)
+        asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
+        rows = store.execute(asked, named).fetchall()
+        told = store.execute("SELECT recordings FROM latest WHERE machine = ?", named).fetchone()
         try:
-            entries = [_entry(store, row) for row in rows]
+            if len(rows) != (told[0] if told else 0):
+                raise ValueError(f"recordings of {machine!r} are missing")
+            entries = tuple(_entry(store, row) for row in rows)
         except (ArgumentError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise _damaged(Path(path), "is a damaged history file", error) from None
-    if machine is None:
-        names = sorted({entry.machine for entry in entries})
-        if len(names) != 1:
-            listed = ", ".join(repr(name) for name in names) or "none"
-            raise ArgumentError(f"{path}: name one of its machines: {listed}")
-        machine = names[0]
-    return History(machine=machine, entries=tuple(e for e in entries if e.machine == machine))
-
-
-def _rows(store: sqlite3.Connection, path: Path, machine: str | None) -> list[sqlite3.Row]:
-    """Give the recordings of a machine, by default of all; say if a damaged name hides some."""
-    if machine is None:
-        return store.execute("SELECT * FROM recordings ORDER BY time_s").fetchall()
-    named = (as_text(machine),)
-    asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
-    rows = store.execute(asked, named).fetchall()
-    told = store.execute("SELECT recordings FROM latest WHERE machine = ?", named).fetchone()
-    if len(rows) != (told[0] if told else 0):
-        raise _damaged(path, "is a damaged history file", f"recordings of {machine!r} are missing")
-    return rows
+    return History(machine=as_text(machine), entries=entries)
 
 
 def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:

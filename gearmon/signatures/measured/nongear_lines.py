@@ -7,12 +7,13 @@ tells whether it follows the shafts or stays where it is when the speed wanders.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import gammaincc, gammainccinv
+from scipy.special import gammaincc, gammainccinv, pdtrc
 
 from gearmon.arrays import FloatArray
 from gearmon.gears.kinematics import Kinematics
@@ -47,6 +48,9 @@ _CELLS_AN_ORDER = 20
 _BANDS = 128
 # The envelope is looked at up to this order, or this multiple of the highest order of a bearing.
 _ENVELOPE_ORDER, _ENVELOPE_HARMONICS = 20.0, 3.5
+# Highest multiple of a fundamental that is looked for; unrelated lines stand at as many multiples
+# by chance with less than this probability.
+_MULTIPLES, _CHANCE = 20, 0.01
 KINDS = ("spectrum", "envelope")
 LOCKS = ("shaft", "time", "either")
 # No level, order, frequency or count is larger.
@@ -177,33 +181,6 @@ class NonGearLines:
         return np.asarray(self.in_time_db[:, first : last + 1].max(axis=-1))
 
 
-def contaminated(
-    orders: FloatArray, lines: Iterable[NonGearLine], resolution: float
-) -> NDArray[np.bool_]:
-    """Tell which orders a line of no gear disturbs.
-
-    Parameters
-    ----------
-    orders : ndarray of float
-        Orders that are to be measured.
-    lines : iterable of NonGearLine
-        Lines; those of the envelope disturb nothing and are passed over.
-    resolution : float
-        Distance at which a line still disturbs [orders]: twice one over the length of a Hann
-        block for single blocks, twice one over the recording for its synchronous mean.
-
-    Returns
-    -------
-    ndarray of bool
-        Like `orders`.
-    """
-    mask = np.zeros(np.shape(orders), dtype=bool)
-    for line in lines:
-        if line.kind == "spectrum":
-            mask |= (orders > line.low_order - resolution) & (orders < line.high_order + resolution)
-    return mask
-
-
 def taken(lines: NonGearLines, rows: Sequence[int]) -> NonGearLines:
     """Keep some channels of the lines only.
 
@@ -265,8 +242,7 @@ def nongear_lines(
     Lines within 1.5 widths of a gear's order are left out, also those of bearings, for nothing can
     tell them apart there; so is what slow wander of load and speed sets about strong lines.
     """
-    over_median = _mean_over_median(order_spectrum.pieces)
-    course = _Course.of(track)
+    course = _Course(track)
     # pieces of the whole recording: of very many only some were looked at
     pieces = max(1, round(float(track.turns[-1] - track.turns[0]) * order_spectrum.width))
     heard = order_spectrum.pieces
@@ -274,17 +250,14 @@ def nongear_lines(
     cell_hz = course.mean / _CELLS_AN_ORDER
     in_time = _highest_in_cells(by_time, cell_hz)
     grid = _noise_grid("spectrum", order_spectrum, course, in_time)
-    known = known_orders(train, order_spectrum.top, order_spectrum.width)
-    least = over_median * 10 ** (grid.least_db / 10)
-    found = list(_sharp_in_angle(order_spectrum, by_time, known, course, least))
-    found += _sharp_in_time(order_spectrum, by_time, course, least)
+    in_angle = _Standing(grid, order_spectrum, course, train)
+    found = [*_sharp_in_angle(in_angle, by_time)]
+    found += _sharp_in_time(_Standing(grid, by_time, course), order_spectrum)
     bearings = [line.order for line in train.lines if line.kind == "bearing"]
     top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
     envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces, heard)
     beats = _noise_grid("envelope", envelope, course)
-    known = known_orders(train, envelope.top, envelope.width)
-    least = over_median * 10 ** (beats.least_db / 10)
-    found += _of_envelope(envelope, known, course, least)
+    found += _of_envelope(_Standing(beats, envelope, course, train))
     found.sort(key=lambda line: -max(line.over_noise_db))
     return NonGearLines(
         lines=tuple(found[:MOST_LINES]),
@@ -390,24 +363,13 @@ def _noise_grid(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class _Course:
     """Speed of shaft 1 while recording [Hz], and how surely its angle is known [turns]."""
 
-    low: float
-    mean: float
-    high: float
-    angle: float
-
-    @classmethod
-    def of(cls, track: AngleTrack) -> _Course:
-        known = track.uncertainty_turns
-        return cls(
-            low=float(0.999 * track.speed_hz.min()),
-            mean=track.mean_hz,
-            high=float(1.001 * track.speed_hz.max()),
-            angle=float(known) if np.isfinite(known) else _UNKNOWN_ANGLE,
-        )
+    def __init__(self, track: AngleTrack) -> None:
+        self.low, self.high = 0.999 * track.speed_hz.min(), 1.001 * track.speed_hz.max()
+        self.mean, known = track.mean_hz, track.uncertainty_turns
+        self.angle = float(known) if np.isfinite(known) else _UNKNOWN_ANGLE
 
     def skirt(self, orders: FloatArray) -> FloatArray:
         """Share of a line's power that may stand about it: slow wander, and errors of the angle."""
@@ -420,11 +382,26 @@ class _Course:
 
 
 class _Standing:
-    """Peaks that stand out of a spectrum, each in the channel in which it is clearest."""
+    """Peaks that stand out of a spectrum, each in the channel in which it is clearest.
 
-    def __init__(self, kind: str, spectrum: FineSpectrum, peaks: NDArray[np.intp]) -> None:
-        self.kind, self.spectrum, self.peaks = kind, spectrum, peaks
-        self.places = spectrum.places(peaks)
+    Where the machine is given, those at orders of its gears and shafts are left out.
+    """
+
+    def __init__(
+        self,
+        grid: NoiseGrid,
+        spectrum: FineSpectrum,
+        course: _Course,
+        train: Kinematics | None = None,
+    ) -> None:
+        self.kind, self.spectrum, self.course = grid.kind, spectrum, course
+        self.over_median = _mean_over_median(spectrum.pieces)
+        peaks = clear_peaks(spectrum, self.over_median * 10 ** (grid.least_db / 10))
+        if train is not None:
+            known = known_orders(train, spectrum.top, spectrum.width)
+            away = distance_to(known, spectrum.places(peaks))
+            peaks = peaks[away > OWN_WIDTHS * spectrum.width]
+        self.peaks, self.places = peaks, spectrum.places(peaks)
         power = spectrum.power[:, peaks]
         self.rows = np.argmax(power / spectrum.floor[:, peaks], axis=0)
         self.power = power[self.rows, np.arange(len(peaks))]
@@ -438,15 +415,29 @@ class _Standing:
         """Highest power of the same spectrum so far about each peak."""
         return self.highest(self.spectrum, self.places - reach, self.places + reach)
 
-    def line(self, i: np.intp, orders: FloatArray, locked: str, speed_hz: float) -> NonGearLine:
+    def mirrored(self, i: np.intp) -> bool:
+        """Whether a peak is one of a pair about a far stronger line: a modulation of it.
+
+        A track of the angle that swings about the true one sets such pairs about every strong line.
+        """
+        power, peak = self.spectrum.power[self.rows[i]], int(self.peaks[i])
+        reach = round(_MIRROR / self.spectrum.step)
+        first = max(0, peak - reach)
+        centre = first + int(np.argmax(power[first : peak + reach + 1]))
+        image = 2 * centre - peak
+        if power[centre] < _FAR_STRONGER * power[peak] or not 2 <= image < len(power) - 2:
+            return False
+        return bool(power[image - 2 : image + 3].max() > _ALIKE * power[peak])
+
+    def line(self, i: np.intp, orders: Sequence[float], locked: str) -> NonGearLine:
         """Return a peak as a line, given its mean, lowest and highest order."""
         power = np.maximum(self.spectrum.power[:, self.peaks[i]], np.finfo(float).tiny)
-        noise = self.spectrum.floor[:, self.peaks[i]] * _mean_over_median(self.spectrum.pieces)
-        order, low, high = orders.tolist()
+        noise = self.spectrum.floor[:, self.peaks[i]] * self.over_median
+        order, low, high = map(float, orders)
         return NonGearLine(
             kind=self.kind,
             order=order,
-            frequency_hz=order * speed_hz,
+            frequency_hz=order * self.course.mean,
             locked=locked,
             level_db=tuple((10 * np.log10(power)).tolist()),
             over_noise_db=tuple((10 * np.log10(power / noise)).tolist()),
@@ -455,42 +446,20 @@ class _Standing:
         )
 
 
-def _sharp_in_angle(
-    by_angle: FineSpectrum, by_time: FineSpectrum, known: FloatArray, course: _Course, least: float
-) -> Iterator[NonGearLine]:
-    peaks = clear_peaks(by_angle, least)
-    peaks = peaks[distance_to(known, by_angle.places(peaks)) > OWN_WIDTHS * by_angle.width]
-    found = _Standing("spectrum", by_angle, peaks)
-    orders, margin = found.places, 2 * by_time.width
-    about = found.about(course.reach(by_angle.width))
+def _sharp_in_angle(found: _Standing, by_time: FineSpectrum) -> Iterator[NonGearLine]:
+    orders, course, margin = found.places, found.course, 2 * by_time.width
+    about = found.about(course.reach(found.spectrum.width))
     other = found.highest(by_time, orders * course.low - margin, orders * course.high + margin)
     # a line that stands still in time is smeared over angle: what is left of it there is no line
     kept = (found.power > course.skirt(orders) * about) & (_SHARPER * found.power > other)
     for i in np.flatnonzero(kept):
-        own = by_angle.power[found.rows[i]]
-        if not _mirrored(own, int(peaks[i]), round(_MIRROR / by_angle.step)):
+        if not found.mirrored(i):
             locked = "shaft" if found.power[i] > _SHARPER * other[i] else "either"
-            yield found.line(i, np.repeat(orders[i], 3), locked, course.mean)
+            yield found.line(i, [orders[i]] * 3, locked)
 
 
-def _mirrored(power: FloatArray, peak: int, reach: int) -> bool:
-    """Whether a peak is one of a pair about a far stronger line: a modulation of it.
-
-    A track of the angle that swings about the true one sets such pairs about every strong line.
-    """
-    first = max(0, peak - reach)
-    centre = first + int(np.argmax(power[first : peak + reach + 1]))
-    image = 2 * centre - peak
-    if power[centre] < _FAR_STRONGER * power[peak] or not 2 <= image < len(power) - 2:
-        return False
-    return bool(power[image - 2 : image + 3].max() > _ALIKE * power[peak])
-
-
-def _sharp_in_time(
-    by_angle: FineSpectrum, by_time: FineSpectrum, course: _Course, least: float
-) -> Iterator[NonGearLine]:
-    found = _Standing("spectrum", by_time, clear_peaks(by_time, least))
-    hertz = found.places
+def _sharp_in_time(found: _Standing, by_angle: FineSpectrum) -> Iterator[NonGearLine]:
+    hertz, course = found.places, found.course
     low, high = hertz / course.high, hertz / course.low
     margin, reach = 2 * by_angle.width, course.reach(by_angle.width)
     kept = found.power > _SHARPER * found.highest(by_angle, low - margin, high + margin)
@@ -498,20 +467,67 @@ def _sharp_in_time(
     # of the lines in time only the even skirts of their own kind can be taken for others
     kept &= found.power > _SKIRT_SHARE * found.about(reach * course.mean)
     for i in np.flatnonzero(kept):
-        places = np.array([hertz[i] / course.mean, low[i], high[i]])
-        yield found.line(i, places, "time", course.mean)
+        yield found.line(i, [hertz[i] / course.mean, low[i], high[i]], "time")
 
 
-def _of_envelope(
-    envelope: FineSpectrum, known: FloatArray, course: _Course, least: float
-) -> Iterator[NonGearLine]:
-    peaks = clear_peaks(envelope, least)
-    orders, reach = envelope.places(peaks), course.reach(envelope.width)
+def _of_envelope(found: _Standing) -> Iterator[NonGearLine]:
+    orders, reach = found.places, found.course.reach(found.spectrum.width)
     # slow wander of load and speed modulates everything
-    own = (distance_to(known, orders) <= OWN_WIDTHS * envelope.width) | (orders <= reach)
-    found = _Standing("envelope", envelope, peaks[~own])
-    for i in np.flatnonzero(found.power > course.skirt(found.places) * found.about(reach)):
-        yield found.line(i, np.repeat(found.places[i], 3), "shaft", course.mean)
+    kept = (orders > reach) & (found.power > found.course.skirt(orders) * found.about(reach))
+    for i in np.flatnonzero(kept):
+        yield found.line(i, [orders[i]] * 3, "shaft")
+
+
+def harmonic_sources(lines: Sequence[NonGearLine], widths: dict[str, float]) -> list[list[int]]:
+    """Group lines that are multiples of one another.
+
+    Parameters
+    ----------
+    lines : sequence of NonGearLine
+        Of one recording.
+    widths : dict of str to float
+        Resolution of the spectrum and of the envelope [orders], by the kind of line.
+
+    Returns
+    -------
+    list of list of int
+        Positions of the lines of each source, fundamental first. Each line stands in one source;
+        those of the spectrum and of the envelope, and those that follow the shafts and that keep
+        their frequency, are held apart.
+
+    Notes
+    -----
+    A line is a multiple of a fundamental if it stands within a width of it, and as many lines would
+    hardly stand so near to multiples by chance: unrelated ones fall on them as a Poisson law has
+    it, each with the share of the axis that the widths about the multiples cover. A source whose
+    fundamental is not listed is not put together.
+    """
+    apart: dict[tuple[str, bool], list[int]] = {}
+    for i in sorted(range(len(lines)), key=lambda i: lines[i].order):
+        apart.setdefault((lines[i].kind, lines[i].locked == "time"), []).append(i)
+    found = []
+    for (kind, _), left in sorted(apart.items()):
+        while left:
+            group = [0, *_multiples([lines[i].order for i in left], widths[kind])]
+            found.append([left[place] for place in group])
+            left = [i for place, i in enumerate(left) if place not in group]
+    return found
+
+
+def _multiples(orders: Sequence[float], width: float) -> list[int]:
+    """Return which rising orders are multiples of the first, none if that may be chance."""
+    base = orders[0]
+    # a fundamental is known to half a width; each multiple found tells it more finely
+    known, at, found, expected = base, 1, list[int](), 0.0
+    for place in range(1, bisect_left(orders, (_MULTIPLES + 0.5) * base)):
+        number = round(orders[place] / known)
+        reach = width * max(1.0, number / at)
+        expected += min(1.0, 2 * reach / base)
+        if number > 1 and abs(orders[place] - number * known) <= reach:
+            found.append(place)
+            if number > at:
+                known, at = orders[place] / number, number
+    return found if found and pdtrc(len(found) - 1, expected) <= _CHANCE else []
 
 
 def check_lines(lines: NonGearLines, channels: int) -> None:
@@ -522,21 +538,21 @@ def check_lines(lines: NonGearLines, channels: int) -> None:
     ValueError
     """
     by_channel: list[NDArray[np.floating]] = [lines.in_time_db]
-    by_channel += [part for grid in lines.grids for part in (grid.noise_db, grid.hidden_db)]
-    # nothing at all is minus infinity
-    right = all(
-        part.ndim == 2 and len(part) == channels and part.size and bool((part < _MUCH).all())
-        for part in by_channel
-    )
-    right &= tuple(grid.kind for grid in lines.grids) == KINDS
-    positive = [lines.speed_hz, lines.cell_hz]
-    positive += [own for grid in lines.grids for own in (grid.width, grid.top, grid.pieces)]
-    right &= all(0 < own < _MUCH for own in positive)
-    numbers = [own for grid in lines.grids for own in (grid.least_db, grid.looked_at)]
+    positive, numbers = [lines.speed_hz, lines.cell_hz], list[float]()
+    for grid in lines.grids:
+        by_channel += [grid.noise_db, grid.hidden_db]
+        positive += [grid.width, grid.top, grid.pieces]
+        numbers += [grid.least_db, grid.looked_at]
+    right = tuple(grid.kind for grid in lines.grids) == KINDS
     for line in lines:
         right &= line.kind in KINDS and line.locked in LOCKS
         right &= len(line.level_db) == len(line.over_noise_db) == channels
         right &= all(own < _MUCH for own in (*line.level_db, *line.over_noise_db))
         numbers += [line.order, line.frequency_hz, line.low_order, line.high_order]
-    if not (right and all(abs(own) < _MUCH for own in numbers)):
+    # nothing at all is minus infinity
+    right &= all(
+        part.ndim == 2 and len(part) == channels and part.size and bool((part < _MUCH).all())
+        for part in by_channel
+    )
+    if not (right and min(positive) > 0 and all(abs(own) < _MUCH for own in positive + numbers)):
         raise ValueError("its lines of no gear cannot be")

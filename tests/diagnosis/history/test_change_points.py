@@ -9,18 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.history import (
+from gearmon.diagnosis.history.changes import (
     Series,
     change_probability,
     find_changes,
-    fit_trend,
-    permuted_probability,
-)
-from gearmon.diagnosis.history.changes import (
     kink_quantile,
     known_noise_bound,
+    permuted_probability,
     tube_bound,
 )
+from gearmon.diagnosis.history.trends import fit_trend
 from gearmon.errors import ArgumentError
 
 DAY = 86400.0

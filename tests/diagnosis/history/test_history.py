@@ -27,7 +27,7 @@ from gearmon.diagnosis.history import (
     time_text,
 )
 from gearmon.diagnosis.history.entries import read_time, time_from_name
-from gearmon.diagnosis.history.teeth import normal_equivalent
+from gearmon.diagnosis.history.trends import normal_equivalent
 from gearmon.diagnosis.results import Flag, ToothProfile
 from gearmon.errors import ArgumentError, SignatureError
 from gearmon.report.history_text import history_lines

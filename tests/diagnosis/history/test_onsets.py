@@ -9,19 +9,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.history import (
-    ChangePoint,
-    Entry,
+from gearmon.diagnosis.history import ChangePoint, Entry, History, Place, history_trends
+from gearmon.diagnosis.history.changes import (
+    CHANCES,
+    GROWTHS,
+    STRAIGHT,
+    Fits,
     Growth,
-    History,
-    Place,
     Series,
     find_changes,
-    fit_trend,
-    history_trends,
 )
-from gearmon.diagnosis.history.changes import CHANCES, GROWTHS, STRAIGHT, Fits
 from gearmon.diagnosis.history.changes import COURSES as TRIED
+from gearmon.diagnosis.history.trends import fit_trend
 from gearmon.report.history_text import change_text
 
 DAY = 86400.0
@@ -56,6 +55,11 @@ def grown(generator, course, rise, count=20):
     return Series(time_s=times, value=value, sigma=sigma), begin, true
 
 
+def rate(growth, share, step=1e-6):
+    """Derivative of a course where it has begun."""
+    return (growth.at(share + step) - growth.at(share - step)) / (2 * step)
+
+
 @pytest.mark.parametrize("growth", GROWTHS)
 def test_courses_grow_from_nought_to_one(growth):
     share = np.linspace(-0.5, 1.5, 41)
@@ -65,28 +69,29 @@ def test_courses_grow_from_nought_to_one(growth):
     assert np.all(np.diff(value) >= 0)
     if growth.exponent >= 1 and growth.folds >= 0 and not growth.jump:
         assert np.all(np.diff(value, 2) > -1e-12)
-    step = 1e-6
-    inside = share[share > 0.1]
-    slope = (growth.at(inside + step) - growth.at(inside - step)) / (2 * step)
-    assert growth.rate(inside) == pytest.approx(slope, rel=1e-6)
-    assert np.all(growth.rate(share[share <= 0]) == 0)
+    inside, outside = share[share > 0.1], share[share <= 0]
+    moved = growth.tangents(inside)[0]
+    slope = rate(growth, inside - 0.5e-7)  # half of the step back
+    assert moved / moved[0] == pytest.approx(slope / slope[0], rel=1e-6)
+    assert all(np.all(tangent == 0) for tangent in growth.tangents(outside))
     assert np.isfinite(growth.at(np.array([1e9]))).all()
 
 
-@given(st.floats(1.1, 6.0), st.floats(0.5, 8.0), st.floats(0.05, 1.5))
-def test_courses_bend_along_their_exponent(exponent, folds, share):
-    place, step = np.array([share]), 1e-6
-    power = [Growth(exponent=exponent + sign * step).at(place) for sign in (1, -1)]
-    assert Growth(exponent=exponent).bend(place) == pytest.approx(
-        (power[0] - power[1]) / (2 * step), rel=1e-4, abs=1e-6
+@given(st.floats(1.1, 6.0), st.floats(0.5, 8.0))
+def test_courses_bend_along_their_exponent(exponent, folds):
+    share = np.linspace(0.05, 1.5, 12)
+    bent = Growth(exponent=exponent).tangents(share)[1]
+    expected = share**exponent * np.log(share)
+    assert bent / np.linalg.norm(bent) == pytest.approx(
+        expected / np.linalg.norm(expected), abs=1e-6
     )
-    # of an exponential without its scale, which the height of the growth takes up
-    scaled = [
-        Growth(folds=folds + sign * step).at(place) * math.expm1(folds + sign * step)
-        for sign in (1, -1)
-    ]
-    assert Growth(folds=folds).bend(place) == pytest.approx(
-        (scaled[0] - scaled[1]) / (2 * step), rel=1e-4, abs=1e-6
+    # of an exponential in units of its whole growth
+    bent = Growth(folds=folds).tangents(share)[1]
+    whole = math.expm1(folds)
+    expected = share * np.exp(folds * share) / whole
+    expected -= np.expm1(folds * share) * math.exp(folds) / whole**2
+    assert bent / np.linalg.norm(bent) == pytest.approx(
+        expected / np.linalg.norm(expected), abs=1e-6
     )
 
 
@@ -182,7 +187,7 @@ def test_clean_growth_began_where_it_did():
         assert (change.time_s, change.growth) == (pytest.approx(begin, abs=60.0), growth)
         trend = fit_trend(series)
         assert trend.at(times)[0] == pytest.approx(value, abs=1e-6)
-        assert trend.rate()[0] * 17 * DAY == pytest.approx(0.3 * growth.rate(np.ones(1))[0])
+        assert trend.rate()[0] * 17 * DAY == pytest.approx(0.3 * rate(growth, np.ones(1))[0])
         limit = 0.3 * growth.at(np.array([1.4]))[0]
         assert trend.crossing(limit).time_s == pytest.approx(begin + 1.4 * 17 * DAY, abs=0.1 * DAY)
 

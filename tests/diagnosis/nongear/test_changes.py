@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from reference.nongear_cases import SPEED_HZ, bearing_order, heard, impacts, train
 from reference.small_gearbox import machine as small_machine
 from reference.small_gearbox import recording, reference
@@ -15,6 +17,7 @@ from scipy.special import stdtrit
 from gearmon.diagnosis.nongear import (
     PRIOR_CHANGE_DB,
     PRIOR_WORTH,
+    NonGearFinding,
     compare_lines,
     disturbed,
     family_gain_db,
@@ -124,6 +127,43 @@ def test_disturbed_orders_hold_seen_and_hidden_lines(healthy):
     orders = np.array([ring, 2 * ring, 3 * ring, 4 * ring, 1.0, 11.28])
     assert disturbed(orders, found, 0.02).tolist() == [True] * 4 + [False] * 2
     assert not disturbed(orders, (), 0.02).any()
+
+
+def found_lines(*lines):
+    """What is found where these lines are new."""
+    return NonGearFinding(
+        kind="unknown lines",
+        name="unknown line",
+        lines=lines,
+        change_db=20.0,
+        orders=(),
+        width=0.005,
+        log10_probability=-4.0,
+        evidence=(),
+    )
+
+
+@given(order=st.floats(0.1, 100.0), resolution=st.floats(1e-3, 1.0), smear=st.floats(0.0, 0.02))
+def test_orders_near_a_line_are_disturbed(order, resolution, smear):
+    line = NonGearLine(
+        kind="spectrum",
+        order=order,
+        frequency_hz=order,
+        locked="time",
+        level_db=(0.0,),
+        over_noise_db=(20.0,),
+        low_order=order * (1 - smear),
+        high_order=order * (1 + smear),
+    )
+    grid = np.array([order, order + 0.9 * resolution, order * (1 + smear) + 1.1 * resolution])
+    assert disturbed(grid, [found_lines(line)], resolution).tolist() == [True, True, False]
+
+
+def test_lines_of_the_envelope_disturb_nothing():
+    beats = [x for x in heard(2, added=impacts("BPFO", 0.5)) if x.kind == "envelope"]
+    assert beats
+    orders = np.array([line.order for line in beats])
+    assert not disturbed(orders, [found_lines(*beats)], 1.0).any()
 
 
 def listed(orders, level_db, over_db):

@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.nongear import harmonic_sources
-from gearmon.diagnosis.nongear.sources import name_lines
+from gearmon.diagnosis.nongear import name_lines
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import load_machine
-from gearmon.signatures.measured.nongear_lines import NonGearLine
+from gearmon.signatures.measured.nongear_lines import NonGearLine, harmonic_sources
 
 WIDTH = 0.005
 WIDTHS = {"spectrum": WIDTH, "envelope": WIDTH}

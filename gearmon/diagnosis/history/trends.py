@@ -1,0 +1,695 @@
+"""What a history shows: the loss of each tooth over time, when it began, and what margin is left.
+
+A trend is levels and growth, with intervals, and tells when it reaches a limit. Everything
+uncertain about the latest growth enters the intervals, when it began and how it bends too: they are
+profiles of the likelihood over all places and courses of it.
+
+Losses are followed tooth by tooth where recordings estimate them. The score of the recordings is
+followed as well: it tells when something began even where no loss can be estimated. The scores of
+sound machines follow no known law, so whether they changed is tested by permutation.
+
+What recordings of one machine say of the size of a loss is not independent: all pass the same path
+to the sensor and are held against the same response. That part of their uncertainty no number of
+recordings averages out. And a recording in which no loss was found does not say that there was
+none: only that it was too small to be found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.special import bdtrc, ndtri, ndtri_exp
+
+from gearmon.arrays import FloatArray, IntArray
+from gearmon.diagnosis.history.changes import (
+    COURSES,
+    FEWEST,
+    MOST_CHANGES,
+    ChangePoint,
+    Fits,
+    Series,
+    change_probability,
+    find_changes,
+    kink_quantile,
+    permuted_probability,
+)
+from gearmon.diagnosis.history.entries import HALF_OF_90, History, Place, time_text
+from gearmon.errors import ArgumentError, check_finite, check_range
+from gearmon.result import Result
+
+SECONDS_PER_DAY = 86400.0
+#: Fewest recordings in which a loss has to stand clear of zero by itself to be listed.
+SEVERAL = 3
+# Probability that a sound tooth stands clear in one recording: its own interval is one of 90 %.
+_CLEAR_BY_CHANCE = 0.05
+# What differs from recording to recording besides noise, load above all, as a share of the loss.
+_OWN_SHARE = 0.05
+# Against a reference larger losses are hardly ever missed.
+_MOST_MISSED = 0.1
+#: Share of the false-alarm probability given to all losses together; the score gets the rest.
+_LOSS_SHARE = 0.5
+#: Newest recordings for which it is told what could be forecast at their time.
+FORECASTS = 20
+#: How far a trend is followed to a limit, in lengths of the series (beyond is as good as never),
+#: and in how many steps up to the last recording and from there.
+_NEAREST, _FARTHEST, _STEPS = 1e-3, 100.0, (100, 150)
+# Time over which the present rate is read, in lengths of the series.
+_RATE_OVER = 1e-4
+#: Seconds since 1970 beyond the calendar, which are as good as never.
+NEVER_S = 2.5e11
+_Key = tuple[int, str, int | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Crossing:
+    """When a trend reaches a limit, or why that is not said.
+
+    Parameters
+    ----------
+    status : {"reached", "ahead", "not extrapolated"}
+    reason : str
+        In words.
+    time_s, low_s, high_s : float or None
+        When, with its interval [s]; None where not said. `high_s` None with a `time_s`: the data do
+        not exclude that it is never reached.
+    """
+
+    status: str
+    reason: str
+    time_s: float | None = None
+    low_s: float | None = None
+    high_s: float | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        times = {"time": self.time_s, "time_low": self.low_s, "time_high": self.high_s}
+        return {"status": self.status, "reason": self.reason} | {
+            name: time_text(time) if time is not None and 0 <= time < NEVER_S else None
+            for name, time in times.items()
+        }
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trend:
+    """A series with its changes.
+
+    Parameters
+    ----------
+    series : Series
+    changes : tuple of ChangePoint
+        In the order of time; none: the series is constant as far as can be told.
+    level : float
+        Of all intervals.
+    common : float, >= 0
+        Standard deviation of the logarithm of the values that all of them share: no number of
+        recordings averages it out.
+    missed : float
+        Size up to which something may have been missed wherever nothing was found.
+    """
+
+    series: Series
+    changes: tuple[ChangePoint, ...]
+    level: float
+    common: float = 0.0
+    missed: float = -math.inf
+
+    @property
+    def grows(self) -> bool:
+        """Whether any straight piece rises or falls."""
+        return any(change.kind == "growth" for change in self.changes)
+
+    def at(self, time_s: FloatArray | Sequence[float]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Value of the trend with its interval.
+
+        Parameters
+        ----------
+        time_s : array_like of float, shape (k,)
+            Times [s].
+
+        Returns
+        -------
+        value, low, high : ndarray of float, shape (k,)
+            `high` is nowhere below `missed`, however often nothing was found.
+        """
+        times = np.atleast_1d(np.asarray(time_s, dtype=float))
+        value, low, high = self._allowed(times)
+        missed = np.where(value < self.missed, self._most * self.missed, high)
+        return value, low, np.maximum(high, missed)
+
+    def rate(self) -> tuple[float, float, float]:
+        """Slope at the last recording with its interval [1/s]; zeros for a level series."""
+        times = self.series.time_s
+        if not self.grows:
+            return 0.0, 0.0, 0.0
+        # the derivative of a parabola through three times from the last recording on
+        step = _RATE_OVER * (times[-1] - times[0])
+        weights = np.array([[-1.5, 2.0, -0.5]]) / step
+        value, low, high = self._allowed(times[-1] + step * np.arange(3), weights)
+        return float(value[0]), float(low[0]), float(high[0])
+
+    def crossing(self, limit: float) -> Crossing:
+        """When the trend reaches a limit from below.
+
+        Parameters
+        ----------
+        limit : float
+
+        Returns
+        -------
+        Crossing
+            Nothing is extrapolated from a trend that noise could make, nor from one that does not
+            rise.
+
+        Notes
+        -----
+        Fieller's interval, as a profile over the time and the course of growth: those times at
+        which the limit lies within what the data allow. It takes growth to go on in its course,
+        straight or faster and faster.
+        """
+        check_finite("limit", limit)
+        value, low, _ = (float(x[0]) for x in self.at(self.series.time_s[-1:]))
+        times = self.series.time_s
+        time, early, late = self._when(limit, float(times[0 if value >= limit else -1]))
+        if value >= limit:
+            reason = "the trend is at or above the limit"
+            reason += "" if low >= limit else "; its interval reaches below the limit"
+            return Crossing(status="reached", reason=reason, time_s=time, low_s=early, high_s=late)
+        if refused := self._refused(time):
+            return Crossing(status="not extrapolated", reason=refused)
+        reason = "if growth goes on speeding up as it has"
+        if self._last is not None and self._last.growth.straight:
+            reason = "if the present rate lasts; cracks grow faster the larger they are"
+        return Crossing(status="ahead", reason=reason, time_s=time, low_s=early, high_s=late)
+
+    def _refused(self, time: float | None) -> str:
+        """Say why nothing is extrapolated; nothing if it is."""
+        if len(self.series) < FEWEST:
+            return f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
+        if not self.grows:
+            return "no growth that noise would not make as well"
+        if self.rate()[1] <= 0:
+            return "the present rate is not surely above zero"
+        return "the present rate does not lead to the limit" if time is None else ""
+
+    def _when(self, limit: float, start: float) -> tuple[float | None, float | None, float | None]:
+        """Time from which on a rising trend is at a limit, with its interval, which has a start.
+
+        Nothing before the first recording; no end where it may never get there.
+        """
+        if self.rate()[0] <= 0:
+            return None, None, None
+        first, last = self.series.time_s[[0, -1]]
+        ahead = last + (last - first) * np.geomspace(_NEAREST, _FARTHEST, _STEPS[1])
+        times = np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
+        time, late, early = (_reached(times, x, limit) for x in self.at(times))
+        if time is None:
+            return None, None, None
+        early = max(start, time if early is None else min(early, time))
+        # what may not rise now may never get there
+        late = max(late, time) if late is not None and self.rate()[1] > 0 else None
+        return time, early, late
+
+    @property
+    def _last(self) -> ChangePoint | None:
+        """The latest growth, whose time is uncertain in all intervals."""
+        growths = [change for change in self.changes if change.kind == "growth"]
+        return growths[-1] if growths else self.changes[-1] if self.changes else None
+
+    @property
+    def _most(self) -> float:
+        """How many times larger all values may be, or smaller, by what they share."""
+        return math.exp(float(ndtri(0.5 + 0.5 * self.level)) * self.common)
+
+    def _allowed(
+        self, times: FloatArray, weights: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Value of the trend, or sums of it, and the ends of what the data allow."""
+        fits, which, room = self._candidates
+        value, variance = fits.at(times, which, weights)
+        # where any strain is allowed, none is as well: without end
+        half = np.sqrt(np.maximum(variance, np.finfo(float).tiny) * room[:, None])
+        told, size = value[0], np.maximum(value[0], 0.0)
+        below, above = told - (value - half).min(axis=0), (value + half).max(axis=0) - told
+        # and what all values share
+        below = np.hypot(below, (1.0 - 1.0 / self._most) * size)
+        return told, told - below, told + np.hypot(above, (self._most - 1.0) * size)
+
+    @cached_property
+    def _candidates(self) -> tuple[Fits, IntArray, FloatArray]:
+        """Fits, which of them the data allow, that told first, and how far, squared, each strains.
+
+        They are those of the latest growth, or of a step, from all places. That growth comes to a
+        halt is taken only from data that say so: no limit would be sure.
+        """
+        last = self._last
+        others = tuple(change for change in self.changes if change is not last)
+        if last is None:
+            # a step before the first recording is none
+            before, step = self.series.time_s[:1] - 1.0, np.zeros(1, dtype=np.int64)
+            fits = Fits(series=self.series, known=others, places=before, courses=step)
+            kept = own = np.ones(1, dtype=np.bool_)
+        else:
+            fits = Fits.of(self.series, others, bent=True)
+            own = fits.courses == COURSES.index(last.growth)
+            own &= fits.places == last.time_s
+            lasting = np.array([growth.folds >= 0 for growth in COURSES])[fits.courses]
+            kept = lasting & (fits.courses > 0) if last.kind == "growth" else fits.courses == 0
+        which = np.concatenate([np.flatnonzero(own), np.flatnonzero(kept & ~own)])
+        if fits.freedom < 1:
+            return fits, which, np.full(len(which), math.inf)
+        most = fits.variance * kink_quantile(self.level, fits.freedom)
+        room = most - (fits.left[which] - fits.left[which].min())
+        allowed = room >= 0
+        allowed[0] = True
+        return fits, which[allowed], np.maximum(room[allowed], 0.0)
+
+
+def fit_trend(
+    series: Series, *, below: float = 0.01, level: float = 0.9, most: int = MOST_CHANGES
+) -> Trend:
+    """Fit the trend of a series.
+
+    Parameters
+    ----------
+    series : Series
+    below : float, in (0, 0.5]
+        Probability of calling any change in a series without one.
+    level : float, in (0, 1)
+        Of all intervals.
+    most : int
+        Changes looked for.
+
+    Returns
+    -------
+    Trend
+
+    Raises
+    ------
+    ArgumentError
+        If the series is empty or a level is out of its range.
+    """
+    check_range("level", level, 0.0, 1.0)
+    if not len(series):
+        raise ArgumentError("series: is empty; a trend needs at least one value")
+    changes = find_changes(series, below=below, level=level, most=most)
+    return Trend(series=series, changes=changes, level=level)
+
+
+def _reached(times: FloatArray, values: FloatArray, limit: float) -> float | None:
+    """Time from which on values stay at or above a limit; None if they end below it."""
+    below = np.flatnonzero(values < limit)
+    if not len(below):
+        return float(times[0])
+    last = int(below[-1])
+    if last + 1 >= len(times):
+        return None
+    one, two = values[last], values[last + 1]
+    share = (limit - one) / (two - one) if math.isfinite(one) and math.isfinite(two) else 1.0
+    return float(times[last] + share * (times[last + 1] - times[last]))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ToothTrend:
+    """The loss of one tooth, or the largest of one gear, over time.
+
+    Parameters
+    ----------
+    stage : int
+    gear : str
+    tooth : int or None
+        None: the largest loss of the gear, where teeth cannot be told from one recording to
+        another.
+    trend : Trend
+        Of the loss as a fraction. What may have been missed is the smallest that was found, 10 % at
+        most; nothing if none was.
+    low, high : ndarray of float, shape (estimates,)
+        The recordings' own 90 % intervals.
+    stands : bool
+        Whether the loss stands clear of its noise and of zero, over several recordings.
+    false_alarm_probability : float
+        Bound on the probability of a change as clear on any tooth of a machine without one.
+    recordings : int
+        Recordings in the history; those beyond the trend's had no estimate.
+    limit : float or None
+        What the loss is held against.
+    """
+
+    stage: int
+    gear: str
+    tooth: int | None
+    trend: Trend
+    low: FloatArray
+    high: FloatArray
+    stands: bool
+    false_alarm_probability: float
+    recordings: int
+    limit: float | None
+
+    @property
+    def now(self) -> tuple[float, float, float]:
+        """Loss at the newest recording with its interval."""
+        value, low, high = self.trend.at(self.trend.series.time_s[-1:])
+        return float(value[0]), float(low[0]), float(high[0])
+
+    @property
+    def margin(self) -> tuple[float, float, float] | None:
+        """What is left to the limit at the newest recording, with its interval."""
+        if self.limit is None:
+            return None
+        value, low, high = self.now
+        return self.limit - value, self.limit - high, self.limit - low
+
+    @property
+    def crossing(self) -> Crossing | None:
+        """When the limit is reached."""
+        return None if self.limit is None else self.trend.crossing(self.limit)
+
+    @property
+    def risen(self) -> bool:
+        """Whether its latest change is a rise."""
+        return bool(self.trend.changes) and self.trend.changes[-1].size > 0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        crossing, per_day = self.crossing, np.multiply(SECONDS_PER_DAY, self.trend.rate())
+        return {
+            "stage": self.stage,
+            "gear": self.gear,
+            "tooth": self.tooth,
+            "estimates": len(self.trend.series),
+            "recordings": self.recordings,
+            **_with_interval("loss", self.now),
+            **_with_interval("rate_per_day", per_day),
+            "false_alarm_probability": self.false_alarm_probability,
+            "changes": [change.to_dict() for change in self.trend.changes],
+            "limit": self.limit,
+            **_with_interval("margin", self.margin or [math.nan] * 3),
+            "limit_reached": None if crossing is None else crossing.to_dict(),
+        }
+
+
+def _with_interval(name: str, values: Iterable[float]) -> dict[str, float | None]:
+    names = (name, f"{name}_low", f"{name}_high")
+    return {n: float(x) if np.isfinite(x) else None for n, x in zip(names, values, strict=True)}
+
+
+def own_series(stated: Series) -> tuple[Series, float, float]:
+    """Split the uncertainty of losses into what all recordings share and what each has by itself.
+
+    Parameters
+    ----------
+    stated : Series
+        Losses with their standard deviations.
+
+    Returns
+    -------
+    own : Series
+        With standard deviations of what differs between recordings.
+    common : float
+        Standard deviation, relative to the loss, of what they share.
+    missed : float
+        Loss up to which one may have been missed where none was found; 0 if none was found at all.
+
+    Notes
+    -----
+    No recording is surer of the size than what all share, so the relative uncertainty of the surest
+    is taken for that; it errs to the safe side. Estimates that do not stand clear of zero may have
+    missed a loss as large as the smallest that was found, but hardly one of more than 10 %.
+    """
+    value, sigma = stated.value, stated.sigma
+    clear = value > HALF_OF_90 * sigma
+    if not clear.any():
+        return stated, 0.0, 0.0
+    common = float(np.min(sigma[clear] / value[clear]))
+    own = np.sqrt(np.maximum(sigma**2 - (common * value) ** 2, 0.0))
+    own = np.maximum(own, np.maximum(sigma.min(), _OWN_SHARE * np.abs(value)))
+    missed = min(_MOST_MISSED, float(value[clear].min()))
+    own[~clear] = np.maximum(own[~clear], missed / HALF_OF_90)
+    return replace(stated, sigma=own), common, missed
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class HistoryTrends(Result):
+    """What a history shows.
+
+    Parameters
+    ----------
+    history : History
+    teeth : tuple of ToothTrend
+        Those whose loss stands clear of noise and zero first, then by the clearness of changes.
+    evidence : Trend or None
+        Of the scores, as standard deviations of a normal variable; None for a short history.
+    evidence_probability : float
+        Bound on the probability of a change as clear without one.
+    limit : float or None
+        Limit of the loss.
+    level : float
+        Of all intervals.
+    forecasts : dict of float to Crossing
+        By the time of a recording: when the limit is reached by the first tooth to do so, as told
+        by the recordings up to that time; of the newest `FORECASTS` and where it can be said.
+    notes : tuple of str
+        What limits the answer.
+    """
+
+    picture = "history_plots.history_figure"
+
+    history: History
+    teeth: tuple[ToothTrend, ...]
+    evidence: Trend | None
+    evidence_probability: float
+    limit: float | None
+    level: float
+    forecasts: dict[float, Crossing]
+    notes: tuple[str, ...]
+
+    @property
+    def shown(self) -> tuple[ToothTrend, ...]:
+        """Teeth whose loss stands clear of its noise and of zero over several recordings."""
+        return tuple(tooth for tooth in self.teeth if tooth.stands)
+
+    @property
+    def began(self) -> ChangePoint | None:
+        """The latest rise of the evidence."""
+        changes = self.evidence.changes if self.evidence is not None else ()
+        return changes[-1] if changes and changes[-1].size > 0 else None
+
+    @property
+    def raised(self) -> bool:
+        """Whether a person should look: a fault, a loss or evidence that rose, a limit reached."""
+        entries, crossings = self.history.entries, [tooth.crossing for tooth in self.shown]
+        return (
+            bool(entries and entries[-1].verdict == "fault")
+            or self.began is not None
+            or any(tooth.risen for tooth in self.shown)
+            or any(crossing and crossing.status == "reached" for crossing in crossings)
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        changes = self.evidence.changes if self.evidence is not None else ()
+        reached = {time_s: crossing.to_dict() for time_s, crossing in self.forecasts.items()}
+        return {
+            "machine": self.history.machine,
+            "recordings": [
+                entry.to_dict() | {"limit_reached": reached.get(entry.time_s)}
+                for entry in self.history.entries
+            ],
+            "level": self.level,
+            "limit": self.limit,
+            "teeth": [tooth.to_dict() for tooth in self.shown],
+            "teeth_followed": len(self.teeth),
+            "evidence": {
+                "false_alarm_probability": self.evidence_probability,
+                "changes": [change.to_dict() for change in changes],
+            },
+            "raised": self.raised,
+            "warnings": list(self.notes),
+        }
+
+
+def history_trends(
+    history: History, *, limit: float | None = None, below: float = 0.01, level: float = 0.9
+) -> HistoryTrends:
+    """Follow every tooth of a machine through its history.
+
+    Parameters
+    ----------
+    history : History
+    limit : float, in (0, 1], optional
+        Loss of pair stiffness at which something has to be done, as a fraction.
+    below : float, in (0, 0.5]
+        Probability of calling any change on a machine that does not change.
+    level : float, in (0, 1)
+        Of all intervals.
+
+    Returns
+    -------
+    HistoryTrends
+
+    Raises
+    ------
+    ArgumentError
+        If an argument is out of its range.
+    """
+    check_range("below", below, 1e-9, 0.5)
+    check_range("level", level, 0.01, 0.999)
+    if limit is not None:
+        check_range("limit", limit, 1e-6, 1.0)
+    following = _Following(history, _followed(history), limit, _LOSS_SHARE * below, level)
+    teeth = {key: following.tooth(key) for key in following.places}
+    evidence, chance = _evidence(history, (1 - _LOSS_SHARE) * below, level)
+    ranked = sorted(teeth.values(), key=lambda t: (not t.stands, t.false_alarm_probability))
+    return HistoryTrends(
+        history=history,
+        teeth=tuple(ranked),
+        evidence=evidence,
+        evidence_probability=min(1.0, chance / (1 - _LOSS_SHARE)),
+        limit=limit,
+        level=level,
+        forecasts=following.forecasts([key for key, tooth in teeth.items() if tooth.stands]),
+        notes=tuple(_notes(history, ranked)),
+    )
+
+
+class _Following(NamedTuple):
+    """What every tooth is followed by; see `history_trends`."""
+
+    history: History
+    places: Mapping[_Key, Sequence[tuple[float, Place]]]
+    limit: float | None
+    below: float
+    level: float
+
+    def tooth(self, key: _Key, until: float = math.inf) -> ToothTrend:
+        """Follow one tooth, or one gear as a whole, through its recordings up to a time.
+
+        Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
+        Once it has, the trend is fitted with `own_series`, and how it went on is no longer a
+        question of how many teeth there are.
+        """
+        known = [(time, place) for time, place in self.places[key] if time <= until]
+        rows = [[time, p.loss, p.loss_sigma, p.loss_low, p.loss_high] for time, p in known]
+        time_s, value, sigma, low, high = np.array(rows, dtype=float).T
+        stated, followed = Series(time_s=time_s, value=value, sigma=sigma), len(self.places)
+        own, common, missed = own_series(stated)
+        trend = fit_trend(stated, below=self.below / followed, level=self.level)
+        if trend.changes:
+            refined = fit_trend(own, below=self.below, level=self.level)
+            # a loss that came at once may hide behind what could have been missed before it
+            trend = refined if refined.changes else trend
+        trend = replace(trend, common=common, missed=missed)
+        chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
+        low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
+        clear = low > 0
+        by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
+        several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
+        stage, gear, tooth = key
+        return ToothTrend(
+            stage=stage,
+            gear=gear,
+            tooth=tooth,
+            trend=trend,
+            low=low,
+            high=np.where(np.isnan(high), value + HALF_OF_90 * sigma, high),
+            stands=several and (bool(trend.changes) or by_chance * followed < self.below),
+            false_alarm_probability=min(1.0, min(chances) * followed),
+            recordings=sum(entry.time_s <= until for entry in self.history.entries),
+            limit=self.limit,
+        )
+
+    def forecasts(self, standing: Sequence[_Key]) -> dict[float, Crossing]:
+        """When the first of some teeth reaches the limit, as could be told at each recording."""
+        found: dict[float, Crossing] = {}
+        for entry in self.history.entries[-FORECASTS:] if self.limit is not None else ():
+            keys = {place.key for place in entry.places if place.loss is not None}
+            told = [self.tooth(key, entry.time_s) for key in standing if key in keys]
+            crossings = [tooth.crossing for tooth in told if tooth.stands and tooth.low[-1] > 0]
+            known = [c for c in crossings if c is not None and c.status != "not extrapolated"]
+            if known:
+                # a limit that is reached stands before any that lies ahead
+                first = min(known, key=lambda c: (c.status != "reached", c.time_s or 0.0))
+                found[entry.time_s] = first
+        return found
+
+
+def _followed(history: History) -> Mapping[_Key, Sequence[tuple[float, Place]]]:
+    """Estimates of each tooth with their times; of gears as a whole where teeth have none."""
+    found: dict[_Key, list[tuple[float, Place]]] = {}
+    for entry in history.entries:
+        for place in entry.places:
+            if place.loss is not None:
+                found.setdefault(place.key, []).append((entry.time_s, place))
+    often = {key for key, points in found.items() if len(points) >= FEWEST}
+    whole = {key[:2] for key in found if key[2] is None}
+    numbered = {k[:2] for k in found if k[2] is not None and (k in often or k[:2] not in whole)}
+    return {key: found[key] for key in found if (key[:2] in numbered) == (key[2] is not None)}
+
+
+def _evidence(history: History, below: float, level: float) -> tuple[Trend | None, float]:
+    """Trend of the scores, and the probability of a change as clear without one."""
+    judged = [entry for entry in history.entries if entry.verdict != "no mesh found"]
+    if len(judged) < FEWEST:
+        return None, 1.0
+    time_s, score = np.array([(entry.time_s, entry.score) for entry in judged]).T
+    value, equal = normal_equivalent(score), np.ones(len(score))
+    series = Series(time_s=time_s, value=value, sigma=equal, sigma_known=False)
+    probability = permuted_probability(series)
+    if probability >= below:
+        return Trend(series=series, changes=(), level=level), probability
+    # scores that tests cut off scatter less: only when they began to change can be told from them
+    found = fit_trend(series, below=below, level=level, most=1)
+    changes = tuple(
+        replace(c, false_alarm_probability=max(probability, c.false_alarm_probability))
+        for c in found.changes
+    )
+    return replace(found, changes=changes), probability
+
+
+def normal_equivalent(score: FloatArray) -> FloatArray:
+    """Return how many standard deviations a normal variable would be out at the same probability.
+
+    Parameters
+    ----------
+    score : ndarray of float, shape (n,)
+        -log10 of probabilities.
+
+    Returns
+    -------
+    ndarray of float, shape (n,)
+        At least -1.28: probabilities near one, from tests that are cut off there, say no more.
+
+    Examples
+    --------
+    >>> normal_equivalent(np.array([0.0, 2.0])).round(3)
+    array([-1.282,  2.326])
+    """
+    log = np.minimum(-np.log(10.0) * np.asarray(score, dtype=float), np.log(0.9))
+    return np.asarray(-ndtri_exp(log), dtype=np.float64)
+
+
+def _notes(history: History, teeth: list[ToothTrend]) -> list[str]:
+    """Name what limits the answer."""
+    count = len(history.entries)
+    notes = []
+    if count < FEWEST:
+        notes.append(f"{count} recordings are too few to look for changes; {FEWEST} are needed")
+    lost = sum(entry.verdict == "no mesh found" for entry in history.entries)
+    if lost:
+        notes.append(f"{lost} of {count} recordings showed no mesh and were left out of the score")
+    if not teeth and count:
+        notes.append("no recording estimates a loss of stiffness: only the evidence is followed")
+    for tooth in teeth:
+        estimates = len(tooth.trend.series)
+        if tooth.tooth is None and estimates < count:
+            notes.append(
+                f"the loss on the {tooth.gear} of stage {tooth.stage} was estimated in {estimates} "
+                f"of {count} recordings; the others are not taken for zero, so its trend begins "
+                "later than the damage may have"
+            )
+    return notes

@@ -1,0 +1,713 @@
+"""Lines of no gear: new or grown against healthy recordings, and what they may be.
+
+Bearings, the mains, loose parts and unknown lines are found in the lists that
+`gearmon.signatures.measured.nongear_lines` makes of each recording. A healthy machine has such
+lines too: only what is new or has grown counts. A line that the healthy recordings do not list may
+have been there below their noise, so that it must stand out of what they could have shown.
+
+Whatever the cause, the harmonics of one source rise and fall together for the most part: counted
+one by one they would be as many chances of a false alarm, and as many witnesses of how much lines
+scatter.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import product
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import spence, stdtr
+
+from gearmon.arrays import FloatArray
+from gearmon.errors import check_finite
+from gearmon.gears.kinematics import Kinematics, Line, Shaft
+from gearmon.signatures.measured.line_plan import distance_to, known_orders
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.nongear_lines import (
+    OWN_WIDTHS,
+    NonGearLine,
+    NonGearLines,
+    harmonic_sources,
+    noise_exceeds,
+    taken,
+)
+from gearmon.signatures.measured.reference import Reference
+
+# What such a line of a healthy machine is taken to change by from one recording to another before
+# any is seen [dB], and the differences that this prior is worth (so that the 4 dB are known to a
+# fifth): a change by one zone of vibration severity (ISO 20816: a factor of 2.5, 8 dB) is twice as
+# much.
+PRIOR_CHANGE_DB, PRIOR_WORTH = 4.0, 15.0
+# Sources just below the noise of the reference that a healthy machine has at least: any shaft runs
+# in two bearings.
+_LEAST_HIDDEN = 2.0
+# Lines of two recordings within this share of their order, or so many widths, are the same one.
+_SAME_SHARE, _SAME_WIDTHS = 3e-3, 3.0
+# So much nearer or farther a peak may stand beside a gear's order in another recording.
+_SPARE_WIDTHS = 0.5
+# So many unrelated lines have as many chances of a rise as n of one source: n to this power. With
+# three quarters of their variance in common, from three standard deviations on, to a tenth.
+_ALIKE_POWER = 0.7
+# Least probability that is told, as a power of ten.
+_LEAST_LOG10 = -300.0
+# Lines that change with such a probability help to name what they belong to.
+_STRIKING = 0.05
+_SENTENCES = 4
+# Damping ratio of the modes on the way to the sensor; of built-up gear cases 0.01 to 0.03.
+_DAMPING_RATIO = 0.02
+# Standard deviation of the level of one line through a path of many modes [dB].
+_FIELD_DB = 10 / math.log(10) * math.pi / math.sqrt(6)
+MAINS_HZ = (50.0, 60.0)
+# Multiples of the mains frequency at which motors and their supplies are heard.
+_MAINS_MULTIPLES = (1, 2, 3, 4, 6, 8, 10, 12)
+# How far mains frequencies depart from their nominal ones, as a share.
+_MAINS_TOLERANCE = 2e-3
+# How far a bearing's lines may stand from the kinematic ones because it slips, as shares.
+_SLIP_LOW, _SLIP_HIGH = -0.025, 0.01
+# Rings, balls and cage of one bearing slip alike to this share; while recording by this share.
+_SLIP_ALIKE, _SLIP_SWING = 3e-3, 1e-3
+# Harmonics and sidebands of a bearing's lines that are looked for.
+_BEARING_HARMONICS, _BEARING_SIDEBANDS = 6, 2
+# Parts of a turn in which a loose shaft repeats, and the highest order at which it is looked for.
+_PARTS, _LOOSE_ORDER = {2: "half", 3: "third"}, 20.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class NonGearFinding:
+    """Something that changed and is no gear.
+
+    Parameters
+    ----------
+    kind : {"bearing", "electrical", "looseness", "unknown lines"}
+        What it may be.
+    name : str
+        Which one, as "input: outer race (BPFO)".
+    lines : tuple of NonGearLine
+        Its lines, most striking first.
+    change_db : float
+        Largest rise of a line: of its level, mean over the channels that hear it, gains taken off;
+        of a new line the least rise that the noise of the reference allows [dB].
+    orders : tuple of float
+        Orders at which it may show besides, under the lines of gears too.
+    width : float
+        Resolution of the spectrum [orders].
+    log10_probability : float
+        Logarithm of the probability that a healthy machine shows any change as striking.
+    evidence : tuple of str
+        Sentences that can be checked on the spectrum.
+    """
+
+    kind: str
+    name: str
+    lines: tuple[NonGearLine, ...]
+    change_db: float
+    orders: tuple[float, ...]
+    width: float
+    log10_probability: float
+    evidence: tuple[str, ...]
+
+    @property
+    def false_alarm_probability(self) -> float:
+        """Probability that a healthy machine shows any change as striking."""
+        return float(10.0**self.log10_probability)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return built-in types, ready for JSON."""
+        return {
+            "kind": self.kind,
+            "name": self.name,
+            "orders": [line.order for line in self.lines],
+            "frequencies_hz": [line.frequency_hz for line in self.lines],
+            "change_db": self.change_db,
+            "false_alarm_probability": self.false_alarm_probability,
+            "evidence": list(self.evidence),
+        }
+
+
+def nongear_findings(
+    signature: MeasuredSignature, reference: Reference, train: Kinematics
+) -> tuple[NonGearFinding, ...]:
+    """Compare the lines of no gear of a recording with those of a reference.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+        The new recording.
+    reference : Reference
+        Healthy recordings.
+    train : Kinematics
+        The machine.
+
+    Returns
+    -------
+    tuple of NonGearFinding
+        Most striking first.
+    """
+    shared = [name for name in signature.channel_names if name in reference.channel_names]
+    rows = [signature.channel_names.index(name) for name in shared]
+    theirs = tuple(reference.channel_names.index(name) for name in shared)
+    if not shared:
+        return ()
+    healthy = _healthy_lines(reference, theirs)
+    gain_db = family_gain_db(signature, reference, rows, theirs)
+    return compare_lines(taken(signature.foreign, rows), healthy, train, gain_db, shared)
+
+
+# several recordings are held against one reference
+@lru_cache(maxsize=4)
+def _healthy_lines(reference: Reference, rows: tuple[int, ...]) -> tuple[NonGearLines, ...]:
+    return tuple(taken(profile.foreign, rows) for profile in reference.profiles)
+
+
+def family_gain_db(
+    signature: MeasuredSignature, reference: Reference, rows: Sequence[int], theirs: Sequence[int]
+) -> FloatArray:
+    """How much louder each channel is than in the reference: median over the families of lines.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+        The new recording.
+    reference : Reference
+        Healthy recordings.
+    rows, theirs : sequence of int
+        Shared channels in both.
+
+    Returns
+    -------
+    ndarray of float, shape (shared channels,)
+        0 dB where no common family is heard.
+    """
+    names = [family.name for family in signature.plan.families]
+    common = [name for name in reference.family_names if name in names]
+
+    def of(values: NDArray[Any], channels: Sequence[int], own: Sequence[str]) -> NDArray[Any]:
+        return values[list(channels)][:, [own.index(name) for name in common]]
+
+    heard = of(signature.heard, rows, names)
+    for profile in reference.profiles:
+        heard &= of(profile.heard, theirs, profile.family_names)
+    moved = of(signature.level_db, rows, names)
+    moved -= of(reference.level_db.mean(axis=0), theirs, reference.family_names)
+    told = zip(moved, heard, strict=True)
+    return np.array([np.median(own[clear]) if clear.any() else 0.0 for own, clear in told])
+
+
+def compare_lines(
+    lines: NonGearLines,
+    healthy: Sequence[NonGearLines],
+    train: Kinematics,
+    gain_db: FloatArray | None = None,
+    channel_names: Sequence[str] = (),
+) -> tuple[NonGearFinding, ...]:
+    """Find the lines that are new or have grown, and say what they may be.
+
+    Parameters
+    ----------
+    lines : NonGearLines
+        Of the new recording.
+    healthy : sequence of NonGearLines
+        Of healthy recordings of the same channels, at least one.
+    train : Kinematics
+        The machine with its bearings.
+    gain_db : ndarray of float, shape (channels,), optional
+        How much louder each channel is than in the healthy recordings [dB]; 0 by default.
+    channel_names : sequence of str, optional
+        For the evidence.
+
+    Returns
+    -------
+    tuple of NonGearFinding
+        Most striking first. Their probabilities are corrected for all lines looked at.
+
+    Notes
+    -----
+    The change of a line over its standard deviation follows a t law: between healthy recordings it
+    changes by 4 dB (a prior worth fifteen differences, joined by those among the healthy recordings
+    themselves), more if the speed differs. Summed over the lines that can change (those at
+    multiples of one another have one source and count for fewer), with those that may hide below
+    the noise of the healthy recordings (as many so far below what is listed as stand above it,
+    which have to come out of the noise first, and two just below it), and plus the peaks of mere
+    noise that are as high, it gives the number of such changes to expect of a healthy machine.
+    """
+    gains = np.zeros(len(lines.in_time_db)) if gain_db is None else np.asarray(gain_db)
+    changes = [
+        change
+        for change in _Comparison(lines, healthy, train, gains).changes()
+        if change.log10_probability < np.log10(_STRIKING)
+    ]
+    grid, findings = lines.grid("spectrum"), []
+    for series in name_lines([change.line for change in changes], train, grid.width, grid.top):
+        order = sorted(series.labels, key=lambda i: changes[i].log10_probability)
+        first = changes[order[0]]
+        width = lines.grid(first.line.kind).width
+        if series.kind == "unknown lines" and _of_hunting_tooth(first.line, train, width):
+            continue
+        told = [_sentence(changes[i], series.labels[i], channel_names) for i in order[:_SENTENCES]]
+        findings.append(
+            NonGearFinding(
+                kind=series.kind,
+                name=series.name,
+                lines=tuple(changes[i].line for i in order),
+                change_db=max(changes[i].change_db for i in order),
+                orders=series.orders,
+                width=grid.width,
+                log10_probability=min(0.0, first.log10_probability),
+                evidence=tuple(told),
+            )
+        )
+    return tuple(sorted(findings, key=lambda finding: finding.log10_probability))
+
+
+def disturbed(
+    orders: FloatArray, findings: Sequence[NonGearFinding], resolution: float
+) -> NDArray[np.bool_]:
+    """Tell which orders new or grown lines of no gear disturb.
+
+    Parameters
+    ----------
+    orders : ndarray of float
+        Orders that are to be measured.
+    findings : sequence of NonGearFinding
+        Of `compare_lines`; their lines in the envelope disturb nothing.
+    resolution : float
+        Distance at which a line still disturbs [orders]: twice one over the length of a Hann
+        block for single blocks, twice one over the recording for its synchronous mean.
+
+    Returns
+    -------
+    ndarray of bool
+        Also where their lines stand under those of gears and so cannot be seen.
+    """
+    mask = np.zeros(np.shape(orders), dtype=bool)
+    for finding in findings:
+        seen = [line for line in finding.lines if line.kind == "spectrum"]
+        swept = [(line.low_order, line.high_order) for line in seen]
+        swept += [(order - finding.width, order + finding.width) for order in finding.orders]
+        for low, high in swept:
+            mask |= (orders > low - resolution) & (orders < high + resolution)
+    return mask
+
+
+def _sentence(change: _LineChange, label: str, channel_names: Sequence[str]) -> str:
+    line = change.line
+    row = int(np.argmax(line.over_noise_db))
+    channel = f"{channel_names[row]}: " if channel_names else ""
+    what = "line" if line.kind == "spectrum" else "line in the envelope"
+    of = f", {label}" if label else ""
+    follows = {
+        "shaft": "; it follows the shaft",
+        "time": "; it keeps its frequency while the speed wanders",
+    }.get(line.locked, "")
+    where = f"{line.frequency_hz:.4g} Hz (order {line.order:.4g} of shaft 1{of})"
+    moved = f"rose {change.change_db:.1f} dB; scatter {change.sigma_db:.1f} dB"
+    if not change.listed.any():
+        moved = (
+            f"is in no healthy recording: {line.over_noise_db[row]:.0f} dB over the noise, "
+            f"{change.change_db:.1f} dB over what could have been hidden there"
+        )
+    return f"{channel}{what} at {where} {moved}{follows}"
+
+
+class _LineChange(NamedTuple):
+    """Level of a line in the healthy recordings and its rise, over the channels that hear it [dB].
+
+    `listed` tells which healthy recordings list it, `variance` what the noise and a change of speed
+    add to the rise [dB^2], `peaks` how many peaks of mere noise are as high, of a new line; then
+    the standard deviation of the rise on a healthy machine [dB], and the logarithm of the number of
+    unrelated lines that are expected to change as much there.
+    """
+
+    line: NonGearLine
+    change_db: float
+    then: FloatArray  # (recordings,)
+    listed: NDArray[np.bool_]  # (recordings,)
+    variance: float
+    peaks: float
+    sigma_db: float = math.nan
+    log10_probability: float = 0.0
+
+
+class _Comparison(NamedTuple):
+    """Lines of a new recording held against those of healthy ones; see `compare_lines`."""
+
+    lines: NonGearLines
+    healthy: Sequence[NonGearLines]
+    train: Kinematics
+    gain_db: FloatArray
+
+    def changes(self) -> list[_LineChange]:
+        """Return the change of every line that the healthy recordings can be asked for."""
+        rises = [rise for line in self.lines if (rise := self._rise(line)) is not None]
+        if not rises:
+            return []
+        sigma, expected = self._law(rises)
+        told = np.log10(np.maximum(expected, 10.0**_LEAST_LOG10))
+        law = zip(rises, sigma.tolist(), told.tolist(), strict=True)
+        return [rise._replace(sigma_db=own, log10_probability=p) for rise, own, p in law]
+
+    def _rise(self, line: NonGearLine) -> _LineChange | None:
+        asked = [self._level_in(other, line) for other in self.healthy]
+        levels = [level for level, _ in asked if level is not None]
+        if len(levels) < len(asked):
+            return None
+        over, grid = np.array(line.over_noise_db), self.lines.grid(line.kind)
+        heard = over >= min(grid.least_db, over.max())
+        in_spectrum = line.kind == "spectrum"
+        now = np.array(line.level_db) - (self.gain_db if in_spectrum else 0.0)
+        # a level that is read in noise, mean over channels
+        ratio = 10 ** (np.minimum(over[heard], 200.0) / 10)
+        variance = float(np.mean((10 / np.log(10)) ** 2 / ratio))
+        if line.locked != "time" and in_spectrum:
+            moves = min(abs(self.lines.speed_hz / other.speed_hz - 1) for other in self.healthy)
+            variance += speed_scatter_db(moves) ** 2 / float(heard.sum())
+        then = np.array(levels)[:, heard].mean(axis=1)
+        listed = np.array([there for _, there in asked])
+        exceeding = float(noise_exceeds(10 ** (over.max() / 10), grid.pieces))
+        peaks = 0.0 if listed.any() else grid.looked_at * exceeding
+        change = float(now[heard].mean() - then.mean())
+        return _LineChange(line, change, then, listed, variance, peaks)
+
+    def _law(self, rises: Sequence[_LineChange]) -> tuple[FloatArray, FloatArray]:
+        """Return the standard deviation of each rise when healthy, and how many rise as much.
+
+        The prior is joined by the scatter among the healthy recordings; unrelated lines are
+        counted.
+        """
+        found, *columns = zip(*rises, strict=True)
+        change, then, listed, noise, peaks = (np.array(column) for column in columns[:5])
+        share, count = np.empty(len(rises)), len(self.healthy)
+        for group in _sources(found, self.lines):
+            share[group] = len(group) ** (_ALIKE_POWER - 1)
+        # the variance of a difference is twice that of either level
+        squares, known = 2 * count * then.var(axis=1), listed.all(axis=1)
+        worth = PRIOR_WORTH + (count - 1) * share[known].sum()
+        variance = (PRIOR_WORTH * PRIOR_CHANGE_DB**2 + (share * squares)[known].sum()) / worth
+        own = squares / max(1, count - 1)
+        # a mean over several healthy recordings moves less than one of them
+        sigma = np.sqrt(0.5 * (1 + 1 / count) * np.maximum(variance, own) + noise)
+        hidden = [below for other in self.healthy for below in _hidden(other)]
+        seen = (_LEAST_HIDDEN + share[listed.any(axis=1)].sum()) * stdtr(worth, -change / sigma)
+        # a hidden source has to come out of the noise first
+        out = stdtr(worth, -(change[:, None] + np.array(hidden)) / sigma[:, None])
+        return sigma, np.asarray(seen + out.sum(axis=1) / count + peaks)
+
+    def _level_in(self, other: NonGearLines, line: NonGearLine) -> tuple[FloatArray | None, bool]:
+        """Level of a line in a healthy recording, None if it cannot tell; whether it lists it."""
+        grid = other.grid(line.kind)
+        width = max(grid.width, self.lines.grid(line.kind).width)
+        # a line that keeps its frequency stands at another order when the speed is another
+        moved = line.frequency_hz / other.speed_hz
+        order = moved if line.locked == "time" else line.order
+        if max(order, moved) > grid.top:
+            return None, False
+        same = np.flatnonzero(_same(line, other, width)).tolist()
+        if not same and line.locked != "time":
+            known = _known_orders(self.train, grid.top, width)
+            # there it was taken for a gear's
+            if distance_to(known, np.array([order]))[0] < (OWN_WIDTHS + _SPARE_WIDTHS) * width:
+                return None, False
+        levels = [grid.unseen_at(order), *(np.array(other.lines[i].level_db) for i in same)]
+        if line.kind == "spectrum" and (line.locked == "time" or _of_the_mains(line)):
+            reach = _SAME_SHARE * line.frequency_hz + 2 * width * other.speed_hz
+            highest = other.highest_in_time(line.frequency_hz - reach, line.frequency_hz + reach)
+            if highest is None and not same:
+                return None, False
+            levels += [] if highest is None else [highest]
+        return np.max(levels, axis=0), bool(same)
+
+
+_known_orders = lru_cache(maxsize=16)(known_orders)
+
+
+@lru_cache(maxsize=64)
+def _hidden(lines: NonGearLines) -> tuple[float, ...]:
+    """How far sources are hidden below what is listed [dB].
+
+    As many stand so far below it as stand above; those that only other channels heard do stand
+    below.
+    """
+    over = [max(x.over_noise_db) - lines.grid(x.kind).least_db for x in lines.lines]
+    return tuple(abs(max(over[i] for i in group)) for group in _sources(lines.lines, lines))
+
+
+def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int]]:
+    return harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
+
+
+def _same(line: NonGearLine, others: NonGearLines, width: float) -> NDArray[np.bool_]:
+    """Tell which lines of another recording may be one and the same."""
+    kind, locked, order, frequency_hz = _columns(others)
+    near = max(_SAME_WIDTHS * width, _SAME_SHARE * line.order)
+    turning = (locked != "time") & (np.abs(order - line.order) <= near)
+    # against time widths are those of the same pieces
+    away = np.abs(frequency_hz - line.frequency_hz) * line.order
+    still = (locked != "shaft") & (away <= near * line.frequency_hz)
+    both = turning * (line.locked != "time") | still * (line.locked != "shaft")
+    return np.asarray((kind == line.kind) & both)
+
+
+@lru_cache(maxsize=64)
+def _columns(lines: NonGearLines) -> list[NDArray[Any]]:
+    """Kinds, locks, orders and frequencies of all lines."""
+    told = {"kind": str, "locked": str, "order": float, "frequency_hz": float}
+    return [np.array([getattr(x, name) for x in lines], own) for name, own in told.items()]
+
+
+def _of_the_mains(line: NonGearLine) -> bool:
+    """Whether a line may be one of the mains."""
+    away = (abs(line.frequency_hz / hz - round(line.frequency_hz / hz)) * hz for hz in MAINS_HZ)
+    return line.locked != "shaft" and min(away) <= _SAME_SHARE * line.frequency_hz
+
+
+def speed_scatter_db(relative_change: float, damping_ratio: float = _DAMPING_RATIO) -> float:
+    """Return the standard deviation of the change of a line's level when the speed changes.
+
+    Parameters
+    ----------
+    relative_change : float
+        Change of speed over speed, of either sign.
+    damping_ratio : float, > 0
+        Damping ratio of the modes on the way to the sensor.
+
+    Returns
+    -------
+    float
+        0 dB at equal speeds, rising to 7.9 dB.
+
+    Notes
+    -----
+    A path of many overlapping modes has a complex Gaussian response, whose correlation between two
+    frequencies that differ by the share d is 1 / (1 + i d / (2 zeta)): the Fourier transform of its
+    decay exp(-2 zeta w t). The squared moduli then correlate by rho = 1 / (1 + (d / (2 zeta))^2),
+    and their logarithms, whose variance is pi^2/6, have the covariance Li2(rho), so that
+
+        sigma = (10 / ln 10) sqrt(2 (pi^2/6 - Li2(rho))).
+
+    Valid above the first modes; below them a line moves less. For a mean over several channels the
+    standard deviation is taken to fall as one over the square root.
+
+    References
+    ----------
+    Schroeder, Frequency-correlation functions of frequency responses in rooms, J. Acoust. Soc. Am.
+    34 (1962) 1819-1823.
+    """
+    shift = check_finite("relative_change", relative_change) / (2 * damping_ratio)
+    rho = 1 / (1 + shift**2)
+    # spence(1 - x) is the dilogarithm Li2(x)
+    left = max(0.0, 1 - 6 / math.pi**2 * float(spence(1 - rho)))
+    return _FIELD_DB * math.sqrt(2 * left)
+
+
+@dataclass(frozen=True, kw_only=True)
+class NamedSeries:
+    """Lines with one cause.
+
+    Parameters
+    ----------
+    kind : {"bearing", "electrical", "looseness", "unknown lines"}
+        The cause.
+    name : str
+        As "input: outer race (BPFO)".
+    labels : dict of int to str
+        Its lines, by their positions among those that were named, and what each of them is in the
+        series, as "2 x", "1 x + 1 x shaft".
+    orders : tuple of float
+        Orders at which the series may show besides, those under gears' lines included.
+    slip : float
+        Departure of a bearing's lines from the kinematic ones, as a share.
+    """
+
+    kind: str
+    name: str
+    labels: dict[int, str]
+    orders: tuple[float, ...] = ()
+    slip: float = 0.0
+
+
+def name_lines(
+    lines: Sequence[NonGearLine], train: Kinematics, width: float, top: float
+) -> tuple[NamedSeries, ...]:
+    """Group lines by what they may be.
+
+    Parameters
+    ----------
+    lines : sequence of NonGearLine
+        Lines that no gear explains.
+    train : Kinematics
+        The machine with its bearings.
+    width : float
+        Resolution of the spectrum [orders].
+    top : float
+        Highest order of the recording.
+
+    Returns
+    -------
+    tuple of NamedSeries
+        Every line stands in one. Bearings need two lines that agree on the slip, or the fundamental
+        itself, or one line at the slip that others of the same bearing have; half and third orders
+        need two, or the first.
+    """
+    naming = _Naming(lines, train, width, top)
+    left = set(range(len(lines)))
+    found = naming.mains({i for i in left if lines[i].locked == "time"})
+    left -= _members(found)
+    turning = {i for i in left if lines[i].locked != "time"}
+    # of lines whose lock cannot be told those of the mains must not make up a bearing alone
+    found += naming.of_machine(turning, _members(naming.mains(turning)))
+    found += naming.mains(left - _members(found))
+    for i in sorted(left - _members(found)):
+        name = f"unknown line at {lines[i].frequency_hz:.4g} Hz"
+        if lines[i].locked == "shaft":
+            name = f"unknown line at order {lines[i].order:.4g} of shaft 1"
+        found.append(NamedSeries(kind="unknown lines", name=name, labels={i: ""}))
+    return tuple(found)
+
+
+def _members(series: Sequence[NamedSeries]) -> set[int]:
+    return {i for one in series for i in one.labels}
+
+
+class _Naming(NamedTuple):
+    """Lines of one recording, to be named."""
+
+    lines: Sequence[NonGearLine]
+    train: Kinematics
+    width: float
+    top: float
+
+    def mains(self, left: set[int]) -> list[NamedSeries]:
+        found = []
+        for mains in MAINS_HZ:
+            own = [i for i in sorted(left) if self._of_mains(self.lines[i], mains)]
+            labels = {i: f"{round(self.lines[i].frequency_hz / mains)} x {mains:g} Hz" for i in own}
+            name = f"mains, multiples of {mains:g} Hz"
+            found += [NamedSeries(kind="electrical", name=name, labels=labels)] if own else []
+        return found
+
+    def _of_mains(self, line: NonGearLine, mains: float) -> bool:
+        multiple = round(line.frequency_hz / mains)
+        # a line that follows the shafts is none of the mains; envelopes are against angle
+        if line.locked == "shaft" or line.kind == "envelope" or multiple not in _MAINS_MULTIPLES:
+            return False
+        width_hz = 2 * self.width * line.frequency_hz / line.order
+        reach = max(_MAINS_TOLERANCE * multiple * mains, width_hz)
+        return abs(line.frequency_hz - multiple * mains) <= reach
+
+    def of_machine(self, left: set[int], doubtful: set[int]) -> list[NamedSeries]:
+        """Bearings and loose shafts, those with most lines first."""
+        found: list[NamedSeries] = []
+        bearings = [line for line in self.train.lines if line.kind == "bearing"]
+        loose = [(shaft, part) for shaft in self.train.shafts for part in _PARTS]
+        while True:
+            options = [self._bearing(left, line, found) for line in bearings]
+            options += [self._loose(left, *one) for one in loose]
+            usable = [one for one in options if one and set(one.labels) - doubtful]
+            if not usable:
+                return found
+            found.append(max(usable, key=lambda one: len(one.labels)))
+            left = left - set(found[-1].labels)
+
+    def _modulation(self, line: Line) -> tuple[float, str]:
+        """Order that modulates a bearing's line, and its name: the shaft's, the cage's, or none."""
+        if "inner race" in line.name and line.shaft is not None:
+            return self.train.shaft(line.shaft).order, "shaft"
+        if "ball spin" in line.name:
+            cage = f"{_bearing_of(line)}: cage (FTF)"
+            return next(x.order for x in self.train.lines if x.name == cage), "cage"
+        return 0.0, ""
+
+    def _bearing(
+        self, left: set[int], wanted: Line, found: Sequence[NamedSeries]
+    ) -> NamedSeries | None:
+        """Lines of one ring, ball or cage that agree on its slip, or on that of its bearing."""
+        modulating, by = self._modulation(wanted)
+        reach = _BEARING_SIDEBANDS if modulating else 0
+        sidebands = sorted(range(-reach, reach + 1), key=abs)
+        series = list(product(range(1, _BEARING_HARMONICS + 1), sidebands))
+        harmonic, sideband = np.array(series).T
+        orders = np.array([[self.lines[i].order] for i in left]).reshape(-1, 1)
+        # how far each line would slip as each harmonic with each sideband
+        slips = (orders - sideband * modulating) / (harmonic * wanted.order) - 1
+        usual = (slips >= _SLIP_LOW) & (slips <= _SLIP_HIGH)
+        swing = np.maximum(self.width, _SLIP_SWING * orders) / (harmonic * wanted.order)
+
+        def agreeing(slip: float) -> dict[int, tuple[int, int]]:
+            near = usual & (np.abs(slips - slip) <= swing)
+            pairs = zip(left, near, strict=True)
+            return {i: series[int(np.argmax(row))] for i, row in pairs if row.any()}
+
+        def rank(slip: float) -> tuple[int, bool]:
+            near = agreeing(slip)
+            return len(near), (1, 0) in near.values()
+
+        # the slip that most lines agree on is that of one of them
+        slip = max(slips.T[usual.T].tolist(), key=rank, default=0.0)
+        best = agreeing(slip)
+        known = [one.slip for one in found if _bearing_of(one) == _bearing_of(wanted)]
+        agrees = bool(known) and abs(slip - known[0]) <= _SLIP_ALIKE
+        if len(set(best.values())) < 2 and (1, 0) not in best.values() and not agrees:
+            return None
+        centre = wanted.order * (1 + slip)
+        count = int(min(self.top / centre, 2 * _BEARING_HARMONICS))
+        places = (h * centre + r * modulating for h in range(1, count + 1) for r in sidebands)
+        return NamedSeries(
+            kind="bearing",
+            name=wanted.name,
+            labels={i: _label(*best[i], by) for i in sorted(best)},
+            orders=tuple(order for order in places if 0 < order < self.top),
+            slip=slip,
+        )
+
+    def _loose(self, left: set[int], shaft: Shaft, part: int) -> NamedSeries | None:
+        """Half or third orders of a shaft."""
+        spacing, labels = shaft.order / part, {}
+        for i in sorted(left):
+            multiple = round(self.lines[i].order / spacing)
+            near = abs(self.lines[i].order - multiple * spacing) <= self.width
+            if near and multiple % part and multiple <= _LOOSE_ORDER * part:
+                labels[i] = f"{multiple}/{part}"
+        if spacing < 4 * self.width or not (len(labels) > 1 or f"1/{part}" in labels.values()):
+            return None
+        name = f"{_PARTS[part]} orders of shaft {shaft.number}"
+        return NamedSeries(kind="looseness", name=name, labels=labels)
+
+
+def _bearing_of(named: Line | NamedSeries) -> str:
+    """Name of the bearing whose ring, balls or cage this is."""
+    return named.name.rpartition(":")[0]
+
+
+def _label(harmonic: int, sideband: int, by: str) -> str:
+    if not sideband:
+        return f"{harmonic} x"
+    return f"{harmonic} x {'+' if sideband > 0 else '-'} {abs(sideband)} x {by}"
+
+
+def _of_hunting_tooth(line: NonGearLine, train: Kinematics, width: float) -> bool:
+    """Whether a line is a multiple of the turn in which the same two teeth meet again.
+
+    Only where these multiples stand far enough apart for that to mean something.
+
+    Parameters
+    ----------
+    line : NonGearLine
+    train : Kinematics
+    width : float
+        Resolution of the spectrum [orders].
+
+    Returns
+    -------
+    bool
+    """
+    hunting = (x.order for x in train.lines if x.kind == "hunting tooth" and x.order >= 4 * width)
+    return any(
+        round(line.order / order) > 0
+        and abs(line.order - round(line.order / order) * order) <= 0.5 * width
+        for order in hunting
+    )
