@@ -98,21 +98,18 @@ def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
     bare = _bare(text, dialect)
     if not bare:
         return np.empty((0, dialect.columns))
-    values = _parsed(bare, dialect, gaps=False)
+    values = _parsed(bare, dialect)
     # in a single column a blank line may stand for a missing number
     if values is None and dialect.columns > 1 and (b"\n\n" in bare or bare.startswith(b"\n")):
         return parse_rows(_BLANK_LINES.sub(b"\n", bare).lstrip(b"\n"), dialect)
-    if values is not None:
-        return values if np.isfinite(values.min()) and np.isfinite(values.max()) else None
-    if dialect.columns == 1 or dialect.separator == " ":
-        return None
+    if values is None or (np.isfinite(values.min()) and np.isfinite(values.max())):
+        return values
     # pandas fills up short rows and refuses long ones: with all separators there, none is short
-    if count_of(bare, dialect.separator) != (dialect.columns - 1) * count_of(bare, "\n"):
+    apart = dialect.columns > 1 and dialect.separator != " "
+    if not apart or count_of(bare, dialect.separator) != (dialect.columns - 1) * len(values):
         return None
-    values = _parsed(bare, dialect, gaps=True)
-    if values is None or np.isinf(values).any() or np.isnan(values).all(axis=1).any():
-        return None
-    return values
+    empty = np.isinf(values).any() or np.isnan(values).all(axis=1).any()
+    return None if empty else values
 
 
 def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
@@ -150,8 +147,11 @@ def _bare(text: bytes, dialect: Dialect) -> bytes:
     return text
 
 
-def _parsed(text: bytes, dialect: Dialect, *, gaps: bool) -> Floats | None:
-    """Return what pandas makes of the text if that is one row of all columns for each line."""
+def _parsed(text: bytes, dialect: Dialect) -> Floats | None:
+    """Return what pandas makes of the text if that is one row of all columns for each line.
+
+    NaN stands where a field is empty, says that it has no value, or is not there.
+    """
     import pandas  # takes longer to load than all the rest
 
     separator = {" ": r"\s+", "": ";" if dialect.decimal == "," else ","}
@@ -163,7 +163,6 @@ def _parsed(text: bytes, dialect: Dialect, *, gaps: bool) -> Floats | None:
             decimal=dialect.decimal,
             header=None,
             dtype=float,
-            na_filter=gaps,
             na_values=_NO_VALUES,
             keep_default_na=False,
             quoting=quoting,
@@ -203,53 +202,43 @@ def read_rows(
     values: list[list[float]] = []
     for number, line in enumerate(decoded(block.text).split("\n")[:-1], block.first_line):
         where = f"{path}, line {number}"
-        fields = _fields(where, line, dialect)
-        if fields is None:
-            continue
-        if not any(fields):
+        if "\0" in line:
+            raise RecordingError(f"{where}: zero bytes; the file is damaged, copy it again")
+        if is_comment(line):
+            _check_remark(where, line, dialect)
+        elif any(fields := dialect.split(line)):
+            if empty_line:
+                raise RecordingError(
+                    f"{path}, line {empty_line}: empty between samples; was a sample lost? If not, "
+                    "delete the line"
+                )
+            values.append(_values(where, fields, dialect, labels))
+        elif dialect.columns == 1 or line.strip():
             empty_line = empty_line or number
-            continue
-        if empty_line:
-            raise RecordingError(
-                f"{path}, line {empty_line}: empty between samples; was a sample lost? If not, "
-                "delete the line"
-            )
-        _check_count(where, fields, dialect)
-        values.append(_values(where, fields, dialect, labels))
     return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty_line
 
 
-def _fields(where: str, line: str, dialect: Dialect) -> list[str] | None:
-    """Return the fields of a row; None for a remark or a blank line that means nothing."""
-    if "\0" in line:
-        raise RecordingError(f"{where}: zero bytes; the file is damaged, copy it again")
-    if is_comment(line):
-        if dialect.row(line.strip().lstrip("#% \t")) is not None:
-            raise RecordingError(
-                f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it come "
-                "too early; restore it, or cut the file there"
-            )
-        return None
-    if not line.strip():
-        return [""] if dialect.columns == 1 else None
-    return dialect.split(line)
-
-
-def _check_count(where: str, fields: Sequence[str], dialect: Dialect) -> None:
-    if dialect.fits(fields):
-        return
-    if not any(is_number(field, dialect.decimal) for field in fields):
-        text = shortened(" ".join(fields).strip())
-        raise RecordingError(f"{where}: '{text}' is not a number; {_REMEDY}")
-    raise RecordingError(
-        f"{where}: {counted(len(without_empty_end(fields)), 'field')} where the table has "
-        f"{counted(dialect.columns, 'column')}; {_REMEDY}"
-    )
+def _check_remark(where: str, line: str, dialect: Dialect) -> None:
+    """Refuse a remark that is a row of numbers but for its mark."""
+    if dialect.row(line.strip().lstrip("#% \t")) is not None:
+        raise RecordingError(
+            f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it come "
+            "too early; restore it, or cut the file there"
+        )
 
 
 def _values(
     where: str, fields: Sequence[str], dialect: Dialect, labels: Sequence[str]
 ) -> list[float]:
+    """Return the numbers of a row."""
+    if not dialect.fits(fields):
+        wrong = (
+            f"{counted(len(without_empty_end(fields)), 'field')} where the table has "
+            f"{counted(dialect.columns, 'column')}"
+        )
+        if not dialect.numbers(fields):
+            wrong = f"'{shortened(' '.join(fields).strip())}' is not a number"
+        raise RecordingError(f"{where}: {wrong}; {_REMEDY}")
     values = []
     for index, field in enumerate(fields[: dialect.columns]):
         stamped = index == dialect.stamp

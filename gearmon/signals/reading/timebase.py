@@ -78,21 +78,17 @@ def spacing(stamps: Floats) -> Spacing:
     """
     step = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
     usual, exact = _usual_step(stamps)
-    backwards = _first(stamps, lambda steps: steps < 0)
-    if backwards >= 0 or usual < 0 or step <= 0:
-        row = max(backwards, 1)
-        before, after = stamps[row - 1], stamps[row]
-        what = f"comes after {before:.9g}" if after < before else "is repeated"
-        return Spacing(step=abs(step), fault=f"{after:.9g} {what}", row=row)
     resolution = _resolution(stamps)
     if exact and resolution > _DOUBTFUL * step:
         resolution = 0.0  # a step such as 0.001 with three decimals: nothing was rounded
     coarse = resolution > _COARSE * step
-    if coarse:
-        fault, row = _off_line(stamps, step, resolution + _JITTER * step)
-    else:
-        fault, row = _fault(stamps, step, usual, resolution)
-    found = Spacing(step=step, coarse=coarse, fault=fault, row=row)
+    fault, row = _fault(stamps, step, usual, np.inf if coarse else resolution + _JITTER * usual)
+    if not fault and resolution > _DOUBTFUL * step:
+        rounded = resolution if coarse else 0.5 * resolution
+        fault, row = _off_line(stamps, step, rounded + _JITTER * step)
+    if not fault and not coarse:
+        fault, row = _drift(stamps, step, resolution)
+    found = Spacing(step=abs(step), coarse=coarse, fault=fault, row=row)
     if exact or fault:
         return found
     return replace(found, step=_slope(stamps), uncertainty=resolution / (step * len(stamps)))
@@ -114,35 +110,36 @@ def rises_evenly(values: Floats) -> bool:
     return not found.fault and not found.coarse
 
 
-def _fault(stamps: Floats, step: float, usual: float, resolution: float) -> tuple[str, int]:
-    """Say what is irregular about stamps that are rounded to a part of a step, and in which row."""
-    repeated = _first(stamps, lambda steps: steps == 0)
-    if repeated >= 0:
-        return f"{stamps[repeated]:.9g} is repeated", repeated
-    tolerance = resolution + _JITTER * usual
-    uneven = _first(stamps, lambda steps: np.abs(steps - usual) > tolerance)
-    if uneven >= 0:
-        return _uneven(stamps, uneven, usual), uneven
-    if resolution > _DOUBTFUL * step:
-        fault, row = _off_line(stamps, step, 0.5 * resolution + _JITTER * step)
-        if fault:
-            return fault, row
-    half = len(stamps) // 2
-    if half > 1:
-        early = float(stamps[half] - stamps[0]) / half
-        late = float(stamps[-1] - stamps[half]) / (len(stamps) - 1 - half)
-        if abs(late - early) > _DRIFT * step + 4 * resolution / half:
-            return f"the step changes from {early:.6g} to {late:.6g} between its two halves", half
-    return "", 0
-
-
-def _uneven(stamps: Floats, row: int, usual: float) -> str:
-    found = float(stamps[row] - stamps[row - 1])
+def _fault(stamps: Floats, step: float, usual: float, tolerance: float) -> tuple[str, int]:
+    """Say which step is the first that is not the usual one, and in which row it ends."""
+    # coarse stamps repeat; they only must not fall, nor all be alike
+    least = max(usual - tolerance, 0.0 if step > 0 else np.finfo(float).tiny)
+    row = _first(stamps, lambda steps: (steps < least) | (steps > usual + tolerance))
+    if row < 0:
+        return "", 0
+    before, after = stamps[row - 1], stamps[row]
+    if after <= before:
+        return f"{after:.9g} " + (
+            f"comes after {before:.9g}" if after < before else "is repeated"
+        ), row
+    found = float(after - before)
     lost = round(found / usual) - 1
     text = f"a step of {found:.6g} where {usual:.6g} is usual"
-    if lost < 1 or abs(found / usual - lost - 1) > 0.2:
-        return text
-    return f"{text}: about {lost} {'sample is' if lost == 1 else 'samples are'} missing"
+    if lost >= 1 and abs(found / usual - lost - 1) <= 0.2:
+        text += f": about {lost} {'sample is' if lost == 1 else 'samples are'} missing"
+    return text, row
+
+
+def _drift(stamps: Floats, step: float, resolution: float) -> tuple[str, int]:
+    """Say whether the step changes from one half of the stamps to the other, and where that is."""
+    half = len(stamps) // 2
+    if half < 2:
+        return "", 0
+    early = float(stamps[half] - stamps[0]) / half
+    late = float(stamps[-1] - stamps[half]) / (len(stamps) - 1 - half)
+    if abs(late - early) <= _DRIFT * step + 4 * resolution / half:
+        return "", 0
+    return f"the step changes from {early:.6g} to {late:.6g} between its two halves", half
 
 
 def _usual_step(stamps: Floats) -> tuple[float, bool]:
