@@ -442,7 +442,9 @@ def _content(holding: Holding, taken: Sequence[Array], values: Floats) -> Conten
         notes.append(remark)
     if speed is not None:
         notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
-    if len(taken) < len(holding.arrays) and not holding.together:
+    if holding.together:
+        notes += [f"{shortened(own)} holds no numbers: left out" for own in holding.left_out]
+    elif len(taken) < len(holding.arrays):
         notes.append(f"taken from the file: {_listed(taken)}")
     return Content(
         path=holding.path,
@@ -520,9 +522,10 @@ def _of_frame(frame: Any, rate_hz: float | None) -> Holding:
         count=len(frame),
         read=lambda start, stop: np.array([row[start:stop] for row in rows]),
     )
-    left_out = [name for name, own in columns if _kind(own) == "O"]
-    notes = (f"no numbers, left out: {', '.join(left_out)}",) if left_out else ()
-    return Holding(arrays=(array,), path="DataFrame", what="a frame", notes=notes)
+    others = tuple(name for name, own in columns if _kind(own) == "O")
+    return Holding(
+        arrays=(array,), together=True, path="DataFrame", what="a frame", left_out=others
+    )
 
 
 def _kind(column: Any) -> str:
