@@ -6,6 +6,7 @@ cycles a turn of shaft 1. Time is the last axis everywhere, channels the one bef
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -122,6 +123,29 @@ class AngleTrack:
             self,
             time_s=time - start_s,
             turns=np.concatenate([[first], self.turns[inside], [last]]),
+        )
+
+    def moved(
+        self, knots: FloatArray, turns_of: Callable[[FloatArray], FloatArray], uncertainty: float
+    ) -> AngleTrack:
+        """Return the track with other angles at the same times.
+
+        Parameters
+        ----------
+        knots : ndarray of float
+            Angles of this track at which it gets knots, beside its ends [turns], ascending.
+        turns_of : callable
+            Gives what is to stand in the place of angles [turns].
+        uncertainty : float
+            Of the result [turns].
+        """
+        first, last = self.turns[[0, -1]]
+        angle = np.concatenate([[first], knots[(knots > first) & (knots < last)], [last]])
+        return AngleTrack(
+            time_s=self.time_at(angle),
+            turns=turns_of(angle),
+            method=self.method,
+            uncertainty_turns=uncertainty,
         )
 
     def time_at(self, turns: FloatArray) -> FloatArray:

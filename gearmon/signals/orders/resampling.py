@@ -59,6 +59,8 @@ _PIECE = 1 << 13
 # Places a step at which a kernel is held: straight lines between them are off by 6e-8 at most, an
 # eighth of the square of their distance times the curvature 4 b / w^2.
 _HELD = 2048
+# Reach of a kernel that reads a line to 0.3 % [steps].
+_QUICK = 4
 # Steps whose places are found together.
 _PLACED = 1 << 16
 
@@ -431,6 +433,12 @@ class Spreading:
     grid: AngleGrid
     kernel: Kernel
     held: FloatArray | None = None
+
+    @classmethod
+    def of(cls, samples: FloatArray, sampling_rate_hz: float, track: AngleTrack) -> Spreading:
+        """Return signals on as many steps as keep the whole band, a line to 0.3 %."""
+        grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
+        return cls(samples, sampling_rate_hz, track, grid, Kernel.of(_QUICK, 1.3))
 
     def holding(self) -> Spreading:
         """Return the same with all its steps at hand."""
