@@ -120,9 +120,7 @@ class AngleTrack:
         time = np.concatenate([ends[:1], self.time_s[inside], ends[1:]])
         first, last = self.turns_at(ends)
         return replace(
-            self,
-            time_s=time - start_s,
-            turns=np.concatenate([[first], self.turns[inside], [last]]),
+            self, time_s=time - start_s, turns=np.concatenate([[first], self.turns[inside], [last]])
         )
 
     def moved(

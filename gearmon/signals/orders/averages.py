@@ -216,12 +216,7 @@ def one_turn(lines: ComplexArray, per_turn: int) -> FloatArray:
 
 
 def _of_record(
-    values: FloatArray,
-    weights: FloatArray,
-    turns: int,
-    top: int,
-    per_turn: int,
-    near: IntArray,
+    values: FloatArray, weights: FloatArray, turns: int, top: int, per_turn: int, near: IntArray
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Lines, their errors and those of the waveform, of one channel at equal steps of angle."""
     steps = values.shape[-1] // turns

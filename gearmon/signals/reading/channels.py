@@ -10,13 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import (
-    Content,
-    DataColumn,
-    Defect,
-    find_column,
-    find_defect,
-)
+from gearmon.signals.reading.columns import Content, DataColumn, Defect, find_column, find_defect
 from gearmon.signals.reading.source import Floats, shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side

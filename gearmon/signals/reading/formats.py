@@ -38,12 +38,7 @@ import numpy as np
 from gearmon.errors import GearmonError, RecordingError
 from gearmon.files import archive_swells, most_unpacked
 from gearmon.signals.reading import extras
-from gearmon.signals.reading.arrays import (
-    Array,
-    Holding,
-    choose,
-    hold,
-)
+from gearmon.signals.reading.arrays import Array, Holding, choose, hold
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Content
 from gearmon.signals.reading.source import Floats, Progress, Room, Source, shortened
