@@ -184,14 +184,15 @@ def time_synchronous_average(
             channel[None], sampling_rate_hz, shaft, steps, float(first), turns * steps
         )
         found.append(_of_record(values[0], weights, turns, top, wanted, near))
+    lines, line_error, waveform_error = (np.array(own) for own in zip(*found, strict=True))
     return SynchronousAverage(
         rotation_order=float(rotation_order),
         turns=turns,
         first_turn=first,
-        lines=np.array([lines for lines, _, _ in found]),
-        line_error=np.array([error for _, error, _ in found]),
-        waveform=one_turn(np.array([lines for lines, _, _ in found]), wanted),
-        waveform_error=np.array([error for _, _, error in found]),
+        lines=lines,
+        line_error=line_error,
+        waveform=one_turn(lines, wanted),
+        waveform_error=waveform_error,
     )
 
 

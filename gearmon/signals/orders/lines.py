@@ -498,7 +498,7 @@ class OrderSums:
     Notes
     -----
     It keeps the sums of the track that was asked for last, and makes others for one that is not
-    near. The angle of the last track is remembered.
+    near.
     """
 
     def __init__(self, samples: FloatArray, sampling_rate_hz: float, orders: FloatArray) -> None:
@@ -506,7 +506,6 @@ class OrderSums:
         self.sampling_rate_hz = sampling_rate_hz
         self.orders = orders
         self._read: Stretches | None = None
-        self._known: tuple[AngleTrack, FloatArray]
         self._noise: dict[float, FloatArray] = {}
 
     def noise(self, track: AngleTrack, block_turns: float) -> FloatArray:
@@ -565,16 +564,12 @@ class OrderSums:
     def _near(self, track: AngleTrack) -> tuple[FloatArray, Stretches]:
         """Return the angle of a track at the edges of stretches, and sums that suit it."""
         if self._read is not None:
-            if self._known[0] is track:
-                return self._known[1], self._read
             angle = track.turns_at(self._read.edges_s)
             if self._read.departure(angle) < _NEAR:
-                self._known = track, angle
                 return angle, self._read
-            self._noise = {}
+        self._noise = {}
         self._read = Stretches(self.samples, self.sampling_rate_hz, track, self.orders)
-        self._known = track, track.turns_at(self._read.edges_s)
-        return self._known[1], self._read
+        return track.turns_at(self._read.edges_s), self._read
 
 
 def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csr_array:
