@@ -173,10 +173,7 @@ def _curve(x: FloatArray, y: FloatArray) -> PPoly:
     """Cubic Hermite curve with slopes from parabolas through neighbours, linear outside."""
     from scipy.interpolate import CubicHermiteSpline
 
-    width = np.diff(x)
-    secant = np.diff(y) / width
-    between = secant[:-1] * width[1:] + secant[1:] * width[:-1]
-    slope = np.concatenate([secant[:1], between / (width[1:] + width[:-1]), secant[-1:]])
+    slope = np.gradient(y, x)
     curve = CubicHermiteSpline(x, y, slope)
     flat = np.zeros(2)
     curve.extend(np.append(flat, [slope[0], y[0] - slope[0]])[:, None], x[:1] - 1.0)

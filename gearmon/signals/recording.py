@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, RecordingError, check_range
+from gearmon.errors import ArgumentError, RecordingError, check_range, check_word
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import (
     Wanted,
@@ -135,8 +135,7 @@ class Recording(Result):
                 raise ArgumentError(f"{name} has {len(given)} entries for {count} channels")
             object.__setattr__(self, name, given)
         for kind in self.channel_kinds:
-            if kind not in CHANNEL_KINDS:
-                raise ArgumentError(f"kind '{kind}' is none of {', '.join(CHANNEL_KINDS)}")
+            check_word("kind=", kind, CHANNEL_KINDS)
 
     def frame_rows(self) -> list[dict[str, Any]]:
         """Return a row a sample: the time, and every channel."""

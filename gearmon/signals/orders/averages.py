@@ -84,11 +84,6 @@ class SynchronousAverage(Result):
         return int(self.lines.shape[-1]) - 1
 
     @property
-    def order(self) -> FloatArray:
-        """Orders of shaft 1 of the lines, shape (top + 1,)."""
-        return self.rotation_order * np.arange(self.top + 1.0)
-
-    @property
     def amplitude(self) -> FloatArray:
         """Peak amplitudes, shape (channels, top + 1)."""
         return np.abs(self.lines)

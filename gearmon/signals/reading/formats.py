@@ -260,10 +260,7 @@ def _wav_chunks(path: str, raw: Any) -> dict[bytes, Any]:
     if kind != b"WAVE":
         raise RecordingError(f"{path}: a RIFF file that holds no WAVE sound; export it as CSV")
     while place < len(raw):
-        name, size = (
-            bytes(raw[place : place + 4]),
-            int.from_bytes(raw[place + 4 : place + 8], "little"),
-        )
+        name, size = bytes(raw[place:][:4]), int.from_bytes(raw[place + 4 :][:4], "little")
         begin, there = place + 8, max(0, len(raw) - place - 8)
         if not any(name) and not raw[place:].any():
             break

@@ -232,14 +232,13 @@ def sampling_rate(
             f"{content.path}: the file says {stated:.7g} Hz, but {given_hz:.7g} Hz was given; "
             "leave --sampling-rate out, or correct it"
         )
-    if column is not None and stated is None:
-        return _from_stamps(content, column, given_hz, "{:.7g} Hz was given")
+    rate_hz, note = stated or given_hz, ""
     if column is not None:
-        _from_stamps(content, column, stated, "the file says {:.7g} Hz as well")
-    # some formats round the rate; the user may know it better
-    rate_hz = stated if given_hz is None else given_hz
+        told = "the file says {:.7g} Hz as well" if stated else "{:.7g} Hz was given"
+        rate_hz, note = _from_stamps(content, column, rate_hz, told)
     if rate_hz is not None:
-        return rate_hz, ""
+        # some formats round the rate; the user may know it better
+        return given_hz or rate_hz, note
     unknown = "no time column, so the sampling rate is unknown"
     what = unknown if content.is_text else "does not say its sampling rate"
     told = hint or content.rate_hint
