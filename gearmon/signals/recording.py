@@ -24,7 +24,7 @@ from gearmon.signals.reading import (
 )
 from gearmon.signals.reading.arrays import choose, hold_memory
 from gearmon.signals.reading.channels import SensorLike
-from gearmon.signals.reading.columns import DataColumn, all_finite, find_column
+from gearmon.signals.reading.columns import DataColumn, all_finite, find_columns
 from gearmon.signals.reading.source import Progress
 from gearmon.units import KNOWN_UNITS, is_unit
 
@@ -173,7 +173,7 @@ class Recording(Result):
         """
         named = zip(self.columns, self.channel_names, strict=True)
         known = [DataColumn(number=number, name=name) for number, name in named]
-        return find_column(self.origin, channel, known)
+        return find_columns(self.origin, channel, known)[0]
 
     def vibration(self) -> Recording:
         """Return the recording with its vibration channels only.
@@ -293,7 +293,9 @@ def read_recording(
         return _recording_of(source, wanted)
     if not isinstance(source, str | Path):
         try:
-            return Recording(**interpret(*choose(hold_memory(source, sampling_rate_hz), wanted)))
+            return Recording(
+                **interpret(choose(hold_memory(source, sampling_rate_hz), wanted), wanted)
+            )
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
             raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
@@ -302,7 +304,7 @@ def read_recording(
     found = identify(file)
     if found.is_text:
         return Recording(**interpret(read_table(file, progress, room), wanted))
-    return Recording(**interpret(*read_arrays(file, found, wanted, progress, room)))
+    return Recording(**interpret(read_arrays(file, found, wanted, progress, room), wanted))
 
 
 def read_recordings(

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import Any, Protocol
 
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Content, DataColumn, Defect, find_column, find_defect
+from gearmon.signals.reading.columns import Content, DataColumn, Defect, find_columns, find_defect
 from gearmon.signals.reading.source import Floats, shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
@@ -128,7 +129,7 @@ def _one_line(note: str) -> str:
 
 def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
     """Let what the user says go before what the file says; note sensors that are not in it."""
-    index = partial(find_column, content.path, columns=content.columns)
+    index = partial(find_columns, content.path, columns=content.columns)
     columns, absent = list(content.columns), []
 
     def say(place: int, **what: Any) -> None:
@@ -138,7 +139,7 @@ def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]
         say(content.stamp, kind="time")
     for sensor in wanted.sensors:
         try:
-            place = index(sensor.column)
+            place = index(sensor.column)[0]
         except RecordingError:
             absent.append(f"column '{sensor.column}' of the machine file is not in the recording")
             continue
@@ -150,10 +151,10 @@ def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]
             )
         unit = sensor.unit or (columns[place].unit if sensor.sensitivity == 1.0 else None)
         say(place, kind=sensor.kind, unit=unit, sensitivity=sensor.sensitivity, told="sensor")
-    for key in wanted.channels:
-        say(index(key), kind="vibration", told="named")
+    for place in chain.from_iterable(map(index, wanted.channels)):
+        say(place, kind="vibration", told="named")
     if wanted.tacho is not None:
-        say(index(wanted.tacho), kind="tacho", told="named")
+        say(index(wanted.tacho)[0], kind="tacho", told="named")
     if _tells_tacho(columns):
         # what the user calls a tacho goes before what is named like one
         for place, column in enumerate(columns):

@@ -129,8 +129,8 @@ def identify(source: Source) -> Format:
 
 def read_arrays(
     source: Source, found: Format, wanted: Wanted, progress: Progress | None, room: Room
-) -> tuple[Content, Wanted]:
-    """Return the recording in a file that is no text, and what the user says about its columns.
+) -> Content:
+    """Return the recording in a file that is no text.
 
     Parameters
     ----------
