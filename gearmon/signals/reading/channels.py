@@ -253,19 +253,16 @@ def _judged(
     vibrates, asked = column.kind == "vibration", column.told == "named"
     if defect is None or not (vibrates or defect.missing):
         return False, ""
-    if defect.missing:
-        if asked or (vibrates and not defect.fatal):
-            raise RecordingError(
-                f"{content.path}, {content.place(defect.row)}, {column.label}: "
-                f"{content.shown(defect.row, index)} is {defect.missing}; the column "
-                f"{defect.text}; {_REMEDY_ALONE}"
-            )
-        return True, f"{column.label} {defect.text}"
     place = "" if defect.row < 0 else f"{content.place(defect.row)}, "
+    if defect.missing and not defect.fatal and (asked or vibrates):
+        raise RecordingError(
+            f"{content.path}, {place}{column.label}: {content.shown(defect.row, index)} is "
+            f"{defect.missing}; the column {defect.text}; {_REMEDY_ALONE}"
+        )
     note = f"{place}{column.label} {defect.text}"
     if defect.fatal and asked:
         raise RecordingError(f"{content.path}, {note}; check the sensor, or record again")
-    return defect.fatal, note
+    return defect.fatal or defect.missing != "", note
 
 
 def _taken(values: Floats, kept: Sequence[int]) -> Floats:

@@ -341,15 +341,14 @@ def find_defect(values: Floats) -> Defect | None:
 
 
 def _missing(values: Floats) -> Defect:
-    bad = missing_rows(values)
-    share = f"{len(bad)} of {len(values)} rows ({100 * len(bad) / len(values):.2g} %)"
-    everywhere = len(bad) == len(values)
+    bad, count = missing_rows(values), len(values)
+    if len(bad) == count:
+        return Defect(text=f"has no numbers at all in {count} rows", row=-1, missing="no number")
+    share = 100 * len(bad) / count
     return Defect(
-        text=f"has no numbers at all in {len(bad)} rows"
-        if everywhere
-        else f"lacks a usable number in {share}",
+        text=f"lacks a usable number in {len(bad)} of {count} rows ({share:.2g} %)",
         row=int(bad[0]),
-        fatal=everywhere,
+        fatal=False,
         missing="more than any sensor gives" if np.isfinite(values[bad[0]]) else "no number",
     )
 
