@@ -136,7 +136,7 @@ def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]
         columns[place] = replace(columns[place], **what)
 
     if content.stamp is not None:
-        say(content.stamp, kind="time")
+        say(content.stamp, kind="time", unit="s")
     for sensor in wanted.sensors:
         try:
             place = index(sensor.column)[0]

@@ -10,13 +10,13 @@ where. Rows with dates are read line by line as well.
 from __future__ import annotations
 
 import codecs
+import csv
 import io
 import re
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
-from typing import Literal
 
 import numpy as np
 
@@ -48,9 +48,6 @@ _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
 # The sign stands first here: it is rare, and looked for ten times as fast as blanks are.
 _BLANK_AND_PLUS = re.compile(rb"\+(?<=[ \t\v\f]\+)")
 _BLANK_LINES = re.compile(rb"\n{2,}")
-# QUOTE_MINIMAL and QUOTE_NONE of the csv module.
-_QUOTES: Literal[0] = 0
-_NO_QUOTES: Literal[3] = 3
 # Infinities are told apart from numbers too large: the line shows which it is.
 _NO_VALUES = [
     spelling
@@ -118,9 +115,8 @@ def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
         return True
     separator = dialect.separator.encode()
     # perhaps a row of empty fields only
-    if dialect.trailing and (text.startswith(separator) or b"\n" + separator in text):
-        return True
-    if text.startswith(codecs.BOM_UTF8):
+    empty = dialect.trailing and (text.startswith(separator) or b"\n" + separator in text)
+    if empty or text.startswith(codecs.BOM_UTF8):
         return True
     if b'"' not in text:
         return False
@@ -155,7 +151,6 @@ def _parsed(text: bytes, dialect: Dialect) -> Floats | None:
     import pandas  # takes longer to load than all the rest
 
     separator = {" ": r"\s+", "": ";" if dialect.decimal == "," else ","}
-    quoting: Literal[0, 3] = _QUOTES if b'"' in text else _NO_QUOTES
     try:
         frame = pandas.read_csv(
             io.BytesIO(text),
@@ -165,7 +160,7 @@ def _parsed(text: bytes, dialect: Dialect) -> Floats | None:
             dtype=float,
             na_values=_NO_VALUES,
             keep_default_na=False,
-            quoting=quoting,
+            quoting=csv.QUOTE_MINIMAL if b'"' in text else csv.QUOTE_NONE,
             skip_blank_lines=False,
             low_memory=False,
             engine="c",

@@ -252,8 +252,7 @@ def _from_stamps(
 ) -> tuple[float, str]:
     """Return the rate that time stamps tell, or the given one that agrees, and what was assumed."""
     where = f"{content.path}, {column.label}"
-    index = [own.number for own in content.columns].index(column.number)
-    stamps = content.values[index]
+    stamps = content.values[[own.number for own in content.columns].index(column.number)]
     missing = missing_rows(stamps)
     if len(missing):
         what = "lines" if content.is_text else "samples"
@@ -271,8 +270,7 @@ def _from_stamps(
         )
     if given_hz is not None and column.unit is None and found.step == 1.0:
         return given_hz, f"{column.label} counts samples; the given rate is used"
-    is_stamp = content.stamp == index
-    factor, note = _unit(where, column, found, given_hz, is_stamp=is_stamp)
+    factor, note = _unit(where, column, found, given_hz)
     derived_hz = float(f"{1.0 / (found.step * factor):.13g}")  # 1000, not 1000.0000000000001
     if given_hz is None:
         if found.coarse:
@@ -290,10 +288,10 @@ def _from_stamps(
 
 
 def _unit(
-    where: str, column: DataColumn, found: Spacing, given_hz: float | None, *, is_stamp: bool
+    where: str, column: DataColumn, found: Spacing, given_hz: float | None
 ) -> tuple[float, str]:
     """Return the seconds in one unit of the time column, and what was assumed."""
-    known = 1.0 if is_stamp else time_factor(column.unit)
+    known = time_factor(column.unit)
     if known is not None:
         return known, ""
     if given_hz is not None:
