@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -157,11 +158,10 @@ def sound_piece(recording: Recording) -> tuple[int, int]:
     recording : Recording
         As `inspected` returns it.
     """
-    pieces, begin, count = [], 0, recording.samples.shape[1]
-    for first, end in recording.left_out or ():
-        pieces.append((begin, first))
-        begin = max(begin, end)
-    return max([*pieces, (begin, count)], key=lambda piece: piece[1] - piece[0])
+    out = recording.left_out or ()
+    begins = [0, *accumulate((end for _, end in out), max)]
+    ends = [*(first for first, _ in out), recording.samples.shape[1]]
+    return max(zip(begins, ends, strict=True), key=lambda piece: piece[1] - piece[0])
 
 
 def sound_part(recording: Recording, least: float = _LEAST_LEFT) -> Recording:

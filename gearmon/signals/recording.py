@@ -192,15 +192,12 @@ class Recording(Result):
         """Return the recording with these channels only, by their rows."""
         in_a_row = list(indices) == list(range(indices[0], indices[0] + len(indices)))
         chosen = slice(indices[0], indices[0] + len(indices)) if in_a_row else list(indices)
-        return replace(
-            self,
-            samples=self.samples[chosen],  # a view where the channels are neighbours
-            channel_names=tuple(self.channel_names[index] for index in indices),
-            channel_kinds=tuple(self.channel_kinds[index] for index in indices),
-            units=tuple(self.units[index] for index in indices),
-            columns=tuple(self.columns[index] for index in indices),
-            known_finite=True,
-        )
+        own: dict[str, Any] = {
+            name: tuple(getattr(self, name)[index] for index in indices)
+            for name in ("channel_names", "channel_kinds", "units", "columns")
+        }
+        # a view where the channels are neighbours
+        return replace(self, samples=self.samples[chosen], known_finite=True, **own)
 
 
 #: What `read_recording` takes: a file, an array, a DataFrame or Series, what `gearmon.simulate`

@@ -38,10 +38,7 @@ _COMPLEX = (5, 6)
 _BIG_ENDIAN = 1 << 6  # of a segment of TDMS
 _SET_MARK = re.compile(rb"(?m)^ {4}-1[ \r]*$")  # begins a data set, and ends it
 _SET_TYPE = re.compile(rb"\n *[0-9]{1,4}b?[ \r\n]")  # stands in the line below the first mark
-_DIRECTIONS = {
-    0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z",
-    4: "+RX", -4: "-RX", 5: "+RY", -5: "-RY", 6: "+RZ", -6: "-RZ",
-}  # fmt: skip
+_AXES = ("", "X", "Y", "Z", "RX", "RY", "RZ")  # a direction is the place of one, with its sign
 # What soundfile says of a file that does not tell how long it is.
 _ENDLESS = 1 << 62
 
@@ -382,7 +379,9 @@ def _functions(path: str, number: int, one: dict[str, Any], taken: set[str]) -> 
 
 def _place(number: int, one: dict[str, Any], taken: set[str]) -> str:
     """Return a name that says where the signal was taken, as far as the file tells."""
-    direction = _DIRECTIONS.get(int(one["rsp_dir"]), "")
+    way = int(one["rsp_dir"])
+    axis = _AXES[abs(way)] if abs(way) < len(_AXES) else ""
+    direction = f"{'+' if way > 0 else '-'}{axis}" if axis else ""
     entity = _text(one["rsp_ent_name"])
     node = str(one["rsp_node"]) if one["rsp_node"] else ""
     name = " ".join(part for part in (entity, node, direction) if part)
