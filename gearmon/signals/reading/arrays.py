@@ -409,9 +409,7 @@ def _filled(
             stop = min(total, start + _BLOCK)
             part = array.read(start, stop)
             if part.shape[1] != stop - start:
-                raise RecordingError(
-                    f"{holding.path}: is cut off: fewer samples than it announces; copy it again"
-                )
+                raise ValueError("it is cut off: fewer samples than it announces")
             values[row:end, start:stop] = part
             if progress is not None:
                 progress((row * total + (end - row) * stop) / (rows * total))

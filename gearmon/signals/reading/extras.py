@@ -97,7 +97,7 @@ def read_hdf5(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If the file is damaged.
     """
     import h5py
@@ -107,9 +107,7 @@ def read_hdf5(path: str) -> Iterator[Holding]:
             return _hdf5_arrays(path, file)
 
     if not outlived(held):
-        raise RecordingError(
-            f"{path}: an HDF5 or MATLAB 7.3 file so damaged that reading it crashes; copy it again"
-        )
+        raise ValueError("it is so damaged that reading it crashes")
     with h5py.File(path, "r") as file:
         yield _hdf5_arrays(path, file)
 
@@ -159,7 +157,7 @@ def read_parquet(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If the file is damaged.
     """
     import pyarrow.parquet as parquet
@@ -183,9 +181,7 @@ def _check_pages(path: str, told: Any) -> None:
     indexed = any(own.has_offset_index or own.has_column_index for own in chunks)
     end = os.path.getsize(path) - 8 - told.serialized_size
     if ends and not indexed and max(ends) != end:
-        raise RecordingError(
-            f"{path}: is damaged: the pages of its table end at byte {max(ends)}, not {end}"
-        )
+        raise ValueError(f"the pages of its table end at byte {max(ends)}, not {end}")
 
 
 def _parquet_columns(file: Any) -> Holding:
@@ -315,7 +311,7 @@ def read_universal(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If the file is damaged.
     """
     import pyuff
@@ -323,15 +319,10 @@ def read_universal(path: str) -> Iterator[Holding]:
     text = Path(path).read_bytes()
     marks = [mark.end() for mark in _SET_MARK.finditer(text)]
     if len(marks) % 2:
-        raise RecordingError(
-            f"{path}: is cut off: its last data set does not end; copy the file again"
-        )
+        raise ValueError("it is cut off: its last data set does not end")
     for number, begin in enumerate(marks[::2], 1):
         if not _SET_TYPE.match(text, begin):
-            raise RecordingError(
-                f"{path}: data set {number} does not begin with its type, so it is damaged; copy "
-                "the file again"
-            )
+            raise ValueError(f"data set {number} does not begin with its type, so it is damaged")
     file = pyuff.UFF(path)
     types = [int(kind) for kind in file.get_set_types()]
     sets = [file.read_sets(k) for k, kind in enumerate(types) if kind in _FUNCTION_SETS]
@@ -339,7 +330,7 @@ def read_universal(path: str) -> Iterator[Holding]:
     others = [f"a data set of type {kind}" for kind in types if kind not in _FUNCTION_SETS]
     for number, one in enumerate(sets, 1):
         if _is_signal(one):
-            arrays += _functions(path, number, one, {own.name for own in arrays})
+            arrays += _functions(number, one, {own.name for own in arrays})
         else:
             others.append(f"a function of type {one.get('func_type')}")
     yield Holding(arrays=tuple(arrays), together=True, left_out=tuple(others))
@@ -352,19 +343,17 @@ def _is_signal(one: dict[str, Any]) -> bool:
     return over_time and one["ord_data_type"] not in _COMPLEX
 
 
-def _functions(path: str, number: int, one: dict[str, Any], taken: set[str]) -> list[Array]:
+def _functions(number: int, one: dict[str, Any], taken: set[str]) -> list[Array]:
     samples = np.asarray(one["data"], dtype=np.float64).reshape(-1)
     if len(samples) != one["num_pts"]:
-        raise RecordingError(
-            f"{path}: function {number} has {len(samples)} samples where its header announces "
-            f"{one['num_pts']}; copy the file again"
-        )
+        told = one["num_pts"]
+        raise ValueError(f"function {number}: {len(samples)} samples where {told} are announced")
     name = _place(number, one, taken)
     unit = _text(one["ordinate_axis_units_lab"]) or None
     if one["abscissa_spacing"]:
         step = float(one["abscissa_inc"])
         if not step > 0:
-            raise RecordingError(f"{path}: function {number} has a spacing of {step:g} s")
+            raise ValueError(f"function {number} has a spacing of {step:g} s")
         # single precision spacing: seven digits are told, no more
         rate = float(f"{1.0 / step:.13g}")
         found = [as_array(name, samples, unit=unit, rate_hz=rate)]

@@ -283,7 +283,7 @@ def read_mat(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If it is damaged.
     """
     from scipy.io import loadmat
@@ -291,7 +291,7 @@ def read_mat(path: str) -> Iterator[Holding]:
     plain = _unpacked_mat(Path(path).read_bytes())
     load = partial(loadmat, io.BytesIO(plain), simplify_cells=True)
     if not extras.outlived(load):
-        raise RecordingError(f"{path}: a MATLAB file so damaged that reading it crashes")
+        raise ValueError("it is so damaged that reading it crashes")
     items: dict[str, Any] = {}
     left = [(name, own) for name, own in load().items() if not name.startswith("__")]
     while left:
@@ -333,7 +333,7 @@ def read_npy(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If it is damaged or holds Python objects.
     """
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -350,7 +350,7 @@ def read_npz(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If it is damaged.
     """
     with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:
