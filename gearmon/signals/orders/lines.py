@@ -247,11 +247,11 @@ class OrderBlocks:
         grid = AngleGrid(per_turn=per_turn, first_turn=grid.first_turn, count=steps)
         spreading = Spreading(samples, rate, track, grid, kernel)
         self.spreading = spreading.holding() if held else spreading
-        starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
+        self.starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
         sound = np.ones(self.count - 1, dtype=bool)
         for stretch in left_out:
             begin, end = track.turns_at(np.array(stretch) / rate)
-            sound &= (starts + self.block_turns <= begin) | (starts >= end)
+            sound &= (self.starts + self.block_turns <= begin) | (self.starts >= end)
         self.sound = np.flatnonzero(sound)
         if not len(self.sound):
             raise ArgumentError(f"no block of {block_turns:.4g} turns is sound")
@@ -274,8 +274,7 @@ class OrderBlocks:
 
         parts = side_by_side(part, range(0, self.count, together), samples.size)
         rising, falling = np.concatenate(parts, axis=2).swapaxes(1, 2)
-        starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
-        shift = phasors(-self.orders * starts[:, None])[:, None, :]
+        shift = phasors(-self.orders * self.starts[:, None])[:, None, :]
         rows = rising[:-1] + falling[1:] * phasors(-self.orders * (0.5 * self.block_turns))
         rows *= shift
         return OrderLines(

@@ -241,8 +241,6 @@ class _JudgedSpectrum:
         self, scan: SpeedScan, track: SpeedTrack, nominal_hz: float, tolerance: float
     ) -> None:
         mean = track.mean_hz
-        if len(track.time_s) == 1:  # one block for both: at least its speed is constant
-            mean = float(track.speed_hz[0])
         self.bin_order = scan.bin_hz / mean
         bins = scan.quality.shape[1]
         self.top_order = (bins - 1) * self.bin_order / (1 + tolerance)

@@ -74,8 +74,7 @@ def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
     AngleTrack
         Knots at least as dense as the blocks, from 0 to `duration_s`.
     """
-    count = max(2, 2 * len(speed.time_s) + 1)
-    time = np.linspace(0.0, duration_s, count)
+    time = np.linspace(0.0, duration_s, 2 * len(speed.time_s) + 1)
     middle = speed.at(0.5 * (time[1:] + time[:-1]))
     turns = np.concatenate([[0.0], np.cumsum(middle * np.diff(time))])
     return AngleTrack(time_s=time, turns=turns, method="comb", uncertainty_turns=float("nan"))
@@ -258,9 +257,10 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     speed = np.gradient(angle, time)
     place = np.log(speed / speed.min()) / _SPEED_CLASS
     count = max(1, round(float(place.max())))
-    place = place * (count / max(float(place.max()), 1e-12)) if count > 1 else 0.0 * place
-    classes = np.arange(count + 1 if count > 1 else 1)
-    return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes)))
+    if count == 1:
+        return np.ones((len(place), 1))
+    place *= count / float(place.max())
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count + 1))))
 
 
 def scan_angle(
