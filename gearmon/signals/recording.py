@@ -285,6 +285,8 @@ def read_recording(
         tacho=tacho,
         sensors=tuple(sensors),
         unit=unit,
+        progress=progress or (lambda _share: None),
+        room=_room_on_disk if on_disk else _room_in_memory,
     )
     if isinstance(source, Recording) or hasattr(source, "channel_kinds"):
         return _recording_of(source, wanted)
@@ -296,12 +298,11 @@ def read_recording(
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
             raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
-    room = _room_on_disk if on_disk else _room_in_memory
     file = open_source(source)
     found = identify(file)
     if found.is_text:
-        return Recording(**interpret(read_table(file, progress, room), wanted))
-    return Recording(**interpret(read_arrays(file, found, wanted, progress, room), wanted))
+        return Recording(**interpret(read_table(file, wanted), wanted))
+    return Recording(**interpret(read_arrays(file, found, wanted), wanted))
 
 
 def read_recordings(

@@ -23,7 +23,7 @@ from gearmon.signals.reading.columns import (
     find_columns,
     reserved,
 )
-from gearmon.signals.reading.source import Floats, Progress, Room, shortened
+from gearmon.signals.reading.source import Floats, shortened
 
 Read = Callable[[int, int], Floats]
 
@@ -306,9 +306,7 @@ def _plain(name: str) -> str:
     return "".join(character for character in last if character.isalnum()).removesuffix("hz")
 
 
-def choose(
-    holding: Holding, wanted: Wanted, progress: Progress | None = None, room: Room = np.empty
-) -> Content:
+def choose(holding: Holding, wanted: Wanted) -> Content:
     """Return the columns that make up the recording.
 
     A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it. Without
@@ -322,10 +320,6 @@ def choose(
         What the file holds.
     wanted : Wanted
         What the user says.
-    progress : callable, optional
-        Called with the share of the samples that has been read.
-    room : callable
-        Gives an array of a shape.
 
     Raises
     ------
@@ -349,7 +343,7 @@ def choose(
                 f"name with --channel what belongs together: {_listed(chosen)}"
             )
     taken = [own for own in holding.arrays if own in chosen or _accompanies(own, first, holding)]
-    return _content(holding, taken, _filled(holding, taken, progress, room))
+    return _content(holding, taken, _filled(holding, taken, wanted))
 
 
 def _named(holding: Holding, wanted: Wanted) -> list[Array]:
@@ -391,9 +385,7 @@ def _listed(arrays: Sequence[Array]) -> str:
     return ", ".join(map(str, arrays[:_LISTED])) + (", ..." if len(arrays) > _LISTED else "")
 
 
-def _filled(
-    holding: Holding, arrays: Sequence[Array], progress: Progress | None, room: Room
-) -> Floats:
+def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> Floats:
     """Read arrays of one length into one, block by block."""
     rows, total = sum(len(array.names) for array in arrays), arrays[0].count
     if 8 * total * rows > most_unpacked(holding.size):
@@ -402,7 +394,7 @@ def _filled(
             f"{holding.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its samples "
             "in another file?"
         )
-    values, row = reserved(holding.path, room, (rows, total)), 0
+    values, row = reserved(holding.path, wanted.room, (rows, total)), 0
     for array in arrays:
         end = row + len(array.names)
         for start in range(0, total, _BLOCK):
@@ -411,8 +403,7 @@ def _filled(
             if part.shape[1] != stop - start:
                 raise ValueError("it is cut off: fewer samples than it announces")
             values[row:end, start:stop] = part
-            if progress is not None:
-                progress((row * total + (end - row) * stop) / (rows * total))
+            wanted.progress((row * total + (end - row) * stop) / (rows * total))
         row = end
     return values
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import Content, DataColumn, Defect, find_columns, find_defect
-from gearmon.signals.reading.source import Floats, shortened
+from gearmon.signals.reading.source import Floats, Progress, Room, shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
 from gearmon.units import KNOWN_UNITS, acceleration_factor, is_unit, plain_unit
@@ -45,7 +45,7 @@ class SensorLike(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What the user says about a recording.
+    """What the user says about a recording, and wants of its reading.
 
     Parameters
     ----------
@@ -59,6 +59,10 @@ class Wanted:
         What columns hold.
     unit : str or None
         Unit of the vibration channels of which nothing else states one.
+    progress : callable
+        Called with the share of the file that has been read, 0 to 1.
+    room : callable
+        Gives an array of a shape.
     """
 
     sampling_rate_hz: float | None = None
@@ -66,6 +70,8 @@ class Wanted:
     tacho: str | int | None = None
     sensors: tuple[SensorLike, ...] = ()
     unit: str | None = None
+    progress: Progress = lambda _share: None
+    room: Room = np.empty
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused as a recording

@@ -41,7 +41,7 @@ from gearmon.signals.reading import extras
 from gearmon.signals.reading.arrays import Array, Holding, choose, hold
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Content
-from gearmon.signals.reading.source import Floats, Progress, Room, Source, shortened
+from gearmon.signals.reading.source import Floats, Source, shortened
 
 Loader = Callable[[str], AbstractContextManager[Holding]]
 
@@ -127,9 +127,7 @@ def identify(source: Source) -> Format:
     return _BINARY if source.encoding in ("", "utf-8-sig") and binary else TEXT
 
 
-def read_arrays(
-    source: Source, found: Format, wanted: Wanted, progress: Progress | None, room: Room
-) -> Content:
+def read_arrays(source: Source, found: Format, wanted: Wanted) -> Content:
     """Return the recording in a file that is no text.
 
     Parameters
@@ -140,10 +138,6 @@ def read_arrays(
         Its kind.
     wanted : Wanted
         What the user says.
-    progress : callable or None
-        Called with the share of the samples that has been read.
-    room : callable
-        Gives an array of a shape.
 
     Raises
     ------
@@ -167,7 +161,7 @@ def read_arrays(
         with warnings.catch_warnings(), found.loader(source.path) as loaded:
             warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
             holding = replace(loaded, path=source.path, what=found.what, size=size)
-            return choose(holding, wanted, progress, room)
+            return choose(holding, wanted)
     except GearmonError:
         raise
     except ImportError:

@@ -21,14 +21,13 @@ from itertools import islice
 import numpy as np
 
 from gearmon.errors import RecordingError
+from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Content, reserved
 from gearmon.signals.reading.layout import Dialect, counted, find_layout
 from gearmon.signals.reading.source import (
     MISSING,
     Block,
     Floats,
-    Progress,
-    Room,
     Source,
     count_of,
     decoded,
@@ -67,6 +66,7 @@ _MOST_THREADS = 4
 _KEPT_BYTES = 4 * 1024 * 1024  # with 16 MB 4 % faster, and 8 MB more held
 _MARGIN = 1.1  # reserved rows over estimated ones: memory that is not touched costs nothing
 _CUT_CHECK_BYTES = 64 * 1024
+_PLAIN = Wanted()
 
 
 def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
@@ -303,17 +303,15 @@ def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) 
     return f"'{shortened(field)}'" if cut else ""
 
 
-def read_table(source: Source, progress: Progress | None = None, room: Room = np.empty) -> Content:
+def read_table(source: Source, wanted: Wanted = _PLAIN) -> Content:
     """Return all rows of numbers in a text file, with what the lines above them say.
 
     Parameters
     ----------
     source : Source
         The file.
-    progress : callable, optional
-        Called with the share of the file that has been read, 0 to 1.
-    room : callable
-        Gives an array of a shape.
+    wanted : Wanted
+        Where the numbers are to lie, and who is told how far it is.
 
     Raises
     ------
@@ -328,14 +326,12 @@ def read_table(source: Source, progress: Progress | None = None, room: Room = np
         if count + len(rows) > values.shape[1]:
             estimate = int(_MARGIN * len(rows) * max(1.0, size / len(block.text))) + 1000
             grown = count + len(rows) + values.shape[1] // 2 if count else estimate
-            values, old = reserved(source.path, room, (len(values), grown)), values
+            values, old = reserved(source.path, wanted.room, (len(values), grown)), values
             values[:, :count] = old[:, :count]
         values[:, count : count + len(rows)] = rows.T
         count += len(rows)
-        if progress is not None:
-            progress(min(1.0, done / size))
-    if progress is not None:
-        progress(1.0)
+        wanted.progress(min(1.0, done / size))
+    wanted.progress(1.0)
 
     def shown(row: int, index: int) -> str:
         field = ([*_line_of(source, dialect, row)[1][index:], ""])[0]
