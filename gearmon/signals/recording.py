@@ -292,17 +292,15 @@ def read_recording(
         return _recording_of(source, wanted)
     if not isinstance(source, str | Path):
         try:
-            return Recording(
-                **interpret(choose(hold_memory(source, sampling_rate_hz), wanted), wanted)
-            )
+            content = choose(hold_memory(source, sampling_rate_hz), wanted)
+            return Recording(**interpret(content, wanted))
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
             raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
     file = open_source(source)
     found = identify(file)
-    if found.is_text:
-        return Recording(**interpret(read_table(file, wanted), wanted))
-    return Recording(**interpret(read_arrays(file, found, wanted), wanted))
+    content = read_table(file, wanted) if found.is_text else read_arrays(file, found, wanted)
+    return Recording(**interpret(content, wanted))
 
 
 def read_recordings(

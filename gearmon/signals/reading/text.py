@@ -171,9 +171,7 @@ def _parsed(text: bytes, dialect: Dialect) -> Floats | None:
     return values if values.shape == (count_of(text, "\n"), dialect.columns) else None
 
 
-def read_rows(
-    path: str, block: Block, dialect: Dialect, labels: Sequence[str], empty_line: int = 0
-) -> tuple[Floats, int]:
+def read_rows(path: str, block: Block, dialect: Dialect, empty_line: int = 0) -> tuple[Floats, int]:
     """Return the rows of a block, read line by line.
 
     Parameters
@@ -184,8 +182,6 @@ def read_rows(
         Lines from the first row on.
     dialect : Dialect
         How they are written.
-    labels : sequence of str
-        How to call each column in messages.
     empty_line : int
         Number of an empty row before this block; 0 if there is none.
 
@@ -207,7 +203,7 @@ def read_rows(
                     f"{path}, line {empty_line}: empty between samples; was a sample lost? If not, "
                     "delete the line"
                 )
-            values.append(_values(where, fields, dialect, labels))
+            values.append(_values(where, fields, dialect))
         elif dialect.columns == 1 or line.strip():
             empty_line = empty_line or number
     return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty_line
@@ -222,9 +218,7 @@ def _check_remark(where: str, line: str, dialect: Dialect) -> None:
         )
 
 
-def _values(
-    where: str, fields: Sequence[str], dialect: Dialect, labels: Sequence[str]
-) -> list[float]:
+def _values(where: str, fields: Sequence[str], dialect: Dialect) -> list[float]:
     """Return the numbers of a row."""
     if not dialect.fits(fields):
         wrong = (
@@ -246,8 +240,9 @@ def _values(
             values.append(float("nan"))
         else:
             what = "time stamp" if stamped else "number"
+            label = dialect.described()[index].label
             raise RecordingError(
-                f"{where}, {labels[index]}: '{shortened(field)}' is not a {what}; {_REMEDY}"
+                f"{where}, {label}: '{shortened(field)}' is not a {what}; {_REMEDY}"
             )
     return values
 
@@ -364,7 +359,6 @@ def _line_of(source: Source, dialect: Dialect, row: int) -> tuple[int, list[str]
 
 def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, Floats]]:
     """Yield the blocks with their rows, in order; large files are parsed ahead by threads."""
-    labels = [column.label for column in dialect.described()]
     blocks = source.blocks(line=dialect.first_line)
     threads = min(cores(), _MOST_THREADS) if source.size_hint() >= _THREADED_BYTES else 1
     # The C library keeps freed memory up to the largest piece it ever gave back, instead of handing
@@ -381,7 +375,7 @@ def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, Fl
             if not block.closed:
                 _check_end(source.path, before, block, dialect)
             if rows is None or (empty_line and len(rows)):
-                rows, empty_line = read_rows(source.path, block, dialect, labels, empty_line)
+                rows, empty_line = read_rows(source.path, block, dialect, empty_line)
             before = (before + block.text)[-_CUT_CHECK_BYTES:]
             yield block, rows
 
