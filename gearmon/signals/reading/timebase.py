@@ -82,7 +82,10 @@ def spacing(stamps: Floats) -> Spacing:
     if exact and resolution > _DOUBTFUL * step:
         resolution = 0.0  # a step such as 0.001 with three decimals: nothing was rounded
     coarse = resolution > _COARSE * step
-    fault, row = _fault(stamps, step, usual, np.inf if coarse else resolution + _JITTER * usual)
+    # coarse stamps may repeat, if not all do; of others that mostly do not rise none may
+    least = 0.0 if coarse and step > 0 else np.finfo(float).tiny
+    tolerance = np.inf if coarse or usual <= 0 else resolution + _JITTER * usual
+    fault, row = _fault(stamps, usual, max(usual - tolerance, least), usual + tolerance)
     if not fault and resolution > _DOUBTFUL * step:
         rounded = resolution if coarse else 0.5 * resolution
         fault, row = _off_line(stamps, step, rounded + _JITTER * step)
@@ -110,11 +113,11 @@ def rises_evenly(values: Floats) -> bool:
     return not found.fault and not found.coarse
 
 
-def _fault(stamps: Floats, step: float, usual: float, tolerance: float) -> tuple[str, int]:
-    """Say which step is the first that is not the usual one, and in which row it ends."""
-    # coarse stamps repeat; they only must not fall, nor all be alike
-    least = max(usual - tolerance, 0.0 if step > 0 else np.finfo(float).tiny)
-    row = _first(stamps, lambda steps: (steps < least) | (steps > usual + tolerance))
+def _fault(stamps: Floats, usual: float, least: float, most: float) -> tuple[str, int]:
+    """Say which step is the first that is not as usual, and in which row it ends."""
+    row = _first(stamps, lambda steps: steps < 0)  # tells more than what it does to others
+    if row < 0:
+        row = _first(stamps, lambda steps: (steps < least) | (steps > most))
     if row < 0:
         return "", 0
     before, after = stamps[row - 1], stamps[row]
