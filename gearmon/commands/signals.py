@@ -121,14 +121,13 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
     *recordings("RECORDING", machine_required=False),
     argument(
         "--kind KIND",
-        "amplitude (peak; default), rms, density, energy, envelope, cepstrum, kurtogram or "
-        "coherence",
+        "amplitude (peak; default), rms, density, energy, envelope, cepstrum or kurtogram",
         "amplitude",
     ),
     argument(
         "--band LO HI",
-        "in Hz: what is shown; for envelope the band that is demodulated; for coherence the "
-        "modulation frequencies; for cepstrum quefrencies in s",
+        "in Hz: what is shown; for envelope the band that is demodulated; for cepstrum "
+        "quefrencies in s",
     ),
     _WINDOW,
     _PEAKS,

@@ -49,7 +49,6 @@ _REPORT_IN = (0.74, 1.2)
 _AXES = {
     "frequency_hz": "Frequency (Hz)",
     "quefrency_s": "Quefrency (s)",
-    "cyclic_frequency_hz": "Modulation frequency (Hz)",
 }
 
 
@@ -205,7 +204,7 @@ def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure
         place=found.place,
         values=found.values,
         marks=line_marks(found.marks, float(found.place[0]), float(found.place[-1])),
-        linear=found.kind in ("cepstrum", "coherence"),
+        linear=found.kind == "cepstrum",
     )
     return _strips_figure(strips, given=ax)
 

@@ -6,6 +6,7 @@ cycles a turn of shaft 1. Time is the last axis everywhere, channels the one bef
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -119,9 +120,30 @@ class AngleTrack:
         time = np.concatenate([ends[:1], self.time_s[inside], ends[1:]])
         first, last = self.turns_at(ends)
         return replace(
-            self,
-            time_s=time - start_s,
-            turns=np.concatenate([[first], self.turns[inside], [last]]),
+            self, time_s=time - start_s, turns=np.concatenate([[first], self.turns[inside], [last]])
+        )
+
+    def moved(
+        self, knots: FloatArray, turns_of: Callable[[FloatArray], FloatArray], uncertainty: float
+    ) -> AngleTrack:
+        """Return the track with other angles at the same times.
+
+        Parameters
+        ----------
+        knots : ndarray of float
+            Angles of this track at which it gets knots, beside its ends [turns], ascending.
+        turns_of : callable
+            Gives what is to stand in the place of angles [turns].
+        uncertainty : float
+            Of the result [turns].
+        """
+        first, last = self.turns[[0, -1]]
+        angle = np.concatenate([[first], knots[(knots > first) & (knots < last)], [last]])
+        return AngleTrack(
+            time_s=self.time_at(angle),
+            turns=turns_of(angle),
+            method=self.method,
+            uncertainty_turns=uncertainty,
         )
 
     def time_at(self, turns: FloatArray) -> FloatArray:
@@ -151,10 +173,7 @@ def _curve(x: FloatArray, y: FloatArray) -> PPoly:
     """Cubic Hermite curve with slopes from parabolas through neighbours, linear outside."""
     from scipy.interpolate import CubicHermiteSpline
 
-    width = np.diff(x)
-    secant = np.diff(y) / width
-    between = secant[:-1] * width[1:] + secant[1:] * width[:-1]
-    slope = np.concatenate([secant[:1], between / (width[1:] + width[:-1]), secant[-1:]])
+    slope = np.gradient(y, x)
     curve = CubicHermiteSpline(x, y, slope)
     flat = np.zeros(2)
     curve.extend(np.append(flat, [slope[0], y[0] - slope[0]])[:, None], x[:1] - 1.0)

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -113,48 +114,40 @@ def inspected(recording: Recording) -> Recording:
     """
     if recording.left_out is not None:
         return recording
-    rate, count = recording.sampling_rate_hz, recording.samples.shape[1]
-    kept, notes, bridges, gaps = [], [], [], []
-    why = ""
-    for row, name in enumerate(recording.channel_names):
-        if recording.channel_kinds[row] != "vibration":
-            kept.append(row)
-            continue
-        values = recording.samples[row]
-        clipped = _clipped(values)
-        found = [clipped] if clipped is not None else bad_stretches(values)
-        label = name if name.startswith("channel") else f"channel {name}"
-        told = [f"{label} {_when(bad, rate)} {bad.what}" for bad in found]
-        lost = sum(bad.stop - bad.start for bad in found if not bad.bridged)
-        if lost > _MOST_BAD * count:
-            why = why or told[0]
-            notes.append(f"{_several(told)}: {_TOLD[1]}")
-            continue
-        kept.append(row)
-        bridges += [(row, bad) for bad in found if bad.bridged]
-        gaps += [bad for bad in found if not bad.bridged]
-        notes += [f"{_several(told)}: {_TOLD[0]}"] if told else []
-    if why and not any(recording.channel_kinds[row] == "vibration" for row in kept):
-        raise RecordingError(
-            f"{_where(recording)}{why}, and no channel is sound; check cable and sensor, and "
-            "record again"
-        )
-    samples = recording.samples
-    if bridges or gaps:
-        samples = samples.copy()
-    for row, bad in bridges:
-        _bridge(samples[row], bad)
+    samples, rate = recording.samples, recording.sampling_rate_hz
     vibrates = [kind == "vibration" for kind in recording.channel_kinds]
-    for bad in gaps:
-        samples[vibrates, bad.start : bad.stop] = 0.0
+    found = {row: _defects(samples[row]) for row in np.flatnonzero(vibrates).tolist()}
+    found = {row: own for row, own in found.items() if own}
+    notes, lost = [], {}
+    for row, own in found.items():
+        name = recording.channel_names[row]
+        label = name if name.startswith("channel") else f"channel {name}"
+        told = [f"{label} {_when(bad, rate)} {bad.what}" for bad in own]
+        if sum(bad.stop - bad.start for bad in own if not bad.bridged) > _MOST_BAD * len(
+            samples[row]
+        ):
+            lost[row] = told[0]
+        notes.append(f"{_several(told)}: {_TOLD[row in lost]}")
+    if lost and len(lost) == sum(vibrates):
+        raise RecordingError(
+            f"{_where(recording)}{next(iter(lost.values()))}, and no channel is sound; check "
+            "cable and sensor, and record again"
+        )
+    mended = [(row, bad) for row, own in found.items() if row not in lost for bad in own]
+    samples = samples.copy() if mended else samples
+    for row, bad in sorted(mended, key=lambda one: not one[1].bridged):
+        if bad.bridged:
+            _bridge(samples[row], bad)
+        else:
+            samples[vibrates, bad.start : bad.stop] = 0.0
     sound = replace(
         recording,
         samples=samples,
-        left_out=tuple(sorted((bad.start, bad.stop) for bad in gaps)),
+        left_out=tuple(sorted((bad.start, bad.stop) for _, bad in mended if not bad.bridged)),
         notes=(*recording.notes, *notes),
         known_finite=True,
     )
-    return sound if len(kept) == len(samples) else sound.part(kept)
+    return sound.part([row for row in range(len(samples)) if row not in lost]) if lost else sound
 
 
 def sound_piece(recording: Recording) -> tuple[int, int]:
@@ -165,11 +158,10 @@ def sound_piece(recording: Recording) -> tuple[int, int]:
     recording : Recording
         As `inspected` returns it.
     """
-    pieces, begin, count = [], 0, recording.samples.shape[1]
-    for first, end in recording.left_out or ():
-        pieces.append((begin, first))
-        begin = max(begin, end)
-    return max([*pieces, (begin, count)], key=lambda piece: piece[1] - piece[0])
+    out = recording.left_out or ()
+    begins = [0, *accumulate((end for _, end in out), max)]
+    ends = [*(first for first, _ in out), recording.samples.shape[1]]
+    return max(zip(begins, ends, strict=True), key=lambda piece: piece[1] - piece[0])
 
 
 def sound_part(recording: Recording, least: float = _LEAST_LEFT) -> Recording:
@@ -231,6 +223,12 @@ def _when(bad: BadStretch, rate: float) -> str:
 def _several(told: Sequence[str]) -> str:
     more = f" (and {len(told) - 3} more such places)" if len(told) > 3 else ""
     return "; ".join(told[:3]) + more
+
+
+def _defects(values: FloatArray) -> Sequence[BadStretch]:
+    """Return what is wrong with a channel; of one that is clipped nothing else is asked."""
+    clipped = _clipped(values)
+    return bad_stretches(values) if clipped is None else [clipped]
 
 
 def _clipped(values: FloatArray) -> BadStretch | None:
@@ -329,9 +327,10 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
         return
     step = _step(level[where])
     if step is not None:
-        first, change, quieter = step
+        first, change = step
         edge = int(where[first]) * length
-        before_is_bad = quieter == "before" or (quieter == "" and first < len(where) - first)
+        silent = abs(change) >= _SILENT_DB
+        before_is_bad = change > 0 if silent else first < len(where) - first
         # somewhere within the frame at which it was seen
         start, stop = (0, edge + length) if before_is_bad else (edge - length, len(values))
         what = (
@@ -361,22 +360,17 @@ def _finest_step(values: FloatArray) -> float:
     return float(steps.min()) if len(steps) else 1.0
 
 
-def _step(level: FloatArray) -> tuple[int, float, str] | None:
-    """First frame behind a step, its height [dB] and which side is silent; None without one."""
-    best = None
+def _step(level: FloatArray) -> tuple[int, float] | None:
+    """First frame behind the clearest step, and its height [dB]; None without one."""
+    found = []
     at_once = _at_once(level)
     for first in (np.flatnonzero(np.abs(at_once) > _STEP_DB) + 4).tolist():
         before, after = level[: first - 1], level[first:]
         change = float(np.median(after) - np.median(before))
-        scatter = max(_scatter(before), _scatter(after))
         clear = min(abs(change), float(np.sign(change) * at_once[first - 4]))
-        if clear > max(_STEP_DB, _STEP_TIMES * scatter) and (best is None or clear > best[0]):
-            best = clear, first, change
-    if best is None:
-        return None
-    _, first, change = best
-    quieter = "" if abs(change) < _SILENT_DB else "before" if change > 0 else "after"
-    return first, change, quieter
+        if clear > max(_STEP_DB, _STEP_TIMES * max(_scatter(before), _scatter(after))):
+            found.append((clear, first, change))
+    return max(found, key=lambda one: one[0])[1:] if found else None
 
 
 def _at_once(level: FloatArray) -> FloatArray:

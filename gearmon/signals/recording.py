@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.errors import ArgumentError, RecordingError, check_range
+from gearmon.errors import ArgumentError, RecordingError, check_range, check_word
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import (
     Wanted,
@@ -24,7 +24,7 @@ from gearmon.signals.reading import (
 )
 from gearmon.signals.reading.arrays import choose, hold_memory
 from gearmon.signals.reading.channels import SensorLike
-from gearmon.signals.reading.columns import DataColumn, all_finite, find_column
+from gearmon.signals.reading.columns import DataColumn, all_finite, find_columns
 from gearmon.signals.reading.source import Progress
 from gearmon.units import KNOWN_UNITS, is_unit
 
@@ -135,8 +135,7 @@ class Recording(Result):
                 raise ArgumentError(f"{name} has {len(given)} entries for {count} channels")
             object.__setattr__(self, name, given)
         for kind in self.channel_kinds:
-            if kind not in CHANNEL_KINDS:
-                raise ArgumentError(f"kind '{kind}' is none of {', '.join(CHANNEL_KINDS)}")
+            check_word("kind=", kind, CHANNEL_KINDS)
 
     def frame_rows(self) -> list[dict[str, Any]]:
         """Return a row a sample: the time, and every channel."""
@@ -174,7 +173,7 @@ class Recording(Result):
         """
         named = zip(self.columns, self.channel_names, strict=True)
         known = [DataColumn(number=number, name=name) for number, name in named]
-        return find_column(self.origin, channel, known)
+        return find_columns(self.origin, channel, known)[0]
 
     def vibration(self) -> Recording:
         """Return the recording with its vibration channels only.
@@ -193,15 +192,12 @@ class Recording(Result):
         """Return the recording with these channels only, by their rows."""
         in_a_row = list(indices) == list(range(indices[0], indices[0] + len(indices)))
         chosen = slice(indices[0], indices[0] + len(indices)) if in_a_row else list(indices)
-        return replace(
-            self,
-            samples=self.samples[chosen],  # a view where the channels are neighbours
-            channel_names=tuple(self.channel_names[index] for index in indices),
-            channel_kinds=tuple(self.channel_kinds[index] for index in indices),
-            units=tuple(self.units[index] for index in indices),
-            columns=tuple(self.columns[index] for index in indices),
-            known_finite=True,
-        )
+        own: dict[str, Any] = {
+            name: tuple(getattr(self, name)[index] for index in indices)
+            for name in ("channel_names", "channel_kinds", "units", "columns")
+        }
+        # a view where the channels are neighbours
+        return replace(self, samples=self.samples[chosen], known_finite=True, **own)
 
 
 #: What `read_recording` takes: a file, an array, a DataFrame or Series, what `gearmon.simulate`
@@ -289,21 +285,22 @@ def read_recording(
         tacho=tacho,
         sensors=tuple(sensors),
         unit=unit,
+        progress=progress or (lambda _share: None),
+        room=_room_on_disk if on_disk else _room_in_memory,
     )
     if isinstance(source, Recording) or hasattr(source, "channel_kinds"):
         return _recording_of(source, wanted)
     if not isinstance(source, str | Path):
         try:
-            return Recording(**interpret(*choose(hold_memory(source, sampling_rate_hz), wanted)))
+            content = choose(hold_memory(source, sampling_rate_hz), wanted)
+            return Recording(**interpret(content, wanted))
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
             raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
-    room = _room_on_disk if on_disk else _room_in_memory
     file = open_source(source)
     found = identify(file)
-    if found.is_text:
-        return Recording(**interpret(read_table(file, progress, room), wanted))
-    return Recording(**interpret(*read_arrays(file, found, wanted, progress, room)))
+    content = read_table(file, wanted) if found.is_text else read_arrays(file, found, wanted)
+    return Recording(**interpret(content, wanted))
 
 
 def read_recordings(

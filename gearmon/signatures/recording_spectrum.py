@@ -24,7 +24,6 @@ from gearmon.signals.orders.spectra import OrderMap, order_map
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra.demodulation import (
     Kurtogram,
-    cyclic_coherence,
     envelope_spectrum,
     kurtogram,
     real_cepstrum,
@@ -43,8 +42,6 @@ Band = tuple[float, float] | None
 _Made = dict[str, Any]  # fields of a result
 _Compute = Callable[[Recording, Band, str], _Made]
 
-# Modulation frequencies and pieces of a coherence, and the block of its carriers [samples].
-_CYCLIC, _PIECES, _CARRIER_BLOCK = 300, 2, 256
 # Halvings of the bandwidth among which the band of an envelope is chosen, and of a map.
 _ENVELOPE_LEVELS, _MAP_LEVELS = 4, 6
 _DENSITY_BLOCKS, _DENSITY_LONGEST = 16, 1 << 16
@@ -68,7 +65,7 @@ class RecordingSpectrum(Result):
     units : tuple of str
         Of the values, channel by channel; "" where unknown.
     axis : str
-        Name of the horizontal column: "frequency_hz", "quefrency_s" or "cyclic_frequency_hz".
+        Name of the horizontal column: "frequency_hz" or "quefrency_s".
     peaks : tuple of dict
         Highest peaks: channel, place, value, near which line of the machine.
     marks : tuple of Mark
@@ -190,31 +187,6 @@ def _kurtogram(vibration: Recording, band: Band, _window_name: str) -> _Made:
     return {"place": np.zeros(0), "values": np.zeros((len(maps), 0)), "kurtograms": maps}
 
 
-def _coherence(vibration: Recording, band: Band, _window_name: str) -> _Made:
-    rate, count = vibration.sampling_rate_hz, vibration.samples.shape[-1]
-    low, high = band or (1.0, min(200.0, rate / 8))
-    # modulation is resolved to rate over length: so long a piece that no line falls between
-    piece = min(count, max(16 * _CARRIER_BLOCK, int(_CYCLIC * rate / (high - low))))
-    pieces = max(1, min(_PIECES, count // piece))
-    block = min(_CARRIER_BLOCK, piece // 16)
-    if block < 8:
-        raise ArgumentError(f"{vibration.origin}: {count} samples are too few for a coherence")
-    step = rate / piece
-    cyclic = np.arange(max(low, step), high, step)
-
-    def mean(samples: FloatArray) -> FloatArray:
-        parts = np.split(samples[: pieces * piece], pieces)
-        found = [cyclic_coherence(part, rate, cyclic, block) for part in parts]
-        return np.asarray(np.mean([one.enhanced_envelope_spectrum for one in found], axis=0))
-
-    note = (
-        f"modulation resolved to {step:.3g} Hz, carriers to {1.5 * rate / block:.3g} Hz, from "
-        f"the first {pieces * piece / rate:.3g} s"
-    )
-    values = np.array([mean(samples) for samples in vibration.samples])
-    return {"place": cyclic, "values": values, "axis": "cyclic_frequency_hz", "notes": (note,)}
-
-
 # What each is called, the unit of its values from that of the channel, and how it is computed: of
 # the vibration, the band or none, and the name of the window.
 COMPUTE: dict[str, tuple[str, str, _Compute]] = {
@@ -225,7 +197,6 @@ COMPUTE: dict[str, tuple[str, str, _Compute]] = {
     "envelope": ("envelope", "{}", _envelope),
     "cepstrum": ("real cepstrum", "1", _cepstrum),
     "kurtogram": ("kurtosis of the envelope", "1", _kurtogram),
-    "coherence": ("squared cyclic coherence, mean over carriers", "1", _coherence),
 }
 
 KINDS = tuple(COMPUTE)
@@ -247,19 +218,16 @@ def recording_spectrum(
     Parameters
     ----------
     recording : str, Path, array, DataFrame or Recording
-    kind : {"amplitude", "rms", "density", "energy", "envelope", "cepstrum", "kurtogram", \
-    "coherence"}
+    kind : {"amplitude", "rms", "density", "energy", "envelope", "cepstrum", "kurtogram"}
         Peak amplitude or root mean square of every line, power density, energy per line, amplitude
-        of the envelope of a band, real cepstrum, kurtogram, cyclic spectral coherence averaged over
-        carriers.
+        of the envelope of a band, real cepstrum, kurtogram.
     machine : Machine, path or dict, optional
         Marks its lines at the speed found in the recording.
     sampling_rate_hz, unit
         Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
     band : (float, float), optional
         Of the axis that is shown [Hz; s for the cepstrum]; for the envelope the band that is
-        demodulated, by default the most impulsive one; for the coherence the modulation
-        frequencies, by default up to 200 Hz.
+        demodulated, by default the most impulsive one.
     window_name : {"hann", "flat-top", "blackman-harris", "rectangular"}
         For amplitude, rms, energy and density.
     most_peaks : int

@@ -33,7 +33,6 @@ from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, 
 from gearmon.signals.tracking.tacho import (
     find_pulses,
     join,
-    pulse_angles,
     pulses_per_turn,
     track_from_pulses,
 )
@@ -174,12 +173,10 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
         told.append(f"{pulses.missing} pulses filled in, {pulses.extra} left out")
     sums = signal.sums(float(track.speed_hz.max()))
     if sums is not None:
-        time_s, turns, _ = pulse_angles(pulses, count, order)
-        joined = join(sums, track, time_s, turns)
-        track = joined.track
-        if joined.beyond > 1.0:
+        track, beyond = join(sums, track)
+        if beyond > 1.0:
             told.append(
-                f"the mesh lines would move the angle {joined.beyond:.3g} times as far as the "
+                f"the mesh lines would move the angle {beyond:.3g} times as far as the "
                 "scatter of the pulses allows; the pulses alone tell it"
             )
     return replace(found, track=track, notes=tuple(f"tacho {name}: {one}" for one in told))

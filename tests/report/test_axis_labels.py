@@ -114,7 +114,6 @@ def test_spectra(kind, axis, value, unit):
     ("kind", "axis", "label"),
     [
         ("cepstrum", "quefrency_s", "Quefrency (s)"),
-        ("coherence", "cyclic_frequency_hz", "Modulation frequency (Hz)"),
     ],
 )
 def test_spectra_without_a_unit(kind, axis, label):

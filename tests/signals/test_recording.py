@@ -59,7 +59,7 @@ class TestRecording:
         [
             ({"samples": np.zeros(4)}, r"shape \(4,\), must be \(channels, n\)"),
             ({"channel_names": ("a",)}, "channel_names has 1 entries for 3 channels"),
-            ({"channel_kinds": ("x",) * 3}, "kind 'x' is none of vibration, tacho"),
+            ({"channel_kinds": ("x",) * 3}, "kind='x' is not one of vibration, tacho"),
             ({"sampling_rate_hz": 0.0}, r"sampling_rate_hz=0.0 Hz must lie in \[0.001"),
         ],
     )

@@ -84,11 +84,6 @@ class SynchronousAverage(Result):
         return int(self.lines.shape[-1]) - 1
 
     @property
-    def order(self) -> FloatArray:
-        """Orders of shaft 1 of the lines, shape (top + 1,)."""
-        return self.rotation_order * np.arange(self.top + 1.0)
-
-    @property
     def amplitude(self) -> FloatArray:
         """Peak amplitudes, shape (channels, top + 1)."""
         return np.abs(self.lines)
@@ -184,14 +179,15 @@ def time_synchronous_average(
             channel[None], sampling_rate_hz, shaft, steps, float(first), turns * steps
         )
         found.append(_of_record(values[0], weights, turns, top, wanted, near))
+    lines, line_error, waveform_error = (np.array(own) for own in zip(*found, strict=True))
     return SynchronousAverage(
         rotation_order=float(rotation_order),
         turns=turns,
         first_turn=first,
-        lines=np.array([lines for lines, _, _ in found]),
-        line_error=np.array([error for _, error, _ in found]),
-        waveform=one_turn(np.array([lines for lines, _, _ in found]), wanted),
-        waveform_error=np.array([error for _, _, error in found]),
+        lines=lines,
+        line_error=line_error,
+        waveform=one_turn(lines, wanted),
+        waveform_error=waveform_error,
     )
 
 
@@ -216,12 +212,7 @@ def one_turn(lines: ComplexArray, per_turn: int) -> FloatArray:
 
 
 def _of_record(
-    values: FloatArray,
-    weights: FloatArray,
-    turns: int,
-    top: int,
-    per_turn: int,
-    near: IntArray,
+    values: FloatArray, weights: FloatArray, turns: int, top: int, per_turn: int, near: IntArray
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Lines, their errors and those of the waveform, of one channel at equal steps of angle."""
     steps = values.shape[-1] // turns

@@ -247,11 +247,11 @@ class OrderBlocks:
         grid = AngleGrid(per_turn=per_turn, first_turn=grid.first_turn, count=steps)
         spreading = Spreading(samples, rate, track, grid, kernel)
         self.spreading = spreading.holding() if held else spreading
-        starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
+        self.starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
         sound = np.ones(self.count - 1, dtype=bool)
         for stretch in left_out:
             begin, end = track.turns_at(np.array(stretch) / rate)
-            sound &= (starts + self.block_turns <= begin) | (starts >= end)
+            sound &= (self.starts + self.block_turns <= begin) | (self.starts >= end)
         self.sound = np.flatnonzero(sound)
         if not len(self.sound):
             raise ArgumentError(f"no block of {block_turns:.4g} turns is sound")
@@ -274,8 +274,7 @@ class OrderBlocks:
 
         parts = side_by_side(part, range(0, self.count, together), samples.size)
         rising, falling = np.concatenate(parts, axis=2).swapaxes(1, 2)
-        starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
-        shift = phasors(-self.orders * starts[:, None])[:, None, :]
+        shift = phasors(-self.orders * self.starts[:, None])[:, None, :]
         rows = rising[:-1] + falling[1:] * phasors(-self.orders * (0.5 * self.block_turns))
         rows *= shift
         return OrderLines(
@@ -498,7 +497,7 @@ class OrderSums:
     Notes
     -----
     It keeps the sums of the track that was asked for last, and makes others for one that is not
-    near. The angle of the last track is remembered.
+    near.
     """
 
     def __init__(self, samples: FloatArray, sampling_rate_hz: float, orders: FloatArray) -> None:
@@ -506,7 +505,6 @@ class OrderSums:
         self.sampling_rate_hz = sampling_rate_hz
         self.orders = orders
         self._read: Stretches | None = None
-        self._known: tuple[AngleTrack, FloatArray]
         self._noise: dict[float, FloatArray] = {}
 
     def noise(self, track: AngleTrack, block_turns: float) -> FloatArray:
@@ -565,16 +563,12 @@ class OrderSums:
     def _near(self, track: AngleTrack) -> tuple[FloatArray, Stretches]:
         """Return the angle of a track at the edges of stretches, and sums that suit it."""
         if self._read is not None:
-            if self._known[0] is track:
-                return self._known[1], self._read
             angle = track.turns_at(self._read.edges_s)
             if self._read.departure(angle) < _NEAR:
-                self._known = track, angle
                 return angle, self._read
-            self._noise = {}
+        self._noise = {}
         self._read = Stretches(self.samples, self.sampling_rate_hz, track, self.orders)
-        self._known = track, track.turns_at(self._read.edges_s)
-        return self._known[1], self._read
+        return track.turns_at(self._read.edges_s), self._read
 
 
 def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csr_array:

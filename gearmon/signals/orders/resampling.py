@@ -59,6 +59,8 @@ _PIECE = 1 << 13
 # Places a step at which a kernel is held: straight lines between them are off by 6e-8 at most, an
 # eighth of the square of their distance times the curvature 4 b / w^2.
 _HELD = 2048
+# Reach of a kernel that reads a line to 0.3 % [steps].
+_QUICK = 4
 # Steps whose places are found together.
 _PLACED = 1 << 16
 
@@ -284,24 +286,23 @@ def angular_waveform(
         raise ArgumentError(f"per_turn={per_turn} must be a whole number, at least 4")
     first, turns = whole_turns(samples.shape[-1], rate, shaft)
     highest, count = READ_UP_TO * rate / float(shaft.speed_hz.max()), turns * steps
+    # a grid finer by a whole factor, low-passed over Kaiser's length, every `factor`-th value
     factor = -(-enough // steps)
-    if factor == 1:
-        values = resample_to_angle(samples, rate, shaft, steps, float(first), count)
-    else:
-        # a grid finer by a whole factor, low-passed over Kaiser's length, every `factor`-th value
+    if factor > 1:
         highest = min(highest, PASSED * steps)
-        half = math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * (_STOPPED - PASSED)) / 2) * factor
-        window = ("kaiser", kaiser_beta(_ATTENUATION_DB))
-        kernel = firwin(2 * half + 1, (PASSED + _STOPPED) / factor, window=window)
-        # whole steps before and behind the turns that lie inside the recording
-        ends = shaft.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
-        before = max(0, math.floor(-ends[0] * steps))
-        begin, over = first - before / steps, (before + math.floor(ends[1] * steps)) * factor + 1
-        values = np.empty((len(samples), count))
-        for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
-            found = resample_to_angle(channel[None], rate, shaft, steps * factor, begin, over)[0]
-            smooth = resample_poly(found, 1, factor, window=kernel, padtype="antireflect")
-            values[row] = smooth[before:][:count]
+    half = math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * (_STOPPED - PASSED)) / 2) * factor
+    window = ("kaiser", kaiser_beta(_ATTENUATION_DB))
+    kernel = firwin(2 * half + 1, (PASSED + _STOPPED) / factor, window=window)
+    # whole steps before and behind the turns that lie inside the recording
+    ends = shaft.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
+    before = max(0, math.floor(-ends[0] * steps))
+    begin, over = first - before / steps, (before + math.floor(ends[1] * steps)) * factor + 1
+    values = np.empty((len(samples), count))
+    for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
+        found = resample_to_angle(channel[None], rate, shaft, steps * factor, begin, over)[0]
+        # by a factor of one nothing is changed
+        smooth = resample_poly(found, 1, factor, window=kernel, padtype="antireflect")
+        values[row] = smooth[before:][:count]
     return AngularWaveform(
         values=values,
         per_turn=int(steps),
@@ -431,6 +432,12 @@ class Spreading:
     grid: AngleGrid
     kernel: Kernel
     held: FloatArray | None = None
+
+    @classmethod
+    def of(cls, samples: FloatArray, sampling_rate_hz: float, track: AngleTrack) -> Spreading:
+        """Return signals on as many steps as keep the whole band, a line to 0.3 %."""
+        grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
+        return cls(samples, sampling_rate_hz, track, grid, Kernel.of(_QUICK, 1.3))
 
     def holding(self) -> Spreading:
         """Return the same with all its steps at hand."""

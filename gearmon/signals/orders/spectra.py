@@ -25,13 +25,7 @@ from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
-from gearmon.signals.orders.resampling import (
-    READ_UP_TO,
-    AngleGrid,
-    Kernel,
-    Spreading,
-    resample_to_angle,
-)
+from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Spreading, resample_to_angle
 from gearmon.signals.spectra.spectrum import (
     fast_length,
     hann,
@@ -47,8 +41,6 @@ from gearmon.signals.threads import side_by_side
 _FLOOR_BINS = 384
 #: Pieces of a long recording that are looked at, spread over all of it.
 MOST_PIECES = 16
-# Reach of the kernel that spreads samples over angle [steps]: a line is read to 0.3 %.
-_QUICK = 4
 # Places between 0 and half a step at which what it takes of a line is computed.
 _SHARES = 4096
 # Power of a Hann window's side lobes over that of its main lobe, with 8 dB to spare: the share not
@@ -150,9 +142,7 @@ def fine_order_spectrum(
         Over orders; Hann window, zero padding to twice the length.
     """
     if spreading is None:
-        grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
-        kernel = Kernel.of(_QUICK, 1.3)
-        spreading = Spreading(samples, sampling_rate_hz, track, grid, kernel)
+        spreading = Spreading.of(samples, sampling_rate_hz, track)
     per_turn, block = spreading.grid.per_turn, spreading.grid.count // pieces
     # it falls so smoothly that straight lines between these are right to 1e-6
     places = np.linspace(0.0, 0.5, _SHARES)

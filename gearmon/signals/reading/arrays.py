@@ -20,10 +20,10 @@ from gearmon.signals.reading.columns import (
     Content,
     DataColumn,
     describe_columns,
-    find_column,
+    find_columns,
     reserved,
 )
-from gearmon.signals.reading.source import Floats, Progress, Room, shortened
+from gearmon.signals.reading.source import Floats, shortened
 
 Read = Callable[[int, int], Floats]
 
@@ -146,15 +146,10 @@ class Holding:
         arrays, number = [], 1
         for array in self.arrays:
             cells = [unit or "" for unit in array.units] if any(array.units) else ()
-            columns = describe_columns(array.names, cells, first=number, unnamed="channel")
+            columns = describe_columns(array.names, cells, first=number, array=array.name)
             arrays.append(replace(array, columns=columns))
             number += len(columns)
         return replace(self, arrays=tuple(arrays))
-
-    def number_of(self, key: str | int) -> int:
-        """Return the number of the column that is meant by a name or number."""
-        columns = [column for array in self.arrays for column in array.columns]
-        return columns[find_column(self.path, key, columns)].number
 
 
 def as_array(
@@ -274,9 +269,7 @@ def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
         others = _shown({k: own for k, own in (sure | likely | hints).items() if k not in believed})
         remark = f"sampling rate {rate:g} Hz taken from {name}"
         return rate, f"{remark}, not {others}" if others else remark
-    if sure:
-        return None, f"in the file: {_shown(sure)}"
-    doubtful = likely | hints
+    doubtful = sure | likely | hints
     return None, f"{_shown(_plausible(doubtful) or doubtful)} may be it" if doubtful else ""
 
 
@@ -313,10 +306,8 @@ def _plain(name: str) -> str:
     return "".join(character for character in last if character.isalnum()).removesuffix("hz")
 
 
-def choose(
-    holding: Holding, wanted: Wanted, progress: Progress | None = None, room: Room = np.empty
-) -> tuple[Content, Wanted]:
-    """Return the columns that make up the recording, and what the user says about these.
+def choose(holding: Holding, wanted: Wanted) -> Content:
+    """Return the columns that make up the recording.
 
     A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it. Without
     any, the file must leave no choice: one array that may be vibration, or, in formats whose
@@ -329,10 +320,6 @@ def choose(
         What the file holds.
     wanted : Wanted
         What the user says.
-    progress : callable, optional
-        Called with the share of the samples that has been read.
-    room : callable
-        Gives an array of a shape.
 
     Raises
     ------
@@ -346,7 +333,6 @@ def choose(
             f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed"
         )
     holding = holding.numbered()
-    wanted = _by_numbers(holding, wanted)
     chosen = _named(holding, wanted) or _only(holding)
     first = chosen[0]
     for other in chosen[1:]:
@@ -357,30 +343,24 @@ def choose(
                 f"name with --channel what belongs together: {_listed(chosen)}"
             )
     taken = [own for own in holding.arrays if own in chosen or _accompanies(own, first, holding)]
-    return _content(holding, taken, _filled(holding, taken, progress, room)), wanted
-
-
-def _by_numbers(holding: Holding, wanted: Wanted) -> Wanted:
-    """Put column numbers in the place of names, and all columns of an array for its name."""
-    keys: list[str | int] = []
-    for key in wanted.channels:
-        whole = [one for one in holding.arrays if one.name == key]
-        alone = len(whole) == 1
-        keys += [own.number for own in whole[0].columns] if alone else [holding.number_of(key)]
-    tacho = None if wanted.tacho is None else holding.number_of(wanted.tacho)
-    return replace(wanted, channels=tuple(keys), tacho=tacho)
+    return _content(holding, taken, _filled(holding, taken, wanted))
 
 
 def _named(holding: Holding, wanted: Wanted) -> list[Array]:
     """Return the arrays that hold what the user named; the tacho alone names no vibration."""
-    numbers = set(wanted.channels)
-    if not numbers:
-        for sensor in wanted.sensors:
-            with suppress(RecordingError):  # a sensor of the machine need not be in every recording
-                numbers.add(holding.number_of(sensor.column))
-    if numbers and wanted.tacho is not None:
-        numbers.add(wanted.tacho)
-    return [one for one in holding.arrays if numbers & {column.number for column in one.columns}]
+    columns = [column for array in holding.arrays for column in array.columns]
+
+    def numbers(key: str | int) -> set[int]:
+        return {columns[k].number for k in find_columns(holding.path, key, columns)}
+
+    found = set().union(*map(numbers, wanted.channels))
+    tacho = set() if wanted.tacho is None else numbers(wanted.tacho)
+    for sensor in () if found else wanted.sensors:
+        with suppress(RecordingError):  # a sensor of the machine need not be in every recording
+            found |= numbers(sensor.column)
+    if found:
+        found |= tacho
+    return [one for one in holding.arrays if found & {column.number for column in one.columns}]
 
 
 def _only(holding: Holding) -> Sequence[Array]:
@@ -405,9 +385,7 @@ def _listed(arrays: Sequence[Array]) -> str:
     return ", ".join(map(str, arrays[:_LISTED])) + (", ..." if len(arrays) > _LISTED else "")
 
 
-def _filled(
-    holding: Holding, arrays: Sequence[Array], progress: Progress | None, room: Room
-) -> Floats:
+def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> Floats:
     """Read arrays of one length into one, block by block."""
     rows, total = sum(len(array.names) for array in arrays), arrays[0].count
     if 8 * total * rows > most_unpacked(holding.size):
@@ -416,19 +394,16 @@ def _filled(
             f"{holding.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its samples "
             "in another file?"
         )
-    values, row = reserved(holding.path, room, (rows, total)), 0
+    values, row = reserved(holding.path, wanted.room, (rows, total)), 0
     for array in arrays:
         end = row + len(array.names)
         for start in range(0, total, _BLOCK):
             stop = min(total, start + _BLOCK)
             part = array.read(start, stop)
             if part.shape[1] != stop - start:
-                raise RecordingError(
-                    f"{holding.path}: is cut off: fewer samples than it announces; copy it again"
-                )
+                raise ValueError("it is cut off: fewer samples than it announces")
             values[row:end, start:stop] = part
-            if progress is not None:
-                progress((row * total + (end - row) * stop) / (rows * total))
+            wanted.progress((row * total + (end - row) * stop) / (rows * total))
         row = end
     return values
 
@@ -442,7 +417,9 @@ def _content(holding: Holding, taken: Sequence[Array], values: Floats) -> Conten
         notes.append(remark)
     if speed is not None:
         notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
-    if len(taken) < len(holding.arrays) and not holding.together:
+    if holding.together:
+        notes += [f"{shortened(own)} holds no numbers: left out" for own in holding.left_out]
+    elif len(taken) < len(holding.arrays):
         notes.append(f"taken from the file: {_listed(taken)}")
     return Content(
         path=holding.path,
@@ -520,9 +497,10 @@ def _of_frame(frame: Any, rate_hz: float | None) -> Holding:
         count=len(frame),
         read=lambda start, stop: np.array([row[start:stop] for row in rows]),
     )
-    left_out = [name for name, own in columns if _kind(own) == "O"]
-    notes = (f"no numbers, left out: {', '.join(left_out)}",) if left_out else ()
-    return Holding(arrays=(array,), path="DataFrame", what="a frame", notes=notes)
+    others = tuple(name for name, own in columns if _kind(own) == "O")
+    return Holding(
+        arrays=(array,), together=True, path="DataFrame", what="a frame", left_out=others
+    )
 
 
 def _kind(column: Any) -> str:

@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import Any, Protocol
 
 import numpy as np
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import (
-    Content,
-    DataColumn,
-    Defect,
-    find_column,
-    find_defect,
-)
-from gearmon.signals.reading.source import Floats, shortened
+from gearmon.signals.reading.columns import Content, DataColumn, Defect, find_columns, find_defect
+from gearmon.signals.reading.source import Floats, Progress, Room, shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
 from gearmon.units import KNOWN_UNITS, acceleration_factor, is_unit, plain_unit
@@ -50,7 +45,7 @@ class SensorLike(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What the user says about a recording.
+    """What the user says about a recording, and wants of its reading.
 
     Parameters
     ----------
@@ -64,6 +59,10 @@ class Wanted:
         What columns hold.
     unit : str or None
         Unit of the vibration channels of which nothing else states one.
+    progress : callable
+        Called with the share of the file that has been read, 0 to 1.
+    room : callable
+        Gives an array of a shape.
     """
 
     sampling_rate_hz: float | None = None
@@ -71,6 +70,8 @@ class Wanted:
     tacho: str | int | None = None
     sensors: tuple[SensorLike, ...] = ()
     unit: str | None = None
+    progress: Progress = lambda _share: None
+    room: Room = np.empty
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused as a recording
@@ -134,17 +135,17 @@ def _one_line(note: str) -> str:
 
 def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
     """Let what the user says go before what the file says; note sensors that are not in it."""
-    index = partial(find_column, content.path, columns=content.columns)
+    index = partial(find_columns, content.path, columns=content.columns)
     columns, absent = list(content.columns), []
 
     def say(place: int, **what: Any) -> None:
         columns[place] = replace(columns[place], **what)
 
     if content.stamp is not None:
-        say(content.stamp, kind="time")
+        say(content.stamp, kind="time", unit="s")
     for sensor in wanted.sensors:
         try:
-            place = index(sensor.column)
+            place = index(sensor.column)[0]
         except RecordingError:
             absent.append(f"column '{sensor.column}' of the machine file is not in the recording")
             continue
@@ -156,10 +157,10 @@ def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]
             )
         unit = sensor.unit or (columns[place].unit if sensor.sensitivity == 1.0 else None)
         say(place, kind=sensor.kind, unit=unit, sensitivity=sensor.sensitivity, told="sensor")
-    for key in wanted.channels:
-        say(index(key), kind="vibration", told="named")
+    for place in chain.from_iterable(map(index, wanted.channels)):
+        say(place, kind="vibration", told="named")
     if wanted.tacho is not None:
-        say(index(wanted.tacho), kind="tacho", told="named")
+        say(index(wanted.tacho)[0], kind="tacho", told="named")
     if _tells_tacho(columns):
         # what the user calls a tacho goes before what is named like one
         for place, column in enumerate(columns):
@@ -258,19 +259,16 @@ def _judged(
     vibrates, asked = column.kind == "vibration", column.told == "named"
     if defect is None or not (vibrates or defect.missing):
         return False, ""
-    if defect.missing:
-        if asked or (vibrates and not defect.fatal):
-            raise RecordingError(
-                f"{content.path}, {content.place(defect.row)}, {column.label}: "
-                f"{content.shown(defect.row, index)} is {defect.missing}; the column "
-                f"{defect.text}; {_REMEDY_ALONE}"
-            )
-        return True, f"{column.label} {defect.text}"
     place = "" if defect.row < 0 else f"{content.place(defect.row)}, "
+    if defect.missing and not defect.fatal and (asked or vibrates):
+        raise RecordingError(
+            f"{content.path}, {place}{column.label}: {content.shown(defect.row, index)} is "
+            f"{defect.missing}; the column {defect.text}; {_REMEDY_ALONE}"
+        )
     note = f"{place}{column.label} {defect.text}"
     if defect.fatal and asked:
         raise RecordingError(f"{content.path}, {note}; check the sensor, or record again")
-    return defect.fatal, note
+    return defect.fatal or defect.missing != "", note
 
 
 def _taken(values: Floats, kept: Sequence[int]) -> Floats:

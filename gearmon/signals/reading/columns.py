@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -72,6 +72,8 @@ class DataColumn:
         Recorded number per unit.
     told : str
         How the user spoke of it: as a "sensor" of the machine, "named" as a channel, or "".
+    array : str
+        Name of the array of its file that it stands in, if those have names.
     """
 
     number: int
@@ -81,6 +83,7 @@ class DataColumn:
     kind: str = "vibration"
     sensitivity: float = 1.0
     told: str = ""
+    array: str = ""
 
     @property
     def label(self) -> str:
@@ -145,7 +148,7 @@ def reserved(path: str, room: Room, shape: tuple[int, int]) -> Floats:
 
 
 def describe_columns(
-    cells: Sequence[str], units: Sequence[str] = (), *, first: int = 1, unnamed: str = "column"
+    cells: Sequence[str], units: Sequence[str] = (), *, first: int = 1, array: str | None = None
 ) -> tuple[DataColumn, ...]:
     """Return the columns of a table, as far as their heads tell.
 
@@ -157,8 +160,8 @@ def describe_columns(
         What stands in a row of units below them, if there is one.
     first : int
         Number of the first of them.
-    unnamed : str
-        What those without a name are called, with their number.
+    array : str, optional
+        Name of the array that they stand in, if it is no table.
     """
     parted = [_name_and_unit(cell) for cell in cells]
     # among acc_e, acc_f, acc_g the last letter is no unit, unless all columns have one
@@ -171,8 +174,9 @@ def describe_columns(
         text = below.strip().strip("[]()<> ")
         own = unit or (text if text not in ("", "-", "--", "1") else None)
         kind = _kind_of(name, own, named=cell != "")
-        shown = name or f"{unnamed} {number}"
-        columns.append(DataColumn(number=number, name=shown, cell=cell, unit=own, kind=kind))
+        name = name or f"{'column' if array is None else 'channel'} {number}"
+        found = DataColumn(number=number, name=name, cell=cell, unit=own, kind=kind)
+        columns.append(replace(found, array=array or ""))
     return tuple(columns)
 
 
@@ -213,8 +217,10 @@ def _kind_of(name: str, unit: str | None, *, named: bool) -> str:
     return "vibration" if moves else by_name
 
 
-def find_column(origin: str, key: str | int, columns: Sequence[DataColumn]) -> int:
-    """Return the index of the channel that is meant by a name or by a column number.
+def find_columns(origin: str, key: str | int, columns: Sequence[DataColumn]) -> list[int]:
+    """Return the indices of the channels that are meant by a name or by a column number.
+
+    It is one, but for the name of an array: that means all its channels.
 
     Parameters
     ----------
@@ -232,6 +238,9 @@ def find_column(origin: str, key: str | int, columns: Sequence[DataColumn]) -> i
         If there is no such channel, or several have that name.
     """
     text = str(key)
+    whole = [k for k, own in enumerate(columns) if own.array and own.array == key]
+    if whole:
+        return whole
     names = [(own.name, own.cell) if own.cell else (own.name,) for own in columns]
     numbers = [own.number for own in columns]
     if isinstance(key, str):
@@ -244,9 +253,9 @@ def find_column(origin: str, key: str | int, columns: Sequence[DataColumn]) -> i
                     f"{origin}: '{text}' is the name of columns {several}; give the number"
                 )
             if found:
-                return found[0]
+                return found
     if text.strip().isdigit() and int(text) in numbers:
-        return numbers.index(int(text))
+        return [numbers.index(int(text))]
     shown = [f"{shortened(own[0])} ({number})" for own, number in zip(names, numbers, strict=True)]
     listed = ", ".join(shown[:20]) + (", ..." if len(shown) > 20 else "")
     near = nearest_name(text, [name for own in names for name in own])
@@ -332,15 +341,14 @@ def find_defect(values: Floats) -> Defect | None:
 
 
 def _missing(values: Floats) -> Defect:
-    bad = missing_rows(values)
-    share = f"{len(bad)} of {len(values)} rows ({100 * len(bad) / len(values):.2g} %)"
-    everywhere = len(bad) == len(values)
+    bad, count = missing_rows(values), len(values)
+    if len(bad) == count:
+        return Defect(text=f"has no numbers at all in {count} rows", row=-1, missing="no number")
+    share = 100 * len(bad) / count
     return Defect(
-        text=f"has no numbers at all in {len(bad)} rows"
-        if everywhere
-        else f"lacks a usable number in {share}",
+        text=f"lacks a usable number in {len(bad)} of {count} rows ({share:.2g} %)",
         row=int(bad[0]),
-        fatal=everywhere,
+        fatal=False,
         missing="more than any sensor gives" if np.isfinite(values[bad[0]]) else "no number",
     )
 

@@ -12,8 +12,7 @@ import re
 import resource
 import struct
 import warnings
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import lru_cache
@@ -39,10 +38,7 @@ _COMPLEX = (5, 6)
 _BIG_ENDIAN = 1 << 6  # of a segment of TDMS
 _SET_MARK = re.compile(rb"(?m)^ {4}-1[ \r]*$")  # begins a data set, and ends it
 _SET_TYPE = re.compile(rb"\n *[0-9]{1,4}b?[ \r\n]")  # stands in the line below the first mark
-_DIRECTIONS = {
-    0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z",
-    4: "+RX", -4: "-RX", 5: "+RY", -5: "-RY", 6: "+RZ", -6: "-RZ",
-}  # fmt: skip
+_AXES = ("", "X", "Y", "Z", "RX", "RY", "RZ")  # a direction is the place of one, with its sign
 # What soundfile says of a file that does not tell how long it is.
 _ENDLESS = 1 << 62
 
@@ -101,61 +97,46 @@ def read_hdf5(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If the file is damaged.
     """
     import h5py
 
-    def trial() -> None:
+    def held() -> Holding:
         with h5py.File(path, "r") as file:
-            _hdf5_arrays(path, file)
-            for _, item in _everything(file):
-                # the index of its chunks; what they hold is unpacked by zlib
-                if getattr(item, "chunks", None) and item.id.get_num_chunks():
-                    item.id.get_chunk_info(item.id.get_num_chunks() - 1)
+            return _hdf5_arrays(path, file)
 
-    if not outlived(trial):
-        raise RecordingError(
-            f"{path}: an HDF5 or MATLAB 7.3 file so damaged that reading it crashes; copy it again"
-        )
+    if not outlived(held):
+        raise ValueError("it is so damaged that reading it crashes")
     with h5py.File(path, "r") as file:
         yield _hdf5_arrays(path, file)
 
 
 def _hdf5_arrays(path: str, file: Any) -> Holding:
-    import h5py
-
     items: dict[str, Any] = {}
-    facts, others = _numbers(file.attrs), []
-    for name, item in _everything(file):
-        if isinstance(item, h5py.Group):
-            facts |= _numbers(item.attrs, f"{name}.")
-        elif isinstance(item, h5py.Dataset):
-            kind = _text(item.attrs.get("MATLAB_class"))
-            if item.shape is None or item.dtype.kind not in "fiub" or kind in _NO_SIGNALS:
-                others.append(f"{name} ({kind or item.dtype})")
-            else:
-                items[name] = item
-    held = hold(path, items, tuple(others))
-    arrays = tuple(_described(array, items[array.name].attrs) for array in held.arrays)
-    return replace(held, arrays=arrays, facts=facts | dict(held.facts))
-
-
-def _described(array: Array, attributes: Any) -> Array:
-    """Add what the attributes of an array tell of it."""
-    return replace(
-        array,
-        names=_names(attributes, array.names),
-        units=(_unit(attributes),) * len(array.names),
-        rate_hz=stated_rate(_numbers(attributes))[0],
-    )
-
-
-def _everything(file: Any) -> list[tuple[str, Any]]:
-    """Return groups and arrays by their paths, but for what MATLAB keeps aside."""
-    found: list[tuple[str, Any]] = []
+    facts, others, found = _numbers(file.attrs), [], []
     file.visititems(lambda name, item: found.append((name, item)))
-    return [(name, item) for name, item in found if not re.search("(^|/)#", name)]
+    for name, item in found:
+        kind = _text(item.attrs.get("MATLAB_class"))
+        if re.search("(^|/)#", name):  # what MATLAB keeps aside
+            continue
+        if not hasattr(item, "dtype"):  # a group
+            facts |= _numbers(item.attrs, f"{name}.")
+        elif item.shape is None or item.dtype.kind not in "fiub" or kind in _NO_SIGNALS:
+            others.append(f"{name} ({kind or item.dtype})")
+        else:
+            items[name] = item
+            if item.chunks and item.id.get_num_chunks():
+                # their index may be damaged; what they hold is unpacked by zlib
+                item.id.get_chunk_info(item.id.get_num_chunks() - 1)
+    held = hold(path, items, tuple(others))
+    arrays = []
+    for array in held.arrays:
+        told = items[array.name].attrs
+        names, units = _names(told, array.names), (_unit(told),) * len(array.names)
+        rate = stated_rate(_numbers(told))[0]
+        arrays.append(replace(array, names=names, units=units, rate_hz=rate))
+    return replace(held, arrays=tuple(arrays), facts=facts | dict(held.facts))
 
 
 def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
@@ -176,7 +157,7 @@ def read_parquet(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If the file is damaged.
     """
     import pyarrow.parquet as parquet
@@ -200,41 +181,32 @@ def _check_pages(path: str, told: Any) -> None:
     indexed = any(own.has_offset_index or own.has_column_index for own in chunks)
     end = os.path.getsize(path) - 8 - told.serialized_size
     if ends and not indexed and max(ends) != end:
-        raise RecordingError(
-            f"{path}: is damaged: the pages of its table end at byte {max(ends)}, not {end}"
-        )
+        raise ValueError(f"the pages of its table end at byte {max(ends)}, not {end}")
 
 
 def _parquet_columns(file: Any) -> Holding:
-    import pyarrow
+    from pyarrow import types
 
     schema, rows = file.schema_arrow, file.metadata.num_rows
-    kept = [field for field in schema if _is_numeric(pyarrow, field.type)]
-    dropped = [field for field in schema if field not in kept]
+    numeric = types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp
+    kept = [field for field in schema if any(is_such(field.type) for is_such in numeric)]
     whole = lru_cache(maxsize=1)(lambda name: floats(file.read([name]).column(0).to_pandas()))
 
     def column(field: Any) -> Array:
         def read(start: int, stop: int) -> Floats:
             return np.asarray(whole(field.name)[None, start:stop])
 
-        unit = "ns" if pyarrow.types.is_timestamp(field.type) else _unit(field.metadata)
+        unit = "ns" if types.is_timestamp(field.type) else _unit(field.metadata)
         return Array(name=field.name, names=(field.name,), count=rows, read=read, units=(unit,))
 
     # the row labels of a data frame are no channel
     channels = [field for field in kept if not field.name.startswith("__index_level_")]
     return Holding(
-        arrays=tuple(column(field) for field in channels) if rows >= _FEWEST_SAMPLES else (),
+        arrays=tuple(map(column, channels)) if rows >= _FEWEST_SAMPLES else (),
         together=True,
         facts=_numbers(schema.metadata),
-        left_out=tuple(f"{field.name} ({field.type})" for field in dropped),
-        notes=tuple(f"column '{field.name}' holds no numbers: left out" for field in dropped),
+        left_out=tuple(f"{field.name} ({field.type})" for field in schema if field not in kept),
     )
-
-
-def _is_numeric(pyarrow: Any, kind: Any) -> bool:
-    types = pyarrow.types
-    numeric = (types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp)
-    return any(is_such(kind) for is_such in numeric)
 
 
 @contextmanager
@@ -252,14 +224,25 @@ def read_tdms(path: str) -> Iterator[Holding]:
     # opened here, as the library leaves a damaged file open
     with _without_remarks(), open(path, "rb") as stream:
         file = nptdms.TdmsFile.open(stream)
+        status = file.file_status
+        if status.incomplete_final_segment or status.channel_statuses:
+            raise RecordingError(
+                f"{path}: is cut off: its last part is incomplete (was the recorder switched off "
+                "while it wrote?); copy it again, or open and save it in its own program"
+            )
         channels = [channel for group in file.groups() for channel in group.channels()]
-        found = _tdms_channels(path, file, channels)
         told = [own for own in channels if len(own)]
         sizes = [own.data_type.size and own.data_type.size * len(own) for own in told]
         # of text, and of what a driver packs, the size is not known
         if None not in sizes and sum(sizes) != stored:
             raise ValueError(f"its channels take {sum(sizes)} bytes, and it holds {stored}")
-        yield found
+        facts = _numbers(file.properties)
+        for group in file.groups():
+            facts |= _numbers(group.properties, f"{group.name}.")
+        arrays = [_tdms_array(own, channels) for own in channels]
+        signals = tuple(own for own in arrays if own.count >= _FEWEST_SAMPLES)
+        others = tuple(own.name for own in arrays if own not in signals)
+        yield Holding(arrays=signals, together=True, facts=facts, left_out=others)
 
 
 @contextmanager
@@ -291,40 +274,16 @@ def _bytes_of_segments(path: str) -> int:
     return stored
 
 
-def _tdms_channels(path: str, file: Any, channels: list[Any]) -> Holding:
-    status = file.file_status
-    if status.incomplete_final_segment or status.channel_statuses:
-        raise RecordingError(
-            f"{path}: is cut off: its last part is incomplete (was the recorder switched off while "
-            "it wrote?); copy it again, or open and save it in its own program"
-        )
-    often = Counter(channel.name for channel in channels)
-    arrays, others = [], []
-    for channel in channels:
-        name = channel.name
-        shown = name if often[name] == 1 else f"{channel.group_name}/{name}"
-        numeric = channel.dtype is not None and np.dtype(channel.dtype).kind in "fiu"
-        if numeric and len(channel) >= _FEWEST_SAMPLES:
-            arrays.append(_tdms_array(shown, channel))
-        else:
-            others.append(shown)
-    facts = _numbers(file.properties)
-    for group in file.groups():
-        facts |= _numbers(group.properties, f"{group.name}.")
-    return Holding(
-        arrays=tuple(arrays),
-        together=True,
-        facts=facts,
-        left_out=tuple(others),
-        notes=tuple(f"channel '{name}' holds no numbers: left out" for name in others),
-    )
+def _tdms_array(channel: Any, channels: Sequence[Any]) -> Array:
+    """Return a channel among others; one that holds no numbers has none."""
 
-
-def _tdms_array(name: str, channel: Any) -> Array:
     def read(start: int, stop: int) -> Floats:
         part = channel.read_data(offset=start, length=stop - start)
         return np.asarray(part, dtype=np.float64).reshape(1, -1)
 
+    alone = sum(own.name == channel.name for own in channels) == 1
+    name = channel.name if alone else f"{channel.group_name}/{channel.name}"
+    numeric = channel.dtype is not None and np.dtype(channel.dtype).kind in "fiu"
     told = _numbers(channel.properties)
     step = told.get("wf_increment", 0.0)
     # LabVIEW's frequency spectra are waveforms as well; only those over time are signals
@@ -335,7 +294,7 @@ def _tdms_array(name: str, channel: Any) -> Array:
     return Array(
         name=name,
         names=(name,),
-        count=len(channel),
+        count=len(channel) if numeric else 0,
         read=read,
         units=(_unit(channel.properties),),
         rate_hz=float(f"{1.0 / step:.13g}") if timed else None,
@@ -352,7 +311,7 @@ def read_universal(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If the file is damaged.
     """
     import pyuff
@@ -360,24 +319,18 @@ def read_universal(path: str) -> Iterator[Holding]:
     text = Path(path).read_bytes()
     marks = [mark.end() for mark in _SET_MARK.finditer(text)]
     if len(marks) % 2:
-        raise RecordingError(
-            f"{path}: is cut off: its last data set does not end; copy the file again"
-        )
+        raise ValueError("it is cut off: its last data set does not end")
     for number, begin in enumerate(marks[::2], 1):
         if not _SET_TYPE.match(text, begin):
-            raise RecordingError(
-                f"{path}: data set {number} does not begin with its type, so it is damaged; copy "
-                "the file again"
-            )
+            raise ValueError(f"data set {number} does not begin with its type, so it is damaged")
     file = pyuff.UFF(path)
     types = [int(kind) for kind in file.get_set_types()]
     sets = [file.read_sets(k) for k, kind in enumerate(types) if kind in _FUNCTION_SETS]
     arrays: list[Array] = []
     others = [f"a data set of type {kind}" for kind in types if kind not in _FUNCTION_SETS]
-    taken: set[str] = set()
     for number, one in enumerate(sets, 1):
         if _is_signal(one):
-            arrays.extend(_functions(path, number, one, taken))
+            arrays += _functions(number, one, {own.name for own in arrays})
         else:
             others.append(f"a function of type {one.get('func_type')}")
     yield Holding(arrays=tuple(arrays), together=True, left_out=tuple(others))
@@ -390,19 +343,17 @@ def _is_signal(one: dict[str, Any]) -> bool:
     return over_time and one["ord_data_type"] not in _COMPLEX
 
 
-def _functions(path: str, number: int, one: dict[str, Any], taken: set[str]) -> list[Array]:
+def _functions(number: int, one: dict[str, Any], taken: set[str]) -> list[Array]:
     samples = np.asarray(one["data"], dtype=np.float64).reshape(-1)
     if len(samples) != one["num_pts"]:
-        raise RecordingError(
-            f"{path}: function {number} has {len(samples)} samples where its header announces "
-            f"{one['num_pts']}; copy the file again"
-        )
+        told = one["num_pts"]
+        raise ValueError(f"function {number}: {len(samples)} samples where {told} are announced")
     name = _place(number, one, taken)
     unit = _text(one["ordinate_axis_units_lab"]) or None
     if one["abscissa_spacing"]:
         step = float(one["abscissa_inc"])
         if not step > 0:
-            raise RecordingError(f"{path}: function {number} has a spacing of {step:g} s")
+            raise ValueError(f"function {number} has a spacing of {step:g} s")
         # single precision spacing: seven digits are told, no more
         rate = float(f"{1.0 / step:.13g}")
         found = [as_array(name, samples, unit=unit, rate_hz=rate)]
@@ -417,14 +368,14 @@ def _functions(path: str, number: int, one: dict[str, Any], taken: set[str]) -> 
 
 def _place(number: int, one: dict[str, Any], taken: set[str]) -> str:
     """Return a name that says where the signal was taken, as far as the file tells."""
-    direction = _DIRECTIONS.get(int(one["rsp_dir"]), "")
+    way = int(one["rsp_dir"])
+    axis = _AXES[abs(way)] if abs(way) < len(_AXES) else ""
+    direction = f"{'+' if way > 0 else '-'}{axis}" if axis else ""
     entity = _text(one["rsp_ent_name"])
     node = str(one["rsp_node"]) if one["rsp_node"] else ""
     name = " ".join(part for part in (entity, node, direction) if part)
     name = name or _text(one["id1"]) or f"function {number}"
-    name = name if name not in taken else f"{name} ({number})"
-    taken.add(name)
-    return name
+    return name if name not in taken else f"{name} ({number})"
 
 
 @contextmanager

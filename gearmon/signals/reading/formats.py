@@ -38,15 +38,10 @@ import numpy as np
 from gearmon.errors import GearmonError, RecordingError
 from gearmon.files import archive_swells, most_unpacked
 from gearmon.signals.reading import extras
-from gearmon.signals.reading.arrays import (
-    Array,
-    Holding,
-    choose,
-    hold,
-)
+from gearmon.signals.reading.arrays import Array, Holding, choose, hold
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Content
-from gearmon.signals.reading.source import Floats, Progress, Room, Source, shortened
+from gearmon.signals.reading.source import Floats, Source, shortened
 
 Loader = Callable[[str], AbstractContextManager[Holding]]
 
@@ -132,10 +127,8 @@ def identify(source: Source) -> Format:
     return _BINARY if source.encoding in ("", "utf-8-sig") and binary else TEXT
 
 
-def read_arrays(
-    source: Source, found: Format, wanted: Wanted, progress: Progress | None, room: Room
-) -> tuple[Content, Wanted]:
-    """Return the recording in a file that is no text, and what the user says about its columns.
+def read_arrays(source: Source, found: Format, wanted: Wanted) -> Content:
+    """Return the recording in a file that is no text.
 
     Parameters
     ----------
@@ -145,10 +138,6 @@ def read_arrays(
         Its kind.
     wanted : Wanted
         What the user says.
-    progress : callable or None
-        Called with the share of the samples that has been read.
-    room : callable
-        Gives an array of a shape.
 
     Raises
     ------
@@ -172,7 +161,7 @@ def read_arrays(
         with warnings.catch_warnings(), found.loader(source.path) as loaded:
             warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
             holding = replace(loaded, path=source.path, what=found.what, size=size)
-            return choose(holding, wanted, progress, room)
+            return choose(holding, wanted)
     except GearmonError:
         raise
     except ImportError:
@@ -265,10 +254,7 @@ def _wav_chunks(path: str, raw: Any) -> dict[bytes, Any]:
     if kind != b"WAVE":
         raise RecordingError(f"{path}: a RIFF file that holds no WAVE sound; export it as CSV")
     while place < len(raw):
-        name, size = (
-            bytes(raw[place : place + 4]),
-            int.from_bytes(raw[place + 4 : place + 8], "little"),
-        )
+        name, size = bytes(raw[place:][:4]), int.from_bytes(raw[place + 4 :][:4], "little")
         begin, there = place + 8, max(0, len(raw) - place - 8)
         if not any(name) and not raw[place:].any():
             break
@@ -291,7 +277,7 @@ def read_mat(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If it is damaged.
     """
     from scipy.io import loadmat
@@ -299,7 +285,7 @@ def read_mat(path: str) -> Iterator[Holding]:
     plain = _unpacked_mat(Path(path).read_bytes())
     load = partial(loadmat, io.BytesIO(plain), simplify_cells=True)
     if not extras.outlived(load):
-        raise RecordingError(f"{path}: a MATLAB file so damaged that reading it crashes")
+        raise ValueError("it is so damaged that reading it crashes")
     items: dict[str, Any] = {}
     left = [(name, own) for name, own in load().items() if not name.startswith("__")]
     while left:
@@ -341,7 +327,7 @@ def read_npy(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If it is damaged or holds Python objects.
     """
     stored = np.load(path, mmap_mode="r", allow_pickle=False)
@@ -358,7 +344,7 @@ def read_npz(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If it is damaged.
     """
     with open(path, "rb") as stream, np.load(stream, allow_pickle=False) as archive:

@@ -166,24 +166,18 @@ def _sample(lines: Sequence[str], count: int) -> list[str]:
 def _most_likely(sample: Sequence[str]) -> Dialect | None:
     """Return the dialect in which most lines of the sample are rows of one length."""
     text = "\n".join(sample)
-    best, most = None, 0
-    for separator in _SEPARATORS:
-        for decimal in ".,":
-            if decimal == "," and ("," not in text or (separator == "," and '"' not in text)):
-                continue
-            dialect, count = _fitted(sample, separator, decimal)
-            if count > most:
-                best, most = dialect, count
-    return best
+    decimals = dict.fromkeys(_SEPARATORS, ".," if "," in text else ".")
+    if '"' not in text:
+        decimals[","] = "."
+    tried = [(mark, decimal) for mark in _SEPARATORS for decimal in decimals[mark]]
+    return max((_fitted(sample, *own) for own in tried), key=lambda found: found[1])[0]
 
 
 def _fitted(sample: Sequence[str], separator: str, decimal: str) -> tuple[Dialect | None, int]:
+    """Return a dialect, as far as the rows that the sample has in it tell, and their number."""
     rows = [(line, row) for line in sample if (row := _row(line, separator, decimal)) is not None]
-    parted = sum(
-        len(line.split(maxsplit=1)) > 1 if separator == " " else separator in line
-        for line, _ in rows
-    )
-    if not rows or 2 * parted < len(rows):
+    parted = [line.split()[1:] if separator == " " else separator in line for line, _ in rows]
+    if not rows or 2 * sum(map(bool, parted)) < len(rows):
         return None, 0
     length, count = Counter(len(row) for _, row in rows).most_common(1)[0]
     alike = [row for _, row in rows if len(row) == length]
@@ -343,18 +337,15 @@ def _with_names(path: str, dialect: Dialect, above: Sequence[Line]) -> Dialect:
             f"{path}, line {number}{damage}; if this line is no sample, put # before it"
         )
     if cells is None:
-        named = without_empty_end(dialect.split(text))
+        named = len(without_empty_end(dialect.split(text)))
         remark = (
-            f"line {number} has {len(named)} names for {dialect.columns} columns: names not used, "
+            f"line {number} has {named} names for {dialect.columns} columns: names not used, "
             "columns are numbered"
         )
-        told = len(named) >= 2 and not _is_metadata(text)
-        return replace(dialect, remark=remark) if told else dialect
-    if dialect.numbers(cells) and not _are_numbered(cells):
-        return dialect
-    if dialect.columns == 1 and (_is_metadata(text) or len(text) > LONGEST_QUOTE):
-        return dialect
-    return replace(dialect, names=cells)
+        return dialect if named < 2 or _is_metadata(text) else replace(dialect, remark=remark)
+    told = dialect.columns > 1 or not (_is_metadata(text) or len(text) > LONGEST_QUOTE)
+    row = dialect.numbers(cells) and not _are_numbered(cells)
+    return replace(dialect, names=cells) if told and not row else dialect
 
 
 def _joined_lines(lines: Sequence[Line]) -> list[Line]:
@@ -412,21 +403,21 @@ def _damage(lines: Sequence[Line], dialect: Dialect) -> str:
     fields, columns = dialect.split(lines[-1][1]), dialect.columns
     if not dialect.covers(fields):
         odd = is_number(fields[0], dialect.decimal) and 2 * dialect.numbers(fields) > len(fields)
-        return (
+        what = (
             f": {len(fields)} fields, not all of them numbers, where the rows below have {columns}"
-            if odd
-            else ""
         )
+        return what if odd else ""
     cells = fields[:columns]
-    if columns == 1 or not dialect.numbers(cells) or _are_numbered(cells):
-        return ""
     begins_as_row = cells[0][:1] in _BEGINS or is_missing(cells[0])
-    if not begins_as_row and not _stands_below_names(lines, cells, dialect):
+    is_row = begins_as_row or _stands_below_names(lines, cells, dialect)
+    if columns == 1 or not dialect.numbers(cells) or _are_numbered(cells) or not is_row:
         return ""
-    for index, cell in enumerate(cells, 1):
-        if not is_number(cell, dialect.decimal) and not is_missing(cell):
-            return f", column {index}: '{shortened(cell)}' is not a number"
-    return ""
+    wrong = (
+        f", column {index}: '{shortened(cell)}' is not a number"
+        for index, cell in enumerate(cells, 1)
+        if not is_number(cell, dialect.decimal) and not is_missing(cell)
+    )
+    return next(wrong, "")
 
 
 def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Dialect) -> bool:

@@ -10,25 +10,24 @@ where. Rows with dates are read line by line as well.
 from __future__ import annotations
 
 import codecs
+import csv
 import io
 import re
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
-from typing import Literal
 
 import numpy as np
 
 from gearmon.errors import RecordingError
+from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Content, reserved
 from gearmon.signals.reading.layout import Dialect, counted, find_layout
 from gearmon.signals.reading.source import (
     MISSING,
     Block,
     Floats,
-    Progress,
-    Room,
     Source,
     count_of,
     decoded,
@@ -48,9 +47,6 @@ _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
 # The sign stands first here: it is rare, and looked for ten times as fast as blanks are.
 _BLANK_AND_PLUS = re.compile(rb"\+(?<=[ \t\v\f]\+)")
 _BLANK_LINES = re.compile(rb"\n{2,}")
-# QUOTE_MINIMAL and QUOTE_NONE of the csv module.
-_QUOTES: Literal[0] = 0
-_NO_QUOTES: Literal[3] = 3
 # Infinities are told apart from numbers too large: the line shows which it is.
 _NO_VALUES = [
     spelling
@@ -70,6 +66,7 @@ _MOST_THREADS = 4
 _KEPT_BYTES = 4 * 1024 * 1024  # with 16 MB 4 % faster, and 8 MB more held
 _MARGIN = 1.1  # reserved rows over estimated ones: memory that is not touched costs nothing
 _CUT_CHECK_BYTES = 64 * 1024
+_PLAIN = Wanted()
 
 
 def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
@@ -98,21 +95,18 @@ def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
     bare = _bare(text, dialect)
     if not bare:
         return np.empty((0, dialect.columns))
-    values = _parsed(bare, dialect, gaps=False)
+    values = _parsed(bare, dialect)
     # in a single column a blank line may stand for a missing number
     if values is None and dialect.columns > 1 and (b"\n\n" in bare or bare.startswith(b"\n")):
         return parse_rows(_BLANK_LINES.sub(b"\n", bare).lstrip(b"\n"), dialect)
-    if values is not None:
-        return values if np.isfinite(values.min()) and np.isfinite(values.max()) else None
-    if dialect.columns == 1 or dialect.separator == " ":
-        return None
+    if values is None or (np.isfinite(values.min()) and np.isfinite(values.max())):
+        return values
     # pandas fills up short rows and refuses long ones: with all separators there, none is short
-    if count_of(bare, dialect.separator) != (dialect.columns - 1) * count_of(bare, "\n"):
+    apart = dialect.columns > 1 and dialect.separator != " "
+    if not apart or count_of(bare, dialect.separator) != (dialect.columns - 1) * len(values):
         return None
-    values = _parsed(bare, dialect, gaps=True)
-    if values is None or np.isinf(values).any() or np.isnan(values).all(axis=1).any():
-        return None
-    return values
+    empty = np.isinf(values).any() or np.isnan(values).all(axis=1).any()
+    return None if empty else values
 
 
 def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
@@ -121,9 +115,8 @@ def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
         return True
     separator = dialect.separator.encode()
     # perhaps a row of empty fields only
-    if dialect.trailing and (text.startswith(separator) or b"\n" + separator in text):
-        return True
-    if text.startswith(codecs.BOM_UTF8):
+    empty = dialect.trailing and (text.startswith(separator) or b"\n" + separator in text)
+    if empty or text.startswith(codecs.BOM_UTF8):
         return True
     if b'"' not in text:
         return False
@@ -150,12 +143,14 @@ def _bare(text: bytes, dialect: Dialect) -> bytes:
     return text
 
 
-def _parsed(text: bytes, dialect: Dialect, *, gaps: bool) -> Floats | None:
-    """Return what pandas makes of the text if that is one row of all columns for each line."""
+def _parsed(text: bytes, dialect: Dialect) -> Floats | None:
+    """Return what pandas makes of the text if that is one row of all columns for each line.
+
+    NaN stands where a field is empty, says that it has no value, or is not there.
+    """
     import pandas  # takes longer to load than all the rest
 
     separator = {" ": r"\s+", "": ";" if dialect.decimal == "," else ","}
-    quoting: Literal[0, 3] = _QUOTES if b'"' in text else _NO_QUOTES
     try:
         frame = pandas.read_csv(
             io.BytesIO(text),
@@ -163,10 +158,9 @@ def _parsed(text: bytes, dialect: Dialect, *, gaps: bool) -> Floats | None:
             decimal=dialect.decimal,
             header=None,
             dtype=float,
-            na_filter=gaps,
             na_values=_NO_VALUES,
             keep_default_na=False,
-            quoting=quoting,
+            quoting=csv.QUOTE_MINIMAL if b'"' in text else csv.QUOTE_NONE,
             skip_blank_lines=False,
             low_memory=False,
             engine="c",
@@ -177,9 +171,7 @@ def _parsed(text: bytes, dialect: Dialect, *, gaps: bool) -> Floats | None:
     return values if values.shape == (count_of(text, "\n"), dialect.columns) else None
 
 
-def read_rows(
-    path: str, block: Block, dialect: Dialect, labels: Sequence[str], empty_line: int = 0
-) -> tuple[Floats, int]:
+def read_rows(path: str, block: Block, dialect: Dialect, empty_line: int = 0) -> tuple[Floats, int]:
     """Return the rows of a block, read line by line.
 
     Parameters
@@ -190,8 +182,6 @@ def read_rows(
         Lines from the first row on.
     dialect : Dialect
         How they are written.
-    labels : sequence of str
-        How to call each column in messages.
     empty_line : int
         Number of an empty row before this block; 0 if there is none.
 
@@ -203,53 +193,41 @@ def read_rows(
     values: list[list[float]] = []
     for number, line in enumerate(decoded(block.text).split("\n")[:-1], block.first_line):
         where = f"{path}, line {number}"
-        fields = _fields(where, line, dialect)
-        if fields is None:
-            continue
-        if not any(fields):
+        if "\0" in line:
+            raise RecordingError(f"{where}: zero bytes; the file is damaged, copy it again")
+        if is_comment(line):
+            _check_remark(where, line, dialect)
+        elif any(fields := dialect.split(line)):
+            if empty_line:
+                raise RecordingError(
+                    f"{path}, line {empty_line}: empty between samples; was a sample lost? If not, "
+                    "delete the line"
+                )
+            values.append(_values(where, fields, dialect))
+        elif dialect.columns == 1 or line.strip():
             empty_line = empty_line or number
-            continue
-        if empty_line:
-            raise RecordingError(
-                f"{path}, line {empty_line}: empty between samples; was a sample lost? If not, "
-                "delete the line"
-            )
-        _check_count(where, fields, dialect)
-        values.append(_values(where, fields, dialect, labels))
     return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty_line
 
 
-def _fields(where: str, line: str, dialect: Dialect) -> list[str] | None:
-    """Return the fields of a row; None for a remark or a blank line that means nothing."""
-    if "\0" in line:
-        raise RecordingError(f"{where}: zero bytes; the file is damaged, copy it again")
-    if is_comment(line):
-        if dialect.row(line.strip().lstrip("#% \t")) is not None:
-            raise RecordingError(
-                f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it come "
-                "too early; restore it, or cut the file there"
-            )
-        return None
-    if not line.strip():
-        return [""] if dialect.columns == 1 else None
-    return dialect.split(line)
+def _check_remark(where: str, line: str, dialect: Dialect) -> None:
+    """Refuse a remark that is a row of numbers but for its mark."""
+    if dialect.row(line.strip().lstrip("#% \t")) is not None:
+        raise RecordingError(
+            f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it come "
+            "too early; restore it, or cut the file there"
+        )
 
 
-def _check_count(where: str, fields: Sequence[str], dialect: Dialect) -> None:
-    if dialect.fits(fields):
-        return
-    if not any(is_number(field, dialect.decimal) for field in fields):
-        text = shortened(" ".join(fields).strip())
-        raise RecordingError(f"{where}: '{text}' is not a number; {_REMEDY}")
-    raise RecordingError(
-        f"{where}: {counted(len(without_empty_end(fields)), 'field')} where the table has "
-        f"{counted(dialect.columns, 'column')}; {_REMEDY}"
-    )
-
-
-def _values(
-    where: str, fields: Sequence[str], dialect: Dialect, labels: Sequence[str]
-) -> list[float]:
+def _values(where: str, fields: Sequence[str], dialect: Dialect) -> list[float]:
+    """Return the numbers of a row."""
+    if not dialect.fits(fields):
+        wrong = (
+            f"{counted(len(without_empty_end(fields)), 'field')} where the table has "
+            f"{counted(dialect.columns, 'column')}"
+        )
+        if not dialect.numbers(fields):
+            wrong = f"'{shortened(' '.join(fields).strip())}' is not a number"
+        raise RecordingError(f"{where}: {wrong}; {_REMEDY}")
     values = []
     for index, field in enumerate(fields[: dialect.columns]):
         stamped = index == dialect.stamp
@@ -262,8 +240,9 @@ def _values(
             values.append(float("nan"))
         else:
             what = "time stamp" if stamped else "number"
+            label = dialect.described()[index].label
             raise RecordingError(
-                f"{where}, {labels[index]}: '{shortened(field)}' is not a {what}; {_REMEDY}"
+                f"{where}, {label}: '{shortened(field)}' is not a {what}; {_REMEDY}"
             )
     return values
 
@@ -319,17 +298,15 @@ def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) 
     return f"'{shortened(field)}'" if cut else ""
 
 
-def read_table(source: Source, progress: Progress | None = None, room: Room = np.empty) -> Content:
+def read_table(source: Source, wanted: Wanted = _PLAIN) -> Content:
     """Return all rows of numbers in a text file, with what the lines above them say.
 
     Parameters
     ----------
     source : Source
         The file.
-    progress : callable, optional
-        Called with the share of the file that has been read, 0 to 1.
-    room : callable
-        Gives an array of a shape.
+    wanted : Wanted
+        Where the numbers are to lie, and who is told how far it is.
 
     Raises
     ------
@@ -344,14 +321,12 @@ def read_table(source: Source, progress: Progress | None = None, room: Room = np
         if count + len(rows) > values.shape[1]:
             estimate = int(_MARGIN * len(rows) * max(1.0, size / len(block.text))) + 1000
             grown = count + len(rows) + values.shape[1] // 2 if count else estimate
-            values, old = reserved(source.path, room, (len(values), grown)), values
+            values, old = reserved(source.path, wanted.room, (len(values), grown)), values
             values[:, :count] = old[:, :count]
         values[:, count : count + len(rows)] = rows.T
         count += len(rows)
-        if progress is not None:
-            progress(min(1.0, done / size))
-    if progress is not None:
-        progress(1.0)
+        wanted.progress(min(1.0, done / size))
+    wanted.progress(1.0)
 
     def shown(row: int, index: int) -> str:
         field = ([*_line_of(source, dialect, row)[1][index:], ""])[0]
@@ -384,7 +359,6 @@ def _line_of(source: Source, dialect: Dialect, row: int) -> tuple[int, list[str]
 
 def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, Floats]]:
     """Yield the blocks with their rows, in order; large files are parsed ahead by threads."""
-    labels = [column.label for column in dialect.described()]
     blocks = source.blocks(line=dialect.first_line)
     threads = min(cores(), _MOST_THREADS) if source.size_hint() >= _THREADED_BYTES else 1
     # The C library keeps freed memory up to the largest piece it ever gave back, instead of handing
@@ -401,7 +375,7 @@ def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, Fl
             if not block.closed:
                 _check_end(source.path, before, block, dialect)
             if rows is None or (empty_line and len(rows)):
-                rows, empty_line = read_rows(source.path, block, dialect, labels, empty_line)
+                rows, empty_line = read_rows(source.path, block, dialect, empty_line)
             before = (before + block.text)[-_CUT_CHECK_BYTES:]
             yield block, rows
 

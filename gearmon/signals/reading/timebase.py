@@ -78,21 +78,20 @@ def spacing(stamps: Floats) -> Spacing:
     """
     step = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
     usual, exact = _usual_step(stamps)
-    backwards = _first(stamps, lambda steps: steps < 0)
-    if backwards >= 0 or usual < 0 or step <= 0:
-        row = max(backwards, 1)
-        before, after = stamps[row - 1], stamps[row]
-        what = f"comes after {before:.9g}" if after < before else "is repeated"
-        return Spacing(step=abs(step), fault=f"{after:.9g} {what}", row=row)
     resolution = _resolution(stamps)
     if exact and resolution > _DOUBTFUL * step:
         resolution = 0.0  # a step such as 0.001 with three decimals: nothing was rounded
     coarse = resolution > _COARSE * step
-    if coarse:
-        fault, row = _off_line(stamps, step, resolution + _JITTER * step)
-    else:
-        fault, row = _fault(stamps, step, usual, resolution)
-    found = Spacing(step=step, coarse=coarse, fault=fault, row=row)
+    # coarse stamps may repeat, if not all do; of others that mostly do not rise none may
+    least = 0.0 if coarse and step > 0 else np.finfo(float).tiny
+    tolerance = np.inf if coarse or usual <= 0 else resolution + _JITTER * usual
+    fault, row = _fault(stamps, usual, max(usual - tolerance, least), usual + tolerance)
+    if not fault and resolution > _DOUBTFUL * step:
+        rounded = resolution if coarse else 0.5 * resolution
+        fault, row = _off_line(stamps, step, rounded + _JITTER * step)
+    if not fault and not coarse:
+        fault, row = _drift(stamps, step, resolution)
+    found = Spacing(step=abs(step), coarse=coarse, fault=fault, row=row)
     if exact or fault:
         return found
     return replace(found, step=_slope(stamps), uncertainty=resolution / (step * len(stamps)))
@@ -114,35 +113,36 @@ def rises_evenly(values: Floats) -> bool:
     return not found.fault and not found.coarse
 
 
-def _fault(stamps: Floats, step: float, usual: float, resolution: float) -> tuple[str, int]:
-    """Say what is irregular about stamps that are rounded to a part of a step, and in which row."""
-    repeated = _first(stamps, lambda steps: steps == 0)
-    if repeated >= 0:
-        return f"{stamps[repeated]:.9g} is repeated", repeated
-    tolerance = resolution + _JITTER * usual
-    uneven = _first(stamps, lambda steps: np.abs(steps - usual) > tolerance)
-    if uneven >= 0:
-        return _uneven(stamps, uneven, usual), uneven
-    if resolution > _DOUBTFUL * step:
-        fault, row = _off_line(stamps, step, 0.5 * resolution + _JITTER * step)
-        if fault:
-            return fault, row
-    half = len(stamps) // 2
-    if half > 1:
-        early = float(stamps[half] - stamps[0]) / half
-        late = float(stamps[-1] - stamps[half]) / (len(stamps) - 1 - half)
-        if abs(late - early) > _DRIFT * step + 4 * resolution / half:
-            return f"the step changes from {early:.6g} to {late:.6g} between its two halves", half
-    return "", 0
-
-
-def _uneven(stamps: Floats, row: int, usual: float) -> str:
-    found = float(stamps[row] - stamps[row - 1])
+def _fault(stamps: Floats, usual: float, least: float, most: float) -> tuple[str, int]:
+    """Say which step is the first that is not as usual, and in which row it ends."""
+    row = _first(stamps, lambda steps: steps < 0)  # tells more than what it does to others
+    if row < 0:
+        row = _first(stamps, lambda steps: (steps < least) | (steps > most))
+    if row < 0:
+        return "", 0
+    before, after = stamps[row - 1], stamps[row]
+    if after <= before:
+        return f"{after:.9g} " + (
+            f"comes after {before:.9g}" if after < before else "is repeated"
+        ), row
+    found = float(after - before)
     lost = round(found / usual) - 1
     text = f"a step of {found:.6g} where {usual:.6g} is usual"
-    if lost < 1 or abs(found / usual - lost - 1) > 0.2:
-        return text
-    return f"{text}: about {lost} {'sample is' if lost == 1 else 'samples are'} missing"
+    if lost >= 1 and abs(found / usual - lost - 1) <= 0.2:
+        text += f": about {lost} {'sample is' if lost == 1 else 'samples are'} missing"
+    return text, row
+
+
+def _drift(stamps: Floats, step: float, resolution: float) -> tuple[str, int]:
+    """Say whether the step changes from one half of the stamps to the other, and where that is."""
+    half = len(stamps) // 2
+    if half < 2:
+        return "", 0
+    early = float(stamps[half] - stamps[0]) / half
+    late = float(stamps[-1] - stamps[half]) / (len(stamps) - 1 - half)
+    if abs(late - early) <= _DRIFT * step + 4 * resolution / half:
+        return "", 0
+    return f"the step changes from {early:.6g} to {late:.6g} between its two halves", half
 
 
 def _usual_step(stamps: Floats) -> tuple[float, bool]:
@@ -235,14 +235,13 @@ def sampling_rate(
             f"{content.path}: the file says {stated:.7g} Hz, but {given_hz:.7g} Hz was given; "
             "leave --sampling-rate out, or correct it"
         )
-    if column is not None and stated is None:
-        return _from_stamps(content, column, given_hz, "{:.7g} Hz was given")
+    rate_hz, note = stated or given_hz, ""
     if column is not None:
-        _from_stamps(content, column, stated, "the file says {:.7g} Hz as well")
-    # some formats round the rate; the user may know it better
-    rate_hz = stated if given_hz is None else given_hz
+        told = "the file says {:.7g} Hz as well" if stated else "{:.7g} Hz was given"
+        rate_hz, note = _from_stamps(content, column, rate_hz, told)
     if rate_hz is not None:
-        return rate_hz, ""
+        # some formats round the rate; the user may know it better
+        return given_hz or rate_hz, note
     unknown = "no time column, so the sampling rate is unknown"
     what = unknown if content.is_text else "does not say its sampling rate"
     told = hint or content.rate_hint
@@ -256,8 +255,7 @@ def _from_stamps(
 ) -> tuple[float, str]:
     """Return the rate that time stamps tell, or the given one that agrees, and what was assumed."""
     where = f"{content.path}, {column.label}"
-    index = [own.number for own in content.columns].index(column.number)
-    stamps = content.values[index]
+    stamps = content.values[[own.number for own in content.columns].index(column.number)]
     missing = missing_rows(stamps)
     if len(missing):
         what = "lines" if content.is_text else "samples"
@@ -275,8 +273,7 @@ def _from_stamps(
         )
     if given_hz is not None and column.unit is None and found.step == 1.0:
         return given_hz, f"{column.label} counts samples; the given rate is used"
-    is_stamp = content.stamp == index
-    factor, note = _unit(where, column, found, given_hz, is_stamp=is_stamp)
+    factor, note = _unit(where, column, found, given_hz)
     derived_hz = float(f"{1.0 / (found.step * factor):.13g}")  # 1000, not 1000.0000000000001
     if given_hz is None:
         if found.coarse:
@@ -294,10 +291,10 @@ def _from_stamps(
 
 
 def _unit(
-    where: str, column: DataColumn, found: Spacing, given_hz: float | None, *, is_stamp: bool
+    where: str, column: DataColumn, found: Spacing, given_hz: float | None
 ) -> tuple[float, str]:
     """Return the seconds in one unit of the time column, and what was assumed."""
-    known = 1.0 if is_stamp else time_factor(column.unit)
+    known = time_factor(column.unit)
     if known is not None:
         return known, ""
     if given_hz is not None:

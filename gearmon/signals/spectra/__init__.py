@@ -11,7 +11,7 @@
 from gearmon.lazy import lazily
 
 _OFFERED = {
-    "demodulation": ("band_envelope", "cyclic_coherence", "envelope_spectrum", "kurtogram"),
+    "demodulation": ("band_envelope", "envelope_spectrum", "kurtogram"),
     "spectrum": ("Spectrum", "amplitude_spectrum", "line_amplitude", "power_density", "window"),
 }
 

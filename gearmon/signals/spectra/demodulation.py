@@ -1,4 +1,4 @@
-"""Modulation and impacts: band envelopes, kurtogram, cyclic coherence and cepstrum.
+"""Modulation and impacts: band envelopes, kurtogram and cepstrum.
 
 Envelope. A band is picked out of the Fourier transform and shifted to zero, which is an ideal
 band-pass and the Hilbert transform in one step: no phase lag, and the envelope comes out at the low
@@ -15,21 +15,14 @@ record is cut into bands, each of which is transformed back by itself: every lev
 of short inverse transforms, some at a time in buffers that fit the cache, and bands of a level
 neither overlap nor leak.
 
-Cyclic coherence. Which carriers are modulated at which rate,
-
-    gamma(alpha, f) = S(f + alpha/2, f - alpha/2) / sqrt(S(f + alpha/2) S(f - alpha/2))
-
-with S averaged over short transforms: |gamma|^2 is 0 where the bands alpha apart have nothing to do
-with one another and 1 where one is the other shifted.
-
 Cepstrum. The real cepstrum is the inverse transform of ln|X(f)|. Sidebands that stand at equal
 distances f_r in the spectrum make a line at the quefrency 1/f_r and its multiples (rahmonics).
 Lines at negative amplitude mean nothing by themselves.
 
 References
 ----------
-Antoni, Mech. Syst. Signal Process. 20 (2006) 282-307 and 21 (2007) 108-124, kurtogram; 21 (2007)
-597-630, averaged cyclic periodogram. Randall, Mech. Syst. Signal Process. 97 (2017) 3-19, cepstrum.
+Antoni, Mech. Syst. Signal Process. 20 (2006) 282-307 and 21 (2007) 108-124, kurtogram. Randall,
+Mech. Syst. Signal Process. 97 (2017) 3-19, cepstrum.
 """
 
 from __future__ import annotations
@@ -37,7 +30,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.fft import ifft, next_fast_len
 
 from gearmon.arrays import ComplexArray, FloatArray
@@ -47,7 +39,6 @@ from gearmon.signals.spectra.spectrum import (
     amplitude_spectrum,
     checked,
     fast_length,
-    hann,
     quick_length,
     rows_in_cache,
     transform,
@@ -274,91 +265,6 @@ def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     silent = mean <= 1e-24 * mean.max(initial=0.0)
     ratio = np.divide(square, mean**2, out=np.full(count, 2.0), where=~silent)
     return np.asarray(ratio - 2.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class CyclicCoherence:
-    """Squared modulus of the cyclic coherence of one signal.
-
-    Parameters
-    ----------
-    cyclic_hz : ndarray of float, shape (a,)
-        Modulation frequencies alpha [Hz] (or orders).
-    frequency_hz : ndarray of float, shape (b,)
-        Carrier frequencies f [Hz] (or orders).
-    values : ndarray of float, shape (a, b)
-        |gamma|^2, 0 to 1.
-    """
-
-    cyclic_hz: FloatArray
-    frequency_hz: FloatArray
-    values: FloatArray
-
-    @property
-    def enhanced_envelope_spectrum(self) -> FloatArray:
-        """Mean of |gamma|^2 over carriers, shape (a,)."""
-        return np.asarray(self.values.mean(axis=-1), dtype=np.float64)
-
-
-def cyclic_coherence(
-    samples: FloatArray, rate: float, cyclic_hz: ArrayLike, block: int
-) -> CyclicCoherence:
-    """Squared cyclic spectral coherence at chosen modulation frequencies.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (n,)
-        One signal.
-    rate : float
-        Sampling rate [Hz], or samples a turn.
-    cyclic_hz : array of float, shape (a,)
-        Modulation frequencies, |alpha| < rate/2. They are resolved to rate/n.
-    block : int
-        Samples a block, 8 <= block <= n/8: carriers are resolved to 1.5 rate/block. Hann window,
-        three quarters of overlap.
-
-    Returns
-    -------
-    CyclicCoherence
-
-    Raises
-    ------
-    ArgumentError
-        If an argument is out of its range.
-    """
-    check_positive("rate", rate)
-    signal = np.asarray(samples, dtype=float)
-    if signal.ndim != 1:
-        raise ArgumentError(f"samples: shape {signal.shape}, one row is needed")
-    alphas = np.atleast_1d(np.asarray(cyclic_hz, dtype=float))
-    if alphas.ndim != 1 or not np.isfinite(alphas).all() or (np.abs(alphas) >= rate / 2).any():
-        raise ArgumentError(f"cyclic_hz must be numbers between -{rate / 2:g} and {rate / 2:g}")
-    if not 8 <= block <= len(signal) // 8:
-        raise ArgumentError(f"block={block} samples must lie in [8, {len(signal) // 8}]")
-    signal = signal - signal.mean()
-    hop = max(1, block // 4)
-    blocks = np.lib.stride_tricks.sliding_window_view(signal, block)[::hop]
-    return CyclicCoherence(
-        cyclic_hz=alphas,
-        frequency_hz=rate / block * np.arange(block // 2 + 1.0),
-        values=np.array([_coherence(blocks, hop, alpha / rate) for alpha in alphas]),
-    )
-
-
-def _coherence(blocks: FloatArray, hop: int, alpha: float) -> FloatArray:
-    """|gamma|^2 at the carriers 0 to half the rate; alpha in cycles a sample."""
-    count, block = blocks.shape
-    half = block // 2 + 1
-    shift = hann(block) * np.exp(-1j * np.pi * alpha * np.arange(block))
-    # the conjugate of an inverse transform is the forward one of the conjugate
-    lines = ifft(blocks * shift.conj(), axis=-1, norm="forward", overwrite_x=True).conj()
-    # f - alpha/2 of a real signal is the conjugate of the same shift at -f
-    upper, lower = lines[:, :half], lines[:, -np.arange(half) % block]
-    cross = np.exp(-2j * np.pi * alpha * hop * np.arange(count)) @ (upper * lower)
-    first, second = ((np.abs(own) ** 2).sum(axis=0) for own in (upper, lower))
-    size = first * second
-    squared = cross.real**2 + cross.imag**2
-    return np.asarray(np.divide(squared, size, out=np.zeros(half), where=size > 0))
 
 
 @dataclass(frozen=True, kw_only=True)

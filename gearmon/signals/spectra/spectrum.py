@@ -278,17 +278,11 @@ def amplitude_spectrum(
         raise ArgumentError(f"length={length} must be at least the {count} samples")
     weights = window(window_name, count)
     values = np.array([np.abs(transform(signal, length, weights)) for signal in signals])
-    total = float(weights.sum())
-    folded = 2.0  # the lines of negative frequency count with their mirror images
     if quantity == "energy":
-        np.square(values, out=values)
-        total = length * float(weights @ weights)
-    elif quantity == "rms":
-        folded = np.sqrt(2.0)
-    values *= folded / total
-    values[:, 0] /= folded
-    if length % 2 == 0:
-        values[:, -1] /= folded
+        values *= values / (length * (weights @ weights))
+    else:
+        values /= weights.sum()
+    _fold(values, length, np.sqrt(2.0) if quantity == "rms" else 2.0)
     _check_finite(values)
     return Spectrum(
         frequency_hz=sampling_rate_hz / length * np.arange(length // 2 + 1.0),
@@ -343,7 +337,7 @@ def power_density(
         lines = transform(blocks[:, first : first + rows], length, weights)
         values += (lines.real**2 + lines.imag**2).sum(axis=1)
     values /= blocks.shape[1] * sampling_rate_hz * (weights @ weights)
-    values[:, 1 : (length + 1) // 2] *= 2.0
+    _fold(values, length, 2.0)
     _check_finite(values)
     return Spectrum(
         frequency_hz=sampling_rate_hz / length * np.arange(length // 2 + 1.0),
@@ -391,6 +385,11 @@ def checked(samples: FloatArray, sampling_rate_hz: float, fewest: int = 2) -> Fl
     if signals.ndim != 2 or signals.shape[-1] < fewest:
         raise ArgumentError(f"samples: shape {signals.shape}, at least {fewest} values are needed")
     return signals
+
+
+def _fold(values: FloatArray, length: int, factor: float) -> None:
+    """Count lines with their mirror images at negative frequencies, where there are such."""
+    values[:, 1 : (length + 1) // 2] *= factor
 
 
 def _check_finite(values: FloatArray) -> None:

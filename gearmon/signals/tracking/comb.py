@@ -113,8 +113,6 @@ class SpeedScan:
         Rotation frequency about which it is searched [Hz].
     ratio : ndarray of float, shape (candidates,)
         Candidate speeds over that, evenly spaced, or in their logarithm.
-    bins : int
-        Bins of the spectra that are looked at.
     reach : int, optional
         Candidates that a path may move by from block to block; those of 2 % a second if not given.
 
@@ -142,13 +140,15 @@ class SpeedScan:
         comb: Comb,
         nominal_hz: float,
         ratio: FloatArray,
-        bins: int,
         reach: int | None = None,
     ) -> None:
         self.centre_s, self.bin_hz = blocks.centre_s, blocks.bin_hz
         self.nominal_hz, self.ratio, self.reach = nominal_hz, ratio, reach
-        self.resolution_hz = blocks.bin_hz / float(comb.orders.max())
-        count = len(blocks.starts)
+        top, count = float(comb.orders.max()), len(blocks.starts)
+        self.resolution_hz = blocks.bin_hz / top
+        # some more than the highest line may reach, for the noise about it
+        highest = 1.1 * top * nominal_hz * float(ratio.max())
+        bins = min(blocks.length // 2 + 1, int(np.ceil(highest / blocks.bin_hz) + 64))
         # of blocks that do not overlap, every other one or fewer is kept
         self.stride = min(2 if blocks.overlapped else 1, count)
         step = 2 * self.stride
@@ -275,16 +275,9 @@ def scan_speed(
     check_positive("block_s", block_s, "s")
     blocks = _Blocks(samples, sampling_rate_hz, block_s, _MANY_BLOCKS)
     used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
-    top = float(used.orders.max())
-    half = _half(tolerance, blocks.bin_hz / (nominal_hz * top))
-    bins = int(np.ceil(1.1 * top * nominal_hz * (1 + tolerance) / blocks.bin_hz) + 64)
-    return SpeedScan(
-        blocks,
-        used,
-        nominal_hz,
-        1 + tolerance * np.arange(-half, half + 1) / half,
-        min(blocks.length // 2 + 1, bins),
-    )
+    half = _half(tolerance, blocks.bin_hz / (nominal_hz * float(used.orders.max())))
+    ratio = 1 + tolerance * np.arange(-half, half + 1) / half
+    return SpeedScan(blocks, used, nominal_hz, ratio)
 
 
 def find_path(
@@ -321,14 +314,9 @@ def find_path(
     used = comb.below(0.49 * sampling_rate_hz / nominal_hz)
     span = float(np.log1p(reach))
     half = _half(span, blocks.bin_hz / (nominal_hz * float(used.orders.max())), _PATH_CANDIDATES)
-    return SpeedScan(
-        blocks,
-        used,
-        nominal_hz,
-        np.exp(span * np.arange(-half, half + 1) / half),
-        blocks.length // 2 + 1,
-        max(1, round(_PATH_SLOPE * max(blocks.size // 2, 1) / sampling_rate_hz / (span / half))),
-    )
+    moves = _PATH_SLOPE * max(blocks.size // 2, 1) / sampling_rate_hz / (span / half)
+    ratio = np.exp(span * np.arange(-half, half + 1) / half)
+    return SpeedScan(blocks, used, nominal_hz, ratio, max(1, round(moves)))
 
 
 def _half(span: float, bin_share: float, most: int = _MAX_CANDIDATES) -> int:

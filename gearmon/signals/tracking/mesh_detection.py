@@ -100,16 +100,11 @@ class MeshEvidence:
         Harmonics that could be judged.
     """
 
-    score: float
+    score: float = 0.0
     decoys_above: int
     decoys: int
-    clear: int
-    visible: int
-
-    @classmethod
-    def none(cls, decoys: int) -> MeshEvidence:
-        """Return the evidence of a mesh that cannot be judged."""
-        return cls(score=0.0, decoys_above=decoys, decoys=decoys, clear=0, visible=0)
+    clear: int = 0
+    visible: int = 0
 
     @property
     def stands_out(self) -> bool:
@@ -193,12 +188,12 @@ def _evidence(
     own, *decoys = (judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes)))
     decoys = [strength for strength in decoys if len(strength)]
     if len(own) == 0 or len(decoys) < 8:
-        return MeshEvidence.none(len(decoys))
+        return MeshEvidence(decoys_above=len(decoys), decoys=len(decoys))
     strengths = np.array(list(zip_longest(own, *decoys, fillvalue=np.nan))).T
     rivals = strengths[1:, : len(own)]
     common = np.sum(~np.isnan(rivals), axis=0) >= 8
     if not common.any():
-        return MeshEvidence.none(len(decoys))
+        return MeshEvidence(decoys_above=len(decoys), decoys=len(decoys))
     strengths, rivals = strengths[:, : len(own)][:, common], rivals[:, common]
     middle = np.nanmedian(rivals, axis=0)
     spread = np.maximum(1.4826 * np.nanmedian(np.abs(rivals - middle), axis=0), 1e-12)
@@ -219,23 +214,21 @@ def _evidence(
 # of one machine the same for every recording
 @lru_cache(maxsize=64)
 def _rivals(mesh: MeshComb, meshes: tuple[MeshComb, ...]) -> tuple[tuple[MeshComb, Comb], ...]:
-    """Return a mesh and its decoys, each with its comb."""
-    decoys = [
-        decoy
-        for spacing in mesh.spacings
-        for decoy in _decoys(mesh, spacing)
-        if decoy.order > 2 * spacing
-        and all(abs(decoy.order - true.order) >= 1.5 * spacing for true in meshes)
-    ]
-    return tuple((one, combined_comb([one], ())) for one in (mesh, *decoys))
+    """Return a mesh and its decoys, each with its comb.
 
-
-def _decoys(mesh: MeshComb, spacing: float) -> list[MeshComb]:
-    """Meshes with some teeth more or less, beyond the reach of the true mesh's own sidebands."""
+    Decoys are meshes with some teeth more or less, beyond the reach of the true mesh's sidebands.
+    """
     reach = max(max(group) - min(group) for group in mesh.groups)
-    nearest = 3 + round(reach / spacing)
-    steps = range(nearest, nearest + _DECOYS_A_SIDE)
-    return [mesh.shifted(sign * j * spacing) for sign in (-1, 1) for j in steps]
+    found = [mesh]
+    for spacing in mesh.spacings:
+        nearest = 3 + round(reach / spacing)
+        steps = np.arange(nearest, nearest + _DECOYS_A_SIDE)
+        for step in (*-steps, *steps):
+            decoy = mesh.shifted(float(step * spacing))
+            away = min(abs(decoy.order - true.order) for true in meshes)
+            if decoy.order > 2 * spacing and away >= 1.5 * spacing:
+                found.append(decoy)
+    return tuple((one, combined_comb([one], ())) for one in found)
 
 
 class _JudgedSpectrum:
@@ -248,8 +241,6 @@ class _JudgedSpectrum:
         self, scan: SpeedScan, track: SpeedTrack, nominal_hz: float, tolerance: float
     ) -> None:
         mean = track.mean_hz
-        if len(track.time_s) == 1:  # one block for both: at least its speed is constant
-            mean = float(track.speed_hz[0])
         self.bin_order = scan.bin_hz / mean
         bins = scan.quality.shape[1]
         self.top_order = (bins - 1) * self.bin_order / (1 + tolerance)

@@ -13,12 +13,14 @@ the mesh lines tell the rest.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
-from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
+from gearmon.signals.orders.resampling import AngleGrid, Spreading
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_speed
 
 # Thresholds divide what `test_phases` and `test_speed_tracking` hold apart: simulated gears whose
@@ -72,8 +74,7 @@ def integrate_speed(speed: SpeedTrack, duration_s: float) -> AngleTrack:
     AngleTrack
         Knots at least as dense as the blocks, from 0 to `duration_s`.
     """
-    count = max(2, 2 * len(speed.time_s) + 1)
-    time = np.linspace(0.0, duration_s, count)
+    time = np.linspace(0.0, duration_s, 2 * len(speed.time_s) + 1)
     middle = speed.at(0.5 * (time[1:] + time[:-1]))
     turns = np.concatenate([[0.0], np.cumsum(middle * np.diff(time))])
     return AngleTrack(time_s=time, turns=turns, method="comb", uncertainty_turns=float("nan"))
@@ -142,42 +143,6 @@ def roughness(x: FloatArray, order: int) -> FloatArray:
     return band
 
 
-def shifted_track(
-    track: AngleTrack, centres: FloatArray, shift: FloatArray, spread: float
-) -> AngleTrack:
-    """Add an angle error to a track.
-
-    Parameters
-    ----------
-    track : AngleTrack
-        The track.
-    centres : ndarray of float, shape (blocks,)
-        Angles of this track where the error is known [turns], ascending.
-    shift : ndarray of float, shape (blocks,)
-        What is to be added there [turns].
-    spread : float
-        Uncertainty of the result [turns].
-
-    Returns
-    -------
-    AngleTrack
-        Knots at the centres and at the ends of the old track.
-    """
-    from scipy.interpolate import make_interp_spline
-
-    ends = track.turns[[0, -1]]
-    inner = centres[(centres > ends[0]) & (centres < ends[1])]
-    angle = np.concatenate([[ends[0]], inner, [ends[1]]])
-    # straight from centre to centre, and on with the slopes at the ends
-    slope_ends = make_interp_spline(centres, shift, k=min(1, len(centres) - 1))(angle)
-    return AngleTrack(
-        time_s=track.time_at(angle),
-        turns=angle + slope_ends,
-        method=track.method,
-        uncertainty_turns=spread,
-    )
-
-
 def lock_track(sums: OrderSums, track: AngleTrack) -> AngleTrack:
     """Lock an angle track to the phases of order lines, right to the ends of the recording.
 
@@ -244,6 +209,7 @@ def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
 
 def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     """Solve for the angle error of a track and take it away."""
+    from scipy.interpolate import make_interp_spline
     from scipy.linalg import solveh_banded
 
     hop_turns = float(np.median(np.diff(lines.angle)))
@@ -274,11 +240,15 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         band[0] += total + 1e-6 / step**2
         error = solveh_banded(band, total * vote, lower=True)
     if not clear.any():
-        return shifted_track(track, lines.angle, np.zeros(len(error)), float("inf"))
+        return replace(track, uncertainty_turns=np.inf, indexed=False)
     quick = float(np.mean(((weight * departure) ** 2).sum(axis=1)) / np.mean(total) ** 2)
     drift = np.unwrap(np.angle(mean[:, clear]), axis=0) / (2 * np.pi * order[clear])
     slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
-    return shifted_track(track, lines.angle, error, float(np.sqrt(quick + slow)))
+    # straight from block to block, and on with the slopes at the ends
+    shift = make_interp_spline(lines.angle, error, k=min(1, len(error) - 1))
+    return track.moved(
+        lines.angle, lambda turns: turns + shift(turns), float(np.sqrt(quick + slow))
+    )
 
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
@@ -287,9 +257,10 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     speed = np.gradient(angle, time)
     place = np.log(speed / speed.min()) / _SPEED_CLASS
     count = max(1, round(float(place.max())))
-    place = place * (count / max(float(place.max()), 1e-12)) if count > 1 else 0.0 * place
-    classes = np.arange(count + 1 if count > 1 else 1)
-    return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - classes)))
+    if count == 1:
+        return np.ones((len(place), 1))
+    place *= count / float(place.max())
+    return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count + 1))))
 
 
 def scan_angle(
@@ -325,11 +296,12 @@ def scan_angle(
         Steps of angle that it was made in.
     """
     top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
-    grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
     # what spreading takes of an order it takes of the noise there as well
-    spreading = Spreading(samples, sampling_rate_hz, track, grid, Kernel.of(4, 1.3))
-    read = spreading.holding() if samples.size <= _HELD else spreading
-    return scan_speed(read, grid.per_turn, comb.below(top), 1.0, reach, block_turns), grid
+    read = Spreading.of(samples, sampling_rate_hz, track)
+    if samples.size <= _HELD:
+        read = read.holding()
+    scan = scan_speed(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
+    return scan, read.grid
 
 
 def unwarp(
@@ -361,16 +333,8 @@ def unwarp(
     """
     scan, grid = scan_angle(samples, sampling_rate_hz, track, comb, reach, _UNWARP_TURNS)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
-    ends = track.turns[[0, -1]]
-    knots = grid.first_turn + inner.time_s
-    kept = knots[(knots > ends[0]) & (knots < ends[1])]
-    angle = np.concatenate([ends[:1], kept, ends[1:]])
-    return AngleTrack(
-        time_s=track.time_at(angle),
-        turns=inner.turns_at(angle - grid.first_turn),
-        method="comb",
-        uncertainty_turns=float("nan"),
-    )
+    first = grid.first_turn
+    return track.moved(first + inner.time_s, lambda turns: inner.turns_at(turns - first), np.nan)
 
 
 def follow_lines(sums: OrderSums, track: AngleTrack, comb: Comb) -> tuple[AngleTrack, float]:

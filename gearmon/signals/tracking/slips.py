@@ -12,9 +12,10 @@ each by its own delay, and the angle by their mean. That mean is about as large 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -184,16 +185,16 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
         return _no_clear_line(time_s, lines.angle)
     coherence = _coherence(lines.amplitude[:, clear], mean[:, clear])
     stretches = _stretches(coherence, hop)
-    sound = np.ones(len(time_s), dtype=np.bool_)
-    for start, stop in stretches:
-        sound[start:stop] = False
+    # sound and lost blocks take turns between these
+    cuts = [0, *chain(*stretches), len(time_s)]
+    sound = np.repeat(np.arange(len(cuts) - 1) % 2 == 0, np.diff(cuts))
     if not sound.any():
         return _no_clear_line(time_s, lines.angle)
     told = replace(lines, orders=lines.orders[clear], amplitude=lines.amplitude[:, clear])
-    lost = tuple(_lost(told, time_s, stretches, number) for number in range(len(stretches)))
+    lost = tuple(_lost(told, time_s, cuts[k : k + 4]) for k in range(0, len(cuts) - 2, 2))
     weight = lines.orders[clear] ** 2 / (scatter[clear] ** 2 + FLOOR_CYCLES**2)
     variance = _variance(told, phase[:, clear], weight, sound, time_s)
-    variance += _astray(stretches, lost, sound) ** 2
+    variance += _astray(cuts, lost) ** 2
     return SlipCheck(
         time_s=time_s, coherence=coherence, uncertainty_turns=np.sqrt(variance), lost=lost
     )
@@ -349,41 +350,29 @@ def _variance(
     return variance
 
 
-def _lost(
-    told: SlidingLines, time_s: FloatArray, stretches: list[tuple[int, int]], number: int
-) -> LostStretch:
-    """Describe one stretch."""
-    angle = told.angle
-    start, stop = stretches[number]
+def _lost(told: SlidingLines, time_s: FloatArray, cuts: Sequence[int]) -> LostStretch:
+    """Describe one stretch by where the sound blocks before and after it begin and end."""
+    angle, (_, start, stop, _) = told.angle, cuts
     begin, end = float(angle[max(start - 1, 0)]), float(angle[min(stop, len(angle) - 1)])
-    slipped = None
-    inside = start > 0 and stop < len(angle)
-    if inside and end - begin < _LONGEST_TURNS:
-        first = stretches[number - 1][1] if number > 0 else 0
-        last = stretches[number + 1][0] - 1 if number + 1 < len(stretches) else len(angle) - 1
-        slipped = _displacement(told, (float(angle[first]), begin, end, float(angle[last])))
+    inside = start > 0 and stop < len(angle) and end - begin < _LONGEST_TURNS
     return LostStretch(
         start_s=float(time_s[start]),
         end_s=float(time_s[stop - 1]),
         turns=end - begin,
-        slipped_turns=slipped,
+        slipped_turns=_displacement(told, cuts, _ASTRAY * (end - begin)) if inside else None,
     )
 
 
-def _displacement(told: SlidingLines, angles: tuple[float, float, float, float]) -> float | None:
-    """How far the angle has slipped in a stretch [turns]; None if unclear.
-
-    The angles are where the sound lines before it begin and end, and those after it.
-    """
-    _, begin, end, _ = angles
-    turned, order, sure = _turned(told, angles)
+def _displacement(told: SlidingLines, cuts: Sequence[int], reach: float) -> float | None:
+    """How far the angle has slipped in a stretch, some turns at most; None if unclear [turns]."""
+    order = told.orders
+    turned, sure = _turned(told, cuts)
     if sure.sum() < 2 * _TOLD:
         return None
     # lines that are turned alike are told apart within half a cycle of their mean order
     lobe = 0.5 / float(np.sqrt(np.average(order**2, weights=sure)))
-    reach = max(_ASTRAY * (end - begin), 4 * lobe)
     step = 0.125 * lobe
-    count = int(np.ceil(reach / step))
+    count = int(np.ceil(max(reach, 4 * lobe) / step))
     tried = step * np.arange(-count, count + 1)
     likely = phasors(turned + np.outer(tried, order)).real @ sure
     best = int(np.argmax(likely))
@@ -394,47 +383,37 @@ def _displacement(told: SlidingLines, angles: tuple[float, float, float, float])
     return 0.0 if abs(found) <= lobe else found
 
 
-def _turned(
-    lines: SlidingLines, angles: tuple[float, float, float, float]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """By how many cycles lines are turned after a stretch, their orders, and how surely."""
-    centre, order = lines.angle, lines.orders
+def _turned(lines: SlidingLines, cuts: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    """By how many cycles lines are turned after a stretch, and how surely."""
+    hop = float(np.median(np.diff(lines.angle)))
+    most, least = int(_BESIDE_TURNS / hop), int(np.ceil(_LEAST_BESIDE / hop))
     # blocks that reach into the stretch hold what is lost
-    apart = 2 * float(np.median(np.diff(centre)))
-    low, begin, end, high = angles
-    low, begin, end, high = low + apart, begin - apart, end + apart, high - apart
-    before = (centre < begin) & (centre > max(low, begin - _BESIDE_TURNS))
-    after = (centre > end) & (centre < min(high, end + _BESIDE_TURNS))
-    if min(begin - low, high - end) < _LEAST_BESIDE or min(before.sum(), after.sum()) < 3:
-        return np.zeros(0), np.zeros(0), np.zeros(0)
-    variance = np.full(len(order), (2 * np.pi * _TURNED_CYCLES) ** 2)
+    first, start, stop, last = cuts[0] + 3, cuts[1] - 3, cuts[2] + 3, cuts[3] - 3
+    variance = np.full(len(lines.orders), (2 * np.pi * _TURNED_CYCLES) ** 2)
     means = []
-    for side in (before, after):
-        rows = lines.amplitude[side]
+    for low, high in ((max(first, start - most), start), (stop, min(last, stop + most))):
+        if high - low < least:
+            return np.zeros(0), np.zeros(0)
+        rows = lines.amplitude[low:high]
         mean = rows.mean(axis=0)
         noise = np.mean(np.abs(rows - mean) ** 2, axis=0) * QUARTER_HOP / len(rows)
         variance += 0.5 * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny)
         means.append(mean)
     turned = np.angle(means[1] * np.conj(means[0])) / (2 * np.pi)
-    return turned, order, np.where(variance < 1, 1 / variance, 0.0)
+    return turned, np.where(variance < 1, 1 / variance, 0.0)
 
 
-def _astray(
-    stretches: list[tuple[int, int]], lost: tuple[LostStretch, ...], sound: BoolArray
-) -> FloatArray:
+def _astray(cuts: Sequence[int], lost: tuple[LostStretch, ...]) -> FloatArray:
     """How far the angle may be off because it was lost [turns]."""
-    off = np.zeros(len(sound))
+    off = np.zeros(cuts[-1])
     # the longest time that it is locked is what the rest is compared with
-    cuts = [0, *(edge for stretch in stretches for edge in stretch), len(sound)]
-    held = list(pairwise(cuts))[::2]
-    home = max(range(len(held)), key=lambda number: held[number][1] - held[number][0])
-    for number, (start, stop) in enumerate(stretches):
-        stretch = lost[number]
+    home = int(np.argmax(np.diff(cuts)[::2]))
+    for number, stretch in enumerate(lost):
+        start, stop = cuts[2 * number + 1 : 2 * number + 3]
         own = _ASTRAY * stretch.turns / np.sqrt(3)
         off[start:stop] = np.hypot(off[start:stop], own)
-        if stretch.harmless:
-            continue
-        beyond = slice(stop, None) if number >= home else slice(0, start)
-        more = own if stretch.slipped_turns is None else abs(stretch.slipped_turns)
-        off[beyond] = np.hypot(off[beyond], more)
+        if not stretch.harmless:
+            beyond = slice(stop, None) if number >= home else slice(0, start)
+            more = own if stretch.slipped_turns is None else abs(stretch.slipped_turns)
+            off[beyond] = np.hypot(off[beyond], more)
     return off

@@ -18,13 +18,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, median_filter
 
-from gearmon.arrays import BoolArray, FloatArray, IntArray
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
@@ -72,8 +72,8 @@ class TachoPulses:
     Raises
     ------
     RecordingError
-        If these are no times of pulses: they do not ascend (a waveform, perhaps), or are not
-        finite.
+        If these are no times of pulses: fewer than four, not finite, or they do not ascend (a
+        waveform, perhaps).
     """
 
     time_s: FloatArray
@@ -83,13 +83,14 @@ class TachoPulses:
     def __post_init__(self) -> None:
         """Check the times."""
         times = self.time_s
-        if times.ndim != 1:
+        if times.ndim != 1 or len(times) < _FEWEST_PULSES:
             raise RecordingError(
-                f"pulse times: an array of shape {times.shape}; a row of times is needed"
+                f"pulse times: an array of shape {times.shape}; a row of at least "
+                f"{_FEWEST_PULSES} times is needed"
             )
-        if not np.all(np.isfinite(times)):
-            place = int(np.argmin(np.isfinite(times)))
-            raise RecordingError(f"pulse times: pulse {place + 1} has no finite time")
+        odd = np.flatnonzero(~np.isfinite(times))
+        if len(odd):
+            raise RecordingError(f"pulse times: pulse {odd[0] + 1} has no finite time")
         falls = np.flatnonzero(np.diff(times) <= 0)
         if len(falls):
             first = int(falls[0])
@@ -164,42 +165,14 @@ def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
     return np.asarray(before + (middle - height) / (waveform[before + 1] - height))
 
 
-def pulses_from_times(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
-    """Take pulses whose times were measured already, as a counter board gives them.
-
-    Parameters
-    ----------
-    time_s : array_like of float, shape (pulses,)
-        Times of the pulses [s], ascending.
-    per_turn : int, optional
-        Pulses a turn, if known.
-
-    Returns
-    -------
-    TachoPulses
-        Repaired as those of a waveform.
-
-    Raises
-    ------
-    RecordingError
-        If these are no times of pulses (they do not ascend: a waveform, perhaps), there are fewer
-        than four, or more than 2 % have to be repaired.
-    """
-    times = np.asarray(time_s, dtype=np.float64)
-    if times.ndim != 1 or len(times) < _FEWEST_PULSES:
-        raise RecordingError(
-            f"pulse times: an array of shape {times.shape}; a row of at least 4 times is needed"
-        )
-    return repair(TachoPulses(time_s=times).time_s, per_turn)
-
-
-def repair(time_s: FloatArray, per_turn: int | None = None) -> TachoPulses:
+def repair(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
     """Fill in missing pulses and leave out extra ones, up to 2 %.
 
     Parameters
     ----------
-    time_s : ndarray of float, shape (pulses,)
-        Times of the pulses as they were found [s], ascending; at least four.
+    time_s : array_like of float, shape (pulses,)
+        Times of the pulses as they were found, or measured by a counter board [s], ascending; at
+        least four.
     per_turn : int, optional
         Pulses a turn, if known: where they are not even their spacing is learned.
 
@@ -211,7 +184,7 @@ def repair(time_s: FloatArray, per_turn: int | None = None) -> TachoPulses:
     Raises
     ------
     RecordingError
-        If more than 2 % have to be repaired, or it is unclear how.
+        As `TachoPulses`; or if more than 2 % have to be repaired, or it is unclear how.
 
     Notes
     -----
@@ -223,29 +196,29 @@ def repair(time_s: FloatArray, per_turn: int | None = None) -> TachoPulses:
     from the parabola of the next three. Where more than four repairs come within eight intervals,
     or pulses are still off, it is unclear what is right.
     """
-    per_turn = 1 if per_turn is None or is_even(time_s, per_turn) else per_turn
-    if len(time_s) < 3 * per_turn + 1 or (per_turn == 1 and _sound(time_s)):
-        return TachoPulses(time_s=time_s)
-    start, gaps = _repeating(time_s, per_turn)
-    ahead = _walk(time_s[start:], gaps, per_turn)
+    found = TachoPulses(time_s=np.asarray(time_s, dtype=np.float64))
+    times = found.time_s
+    per_turn = 1 if per_turn is None or is_even(times, per_turn) else per_turn
+    if len(times) < 3 * per_turn + 1 or (per_turn == 1 and _sound(times)):
+        return found
+    start, gaps = _repeating(times, per_turn)
+    ahead = _walk(times[start:], gaps, per_turn)
     # the same backwards, for what lies before; it begins with the turns that begin the other
     both = 3 * per_turn + 1
-    behind = _walk(-time_s[: start + both][::-1], gaps[::-1], per_turn)
-    if per_turn > 1 and not behind.places and not ahead.places:
-        return TachoPulses(time_s=time_s)
-    times = np.array([-t for t in reversed(behind.time_s[both:])] + ahead.time_s)
-    filled = np.array(behind.filled[both:][::-1] + ahead.filled)
-    times, missing, more, unclear_s = _settled(times, filled, per_turn)
-    extra = behind.extra + ahead.extra + more
+    behind = _walk(-times[: start + both][::-1], gaps[::-1], per_turn)
+    ahead[2, 0] += behind[2, both - 1]
+    walked = np.hstack([behind[:, both:][:, ::-1] * [[-1], [1], [1]], ahead])
+    if per_turn > 1 and not walked[1:].any():
+        return found
+    times, missing, extra, unclear_s = _settled(walked, per_turn)
     if missing + extra > max(2, _REPAIRABLE * len(times)):
         raise RecordingError(
             f"tacho channel: {missing} pulses missing and {extra} too many among {len(times)}; at "
             "most 2 % can be repaired. Check the sensor, or leave the tacho out"
         )
-    unclear = [*ahead.crowded_s(), *behind.crowded_s(), *unclear_s]
-    if unclear:
+    if len(unclear_s):
         raise RecordingError(
-            f"tacho channel: pulses about {unclear[0]:.4g} s come at times that fit no steady "
+            f"tacho channel: pulses about {unclear_s[0]:.4g} s come at times that fit no steady "
             "or slowly changing speed, and it is unclear which are missing or too many. Check the "
             "sensor, or leave the tacho out"
         )
@@ -275,64 +248,54 @@ def _repeating(time_s: FloatArray, per_turn: int) -> tuple[int, FloatArray]:
     return start, shares / shares.sum()
 
 
-@dataclass
-class _Walk:
-    """A train as far as it was followed: its pulses, which were filled in, where it was mended."""
+def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> FloatArray:
+    """Follow a train whose first three turns are sound; pulse 0 is followed by the first gap.
 
-    time_s: list[float]
-    filled: list[bool]
-    extra: int = 0
-    places: list[int] = field(default_factory=list)
-
-    def crowded_s(self) -> list[float]:
-        """Return times at which too many repairs come together."""
-        several = zip(self.places, self.places[_CROWD:], strict=False)
-        return [abs(self.time_s[last - 1]) for first, last in several if last - first <= _WITHIN]
-
-
-def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> _Walk:
-    """Follow a train whose first three turns are sound; pulse 0 is followed by the first gap."""
-    index = 3 * per_turn + 1
-    walk = _Walk(time_s=time_s[:index].tolist(), filled=[False] * index)
-    found = walk.time_s
+    Returns the times of its pulses, whether each was filled in, and how many extra ones came
+    between it and the next, shape (3, pulses).
+    """
+    index, repairs = 3 * per_turn + 1, 0
+    found = time_s[:index].tolist()
+    filled, extra = [False] * index, [0] * index
     limit = max(10, int(_HOPELESS * len(time_s)))
     following = np.append(np.diff(time_s), np.inf)
-    while index < len(time_s) and len(walk.places) <= limit:
+    while index < len(time_s) and repairs <= limit:
         step = (len(found) - 1) % per_turn
         # the middle of three: one pulse at a wrong time does not count
         turn = sorted(found[-k] - found[-k - per_turn] for k in (1, 2, 3))[1]
         reach = _EARLY_OR_LATE * turn * min(gaps[step], gaps[(step + 1) % per_turn])
         late = time_s[index] - (found[-1] + gaps[step] * turn)
-        if late < -reach or (late <= reach and abs(late + following[index]) < abs(late)):
-            walk.extra += 1
-            walk.places.append(len(found))
+        is_late = bool(late > reach)
+        if late < -reach or (not is_late and abs(late + following[index]) < abs(late)):
+            extra[-1] += 1
+            repairs += 1
             index += 1
             continue
-        if late > reach:
-            walk.places.append(len(found))
-        found.append(found[-1] + gaps[step] * turn if late > reach else float(time_s[index]))
-        walk.filled.append(late > reach)
-        index += late <= reach
-    return walk
+        found.append(found[-1] + gaps[step] * turn if is_late else float(time_s[index]))
+        filled.append(is_late)
+        extra.append(0)
+        repairs += is_late
+        index += not is_late
+    return np.array([found, filled, extra], dtype=np.float64)
 
 
-def _settled(
-    time_s: FloatArray, filled: BoolArray, per_turn: int
-) -> tuple[FloatArray, int, int, list[float]]:
+def _settled(walked: FloatArray, per_turn: int) -> tuple[FloatArray, int, int, FloatArray]:
     """Put pulses that were filled in or are off onto the cubic through their neighbours.
 
     Returns the times, how many were missing and extra, and where it is unclear which.
     """
-    missing, extra = int(filled.sum()), 0
-    time_s = np.where(filled, _expected(time_s, per_turn), time_s)
-    wrong = np.flatnonzero(filled)
+    filled = walked[1] > 0
+    missing, extra = (int(own) for own in walked[1:].sum(axis=1))
+    time_s = np.where(filled, _expected(walked[0], per_turn), walked[0])
+    crowded = np.convolve(walked[1] + walked[2], np.ones(_WITHIN + 1))[: len(time_s)] > _CROWD
+    unclear_s, wrong = walked[0, crowded], np.flatnonzero(filled)
     for _ in range(_ROUNDS):
         if np.any(np.diff(time_s) <= 0):
             break
         expected = _expected(time_s, per_turn)
         wrong = _misplaced(time_s, expected)
         if not len(wrong):
-            return time_s, missing, extra, []
+            return time_s, missing, extra, unclear_s
         extra += len(wrong)
         if len(wrong) == 1 and wrong[0] in (0, len(time_s) - 1):
             time_s = np.delete(time_s, wrong)
@@ -340,7 +303,7 @@ def _settled(
         missing += len(wrong)
         time_s = time_s.copy()
         time_s[wrong] = expected[wrong]
-    return time_s, missing, extra, [float(time_s[min(int(wrong[0]), len(time_s) - 1)])]
+    return time_s, missing, extra, np.append(unclear_s, time_s[min(wrong[0], len(time_s) - 1)])
 
 
 def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:
@@ -498,10 +461,9 @@ def track_from_pulse_times(
     Raises
     ------
     RecordingError
-        As `pulses_from_times` and `track_from_pulses`.
+        As `repair` and `track_from_pulses`.
     """
-    pulses = pulses_from_times(time_s, per_turn)
-    return track_from_pulses(pulses, per_turn, shaft_order, duration_s)
+    return track_from_pulses(repair(time_s, per_turn), per_turn, shaft_order, duration_s)
 
 
 def track_from_pulses(
@@ -524,42 +486,9 @@ def track_from_pulses(
     Returns
     -------
     AngleTrack
-        Angle zero at the first pulse. Its uncertainty is the jitter of single pulses: by how much
-        they come off the straight line between their neighbours, which counts three half times.
-
-    Raises
-    ------
-    RecordingError
-        If there are fewer than three turns.
-    """
-    time, turns, jitter = pulse_angles(pulses, pulses_per_turn, shaft_order)
-    # of several pulses a turn nobody knows which one came first
-    indexed = int(pulses_per_turn) == 1 and shaft_order == 1.0
-    track = track_through(time, turns, duration_s)
-    return replace(track, indexed=indexed, uncertainty_turns=jitter)
-
-
-def pulse_angles(
-    pulses: TachoPulses, pulses_per_turn: int, shaft_order: float
-) -> tuple[FloatArray, FloatArray, float]:
-    """Return the times of pulses, the angles of shaft 1 that they mark, and their scatter.
-
-    Parameters
-    ----------
-    pulses : TachoPulses
-        The pulses.
-    pulses_per_turn : int
-        Pulses a turn of the shaft that carries them, > 0; the spacing of several is learned.
-    shaft_order : float
-        Turns of that shaft a turn of shaft 1, > 0.
-
-    Returns
-    -------
-    time_s, turns : ndarray of float, shape (knots,)
-        Times [s] and angles [turns], 0 for the first pulse; of an encoder's many pulses neighbours
-        are averaged.
-    jitter_turns : float
-        Standard deviation of single pulses about the line through their neighbours [turns].
+        Angle zero at the first pulse; knots at the pulses, of an encoder's many at the means of
+        neighbours. Its uncertainty is the jitter of single pulses: by how much they come off the
+        straight line between their neighbours, which counts three half times.
 
     Raises
     ------
@@ -568,16 +497,23 @@ def pulse_angles(
     """
     check_positive("pulses_per_turn", pulses_per_turn)
     check_positive("shaft_order", shaft_order)
-    count = int(pulses_per_turn)
-    whole = (len(pulses.time_s) - 1) // count + 1
+    count, time_s = int(pulses_per_turn), pulses.time_s
+    whole = (len(time_s) - 1) // count + 1
     if whole < 3:
         raise RecordingError(f"tacho channel: {whole} turns recorded, at least 3 are needed")
-    spacing = learn_spacing(pulses.time_s, count)
-    number = np.arange(len(pulses.time_s))
+    number, spacing = np.arange(len(time_s)), learn_spacing(time_s, count)
     turns = (number // count + spacing[number % count]) / shaft_order
-    slope = float((turns[-1] - turns[0]) / (pulses.time_s[-1] - pulses.time_s[0]))
-    jitter = _jitter(pulses.time_s, turns) * slope
-    return *_thinned(pulses.time_s, turns, max(1, count // _KNOTS_PER_TURN)), jitter
+    slope = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0]))
+    # less jitter of an encoder, and fewer knots
+    together = max(1, count // _KNOTS_PER_TURN)
+    cut = len(time_s) // together * together
+    knots = [own[:cut].reshape(-1, together).mean(axis=1) for own in (time_s, turns)]
+    return replace(
+        track_through(knots[0], knots[1], duration_s),
+        # of several pulses a turn nobody knows which one came first
+        indexed=count == 1 and shaft_order == 1.0,
+        uncertainty_turns=_jitter(time_s, turns) * slope,
+    )
 
 
 def track_through(time_s: FloatArray, turns: FloatArray, duration_s: float) -> AngleTrack:
@@ -604,18 +540,9 @@ def track_through(time_s: FloatArray, turns: FloatArray, duration_s: float) -> A
 
 def _jitter(time_s: FloatArray, turns: FloatArray) -> float:
     """Return the standard deviation of a pulse's time about its neighbours' line [s]."""
-    if len(time_s) < _FEWEST_PULSES:
-        return 0.0
     share = (turns[1:-1] - turns[:-2]) / (turns[2:] - turns[:-2])
     off = time_s[1:-1] - (1 - share) * time_s[:-2] - share * time_s[2:]
     return float(np.std(off / np.sqrt(1 + share**2 + (1 - share) ** 2)))
-
-
-def _thinned(time_s: FloatArray, turns: FloatArray, together: int) -> tuple[FloatArray, FloatArray]:
-    """Average neighbouring pulses of an encoder: less jitter, and fewer knots."""
-    cut = len(time_s) // together * together
-    time_s, turns = (own[:cut].reshape(-1, together).mean(axis=1) for own in (time_s, turns))
-    return time_s, turns
 
 
 def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.05) -> int:
@@ -659,27 +586,7 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.0
     return count
 
 
-@dataclass(frozen=True, kw_only=True)
-class Joined:
-    """The angle from pulses and lines together, or that of the pulses.
-
-    Parameters
-    ----------
-    track : AngleTrack
-        The angle of shaft 1.
-    used : bool
-        Whether the lines had a part in it.
-    beyond : float
-        By how much the lines would move the angle, over what the scatter of the pulses allows;
-        lines that would move it by more than 1 are not believed.
-    """
-
-    track: AngleTrack
-    used: bool = False
-    beyond: float = 0.0
-
-
-def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArray) -> Joined:
+def join(sums: OrderSums, known: AngleTrack) -> tuple[AngleTrack, float]:
     """Refine the angle of a tachometer by the phases of order lines.
 
     Parameters
@@ -687,16 +594,19 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     sums : OrderSums
         Mesh lines of the recording.
     known : AngleTrack
-        The angle from the pulses alone; its uncertainty is the jitter of single pulses.
-    time_s, turns : ndarray of float, shape (pulses,)
-        Times of the pulses [s] and the angles that they mark [turns of shaft 1], ascending.
+        The angle from the pulses alone, as `track_from_pulses` makes it: its knots within the
+        recording are the pulses.
 
     Returns
     -------
-    Joined
-        With the angle of the pulses if the lines are no more coherent in the other one, or if that
-        departs from the pulses by more than their scatter allows: over any 25 pulses in the mean by
-        more than half a sample and four standard deviations of the mean of so many.
+    track : AngleTrack
+        The angle from pulses and lines together; that of the pulses if the lines are no more
+        coherent in the other one, or if that departs from the pulses by more than their scatter
+        allows: over any 25 pulses in the mean by more than half a sample and four standard
+        deviations of the mean of so many.
+    beyond : float
+        By how much the lines would move the angle, over what the scatter of the pulses allows;
+        lines that would move it by more than 1 are not believed.
 
     Notes
     -----
@@ -709,12 +619,13 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     for a drift: none is looked for while the mean explains the pulses.
     """
     rate, jitter = sums.sampling_rate_hz, known.uncertainty_turns
+    time_s, turns = known.time_s[1:-1], known.turns[1:-1]
     sample = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0])) / rate
     enough = len(turns) >= _JOINED_PULSES and turns[-1] - turns[0] >= _JOINED_TURNS
     # an edge is somewhere between two samples
     scatter = max(jitter, sample / math.sqrt(12))
     if not enough or scatter * float(sums.orders.max()) < FLOOR_CYCLES:
-        return Joined(track=known)
+        return known, 0.0
     count = min(_MEAN_OF, len(turns) // 4)
     allowed = 0.5 * sample + _MEAN_DEVIATIONS * jitter / math.sqrt(count)
 
@@ -726,11 +637,11 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
     a_turn = (len(turns) - 1) / float(turns[-1] - turns[0])
     course = _smoothed(turns, time_s, 2, _STIFF * a_turn**4)
     if np.any(np.diff(course) <= 0):
-        return Joined(track=known)
+        return known, 0.0
     try:
         track = lock_track(sums, track_through(course, turns, float(known.time_s[-1])))
     except ArgumentError:  # lines that would turn the shaft back
-        return Joined(track=known)
+        return known, 0.0
     beside = turns - track.turns_at(time_s)
     drift = np.full(len(beside), beside.mean())
     beats = jitter < sample and _beats(rate * course, max(1, round(a_turn)))
@@ -738,15 +649,13 @@ def join(sums: OrderSums, known: AngleTrack, time_s: FloatArray, turns: FloatArr
         drift = _smoothed(turns, beside, 1)
     moved = track.turns + np.interp(track.turns, turns - beside, drift)
     if not np.isfinite(track.uncertainty_turns) or np.any(np.diff(moved) <= 0):
-        return Joined(track=known)
+        return known, 0.0
     doubt = min(track.uncertainty_turns, jitter)
     joined = replace(track, turns=moved, uncertainty_turns=doubt, indexed=known.indexed)
     if _coherence(sums, joined) <= _coherence(sums, known):
-        return Joined(track=known)
+        return known, 0.0
     beyond = departure(turns - joined.turns_at(time_s))
-    if beyond > 1.0:
-        return Joined(track=known, beyond=beyond)
-    return Joined(track=joined, used=True, beyond=beyond)
+    return (joined if beyond <= 1.0 else known), beyond
 
 
 def _beats(place: FloatArray, lag: int) -> bool:

@@ -232,7 +232,6 @@ def test_waveform_is_its_lines():
     direct = (found.lines[:, :, None] * np.exp(2j * np.pi * number[:, None] * angle)).sum(1).real
     np.testing.assert_allclose(found.waveform, direct, atol=1e-12)
     np.testing.assert_allclose(one_turn(found.lines, 501).mean(axis=1), found.lines[:, 0].real)
-    np.testing.assert_allclose(found.order, 1.0 * number)
 
 
 def test_fewer_values_a_turn_leave_lines_out_and_fold_none():

@@ -200,7 +200,7 @@ class TestTdms:
         with nptdms.TdmsWriter(path) as writer:
             channels = [nptdms.ChannelObject("g", "a", X[0], wave)]
             writer.write_segment([*channels, nptdms.ChannelObject("g", "b\n", X[1][:0], wave)])
-        assert "channel 'b ' holds no numbers: left out" in read_recording(path).notes
+        assert "b? holds no numbers: left out" in read_recording(path).notes
 
 
 class TestUniversalFile:
@@ -247,7 +247,7 @@ class TestUniversalFile:
         path = written({})
         lines = path.read_text().splitlines(keepends=True)
         path.write_text("".join([*lines[:60], *lines[61:]]))
-        assert "function 1 has 396 samples where its header announces 400" in refused(path)
+        assert "function 1: 396 samples where 400 are announced" in refused(path)
 
     @pytest.mark.parametrize("put_in", [b"nan", b"\0\0\0", b"x\n"])
     @pytest.mark.filterwarnings("ignore")
@@ -276,7 +276,7 @@ class TestParquet:
         assert found.speed_rpm == 1480.0
         assert found.units == ("m/s2", "m/s2")
         assert np.array_equal(found.samples, [X[0] * 9.80665, X[1].astype("f4")])
-        assert "column 'text' holds no numbers: left out" in found.notes
+        assert "text (string) holds no numbers: left out" in found.notes
 
     def test_time_stamps(self, tmp_path):
         pytest.importorskip("pyarrow")
@@ -303,7 +303,7 @@ class TestParquet:
         whole = path.read_bytes()
         place = parquet.ParquetFile(path).metadata.row_group(0).column(0).data_page_offset + 200
         path.write_bytes(whole[:place] + bytes(9) + whole[place:])
-        assert "is damaged: the pages of" in refused(path, 5000.0)
+        assert "the pages of its table end at byte" in refused(path, 5000.0)
 
 
 @pytest.mark.parametrize("lost_bytes", [0, 300])

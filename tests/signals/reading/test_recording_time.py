@@ -190,3 +190,19 @@ def test_dates_and_times_of_day(write):
     assert read_recording(write(stamps, "Datum")).sampling_rate_hz == 1000.0
     clock = [stamp[11:] for stamp in stamps]
     assert read_recording(write(clock, "x")).sampling_rate_hz == 1000.0
+
+
+def test_stamps_that_mostly_do_not_rise_are_a_fault():
+    # their usual step is none
+    assert "comes after" in spacing(np.arange(4000.0) ** 2 % 17).fault
+    flat = np.ones(500)
+    flat[0], flat[-1] = 0.0, 2.0
+    assert "is repeated" in spacing(flat).fault
+    assert not rises_evenly(flat)
+
+
+def test_of_two_samples_that_changed_places_the_second_is_named():
+    stamps = np.arange(200) / 1000
+    stamps[[99, 100]] = stamps[[100, 99]]
+    assert spacing(stamps).row == 100
+    assert "comes after" in spacing(stamps).fault

@@ -75,7 +75,7 @@ def test_standing_out_means_far_from_and_above_the_decoys(score, above, decoys, 
 
 
 def test_what_cannot_be_judged_does_not_stand_out():
-    assert not MeshEvidence.none(40).stands_out
+    assert not MeshEvidence(decoys_above=40, decoys=40).stands_out
 
 
 def test_noise_has_no_mesh():

@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
-from gearmon.signals.tracking.tacho import pulses_from_times, repair
+from gearmon.signals.tracking.tacho import repair
 
 LIMIT = 0.02
 REFUSED = "Check the sensor"
@@ -27,7 +27,7 @@ def train(count, rate_hz, ramp):
 def check_repaired(beyond, spoilt, per_turn=1):
     """What comes back is the whole train, but for its ends, to a tenth of an interval."""
     whole = beyond[BEYOND:-BEYOND]
-    found = pulses_from_times(spoilt, per_turn).time_s
+    found = repair(spoilt, per_turn).time_s
     nearest = np.clip(np.searchsorted(beyond, found), 1, len(beyond) - 1)
     nearest -= found - beyond[nearest - 1] < beyond[nearest] - found
     assert np.all(np.abs(found - beyond[nearest]) <= 0.1 * np.gradient(beyond)[nearest])
@@ -85,7 +85,7 @@ def test_so_is_one_of_uneven_pulses(data, gaps, ramp):
     spoilt = np.unique(np.concatenate([np.delete(whole, gone), more]))
     assume(np.min(np.diff(spoilt)) > 1e-9)
     try:
-        found = pulses_from_times(spoilt, len(gaps)).time_s
+        found = repair(spoilt, len(gaps)).time_s
     except RecordingError as refusal:
         assert REFUSED in str(refusal)  # noqa: PT017
         return
@@ -102,7 +102,7 @@ def test_so_is_one_of_uneven_pulses(data, gaps, ramp):
 def test_whatever_comes_is_repaired_or_refused(intervals):
     times = np.cumsum([0.0, *intervals])
     try:
-        found = pulses_from_times(times).time_s
+        found = repair(times).time_s
     except RecordingError as refusal:
         assert REFUSED in str(refusal)  # noqa: PT017
     else:
@@ -139,7 +139,7 @@ def test_pulses_twice_as_fast_for_a_while_are_unclear():
     with pytest.raises(
         RecordingError, match=r"about 25\.\d* s .* unclear which .* Check the sensor"
     ):
-        pulses_from_times(np.sort([*times, *burst]))
+        repair(np.sort([*times, *burst]))
 
 
 def test_jitter_is_no_reason_to_repair():

@@ -225,6 +225,6 @@ def test_a_waveform_is_no_row_of_pulse_times():
     with pytest.raises(RecordingError, match=r"does not come after .* give it to find_pulses"):
         track_from_pulses(TachoPulses(time_s=wave), 1, 1.0, 0.4)
     with pytest.raises(RecordingError, match="pulse 3 has no finite time"):
-        TachoPulses(time_s=np.array([0.0, 1.0, np.nan]))
-    with pytest.raises(RecordingError, match="a row of times is needed"):
+        TachoPulses(time_s=np.array([0.0, 1.0, np.nan, 3.0]))
+    with pytest.raises(RecordingError, match="a row of at least 4 times is needed"):
         TachoPulses(time_s=np.zeros((2, 5)))

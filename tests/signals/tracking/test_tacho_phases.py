@@ -7,8 +7,7 @@ import pytest
 from reference.synthetic_signals import wandering_turns, white
 
 from gearmon.signals.orders import OrderSums
-from gearmon.signals.tracking import find_pulses, join, track_from_pulses
-from gearmon.signals.tracking.tacho import pulse_angles
+from gearmon.signals.tracking import TachoPulses, find_pulses, join, track_from_pulses
 
 RATE, DURATION, SPEED, TEETH = 4000.0, 10.0, 21.7, 31
 TIME = np.arange(int(RATE * DURATION)) / RATE
@@ -40,8 +39,7 @@ def joined(samples, waveform, per_turn=1):
     """Angle of the pulses alone, and what the lines make of it."""
     pulses = find_pulses(waveform, RATE, per_turn)
     known = track_from_pulses(pulses, per_turn, 1.0, TIME[-1])
-    time_s, turns, _ = pulse_angles(pulses, per_turn, 1.0)
-    return known, join(OrderSums(samples, RATE, ORDERS), known, time_s, turns)
+    return known, join(OrderSums(samples, RATE, ORDERS), known)[0]
 
 
 def error(track, turns):
@@ -57,17 +55,17 @@ def error(track, turns):
 def test_lines_take_away_what_the_sampling_does_to_pulses(wander, marks, jitter):
     turns = angle(wander)
     known, found = joined(lines(turns), switched(turns, marks, jitter), len(marks))
-    alone, together = error(known, turns), error(found.track, turns)
-    assert found.used
+    alone, together = error(known, turns), error(found, turns)
+    assert found is not known
     assert together.std() < 0.15 * alone.std()
     # the quantisation is as good as gone, and zero is where the pulses are in the mean
     sample = TEETH * SPEED / RATE
     scatter = np.hypot(sample / np.sqrt(12), TEETH * jitter)
     zero = together.mean() + TEETH * (0.4 if len(marks) > 1 else 0.0)  # that of the first pulse
     assert abs(zero) < 4 * scatter / np.sqrt(SPEED * DURATION) + 1e-3
-    assert found.track.indexed == (len(marks) == 1)
-    assert found.track.method == "tacho"
-    assert found.track.uncertainty_turns < 0.3 * known.uncertainty_turns
+    assert found.indexed == (len(marks) == 1)
+    assert found.method == "tacho"
+    assert found.uncertainty_turns < 0.3 * known.uncertainty_turns
 
 
 def test_a_drift_that_the_path_gives_the_lines_is_not_taken_for_rotation():
@@ -75,7 +73,7 @@ def test_a_drift_that_the_path_gives_the_lines_is_not_taken_for_rotation():
     turns = 0.25 + SPEED * (TIME + 0.01 * TIME**2)
     late = np.interp(TIME - 0.002, TIME, turns)
     known, found = joined(lines(late), switched(turns))
-    drift = error(found.track, turns)
+    drift = error(found, turns)
     assert np.ptp(drift[20:-20]) < 0.25
     assert drift.std() < 1.1 * error(known, turns).std()
 
@@ -91,11 +89,10 @@ def test_lines_that_do_not_fit_leave_the_pulses_alone(what):
     }[what]
     known, found = joined(samples, switched(turns))
     if what == "few":
-        found = join(
-            OrderSums(samples, RATE, ORDERS), known, np.arange(8.0), SPEED * np.arange(8.0)
-        )
-    assert not found.used
-    assert found.track is known
+        pulses = TachoPulses(time_s=(1.0 + np.arange(8)) / SPEED)
+        known = track_from_pulses(pulses, 1, 1.0, TIME[-1])
+        found, _ = join(OrderSums(samples, RATE, ORDERS), known)
+    assert found is known
 
 
 def test_lines_that_slip_by_a_tooth_are_not_believed():
@@ -103,4 +100,4 @@ def test_lines_that_slip_by_a_tooth_are_not_believed():
     # for a third of the recording the vibration is a quarter of a turn ahead
     ahead = 0.25 * np.interp(TIME, [3.0, 3.4, 6.0, 6.4], [0.0, 1.0, 1.0, 0.0])
     known, found = joined(lines(turns + ahead), switched(turns))
-    assert error(found.track, turns).std() <= 1.1 * error(known, turns).std()
+    assert error(found, turns).std() <= 1.1 * error(known, turns).std()

@@ -12,7 +12,6 @@ from gearmon.errors import ArgumentError, RecordingError
 from gearmon.signals.tracking import TachoPulses, find_pulses, track_from_pulses
 from gearmon.signals.tracking.tacho import (
     learn_spacing,
-    pulses_from_times,
     repair,
     track_from_pulse_times,
 )
@@ -120,7 +119,7 @@ def test_sound_sequences_are_left_alone(per_turn):
 def test_too_many_repairs_of_uneven_pulses_are_refused():
     whole = pulse_times(SPACINGS["paint"])
     with pytest.raises(RecordingError, match=r"pulses missing.*at most 2 % can be repaired"):
-        pulses_from_times(np.delete(whole, np.arange(40, len(whole) - 5, 23)), 4)
+        repair(np.delete(whole, np.arange(40, len(whole) - 5, 23)), 4)
 
 
 def test_falling_edges_are_those_of_the_inverted_waveform():
@@ -181,7 +180,7 @@ def test_pulse_times_are_no_waveform():
 )
 def test_what_are_no_pulse_times_is_refused(times, message):
     with pytest.raises(RecordingError, match=message):
-        pulses_from_times(times)
+        repair(times)
 
 
 @pytest.mark.parametrize("hysteresis", [0.6, 0.0])
