@@ -144,8 +144,9 @@ class StateGauge:
         -----
         Seven simulated machines at 17 and 42 N/mm, loads 0.5 to 1.0: the median of the harmonics
         was off the load by 0.06 to 0.30 Np, and of one machine it was the same at 0.75 and at 0.5.
-        Learned from three references it is off by 0.01 to 0.04 Np, at loads between them too. On a
-        real rig of unknown torque harmonics change in all directions, and what two references at
+        Learned from three references it is off by 0.01 to 0.04 Np, at loads between them too, and
+        of the healthy pairs told of at `FULL_LOAD` 5 are called faults instead of 17. On a real rig
+        of unknown torque harmonics change in all directions, and what two references at
         neighbouring loads would teach is chance.
         """
         base = profiles[0]
