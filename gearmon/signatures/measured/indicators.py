@@ -363,8 +363,7 @@ def _inputs(own: GearSignals) -> dict[str, tuple[str, str, tuple[int, ...]]]:
     shaft = f"multiples {_listed(own.shaft)} of the {gear}'s rotation, " if own.shaft else ""
     residual = f"{shaft}mesh harmonics at {_listed(own.mesh)}"
     difference = f"{residual}, their first sidebands"
-    taken = tuple(sorted(own.shaft + own.mesh))
-    further = tuple(sorted(taken + own.first))
+    taken, further = own.removed.values()
     return {
         "average": ("average", "all that does not repeat with the gear", ()),
         "residual": ("residual", residual, taken),

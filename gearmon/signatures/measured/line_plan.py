@@ -9,12 +9,13 @@ harmonics also have names (`machine_marks`), for the peaks of a spectrum.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import combinations
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -131,30 +132,13 @@ class WheelLines:
     number: IntArray
     lines: IntArray
     mesh: BoolArray
-    beside: IntArray
+    beside: IntArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
 
     @classmethod
-    def of(
-        cls,
-        stage: int,
-        wheel: Wheel,
-        number: IntArray,
-        lines: IntArray,
-        mesh: BoolArray,
-        beside: Sequence[Sequence[int]] = (),
-    ) -> WheelLines:
+    def of(cls, stage: int, wheel: Wheel, **lines: Any) -> WheelLines:
         """Return the lines of a gear."""
-        return cls(
-            stage=stage,
-            gear=wheel.gear,
-            teeth=wheel.teeth,
-            shaft=wheel.shaft,
-            order=wheel.relative_order,
-            number=number,
-            lines=lines,
-            mesh=mesh,
-            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(number)),
-        )
+        whose: dict[str, Any] = {"gear": wheel.gear, "teeth": wheel.teeth, "shaft": wheel.shaft}
+        return cls(stage=stage, **whose, order=wheel.relative_order, **lines)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -336,10 +320,14 @@ class _Planning:
             ]
             for aside, step, first in self._sides(mesh, wheel)
         ]
-        number = np.array(held, dtype=np.int64)
-        lines = np.array([position[n * turning] for n in held], dtype=np.int64)
-        meshes = np.array([of_mesh(n * turning) for n in held], dtype=bool)
-        return WheelLines.of(mesh.stage, wheel, number, lines, meshes, beside)
+        return WheelLines.of(
+            mesh.stage,
+            wheel,
+            number=np.array(held, dtype=np.int64),
+            lines=np.array([position[n * turning] for n in held], dtype=np.int64),
+            mesh=np.array([of_mesh(n * turning) for n in held], dtype=bool),
+            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(held)),
+        )
 
 
 def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
