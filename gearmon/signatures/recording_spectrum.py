@@ -608,15 +608,14 @@ def _order_peaks(
 def _order_notes(
     signature: MeasuredSignature, whole: OrderMap, along: OrderMap, shaft: int
 ) -> tuple[str, ...]:
-    notes = list(signature.notes)
-    for name, own in (("spectrum", whole), ("map", along)):
-        notes.append(
-            f"{name}: {own.blocks.sum()} half-overlapped blocks of {own.block_turns:.4g} turns of "
-            f"shaft {shaft}"
-        )
+    blocks = "{}: {} half-overlapped blocks of {:.4g} turns of shaft {}"
+    notes = [
+        blocks.format(name, own.blocks.sum(), own.block_turns, shaft)
+        for name, own in (("spectrum", whole), ("map", along))
+    ]
     if along.against == "speed":
         low, high = float(along.speed_hz.min()), float(along.speed_hz.max())
         notes.append(f"map: {len(along.speed_hz)} rows from {low:.5g} to {high:.5g} Hz")
     if not signature.found:
         notes.append("no mesh found: the speed, and with it every order, is not to be relied on")
-    return tuple(notes)
+    return (*signature.notes, *notes)
