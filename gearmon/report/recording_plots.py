@@ -145,7 +145,9 @@ def average_figures(found: GearAverages) -> dict[str, plots.Picture]:
     dict of str to Picture
         By what is added to the name of a file.
     """
-    return {f"-{own.stage}-{own.gear}": average_figure(found, own) for own in found.gears}
+    return {
+        f"-{own.wheel.stage}-{own.wheel.gear}": average_figure(found, own) for own in found.gears
+    }
 
 
 @plots.style()
@@ -158,15 +160,15 @@ def average_figure(found: GearAverages, own: GearAverage) -> plots.Picture:
     own : GearAverage
         Of one of its gears.
     """
-    average = own.average
+    average, wheel = own.average, own.wheel
     names = found.channel_names[:_MOST_PAIRS]
     # so many values a tooth that straight lines join them
-    count = max(average.per_turn, _PER_TOOTH * own.teeth)
-    angle = np.arange(count + 1.0) * own.teeth / count
-    known = np.arange(average.per_turn + 1.0) * own.teeth / average.per_turn
+    count = max(average.per_turn, _PER_TOOTH * wheel.teeth)
+    angle = np.arange(count + 1.0) * wheel.teeth / count
+    known = np.arange(average.per_turn + 1.0) * wheel.teeth / average.per_turn
     whole, signals = one_turn(average.lines, count), own.signals
     if count > average.per_turn:
-        signals = gear_signals(average.lines, own.signals.wheel, per_turn=count)
+        signals = gear_signals(average.lines, wheel, per_turn=count)
     figure, axes = plots.stack([0.85, 0.85] * len(names), room_in=1.0, sharex=True)
     for row, name in enumerate(names):
         error = _BAND * np.interp(angle, known, _closed(average.waveform_error[row]))
@@ -185,19 +187,19 @@ def average_figure(found: GearAverages, own: GearAverage) -> plots.Picture:
         for ax in (upper, lower):
             ax.set_ylabel(strip_label(name, unit_text(found.units[row])), fontsize=7)
             ax.yaxis.set_major_locator(MaxNLocator(4))
-            ax.set_xlim(0.0, own.teeth)
+            ax.set_xlim(0.0, wheel.teeth)
             plots.light_grid(ax)
     zero = (
         "at the tachometer pulse"
         if own.numbered
         else "anywhere: no once-a-turn pulse on this shaft"
     )
-    axes[-1].set_xlabel(f"Angle of the {own.gear} (tooth pitches; 0 {zero})")
+    axes[-1].set_xlabel(f"Angle of the {wheel.gear} (tooth pitches; 0 {zero})")
     accelerations = all(unit in ("m/s2", "m/s^2", "g") for unit in found.units)
     figure.supylabel("Acceleration" if accelerations else "Signal", fontsize=7.5)
     title = (
-        f"{shortened(own.name, 40)}, {own.teeth} teeth: mean of {average.turns} of its turns, "
-        f"order {average.rotation_order:.6g} of shaft 1"
+        f"{wheel.gear} of stage {wheel.stage}, {wheel.teeth} teeth: mean of {average.turns} of "
+        f"its turns, order {average.rotation_order:.6g} of shaft 1"
     )
     axes[0].set_title(title)
     plots.legend(figure, axes)

@@ -91,14 +91,11 @@ class GearSignals:
     band: tuple[int, int]
 
     @property
-    def removed_orders(self) -> dict[str, tuple[float, ...]]:
-        """Orders of shaft 1 taken out of the average, by the signal that was left."""
-        residual = sorted(self.shaft + self.mesh)
-        difference = sorted(self.shaft + self.mesh + self.first)
-        return {
-            "residual": tuple(n * self.wheel.order for n in residual),
-            "difference": tuple(n * self.wheel.order for n in difference),
-        }
+    def removed(self) -> dict[str, tuple[int, ...]]:
+        """Multiples of the rotation taken out of the average, by the signal that was left."""
+        residual = self.shaft + self.mesh
+        every = {"residual": residual, "difference": residual + self.first}
+        return {name: tuple(sorted(taken)) for name, taken in every.items()}
 
 
 def gear_signals(
@@ -162,15 +159,11 @@ def gear_signals(
         fundamental=size[:, teeth],
         first_sidebands=size[:, [teeth - 1, teeth + 1]],
         near_sidebands=size[:, near],
-        shaft=_listed(number[shaft]),
-        mesh=_listed(meshes),
-        first=_listed(number[first]),
+        shaft=tuple(number[shaft].tolist()),
+        mesh=tuple(meshes.tolist()),
+        first=tuple(number[first].tolist()),
         band=band,
     )
-
-
-def _listed(number: IntArray) -> tuple[int, ...]:
-    return tuple(int(n) for n in number)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -179,14 +172,6 @@ class GearAverage:
 
     Parameters
     ----------
-    stage : int
-        Stage, from 1.
-    gear : str
-        "pinion", "gear", "sun", "planet" or "ring".
-    teeth : int
-        Teeth.
-    shaft : int or None
-        Shaft it turns with.
     average : SynchronousAverage
         Over its turns relative to the carrier (to the housing in a parallel stage).
     signals : GearSignals
@@ -195,18 +180,14 @@ class GearAverage:
         Whether angle zero is the same position of the gear in every recording.
     """
 
-    stage: int
-    gear: str
-    teeth: int
-    shaft: int | None
     average: SynchronousAverage
     signals: GearSignals
     numbered: bool
 
     @property
-    def name(self) -> str:
-        """The gear in words."""
-        return f"{self.gear} of stage {self.stage}"
+    def wheel(self) -> WheelLines:
+        """The gear."""
+        return self.signals.wheel
 
     @property
     def angle_turns(self) -> FloatArray:
@@ -223,11 +204,6 @@ class GearAverage:
             "difference": self.signals.difference,
             "regular": self.signals.regular,
         }
-
-    @property
-    def removed_orders(self) -> dict[str, tuple[float, ...]]:
-        """Orders of shaft 1 taken out to get the residual and the difference signal."""
-        return self.signals.removed_orders
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -265,13 +241,13 @@ class GearAverages(Result):
         KeyError
             If it is not among them.
         """
-        return {(own.stage, own.gear): own for own in self.gears}[stage, gear]
+        return {(own.wheel.stage, own.wheel.gear): own for own in self.gears}[stage, gear]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return all waveforms as rows: gear, angle, channel and the signals."""
         return [
             self._place(own, row)
-            | {"angle_turns": angle, "angle_teeth": angle * own.teeth}
+            | {"angle_turns": angle, "angle_teeth": angle * own.wheel.teeth}
             | {name: _short(values[row, index]) for name, values in own.columns.items()}
             for own in self.gears
             for row in range(len(self.channel_names))
@@ -307,15 +283,12 @@ class GearAverages(Result):
 
     def _place(self, own: GearAverage, row: int) -> dict[str, Any]:
         channel, unit = self.channel_names[row], self.units[row] or ""
-        return {"stage": own.stage, "gear": own.gear, "channel": channel, "unit": unit}
+        wheel = own.wheel
+        return {"stage": wheel.stage, "gear": wheel.gear, "channel": channel, "unit": unit}
 
     def _brief(self, own: GearAverage) -> dict[str, Any]:
-        average = own.average
-        return {
-            "stage": own.stage,
-            "gear": own.gear,
-            "teeth": own.teeth,
-            "shaft": own.shaft,
+        average, wheel = own.average, own.wheel
+        return {name: getattr(wheel, name) for name in ("stage", "gear", "teeth", "shaft")} | {
             "rotation_order": average.rotation_order,
             "turns": average.turns,
             "per_turn": average.per_turn,
@@ -325,7 +298,10 @@ class GearAverages(Result):
                 | {f"{name}_rms": _rms(name, values[row]) for name, values in own.columns.items()}
                 for row, channel in enumerate(self.channel_names)
             ],
-            "removed_orders": {name: list(taken) for name, taken in own.removed_orders.items()},
+            "removed_orders": {
+                name: [n * wheel.order for n in taken]
+                for name, taken in own.signals.removed.items()
+            },
         }
 
 
@@ -366,7 +342,7 @@ def gear_averages(
     Examples
     --------
     >>> averages = gearmon.gear_averages(new, machine)
-    >>> [(own.gear, own.teeth) for own in averages.gears]
+    >>> [(own.wheel.gear, own.wheel.teeth) for own in averages.gears]
     [('pinion', 23), ('gear', 57)]
     """
     machine = load_machine(machine)
@@ -396,7 +372,12 @@ def gear_averages(
                     "has no average"
                 )
                 continue
-            gears.append(_gear(mesh.stage, wheel, train, averages[turning], track.indexed))
+            average = averages[turning]
+            lines = wheel_lines(mesh.stage, wheel, train, average.top)
+            signals = gear_signals(average.lines, lines, per_turn=average.per_turn)
+            # a once-a-turn pulse on shaft 1 tells the position of its own gears only
+            numbered = track.indexed and turning == 1
+            gears.append(GearAverage(average=average, signals=signals, numbered=numbered))
     return GearAverages(
         recording=recording.origin,
         channel_names=vibration.channel_names,
@@ -404,22 +385,6 @@ def gear_averages(
         gears=tuple(gears),
         signature=found,
         notes=tuple(notes),
-    )
-
-
-def _gear(
-    stage: int, wheel: Wheel, train: Kinematics, average: SynchronousAverage, indexed: bool
-) -> GearAverage:
-    lines = wheel_lines(stage, wheel, train, average.top)
-    return GearAverage(
-        stage=stage,
-        gear=wheel.gear,
-        teeth=wheel.teeth,
-        shaft=wheel.shaft,
-        average=average,
-        signals=gear_signals(average.lines, lines, per_turn=average.per_turn),
-        # a once-a-turn pulse on shaft 1 tells the position of its own gears only
-        numbered=indexed and wheel.exact_relative == 1,
     )
 
 
@@ -452,7 +417,7 @@ def wheel_lines(stage: int, wheel: Wheel, train: Kinematics, top: int) -> WheelL
             # of a mesh elsewhere only those that are looked at: it may be slower than this gear
             harmonic &= number <= int(MESH_HARMONICS * ratio)
         mesh |= harmonic
-    return WheelLines.of(stage, wheel, number, number, mesh)
+    return WheelLines.of(stage, wheel, number=number, lines=number, mesh=mesh)
 
 
 def _short(value: float) -> float:

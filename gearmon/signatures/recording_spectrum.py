@@ -311,60 +311,39 @@ def _peaks(
         chosen = highest_peaks(values, most, reach)
         place, value = result.place[chosen], values[chosen]
         if result.kind in ("amplitude", "rms"):
-            place, value = _read(vibration.samples[row], vibration, place, value, window_name)
+            _read(vibration.samples[row], vibration.sampling_rate_hz, place, value, window_name)
             value = value / np.sqrt(2) if result.kind == "rms" else value
         within = np.maximum(3 * (result.place[1] - result.place[0]), result.wander * place)
-        about = {"channel": result.channel_names[row]}, {"unit": result.units[row]}
-        rows += peak_rows(about, {result.axis: place, "value": value}, result.marks, within)
+        whose = result.channel_names[row], result.units[row]
+        rows += _peak_rows(whose, {result.axis: place, "value": value}, result.marks, within)
     return tuple(rows)
 
 
-def peak_rows(
-    about: tuple[dict[str, str], dict[str, str]],
+def _peak_rows(
+    whose: tuple[str, str],
     found: dict[str, FloatArray],
     marks: tuple[Mark, ...],
     within: FloatArray,
 ) -> list[dict[str, Any]]:
-    """Return a row a peak, highest first.
-
-    Parameters
-    ----------
-    about : (dict, dict)
-        What stands before and behind the numbers of every row.
-    found : dict of str to ndarray
-        Places, then heights, under their names.
-    marks : tuple of Mark
-        Lines of the machine.
-    within : ndarray
-        How near to one of them a peak has its name.
-    """
-    place, height = found.values()
+    """Return a row a peak of a channel and its unit, highest first, by its place and height."""
+    columns = (*(values.tolist() for values in found.values()), within.tolist())
+    ranked = sorted(zip(*columns, strict=True), key=lambda own: -own[1])
     return [
-        about[0]
-        | {name: float(values[i]) for name, values in found.items()}
-        | about[1]
-        | {"near": mark_near(marks, float(place[i]), float(within[i]))}
-        for i in np.argsort(-height, kind="stable")
+        {"channel": whose[0], **dict(zip(found, own, strict=False)), "unit": whose[1]}
+        | {"near": mark_near(marks, own[0], own[-1])}
+        for own in ranked
     ]
 
 
 def _read(
-    samples: FloatArray,
-    vibration: Recording,
-    place: FloatArray,
-    value: FloatArray,
-    window_name: str,
-) -> tuple[FloatArray, FloatArray]:
+    samples: FloatArray, rate: float, place: FloatArray, value: FloatArray, window_name: str
+) -> None:
     """Read lines between the bins; the mean and what is too near to an end stay as they are."""
-    rate = vibration.sampling_rate_hz
     bin_hz = rate / samples.shape[-1]
     inner = (place > 0.6 * bin_hz) & (place < rate / 2 - 0.6 * bin_hz)
-    if not inner.any() or samples.shape[-1] < 16:
-        return place, value
-    found = line_amplitude(samples, rate, place[inner], window_name=window_name, within_bins=1.0)
-    place, value = place.copy(), value.copy()
-    place[inner], value[inner] = found.frequency_hz[0], found.amplitude[0]
-    return place, value
+    if inner.any() and samples.shape[-1] >= 16:
+        own = line_amplitude(samples, rate, place[inner], window_name=window_name, within_bins=1.0)
+        place[inner], value[inner] = own.frequency_hz[0], own.amplitude[0]
 
 
 def highest_peaks(values: FloatArray, most: int, reach: int) -> NDArray[np.intp]:
@@ -383,8 +362,7 @@ def highest_peaks(values: FloatArray, most: int, reach: int) -> NDArray[np.intp]
     >>> highest_peaks(np.array([0.0, 3, 1, 2, 0, 5, 0]), 2, 1).tolist()
     [5, 1]
     """
-    inner = (values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])
-    tops = np.flatnonzero(inner) + 1
+    tops = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])) + 1
     kept: list[int] = []
     for top in tops[np.argsort(-values[tops], kind="stable")].tolist():
         if len(kept) < most and all(abs(top - other) >= reach for other in kept):
@@ -584,31 +562,28 @@ def _order_peaks(
     and 15 %.
     """
     step, rows = float(order[1] - order[0]), []
-    for values, channel, unit in zip(
-        amplitude, vibration.channel_names, vibration.units, strict=True
-    ):
+    units = (unit or "" for unit in vibration.units)
+    for values, *whose in zip(amplitude, vibration.channel_names, units, strict=True):
         tops = highest_peaks(values, most, 2)
         before, here, after = np.log(np.maximum(values[tops + np.array([[-1], [0], [1]])], 1e-300))
         shift = 0.5 * (before - after) / np.minimum(before - 2.0 * here + after, -1e-12)
         height = np.exp(here - 0.25 * (before - after) * shift)
-        about = {"channel": channel}, {"unit": unit or ""}
         found = {"order": order[tops] + shift * step, "amplitude": height}
-        rows += peak_rows(about, found, marks, np.full(len(tops), 1.5 * step))
+        rows += _peak_rows((whose[0], whose[1]), found, marks, np.full(len(tops), 1.5 * step))
     return tuple(rows)
 
 
 def _order_notes(
     signature: MeasuredSignature, whole: OrderMap, along: OrderMap, shaft: int
 ) -> tuple[str, ...]:
-    notes = list(signature.notes)
-    for name, own in (("spectrum", whole), ("map", along)):
-        notes.append(
-            f"{name}: {own.blocks.sum()} half-overlapped blocks of {own.block_turns:.4g} turns of "
-            f"shaft {shaft}"
-        )
+    blocks = "{}: {} half-overlapped blocks of {:.4g} turns of shaft {}"
+    notes = [
+        blocks.format(name, own.blocks.sum(), own.block_turns, shaft)
+        for name, own in (("spectrum", whole), ("map", along))
+    ]
     if along.against == "speed":
         low, high = float(along.speed_hz.min()), float(along.speed_hz.max())
         notes.append(f"map: {len(along.speed_hz)} rows from {low:.5g} to {high:.5g} Hz")
     if not signature.found:
         notes.append("no mesh found: the speed, and with it every order, is not to be relied on")
-    return tuple(notes)
+    return (*signature.notes, *notes)

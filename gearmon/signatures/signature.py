@@ -96,11 +96,11 @@ class Signature(Result):
             raise ArgumentError(f"signature: column {missing[0]} is missing")
         names = [*COLUMNS, *(name for name in self.columns if name not in COLUMNS)]
         columns = {name: _column(name, self.columns[name]) for name in names}
-        lengths = {name: len(column) for name, column in columns.items()}
-        for name, length in lengths.items():
-            if length != lengths["stage"]:
+        stages = len(columns["stage"])
+        for name, own in columns.items():
+            if len(own) != stages:
                 raise ArgumentError(
-                    f"signature: column {name} has {length} values, stage has {lengths['stage']}"
+                    f"signature: column {name} has {len(own)} values, stage has {stages}"
                 )
         object.__setattr__(self, "columns", MappingProxyType(columns))
         object.__setattr__(self, "header", MappingProxyType(dict(self.header)))
@@ -120,9 +120,8 @@ class Signature(Result):
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Yield the lines as mappings of column name to Python number or text."""
-        names = list(self.columns)
-        for values in zip(*(self.columns[name].tolist() for name in names), strict=True):
-            yield dict(zip(names, values, strict=True))
+        for values in zip(*(own.tolist() for own in self.columns.values()), strict=True):
+            yield dict(zip(self.columns, values, strict=True))
 
     def to_dict(self) -> dict[str, Any]:
         """Return machine, origin, header and rows as built-in types that JSON can hold."""
@@ -202,12 +201,11 @@ def write_signature(signature: Signature, path: str | Path) -> None:
     >>> gearmon.write_signature(gearmon.expected_signature(machine, max_hz=2000.0), "healthy.csv")
     """
     check_type("signature", signature, Signature, "what gearmon.expected_signature returns")
-    target = Path(path)
-    suffix = _suffix(target)
+    suffix = _suffix(Path(path))
     if suffix == ".parquet":
-        _write_parquet(signature, target)
+        _write_parquet(signature, Path(path))
     else:
-        write_atomically(target, _to_csv(signature) if suffix == ".csv" else _to_json(signature))
+        write_atomically(path, _to_csv(signature) if suffix == ".csv" else _to_json(signature))
 
 
 def read_signature(path: str | Path) -> Signature:
@@ -243,11 +241,9 @@ def read_signature(path: str | Path) -> Signature:
         raise SignatureError(f"{source}: cannot be read ({error.strerror})") from None
     if suffix == ".parquet":
         _parquet()
+    readers = {".csv": _from_csv, ".json": _from_json, ".parquet": _from_parquet}
     try:
-        if suffix == ".parquet":
-            return _from_parquet(data)
-        text = data.decode("utf-8")
-        return _from_csv(text) if suffix == ".csv" else _from_json(text)
+        return readers[suffix](data)
     except (ValueError, TypeError, KeyError, OSError, RecursionError) as error:
         # of a damaged file pandas and pyarrow tell the line where they can
         why = str(error).strip().splitlines()[0]
@@ -290,11 +286,11 @@ def _to_csv(signature: Signature) -> str:
     return "".join(told) + pd.DataFrame(dict(signature.columns)).to_csv(index=False)
 
 
-def _from_csv(text: str) -> Signature:
+def _from_csv(data: bytes) -> Signature:
     import pandas as pd
 
-    lines = text.splitlines()
-    told = list(takewhile(lambda line: line.startswith("#"), lines))
+    text = data.decode("utf-8")
+    told = list(takewhile(lambda line: line.startswith("#"), text.splitlines()))
     pairs = (line[1:].strip().partition(": ") for line in told)
     about = {key: json.loads(value) for key, _, value in pairs}
     table = pd.read_csv(
@@ -317,8 +313,8 @@ def _to_json(signature: Signature) -> str:
     return f'{about.removesuffix("}").rstrip()},\n "rows": [\n{rows}\n]}}\n'
 
 
-def _from_json(text: str) -> Signature:
-    whole = json.loads(text)
+def _from_json(data: bytes) -> Signature:
+    whole = json.loads(data.decode("utf-8"))
     told = whole if isinstance(whole, dict) else {}
     names, rows = told.get("columns", ()), told.get("rows", ())
     return _assembled(whole, {name: [row[name] for row in rows] for name in names})

@@ -152,7 +152,7 @@ class GearVibration:
         about_hz: float | None = None,
     ) -> SpeedScan:
         """Scan for the comb about the nominal speed, or another one, as `scan_speed` does."""
-        about = self.nominal_hz if about_hz is None else about_hz
+        about = about_hz or self.nominal_hz
         return scan_speed(self.samples, self.rate, self.comb, about, tolerance, block_s)
 
     def blocks_of(self, turns: float) -> float:
@@ -162,7 +162,7 @@ class GearVibration:
 
     def first_scan(self) -> SpeedScan:
         """Scan about the nominal speed in blocks that tell meshes from sidebands of shaft 1."""
-        looked_at = max(mesh_harmonics(m.order * self.nominal_hz) for m in self.train.meshes)
+        looked_at = max(len(comb.groups) for comb in self.meshes)
         turns = _SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS
         return self.scan(self.blocks_of(turns))
 
@@ -172,22 +172,21 @@ class GearVibration:
 
     def orders(self, speed_hz: float) -> FloatArray:
         """Mesh harmonics whose phases are followed while the speed is at most `speed_hz`."""
-        top, found = 0.45 * self.rate / speed_hz, set()
-        for mesh in self.train.meshes:
-            looked_at = mesh_harmonics(mesh.order * self.nominal_hz)
-            followed = looked_at if looked_at > MESH_HARMONICS else _HARMONICS
-            for k in range(1, followed + 1):
-                found |= {float(order) for order in group_orders(mesh, k)}
-        return np.array(sorted(order for order in found if order < top))
+        found = {
+            order
+            for comb in self.meshes
+            for k, group in enumerate(comb.groups, start=1)
+            for order in group
+            if k <= _HARMONICS or len(comb.groups) > MESH_HARMONICS
+        }
+        return np.array(sorted(order for order in found if order < 0.45 * self.rate / speed_hz))
 
     def sums(self, fastest_hz: float | None = None) -> OrderSums | None:
         """Lines of the meshes up to a speed; None if all lie beyond the band.
 
         If no speed is given, that is the fastest one about nominal.
         """
-        if fastest_hz is None:
-            fastest_hz = self.nominal_hz * (1 + SPEED_TOLERANCE)
-        orders = self.orders(fastest_hz)
+        orders = self.orders(fastest_hz or self.nominal_hz * (1 + SPEED_TOLERANCE))
         return OrderSums(self.samples, self.rate, orders) if len(orders) else None
 
     def evidence(
@@ -221,8 +220,7 @@ class GearVibration:
         reach : float
             How far about its speed to look, as a fraction.
         """
-        turns = float(track.turns[-1] - track.turns[0])
-        block = min(_JUDGED_TURNS, 0.25 * turns)
+        block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
         scan, _ = scan_angle(self.samples, self.rate, track, self.comb, reach, block)
         evidence = self.evidence(scan, 1.0, reach)
         return Tracking(track=track, nominal_hz=self.nominal_hz, scan=scan, evidence=evidence)
@@ -282,9 +280,8 @@ def meant_speed(
         raise ArgumentError("machine has no operating point: add [operating] speed_rpm = ...")
     if len(signals) == 1:
         return signals[0]
-    return signals[
-        clearest([(own.scan(own.blocks_of(_COMPARED_TURNS)), own.comb) for own in signals])
-    ]
+    scans = [(own.scan(own.blocks_of(_COMPARED_TURNS)), own.comb) for own in signals]
+    return signals[clearest(scans)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,6 @@ speeds so found.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -147,11 +146,6 @@ class _Tacholess:
             return replace(self.first, notes=(note,))
         return track_tacholess(self.signal, sums, self.first, self.machine)
 
-    def ways(self) -> Iterator[Tracking]:
-        """Yield what is told at ever greater cost."""
-        yield self.first
-        yield self.alone
-
 
 def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
@@ -185,8 +179,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
 def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one."""
     rival = tacholess.first if tacholess.first.detected or judged.detected else tacholess.alone
-    apart = abs(judged.track.mean_hz / rival.track.mean_hz - 1)
-    if apart > _APART and rival.clarity > judged.clarity:
+    if _apart(judged, rival) > _APART and rival.clarity > judged.clarity:
         raise RecordingError(
             f"the mesh lines stand out less at the {judged.track.mean_hz:.4g} Hz that its pulses "
             f"say than at {rival.track.mean_hz:.4g} Hz"
@@ -199,12 +192,19 @@ def _as_without(judged: Tracking, tacholess: _Tacholess) -> Tracking:
     About one speed there are few combs of other teeth to stand out of: of 14 drawn machines, 3 s
     each, one shows its mesh without the pulses alone.
     """
-    ways = tacholess.ways()
-    while judged.detected < len(judged.evidence) and (rival := next(ways, None)) is not None:
-        apart = abs(judged.track.mean_hz / rival.track.mean_hz - 1)
-        if apart <= _APART and rival.detected > judged.detected:
+    # the first costs less
+    for way in ("first", "alone"):
+        if judged.detected == len(judged.evidence):
+            break
+        rival: Tracking = getattr(tacholess, way)
+        if rival.detected > judged.detected and _apart(judged, rival) <= _APART:
             judged = replace(rival, track=judged.track)
     return judged
+
+
+def _apart(one: Tracking, other: Tracking) -> float:
+    """How far the speeds are apart, as a fraction."""
+    return abs(one.track.mean_hz / other.track.mean_hz - 1)
 
 
 def track_tacholess(

@@ -78,23 +78,23 @@ def test_speeds_never_driven_are_grey_and_said_so(spectra):
 def test_average_shows_the_whole_turn_with_its_errors(averages):
     for own in averages.gears:
         figure = average_figure(averages, own)
-        assert figure.axes[0].get_xlim() == (0.0, own.teeth)
+        assert figure.axes[0].get_xlim() == (0.0, own.wheel.teeth)
         said = texts(figure)
-        assert f"{own.teeth} teeth: mean of {own.average.turns} of its turns" in said
+        assert f"{own.wheel.teeth} teeth: mean of {own.average.turns} of its turns" in said
         assert {"residual", "difference", "synchronous average"} <= set(said.split(" | "))
         assert "± 2 standard errors" in said
-        zero = "tachometer pulse" if own.gear == "pinion" else "0 anywhere"
+        zero = "tachometer pulse" if own.wheel.gear == "pinion" else "0 anywhere"
         assert any(zero in label for label in labels(figure))
         angle, whole = figure.axes[0].lines[0].get_data()
         assert whole[-1] == whole[0]
-        assert len(whole) > 24 * own.teeth
+        assert len(whole) > 24 * own.wheel.teeth
         # where it has a value the curve goes through it
-        known = np.arange(own.average.per_turn) * own.teeth / own.average.per_turn
+        known = np.arange(own.average.per_turn) * own.wheel.teeth / own.average.per_turn
         read = np.interp(known, angle, whole)
         assert np.corrcoef(read, own.average.waveform[0])[0, 1] > 0.99
         (band,) = figure.axes[1].collections
         error = np.append(own.average.waveform_error[0], own.average.waveform_error[0, 0])
-        reach = 2 * np.interp(angle, np.append(known, own.teeth), error).max()
+        reach = 2 * np.interp(angle, np.append(known, own.wheel.teeth), error).max()
         heights = band.get_paths()[0].vertices[:, 1]
         assert (heights.min(), heights.max()) == pytest.approx((-reach, reach), rel=1e-9)
 

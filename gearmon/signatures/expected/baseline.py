@@ -52,13 +52,9 @@ Solved = tuple[MeshLines, dict[str, Any], list[str]]
 #: Most stiffness harmonics of one problem.
 MOST_HARMONICS = 200_000
 # What is told of a stage that is solved from corner to corner, besides its error.
-_TOLD: dict[str, Any] = {
-    "order_used": 0,
-    "error_bound": None,
-    "error_estimate": None,
-    "stiffness_harmonics": 0,
-}
-_TOLD |= {"stiffness_cut": 0.0, "stable": True, "contact_loss_angle_rad": None}
+_TOLD: dict[str, Any] = {"order_used": 0, "error_bound": None, "error_estimate": None}
+_TOLD |= {"stiffness_harmonics": 0, "stiffness_cut": 0.0, "stable": True}
+_TOLD |= {"contact_loss_angle_rad": None}
 #: Effect of stiffness harmonics above J over A^2 (R/J)^3, see `_stiffness_harmonics`.
 CUT_FACTOR = 6.0
 _Motion = TypeVar("_Motion", PeriodicMotion, Deviations)

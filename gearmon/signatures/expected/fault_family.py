@@ -226,14 +226,14 @@ def _limited(
     sidebands: int | None,
 ) -> dict[str, npt.NDArray[Any]]:
     columns = lines.columns()
-    count = len(columns["stage"])
-    same = {name: np.full(count, own) for name, own in zip(_TOLD, told, strict=True)}
-    kept = np.ones(count, dtype=bool)
+    harmonic, aside = columns["mesh_harmonic"], np.abs(columns["sideband"])
+    kept = np.ones(len(harmonic), dtype=bool)
     if mesh_harmonics is not None:
         # lines below the first mesh harmonic are multiples of the turn, not its sidebands
-        kept &= (columns["mesh_harmonic"] >= 1) & (columns["mesh_harmonic"] <= mesh_harmonics)
+        kept &= (harmonic >= 1) & (harmonic <= mesh_harmonics)
     if sidebands is not None:
-        kept &= np.abs(columns["sideband"]) <= sidebands
+        kept &= aside <= sidebands
+    same = {name: np.full(len(kept), own) for name, own in zip(_TOLD, told, strict=True)}
     return {name: column[kept] for name, column in (same | columns).items()}
 
 

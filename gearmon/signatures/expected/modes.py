@@ -305,9 +305,8 @@ def _meetings(
     train: DriveTrain, mode: Mode, stage: int, order: float, harmonics: int
 ) -> list[Meeting]:
     """Return the meetings of a mode with the harmonics of a mesh."""
-    share = sum(
-        own for part, own in mode.strain_energy.items() if part.startswith(f"mesh {stage} ")
-    )
+    strained = mode.strain_energy.items()
+    share = sum(own for part, own in strained if part.startswith(f"mesh {stage} "))
     if share < LEAST_SHARE:
         return []
     meshes = train.meshes(stage)

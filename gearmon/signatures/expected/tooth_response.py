@@ -229,10 +229,6 @@ class ToothResponse(Result):
     contact_ratio: float
     from_teeth_alone: bool
 
-    @cached_property
-    def _weight(self) -> FloatArray:
-        return self.pair_share**2 / float(np.sum(self.pair_share**2))
-
     def amplitude(self, loss: FloatArray) -> FloatArray:
         """Size of the response to a loss, in units of `lines`; about the loss itself if small.
 
@@ -249,8 +245,8 @@ class ToothResponse(Result):
             loss).
         """
         grown = loss[..., None] / (1.0 - loss[..., None] * self.pair_share)
-        size: FloatArray = np.sqrt(np.sum(grown**2 * self._weight, axis=-1))
-        return size
+        weight = self.pair_share**2
+        return np.asarray(np.sqrt(np.sum(grown**2 * (weight / float(weight.sum())), axis=-1)))
 
     def mesh_growth(self, loss: FloatArray) -> FloatArray:
         """Size of the response to a loss at the mesh harmonics, in units of `lines`.
@@ -267,8 +263,7 @@ class ToothResponse(Result):
         waves = np.exp(-2j * np.pi * np.outer(period, np.arange(1, _HARMONICS + 1)))
         shed = self.pair_share * self.deflection
         grown = shed * loss[:, None] / (1.0 - loss[:, None] * self.pair_share)
-        size: FloatArray = np.linalg.norm(grown @ waves, axis=1) / np.linalg.norm(shed @ waves)
-        return size
+        return np.asarray(np.linalg.norm(grown @ waves, axis=1) / np.linalg.norm(shed @ waves))
 
     def band_power(self, number: FloatArray) -> FloatArray:
         """Power of the response to a unit loss about multiples of the rotation.
@@ -298,9 +293,9 @@ def _mean_about(power: FloatArray, number: FloatArray, teeth: int) -> FloatArray
     """Mean of the power of the lines that are heard over one mesh order about each."""
     total, heard = (np.concatenate([[0.0], np.cumsum(own)]) for own in (power, power > 0))
     top = len(power)
-    low = np.clip(np.rint(number - teeth / 2).astype(int), 0, top)
-    high = np.clip(np.rint(number + teeth / 2).astype(int), 0, top)
-    mean: FloatArray = (total[high] - total[low]) / np.maximum(heard[high] - heard[low], 1)
+    ends = np.rint(np.add.outer([-teeth / 2, teeth / 2], number))
+    low, high = np.clip(ends.astype(int), 0, top)
+    mean = (total[high] - total[low]) / np.maximum(heard[high] - heard[low], 1)
     return np.where(number < top, mean, 0.0)
 
 
@@ -446,5 +441,4 @@ def _pair_share(
     count = int(np.ceil(stiffness.total_contact_ratio * _POINTS))
     phase = (np.arange(count) + 0.5) / _POINTS
     healthy = stiffness.at(phase)
-    share: FloatArray = (healthy - hurt.at(phase)) / (_SMALL_LOSS * healthy)
-    return np.clip(share, 0.0, 1.0), phase
+    return np.clip((healthy - hurt.at(phase)) / (_SMALL_LOSS * healthy), 0.0, 1.0), phase

@@ -7,7 +7,7 @@ compare with the run before; what they remember of it is an `IndicatorHistory`, 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,6 @@ Table = dict[str, dict[str, float]]
 _HISTORY = "gearmon indicator history"
 # Signals of which those that compare with the run remember the variance.
 _REMEMBERED = ("residual", "envelope")
-_RAW = {"rms": "RMS"}
 _BRIEF = ("FM0", "FM4", "M6A", "M8A", "energy ratio", "SER")
 
 
@@ -299,7 +298,11 @@ def indicator_table(
     )
     notes, names = list(signature.notes), signature.channel_names
     run = history if history is not None else IndicatorHistory(channel_names=names)
-    run.check_channels(names)
+    if names != run.channel_names:
+        raise ArgumentError(
+            f"the run so far is of channels {', '.join(run.channel_names)}, this recording has "
+            f"{', '.join(names)}; name them with --channel or begin a new history"
+        )
     if not signature.found:
         notes.append("no mesh found: only the raw vibration has indicators")
     else:
@@ -321,40 +324,40 @@ def indicator_table(
 
 def _of_waveforms(vibration: Recording) -> list[IndicatorRow]:
     table = waveform_indicators(vibration.samples, vibration.channel_names)
-    values = {_RAW.get(name, name): list(own.values()) for name, own in table.items()}
-    told = dict.fromkeys(values, ("raw vibration", "mean", ()))
-    return list(_rows(vibration, values, told))
+    told = {name: (own.values(), "raw vibration", "mean", ()) for name, own in table.items()}
+    return _rows(vibration, {"RMS": told.pop("rms")} | told)
 
 
 def _of_gear(
     own: GearSignals, signature: MeasuredSignature, run: IndicatorHistory, baseline: int
-) -> Iterator[IndicatorRow]:
+) -> list[IndicatorRow]:
     inputs = _inputs(own)
-    values = {name: known.value(own, run, baseline) for name, known in INDICATORS.items()}
-    told = {name: inputs[known.of] for name, known in INDICATORS.items()}
-    return _rows(signature, values, told, own.wheel)
+    told = {name: (i.value(own, run, baseline), *inputs[i.of]) for name, i in INDICATORS.items()}
+    return _rows(signature, told, own.wheel)
 
 
 def _rows(
     source: Recording | MeasuredSignature,
-    values: Mapping[str, Sequence[float] | FloatArray],
-    told: Mapping[str, tuple[str, str, tuple[int, ...]]],
+    told: Mapping[str, tuple[Iterable[float], str, str, tuple[int, ...]]],
     wheel: WheelLines | None = None,
-) -> Iterator[IndicatorRow]:
+) -> list[IndicatorRow]:
     """Give a row for every value of every channel, of a gear or of the raw vibration."""
-    for row, (channel, unit) in enumerate(zip(source.channel_names, source.units, strict=True)):
-        for name, (what, removed, numbers) in told.items():
-            yield IndicatorRow(
-                channel=channel,
-                stage=wheel.stage if wheel else None,
-                gear=wheel.gear if wheel else None,
-                indicator=name,
-                value=float(values[name][row]),
-                unit=unit if INDICATORS[name].has_unit else "1",
-                input=what,
-                removed=removed,
-                removed_orders=tuple(n * wheel.order for n in numbers) if wheel else (),
-            )
+    columns = {name: list(values) for name, (values, *_) in told.items()}
+    return [
+        IndicatorRow(
+            channel=channel,
+            stage=wheel.stage if wheel else None,
+            gear=wheel.gear if wheel else None,
+            indicator=name,
+            value=float(columns[name][row]),
+            unit=unit if INDICATORS[name].has_unit else "1",
+            input=what,
+            removed=removed,
+            removed_orders=tuple(n * wheel.order for n in numbers) if wheel else (),
+        )
+        for row, (channel, unit) in enumerate(zip(source.channel_names, source.units, strict=True))
+        for name, (_, what, removed, numbers) in told.items()
+    ]
 
 
 def _inputs(own: GearSignals) -> dict[str, tuple[str, str, tuple[int, ...]]]:
@@ -363,8 +366,7 @@ def _inputs(own: GearSignals) -> dict[str, tuple[str, str, tuple[int, ...]]]:
     shaft = f"multiples {_listed(own.shaft)} of the {gear}'s rotation, " if own.shaft else ""
     residual = f"{shaft}mesh harmonics at {_listed(own.mesh)}"
     difference = f"{residual}, their first sidebands"
-    taken = tuple(sorted(own.shaft + own.mesh))
-    further = tuple(sorted(taken + own.first))
+    taken, further = own.removed.values()
     return {
         "average": ("average", "all that does not repeat with the gear", ()),
         "residual": ("residual", residual, taken),
@@ -403,20 +405,6 @@ class IndicatorHistory:
     channel_names: tuple[str, ...]
     variances: Mapping[str, FloatArray] = field(default_factory=dict)
 
-    def check_channels(self, channel_names: tuple[str, ...]) -> None:
-        """Raise if a recording has other channels than the run.
-
-        Raises
-        ------
-        ArgumentError
-            If the names differ.
-        """
-        if channel_names != self.channel_names:
-            raise ArgumentError(
-                f"the run so far is of channels {', '.join(self.channel_names)}, this recording "
-                f"has {', '.join(channel_names)}; name them with --channel or begin a new history"
-            )
-
     def with_gear(self, own: GearSignals) -> IndicatorHistory:
         """Return the history with one more record of a gear's signals."""
         variances = dict(self.variances)
@@ -453,8 +441,8 @@ def read_history(path: str | Path) -> IndicatorHistory:
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
-        if content["kind"] != _HISTORY:
-            raise ValueError(f"kind {content['kind']!r}")
+        if not isinstance(content, dict) or content.get("kind") != _HISTORY:
+            raise ValueError(f"it does not say kind {_HISTORY!r}")
         names = tuple(str(name) for name in content["channels"])
         variances = {
             str(name): np.array(rows, dtype=float).reshape(-1, len(names))
@@ -463,12 +451,8 @@ def read_history(path: str | Path) -> IndicatorHistory:
         if not all(np.all((run >= 0) & (run < np.inf)) for run in variances.values()):
             raise ValueError("variances must be finite and >= 0")
     except (OSError, LookupError, TypeError, ValueError, AttributeError, RecursionError) as error:
-        why = "damaged, or of another kind"
-        if isinstance(error, OSError):
-            why = str(error.strerror)
-        elif isinstance(error, KeyError):
-            why = f"{error} is missing"
-        elif type(error) in (ValueError, json.JSONDecodeError):
-            why = str(error).splitlines()[0]
+        own_words = type(error) in (ValueError, json.JSONDecodeError)
+        told = str(error).splitlines()[0] if own_words else "damaged, or of another kind"
+        why = getattr(error, "strerror", None) or told
         raise SignatureError(f"{path}: no readable history of indicators ({why})") from None
     return IndicatorHistory(channel_names=names, variances=variances)

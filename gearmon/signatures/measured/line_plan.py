@@ -9,12 +9,13 @@ harmonics also have names (`machine_marks`), for the peaks of a spectrum.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import combinations
 from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -131,30 +132,13 @@ class WheelLines:
     number: IntArray
     lines: IntArray
     mesh: BoolArray
-    beside: IntArray
+    beside: IntArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
 
     @classmethod
-    def of(
-        cls,
-        stage: int,
-        wheel: Wheel,
-        number: IntArray,
-        lines: IntArray,
-        mesh: BoolArray,
-        beside: Sequence[Sequence[int]] = (),
-    ) -> WheelLines:
+    def of(cls, stage: int, wheel: Wheel, **lines: Any) -> WheelLines:
         """Return the lines of a gear."""
-        return cls(
-            stage=stage,
-            gear=wheel.gear,
-            teeth=wheel.teeth,
-            shaft=wheel.shaft,
-            order=wheel.relative_order,
-            number=number,
-            lines=lines,
-            mesh=mesh,
-            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(number)),
-        )
+        whose: dict[str, Any] = {"gear": wheel.gear, "teeth": wheel.teeth, "shaft": wheel.shaft}
+        return cls(stage=stage, **whose, order=wheel.relative_order, **lines)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,10 +229,10 @@ class _Planning:
     @cached_property
     def unit(self) -> int:
         """The least number of parts of an order of which all lines are multiples."""
-        turning = [*self.train.shafts, *self.train.meshes]
-        turning += [own for mesh in self.train.meshes for own in mesh.modulations]
-        exact = [own.exact for own in turning] + [mesh.carrier for mesh in self.train.meshes]
-        exact += [wheel.exact_relative for mesh in self.train.meshes for wheel in mesh.wheels]
+        exact = [shaft.exact for shaft in self.train.shafts]
+        for mesh in self.train.meshes:
+            exact += [mesh.exact, mesh.carrier, *(own.exact for own in mesh.modulations)]
+            exact += [wheel.exact_relative for wheel in mesh.wheels]
         return math.lcm(*(order.denominator for order in exact))
 
     def units(self, order: Fraction) -> int:
@@ -336,10 +320,14 @@ class _Planning:
             ]
             for aside, step, first in self._sides(mesh, wheel)
         ]
-        number = np.array(held, dtype=np.int64)
-        lines = np.array([position[n * turning] for n in held], dtype=np.int64)
-        meshes = np.array([of_mesh(n * turning) for n in held], dtype=bool)
-        return WheelLines.of(mesh.stage, wheel, number, lines, meshes, beside)
+        return WheelLines.of(
+            mesh.stage,
+            wheel,
+            number=np.array(held, dtype=np.int64),
+            lines=np.array([position[n * turning] for n in held], dtype=np.int64),
+            mesh=np.array([of_mesh(n * turning) for n in held], dtype=bool),
+            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(held)),
+        )
 
 
 def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
@@ -368,11 +356,8 @@ def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
     orders = {centre - carrier, centre, centre + carrier}
     if mesh.equally_spaced:
         shift = -harmonic * mesh.wheel("ring").teeth % mesh.planets
-        if shift:
-            orders |= {
-                centre + shift * mesh.carrier,
-                centre + (shift - mesh.planets) * mesh.carrier,
-            }
+        turned = (shift, shift - mesh.planets) if shift else ()
+        orders |= {centre + turns * mesh.carrier for turns in turned}
     return tuple(sorted(order for order in orders if order > 0))
 
 
@@ -395,12 +380,11 @@ def known_orders(train: Kinematics, top: float, width: float) -> FloatArray:
         Ascending: multiples of all rotations; mesh harmonics with six sidebands of every rotation,
         and sums of two rotations up to the third; sums and differences of mesh harmonics.
     """
-    turning = sorted(
-        {shaft.order for shaft in train.shafts}
-        | {wheel.relative_order for mesh in train.meshes for wheel in mesh.wheels}
-        | {float(family.exact) for mesh in train.meshes for family in mesh.modulations}
-    )
-    turning = [order for order in turning if order > 0]
+    every = {shaft.order for shaft in train.shafts}
+    for mesh in train.meshes:
+        every |= {wheel.relative_order for wheel in mesh.wheels}
+        every |= {float(family.exact) for family in mesh.modulations}
+    turning = sorted(order for order in every if order > 0)
     orders = [
         rotation * np.arange(1, int(top / rotation) + 1 if rotation > 6 * width else 13)
         for rotation in turning
@@ -466,22 +450,16 @@ def machine_marks(machine: Machine, per_order: float, top: float) -> tuple[Mark,
         No marks above this place.
     """
     train = kinematics(machine)
-    named = [
-        (k * mesh.order, f"mesh {mesh.stage} ×{k}", "mesh", mesh.stage)
-        for mesh in train.meshes
-        for k in range(1, MESH_HARMONICS + 1)
-    ]
-    named += [
-        (k * shaft.order, f"shaft {shaft.number} ×{k}", "shaft", shaft.number)
-        for shaft in train.shafts
-        for k in range(1, _SHAFT_HARMONICS + 1)
-    ]
+    named = [(mesh.order, "mesh", mesh.stage, MESH_HARMONICS) for mesh in train.meshes]
+    named += [(shaft.order, "shaft", shaft.number, _SHAFT_HARMONICS) for shaft in train.shafts]
     found: dict[float, Mark] = {}
-    for order, name, kind, number in named:
-        mark = Mark(place=order * per_order, name=name, kind=kind, number=number)
-        known = found.setdefault(round(order, 9), mark)
-        if known is not mark:
-            found[round(order, 9)] = replace(known, name=f"{known.name} = {name}")
+    for order, kind, number, harmonics in named:
+        for k in range(1, harmonics + 1):
+            name, place = f"{kind} {number} ×{k}", k * order * per_order
+            mark = Mark(place=place, name=name, kind=kind, number=number)
+            known = found.setdefault(round(k * order, 9), mark)
+            if known is not mark:
+                found[round(k * order, 9)] = replace(known, name=f"{known.name} = {name}")
     return tuple(found[key] for key in sorted(found) if found[key].place <= top)
 
 

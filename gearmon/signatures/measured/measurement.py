@@ -295,20 +295,16 @@ def _without_lost(recording: Recording, found: Tracking) -> Recording:
     if found.held_s is None:
         return recording
     start, stop = (round(time * recording.sampling_rate_hz) for time in found.held_s)
-    ends = [(0, start), (stop, recording.samples.shape[-1])]
-    lost = [(first, end) for first, end in ends if end > first]
-    return replace(recording, left_out=tuple(sorted([*(recording.left_out or ()), *lost])))
+    every = [*(recording.left_out or ()), (0, start), (stop, recording.samples.shape[-1])]
+    return replace(recording, left_out=tuple(sorted(own for own in every if own[1] > own[0])))
 
 
 def _held(recording: Recording, machine: Machine, train: Kinematics, tacho: bool) -> bool:
     """Whether the angle is known across all that is left out: by pulses, or because it is short."""
     fastest_hz = max(point.shaft1_hz for point in machine.operating)
     short_s = _HELD_PERIODS / fastest_hz / max(mesh.order for mesh in train.meshes)
-    long = [
-        slice(first, end)
-        for first, end in recording.left_out or ()
-        if end - first > short_s * recording.sampling_rate_hz
-    ]
+    short = short_s * recording.sampling_rate_hz
+    long = [slice(*own) for own in recording.left_out or () if own[1] - own[0] > short]
     if not tacho:
         return not long
     pulses = recording.samples[recording.channel_kinds.index("tacho")]
@@ -337,13 +333,10 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
     frequency, density = spectrum.frequency_hz, spectrum.values
     edges = np.geomspace(2.0 * rate / _BAND_SAMPLES, 0.475 * rate, _BANDS + 1)
     band = np.digitize(frequency, edges) - 1
-    levels = np.full((len(samples), _BANDS), np.nan)
-    for number in range(_BANDS):
-        inside = band == number
-        if inside.any():
-            middle = np.median(density[:, inside], axis=1)
-            levels[:, number] = 10 * np.log10(np.maximum(middle, np.finfo(float).tiny))
-    return levels
+    middle = np.full((len(samples), _BANDS), np.nan)
+    for number in np.intersect1d(band, range(_BANDS)):
+        middle[:, number] = np.median(density[:, band == number], axis=1)
+    return np.asarray(10 * np.log10(np.maximum(middle, np.finfo(float).tiny)))
 
 
 def _others(
@@ -380,11 +373,9 @@ def _check_length(recording: Recording, slowest_order: float, machine: Machine) 
 
 def _speed_hint(machine: Machine) -> str:
     """Ask whether a very slow speed was meant in Hz."""
-    slowest = min(point.speed_rpm for point in machine.operating)
-    if slowest > _SLOW_RPM:
-        return ""
-    meant = f"{60 * slowest:g} ({slowest:g} Hz)"
-    return f"; speed_rpm is {slowest:g} turns a minute: did you mean {meant}?"
+    slow = min(point.speed_rpm for point in machine.operating)
+    asked = f"; speed_rpm is {slow:g} turns a minute: did you mean {60 * slow:g} ({slow:g} Hz)?"
+    return "" if slow > _SLOW_RPM else asked
 
 
 def _plan(train: Kinematics, rate: float, track: AngleTrack, nominal_hz: float) -> LinePlan:
@@ -501,12 +492,8 @@ def _findings(
 
 def _mesh_lines(plan: LinePlan, mesh: Mesh, shaft1_hz: float) -> list[int]:
     """Lines of a plan on the harmonics of a mesh, be they its own or of another one as well."""
-    own = [
-        line
-        for family in plan.families
-        if family.kind == "mesh" and family.stage == mesh.stage
-        for line in family.lines
-    ]
+    families = (own for own in plan.families if (own.kind, own.stage) == ("mesh", mesh.stage))
+    own = [line for family in families for line in family.lines]
     last = mesh_harmonics(mesh.order * shaft1_hz)
     shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, last + 1))
     return [*own, *np.flatnonzero(shared).tolist()]
@@ -537,12 +524,10 @@ def _support(spectrum: FineSpectrum, comb: MeshComb) -> float:
     A machine without gears has lines at multiples of shaft 1 about anything: a gear is left out
     when one of its first four sidebands falls on these.
     """
-    found = 0.0
-    for spacing in comb.spacings:
-        multiples = spacing * np.arange(1, 5)
-        if np.abs(multiples - np.rint(multiples)).min() > max(4 * spectrum.step, 1e-3):
-            found = max(found, _sidebands(spectrum, comb, spacing).support)
-    return found
+    multiples = np.outer(comb.spacings, np.arange(1, 5))
+    apart = np.abs(multiples - np.rint(multiples)).min(axis=1) > max(4 * spectrum.step, 1e-3)
+    told = (_sidebands(spectrum, comb, own) for own in np.array(comb.spacings)[apart].tolist())
+    return max((one.support for one in told), default=0.0)
 
 
 def _foreign(spectrum: FineSpectrum, train: Kinematics, comb: MeshComb) -> float | None:

@@ -27,7 +27,7 @@ from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_type
 from gearmon.files import reading_archive, restored, stored, write_archive
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine, ParallelStage
+from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.orders.lines import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
@@ -436,13 +436,11 @@ def tooth_counts(machine: Machine) -> str:
     -------
     str
     """
-    stages = []
-    for stage in machine.stages:
-        if isinstance(stage, ParallelStage):
-            stages.append(f"{stage.pinion_teeth}/{stage.gear_teeth}")
-        else:
-            stages.append(f"{stage.sun_teeth}/{stage.planet_teeth}/{stage.ring_teeth}")
-    return ", ".join(stages)
+    every = ((stage, dataclasses.fields(stage)) for stage in machine.stages)
+    return ", ".join(
+        "/".join(str(getattr(stage, own.name)) for own in told if own.name.endswith("_teeth"))
+        for stage, told in every
+    )
 
 
 def machine_facts(machine: Machine) -> dict[str, Any]:
@@ -520,14 +518,15 @@ def _check_orders(machine: Machine, reference: Reference) -> None:
 
 
 def _changed_facts(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    names = [name for name in {**then, **now} if then.get(name) != now.get(name)]
-    if not names:
-        return []
-    shown = [f"{n} {then.get(n, 'none')}, now {now.get(n, 'none')}" for n in names[:_FACTS_NAMED]]
-    more = f" and {len(names) - len(shown)} more" if len(names) > len(shown) else ""
-    return [
-        f"the machine file has changed since the reference was learned: {'; '.join(shown)}{more}"
+    told = [
+        f"{name} {then.get(name, 'none')}, now {now.get(name, 'none')}"
+        for name in {**then, **now}
+        if then.get(name) != now.get(name)
     ]
+    more = f" and {len(told) - _FACTS_NAMED} more" if len(told) > _FACTS_NAMED else ""
+    shown = "; ".join(told[:_FACTS_NAMED]) + more
+    changed = f"the machine file has changed since the reference was learned: {shown}"
+    return [changed] if told else []
 
 
 def check_alike(own: MeasuredSignature, reference: Reference) -> None:
