@@ -152,11 +152,11 @@ class StateGauge:
         base = profiles[0]
         direction = np.ones((len(rows), len(base.family_names)))
         gauge = cls(base=base, rows=tuple(rows), direction=direction)
-        changes = np.array([gauge._changes(profile, rows) for profile in profiles])
-        heard = ~np.isnan(changes)
         unit = load_unit(share)
         if unit == 1.0:
             return gauge
+        changes = np.array([gauge._changes(profile, rows) for profile in profiles])
+        heard = ~np.isnan(changes)
         prior = _TOLD**2 / (1.0 - unit)
         for _ in range(_ROUNDS):
             load = np.array([_slope(change, direction) for change in changes])[:, None, None]

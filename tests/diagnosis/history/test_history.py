@@ -261,6 +261,13 @@ def test_what_is_written_is_read_back(tmp_path):
     store.close()
 
 
+@pytest.mark.parametrize("asked", [None, "drive \udcff", "drive \\udcff"])
+def test_a_machine_whose_name_is_not_utf8_is_found_again(tmp_path, asked):
+    path = tmp_path / "history.db"
+    append(path, [entry(number, machine="drive \udcff") for number in range(3)])
+    assert len(read_history(path, asked).entries) == 3
+
+
 def test_where_nothing_can_be_written_it_is_read_unless_changes_are_still_beside(
     tmp_path, monkeypatch
 ):
