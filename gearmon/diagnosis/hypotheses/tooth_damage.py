@@ -165,6 +165,8 @@ class ToothFinding:
         recording, or about where that recording begins.
     position : float
         Middle of the tooth's contact in turns of the gear after the recording's own angle zero.
+    machine : Machine
+        The machine.
     speed_hz : float
         Speed of shaft 1 [Hz].
     evidence : float
@@ -180,6 +182,7 @@ class ToothFinding:
     tooth: int
     counted_from: str
     position: float
+    machine: Machine
     speed_hz: float
     evidence: float
     rivals: tuple[tuple[str, int, float], ...]
@@ -189,7 +192,7 @@ class ToothFinding:
     def loss(self) -> LossEstimate | None:
         """Loss of stiffness of its pair; None without a template."""
         search = self.best.search
-        return loss_estimate(search, self.speed_hz) if search is not None else None
+        return loss_estimate(search, self.machine, self.speed_hz) if search is not None else None
 
     def of(self, stage: int, gear: str) -> GearEvidence | None:
         """Return the evidence of one gear."""
@@ -228,6 +231,7 @@ def find_tooth(
         tooth=tooth,
         counted_from="tacho" if indexed else "reference",
         position=position,
+        machine=machine,
         speed_hz=own.speed_hz,
         evidence=max(one.believed for one in searched),
         rivals=rivals,

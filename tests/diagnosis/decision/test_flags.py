@@ -43,6 +43,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off
             tooth=own.match.best + 1,
             counted_from="tacho",
             position=0.0,
+            machine=machine(),
             speed_hz=25.0,
             evidence=80.0,
             rivals=(),

@@ -193,6 +193,6 @@ def test_a_tooth_of_the_ring_is_found_with_its_loss():
         told = ring_with(0.3, 20, stage, seed)
         assert told.believed > 26.0
         assert told.search.match.best % (RING // PLANETS) == 19 % (RING // PLANETS)
-        losses.append(loss_estimate(told.search, 10.0).loss)
+        losses.append(loss_estimate(told.search, machine(), 10.0).loss)
         assert ring_with(0.0, 20, stage, seed).believed < 5.0
     assert np.median(losses) == pytest.approx(0.3, rel=0.35)
