@@ -18,7 +18,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.assembly import WIDTH_OVER_MODULE, drive_train
+from gearmon.gears.assembly import WIDTH_OVER_MODULE, drive_train, of_told_bearings
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.kinematics import kinematics
@@ -278,11 +278,7 @@ def build_train(
         if isinstance(error, GearError) and (error.stage, error.gear) not in gears:
             raise ArgumentError(f"error {error}: {machine.name} has no such gear")
     made = _Made(machine, faults, running, load, seed, accuracy_grade)
-    # a bearing that tells only its balls stays rigid: the path to the sensors has its softness, and
-    # by Hertz, with no damper told, a sound pair at half load swung at 1.5 times its mesh
-    modelled = {section.shaft for section in machine.sections}
-    soft = [b for b in machine.bearings if b.shaft in modelled or b.stiffness_n_per_m is not None]
-    train = drive_train(replace(machine, bearings=tuple(soft)), running)
+    train = drive_train(of_told_bearings(machine), running)
     springs = [train.meshes(number) for number in range(1, len(pairs) + 1)]
     sides = [
         side for own in zip(pairs, springs, strict=True) for side in _meshes(made, train, *own)

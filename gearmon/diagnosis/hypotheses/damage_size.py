@@ -100,9 +100,9 @@ def loss_estimate(gear: SearchedGear, machine: Machine, speed_hz: float) -> Loss
     total = np.interp(fine, steps, np.log(likely))
     if gear.difference.mesh_lines is not None:
         own = gear.response
-        grown = grown_lines(machine, own.stage, own.gear, len(own.lines) - 1)
+        expected = grown_lines(machine, own.stage, own.gear, len(own.lines) - 1)
         grid = np.log(GROWN)
-        for apart, variance in _at_harmonics(gear, grown, speed_hz):
+        for apart, variance in _at_harmonics(gear, *expected, speed_hz):
             # below what is told the logarithms of line and loss go together
             off = np.interp(fine, grid, apart + grid) - fine
             unsure = np.interp(fine, grid, variance)
@@ -121,21 +121,21 @@ def _blurred(logarithm: FloatArray, steps: FloatArray, deviation: float) -> Floa
 
 
 def _at_harmonics(
-    gear: SearchedGear, grown: ComplexArray, speed_hz: float
+    gear: SearchedGear, sound: ComplexArray, grown: ComplexArray, speed_hz: float
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
     """Logarithm of the damage by each mesh harmonic over what `GROWN` losses add; its variance."""
-    difference, response = gear.difference, gear.response
+    difference = gear.difference
     assert difference.mesh_lines is not None
-    last = min(len(response.mesh), difference.mesh_lines.shape[1]) - 1
+    last = min(len(sound), difference.mesh_lines.shape[1]) - 1
     rotation_hz, teeth = difference.order * speed_hz, difference.teeth
     entry_s = gear.match.best / (teeth * rotation_hz)
-    delay = np.concatenate([event_delays(response, rotation_hz, tau) for tau in DECAY_S]) + entry_s
+    delay = np.concatenate([event_delays(gear.response, rotation_hz, t) for t in DECAY_S]) + entry_s
     sizes = np.abs(grown[:, teeth::teeth])
     sizes = sizes[:, sizes[0] > 0]
     usual = np.median(np.log(sizes / sizes[0]), axis=1) if sizes.size else np.zeros(len(GROWN))
     for band in difference.bands:
         k = band.harmonic
-        if k > last or response.mesh[k] * response.lines[k * teeth] == 0:
+        if k > last or sound[k] * grown[0, k * teeth] == 0:
             continue
         mesh = difference.mesh_lines[:, k]
         turned = grown[:, band.number] * np.exp(-2j * np.pi / teeth * gear.match.best * band.number)
@@ -146,9 +146,9 @@ def _at_harmonics(
         if not heard.any():
             continue
         weight = np.abs(value[heard]) ** 2 / variance[heard]
-        ratio = value[heard] / mesh[heard] * response.mesh[k] / expected[:, heard]
-        healthy = teeth * response.lines[k * teeth] / response.mesh[k]
-        unsure = _RESPONSE * float(np.abs(np.log(np.abs(healthy))))
+        ratio = value[heard] / mesh[heard] * sound[k] / expected[:, heard]
+        corrected = teeth * grown[0, k * teeth] / (GROWN[0] * sound[k])
+        unsure = _RESPONSE * float(np.abs(np.log(np.abs(corrected))))
         told = np.average(np.log(np.abs(ratio)), axis=1, weights=weight)
         odd = _GROWTH * (told[0] - told - usual)
         yield told, 1.0 / weight.sum() + _LINE**2 + unsure**2 + odd**2

@@ -40,7 +40,7 @@ import numpy.typing as npt
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.assembly import drive_train
+from gearmon.gears.assembly import drive_train, of_told_bearings
 from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
@@ -338,6 +338,21 @@ class MeshPlace:
         return PosedStage(
             members=(self._meshed(_parsed(wrong)),), mesh=mesh, angles_rad=np.zeros(1)
         )
+
+    def in_train(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
+        """Pose a pair as a part of its machine, other meshes at their means.
+
+        Parameters
+        ----------
+        wrong
+            As in `alone`.
+
+        Notes
+        -----
+        Bearings that tell only their balls are rigid, as in `gearmon.simulate`.
+        """
+        train = drive_train(of_told_bearings(self.machine), self.point, self.form)
+        return replace(self.alone(wrong), train=train)
 
     def as_set(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
         """Pose the planetary set of the mesh as a part of its machine, with what is wrong with it.

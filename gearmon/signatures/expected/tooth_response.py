@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -349,8 +349,8 @@ def tooth_response(
 @lru_cache(maxsize=16)
 def grown_lines(
     machine: Machine, stage: int, gear: str, top: int, operating: int = 0
-) -> ComplexArray:
-    """Lines that losses of one tooth add, in the unit of `ToothResponse`.
+) -> tuple[ComplexArray, ComplexArray]:
+    """Lines of a healthy mesh, and what losses of one tooth add to them.
 
     Parameters
     ----------
@@ -367,25 +367,35 @@ def grown_lines(
 
     Returns
     -------
-    ndarray of complex, shape (losses, top + 1)
-        Change of the acceleration at each of `GROWN` losses.
+    mesh : ndarray of complex, shape (harmonics + 1,)
+        Acceleration of the healthy mesh at harmonics 0.. of the mesh.
+    lines : ndarray of complex, shape (losses, top + 1)
+        Its change at each of `GROWN` losses, in the same unit, tooth 1.
 
     Notes
     -----
-    A damaged pair answers to its own loss through the dynamics of the mesh, so that every harmonic
-    grows by a law of its own: from a loss of 5 to one of 30 % on README's pinion the third mesh
-    harmonic of what is added grows 4 times, the seventh 19 times, the others 9 to 16 times.
+    A damaged pair answers to its own loss through the dynamics of the machine, so that every
+    harmonic grows by a law of its own: from a loss of 5 to one of 30 % on README's pinion the third
+    mesh harmonic of what is added grows 4 times, the seventh 19 times, the others 9 to 16 times.
+    The mesh is a part of its drive train: by itself it lets expect twice what is added to the mesh
+    harmonics of the slow stage of `signatures/combine_gearbox.toml`.
     """
+    wheel = kinematics(machine).mesh(stage).wheel(gear)
     try:
-        order = (top + 0.5) * kinematics(machine).mesh(stage).wheel(gear).relative_order
-        told = [loss_response(machine, stage, gear, operating, order, loss=x) for x in GROWN]
-        return np.array([np.append(0.0, one.loss * one.acceleration) for one in told])
+        place = MeshPlace(machine, stage, operating)
+        healthy, faults = place.in_train(), [f"crack:{stage}:{gear}:1:{x!r}" for x in GROWN]
+        hurt = [replace(place.alone([fault]), train=healthy.train) for fault in faults]
+        rotation_hz = wheel.relative_order * place.point.shaft1_hz
+        number, _, even, added = added_lines(healthy, hurt, (top + 0.5) * rotation_hz)
+        told: ComplexArray = np.zeros((1 + len(GROWN), top + 1), dtype=complex)
+        told[:, number] = -((2 * math.pi * rotation_hz * number) ** 2) * np.vstack([even, added])
+        return told[0, :: wheel.teeth], told[1:]
     except GearmonError:  # as of `tooth_response`
         pair, stiffness, _ = _teeth(machine.stages[stage - 1], stage, gear)
         share, phase = _pair_share(pair, stiffness, stage, gear)
-        teeth = pair.member(gear).teeth
         shed = [x * share / (1.0 - x * share) for x in GROWN]
-        return np.array([_deflected(stiffness, own, phase, teeth, top)[0] for own in shed])
+        parts = [_deflected(stiffness, own, phase, wheel.teeth, top) for own in shed]
+        return parts[0][1], np.array([lines for lines, _ in parts])
 
 
 def _of_set(machine: Machine, found: LossResponse) -> tuple[ComplexArray, ComplexArray]:
