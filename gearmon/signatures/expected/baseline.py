@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -28,12 +29,7 @@ from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
-from gearmon.signatures.expected.contact_motion import (
-    Deviations,
-    PeriodicMotion,
-    PhaseGrid,
-    deviations,
-)
+from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, PhaseGrid
 from gearmon.signatures.expected.mesh import (
     AMPLITUDES,
     MeshLines,
@@ -304,9 +300,11 @@ def faulty_lines(
     for posed in faulty:
         if posed.is_local and posed.period > 1:
             teeth.setdefault(posed.period, []).append(posed)
-    even, solved = _Even(healthy), dict[PosedStage, MeshLines]()
+    solved: dict[PosedStage, MeshLines] = {}
+    # panels of several gears may be alike
+    even = lru_cache(maxsize=1)(partial(periodic_motion, healthy))
     for own in teeth.values():
-        solved |= zip(own, _tooth_lines(even, own, max_hz, tolerance), strict=True)
+        solved |= zip(own, _tooth_lines(healthy, even, own, max_hz, tolerance), strict=True)
     return [solved.get(own) or periodic_lines(own, max_hz, tolerance) for own in faulty]
 
 
@@ -321,37 +319,27 @@ def added_lines(
         As in `faulty_lines`.
     """
     grid = contact_grid([healthy, *faulty], max_hz)
-    return _solved(_Even(healthy), faulty, grid, max_hz, math.inf)[1:]
-
-
-class _Even:
-    """The healthy mesh on the panels it was asked for last: those of several gears may be alike."""
-
-    def __init__(self, posed: PosedStage) -> None:
-        self.posed = posed
-        self._motion: PeriodicMotion | None = None
-
-    def motion(self, grid: PhaseGrid) -> PeriodicMotion:
-        """Return its motion."""
-        known = self._motion
-        if known is None or not np.array_equal(known.grid.edges, grid.edges):
-            self._motion = known = periodic_motion(self.posed, grid)
-        return known
+    even = partial(periodic_motion, healthy)
+    return _solved(healthy, even, faulty, grid, max_hz, math.inf)[1:]
 
 
 def _tooth_lines(
-    even: _Even, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
+    healthy: PosedStage,
+    even: Callable[[PhaseGrid], PeriodicMotion],
+    faulty: Sequence[PosedStage],
+    max_hz: float,
+    tolerance: float,
 ) -> list[MeshLines]:
     """Solve cases of which a few mesh periods of a turn differ from the others."""
-    healthy = even.posed
     grid, half = contact_grid([healthy, *faulty], max_hz), len(faulty) // 2
     numbers = len(faulty) * len(grid.widths) * (8 + len(healthy.around.force)) ** 2
     if half and numbers > MOST_NUMBERS:
         parts = faulty[:half], faulty[half:]
-        return [own for part in parts for own in _tooth_lines(even, part, max_hz, tolerance)]
-    found, number, carrier, sound, added = _solved(even, faulty, grid, max_hz, tolerance)
+        each = (_tooth_lines(healthy, even, part, max_hz, tolerance) for part in parts)
+        return [own for part in each for own in part]
+    found, number, carrier, sound, added = _solved(healthy, even, faulty, grid, max_hz, tolerance)
     mean = found.mesh.mean_deflection[0, 0] + found.mean_deflection[:, 0]
-    same = {"period": found.states.shape[1], "number": number, "carrier": carrier}
+    same = {"period": found.period, "number": number, "carrier": carrier}
     return _each(faulty, found, mean, sound + added, method="contact", **same)
 
 
@@ -381,17 +369,16 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
 
 
 def _solved(
-    even: _Even,
+    healthy: PosedStage,
+    even: Callable[[PhaseGrid], PeriodicMotion],
     faulty: Sequence[PosedStage],
     grid: PhaseGrid,
     max_hz: float,
     tolerance: float,
 ) -> tuple[Deviations, IntArray, IntArray, ComplexArray, ComplexArray]:
     """Return turns, places of their lines, the healthy ones, and what faults add in each turn."""
-    period, healthy = max(posed.period for posed in faulty), even.posed
-    found = _refined(
-        grid, tolerance, lambda own: _changes(healthy, even.motion(own), faulty, period)
-    )
+    period = max(posed.period for posed in faulty)
+    found = _refined(grid, tolerance, lambda own: _changes(healthy, even(own), faulty, period))
     count = _count(healthy, max_hz, period)
     number, carrier, added = healthy.heard(found, count, period)
     of_mesh, beside, sound = healthy.heard(found.mesh, count // period, 1)
@@ -424,7 +411,13 @@ def _changes(
                         known[key] = alone.at(phases + mesh.lead)
                     own[:, number] += term.weight * known[key]
     moved = np.array([_moved(posed, phases).swapaxes(0, 1) for posed in faulty])
-    return deviations(motion, period, where, delta, moved if moved.any() else None)
+    return Deviations(
+        mesh=motion,
+        period=period,
+        where=where,
+        delta=delta,
+        excitation=moved if moved.any() else None,
+    )
 
 
 def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Motion]) -> _Motion:
