@@ -270,9 +270,10 @@ def periodic_lines(posed: PosedStage, max_hz: float, tolerance: float) -> MeshLi
     tolerance : float
         Relative error of the acceleration (an estimate).
     """
-    grid = contact_grid([posed], max_hz) if posed.is_local else _turn_grid(posed, max_hz)
-    found = _refined(grid, tolerance, lambda own: periodic_motion(posed, own))
-    period, mean = posed.period, found.mean_deflection[:, 0]
+    period = posed.period
+    grid = contact_grid([posed], max_hz, period)
+    found = _refined(grid, tolerance, partial(periodic_motion, posed))
+    mean = found.mean_deflection[:, 0]
     number, carrier, lines = posed.heard(found, _count(posed, max_hz, period), period)
     same = {"period": period, "number": number, "carrier": carrier}
     method = "contact" if posed.is_local else "whole turn"
@@ -343,17 +344,16 @@ def _tooth_lines(
     return _each(faulty, found, mean, sound + added, method="contact", **same)
 
 
-def contact_grid(cases: Sequence[PosedStage], max_hz: float) -> PhaseGrid:
-    """Return panels of a mesh period on which all these cases can be solved."""
+def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) -> PhaseGrid:
+    """Return panels of a mesh period, or of so many, on which all these cases can be solved."""
     corners = [
-        own - mesh.lead
+        np.add.outer(np.arange(0, period, repeats), own).ravel() - mesh.lead
         for posed in cases
         for mesh in posed.members
-        for _, own in _corners(mesh, mesh.stiffness.trains)
+        for repeats, own in _all_corners(mesh)
     ]
-    return PhaseGrid.between(
-        np.concatenate(corners), max(_cycles(posed, max_hz) for posed in cases)
-    )
+    fastest = max(_cycles(posed, max_hz) for posed in cases)
+    return PhaseGrid.between(np.concatenate(corners), fastest, period)
 
 
 def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
@@ -498,16 +498,10 @@ def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[i
             yield error.period_mesh, np.add.outer([0.0, even.overlap_ratio], limits).ravel()
 
 
-def _turn_grid(posed: PosedStage, highest_hz: float) -> PhaseGrid:
-    """Return panels round a turn, with edges at all corners of stiffness and excitation."""
-    period, found = posed.period, []
-    for mesh in posed.members:
-        stiffness, lead = mesh.stiffness, mesh.lead
-        moving = [(train.period_mesh, train.corners) for train in stiffness.modulations]
-        # damaged teeth lose what they lose where the teeth would be without the errors, and single
-        # errors are shared as by these
-        apart = moving and not any(isinstance(e, FlankError) for e in mesh.excitation.errors)
-        still = stiffness.pulses if apart else stiffness.trains
-        for repeats, corners in (*moving, *_corners(mesh, still)):
-            found.append(np.add.outer(np.arange(0, period, repeats), corners).ravel() - lead)
-    return PhaseGrid.between(np.concatenate(found), _cycles(posed, highest_hz), period)
+def _all_corners(mesh: PosedMesh) -> Iterator[tuple[int, FloatArray]]:
+    stiffness, moving = mesh.stiffness, mesh.stiffness.modulations
+    yield from ((train.period_mesh, train.corners) for train in moving)
+    # damaged teeth lose what they lose where the teeth would be without the errors, and single
+    # errors are shared as by these
+    apart = moving and not any(isinstance(e, FlankError) for e in mesh.excitation.errors)
+    yield from _corners(mesh, stiffness.pulses if apart else stiffness.trains)
