@@ -273,9 +273,7 @@ class DayExposure(Result):
 
 
 def exposure_day(
-    plan: DayPlan | str | Path,
-    axes: Mapping[str, str | int] | None = None,
-    **reading: Any,
+    plan: DayPlan | str | Path, axes: Mapping[str, str | int] | None = None, **reading: Any
 ) -> DayExposure:
     """Sum up the exposure of a day.
 

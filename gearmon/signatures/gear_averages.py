@@ -35,11 +35,7 @@ from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.orders.averages import (
-    SynchronousAverage,
-    one_turn,
-    time_synchronous_average,
-)
+from gearmon.signals.orders.averages import SynchronousAverage, one_turn, time_synchronous_average
 from gearmon.signals.recording import RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -260,10 +256,7 @@ class GearAverages(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what was averaged and taken out, and how large it is, in built-in types."""
-        return {
-            "averages": [self._brief(own) for own in self.gears],
-            "warnings": list(self.notes),
-        }
+        return {"averages": [self._brief(own) for own in self.gears], "warnings": list(self.notes)}
 
     def _line_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
         lines, signals = own.average.lines, own.signals

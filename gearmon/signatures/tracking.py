@@ -203,10 +203,7 @@ class GearVibration:
         return every[chosen], scans[chosen]
 
     def scan(
-        self,
-        turns: float,
-        tolerance: float = SPEED_TOLERANCE,
-        about_hz: float | None = None,
+        self, turns: float, tolerance: float = SPEED_TOLERANCE, about_hz: float | None = None
     ) -> SpeedScan:
         """Scan in blocks of so many turns about the nominal speed, or another one.
 

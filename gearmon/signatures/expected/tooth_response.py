@@ -302,11 +302,7 @@ def _mean_about(power: FloatArray, number: FloatArray, teeth: int) -> FloatArray
 # of one machine all recordings ask for the same gears
 @lru_cache(maxsize=64)
 def tooth_response(
-    machine: Machine,
-    stage: int,
-    gear: str,
-    max_order: float,
-    operating: int = 0,
+    machine: Machine, stage: int, gear: str, max_order: float, operating: int = 0
 ) -> ToothResponse:
     """Compute the response to a small loss on one tooth.
 

@@ -328,11 +328,7 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
 
 
 def _others(
-    samples: FloatArray,
-    rate: float,
-    track: AngleTrack,
-    train: Kinematics,
-    steps: Spreading | None,
+    samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics, steps: Spreading | None
 ) -> tuple[FineSpectrum, NonGearLines]:
     """Fine spectrum, and lines of other origin."""
     # at most some millions of points: the test needs the resolution of seconds, not of hours
