@@ -267,16 +267,23 @@ def recording_spectrum(
         heads, maps = ("low_hz", "high_hz", "kurtosis"), zip(names, result.kurtograms, strict=True)
         rows = ({"channel": name, **dict(zip(heads, own.best, strict=True))} for name, own in maps)
         return replace(result, peaks=tuple(rows))
-    as_lines = kind in ("amplitude", "rms", "energy")
-
-    def read(row: int, bins: IntArray) -> Peaks:
-        place, value = result.place[bins], result.values[row, bins]
-        if kind in ("amplitude", "rms"):
-            _read(vibration.samples[row], vibration.sampling_rate_hz, place, value, window_name)
-        return place, value / np.sqrt(2) if kind == "rms" else value
-
-    reach = half_lobe(window_name) if as_lines else 2
+    reach = half_lobe(window_name) if kind in ("amplitude", "rms", "energy") else 2
+    read = partial(_between_bins, result, vibration, window_name)
     return replace(result, peaks=_peaks(result, most_peaks, reach, read))
+
+
+def _between_bins(
+    found: RecordingSpectrum, vibration: Recording, window_name: str, row: int, bins: IntArray
+) -> Peaks:
+    """Read lines between the bins; the mean and what is too near to an end stay as they are."""
+    place, value = found.place[bins], found.values[row, bins]
+    samples, rate = vibration.samples[row], vibration.sampling_rate_hz
+    bin_hz = rate / len(samples)
+    inner = (place > 0.6 * bin_hz) & (place < rate / 2 - 0.6 * bin_hz)
+    if found.kind in ("amplitude", "rms") and inner.any() and len(samples) >= 16:
+        own = line_amplitude(samples, rate, place[inner], window_name=window_name, within_bins=1.0)
+        place[inner], value[inner] = own.frequency_hz[0], own.amplitude[0]
+    return place, value / np.sqrt(2) if found.kind == "rms" else value
 
 
 def _check_band(band: Band, vibration: Recording, kind: str) -> None:
@@ -349,17 +356,6 @@ def _peaks(
             row = {"channel": channel, found.axis: place, value: height}
             rows.append(row | {"unit": unit or "", "near": near})
     return tuple(rows)
-
-
-def _read(
-    samples: FloatArray, rate: float, place: FloatArray, value: FloatArray, window_name: str
-) -> None:
-    """Read lines between the bins; the mean and what is too near to an end stay as they are."""
-    bin_hz = rate / samples.shape[-1]
-    inner = (place > 0.6 * bin_hz) & (place < rate / 2 - 0.6 * bin_hz)
-    if inner.any() and samples.shape[-1] >= 16:
-        own = line_amplitude(samples, rate, place[inner], window_name=window_name, within_bins=1.0)
-        place[inner], value[inner] = own.frequency_hz[0], own.amplitude[0]
 
 
 def highest_peaks(values: FloatArray, most: int, reach: int) -> IntArray:

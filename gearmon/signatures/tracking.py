@@ -466,8 +466,12 @@ def _tacholess(first: Tracking, sums: OrderSums) -> Tracking:
     calm = share > (_NEARLY if _wander(track) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(first):
         followed = _followed(signal)
-        if followed is not None and _outdoes(followed[0], found):
-            return _with_doubt(*followed)
+        if followed is not None:
+            # it must show more meshes, or lines far more coherent
+            more = followed[0].detected - found.detected
+            least = share + (_BETTER if more == 0 else _FAR_BETTER)
+            if more > 0 or followed[0].coherent > least:
+                return _with_doubt(*followed)
     if share > _COHERENT and first.detected < len(first.evidence) and _wander(track) > _WANDERS:
         # a speed that wanders smears lines in long blocks
         judged = replace(signal.judged(track), coherent=share)
@@ -489,13 +493,6 @@ def _elsewhere(first: Tracking) -> bool:
     speed = replace(signal, samples=signal.samples[:, begin : begin + length]).path().track()
     known = first.scan.track().at(begin / signal.rate + speed.time_s)
     return bool(np.median(np.abs(speed.speed_hz / known - 1)) > _ELSEWHERE)
-
-
-def _outdoes(followed: Tracking, steady: Tracking) -> bool:
-    """Whether a followed speed shows more meshes than a steady one, or lines far more coherent."""
-    more = followed.detected - steady.detected
-    enough = _BETTER if more == 0 else _FAR_BETTER
-    return more > 0 or followed.coherent > steady.coherent + enough
 
 
 def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
 from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
 from gearmon.gears.pulses import LEAST_OVERLAP
@@ -92,28 +91,6 @@ class FamilyMember:
     def fault(self, tooth: int = 1) -> Wrong:
         """Return the fault of one tooth."""
         return parse_fault_or_error(_words(self.kind, self.stage, self.gear, self.size, tooth))
-
-    def response(self, tooth: int = 1) -> tuple[FloatArray, ComplexArray]:
-        """Return orders of shaft 1 and acceleration lines [m/s2] for a fault of one tooth.
-
-        Parameters
-        ----------
-        tooth : int
-            From 1; 1 only where the whole gear is concerned.
-
-        Returns
-        -------
-        order : ndarray, shape (n,)
-        acceleration : complex ndarray, shape (n,)
-            Half the peak amplitude, with the phase at the entry of tooth 1 of both gears.
-
-        Raises
-        ------
-        ArgumentError
-            If the gear has no such tooth.
-        """
-        lines = self.lines.of_tooth(tooth)
-        return lines.order, lines.acceleration
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -300,7 +277,8 @@ def fault_family(
         check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-10, 1.0)
     texts = _sizes(kinds, sizes)
-    points = _points(machine, operating)
+    every = range(len(machine.operating)) if operating is None else operating
+    points = (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
     places = _places(machine, gears)
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
         if not part:
@@ -413,11 +391,6 @@ def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
     """Return ``KIND:STAGE:GEAR:TOOTH:SIZE``, with TOOTH ``all`` where the kind asks for it."""
     place = "all" if kind in ALL_TEETH else str(tooth)
     return f"{kind}:{stage}:{gear}:{place}:{size}"
-
-
-def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[int, ...]:
-    every = range(len(machine.operating)) if operating is None else operating
-    return (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
 
 
 def _sizes(

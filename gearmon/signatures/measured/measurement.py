@@ -17,7 +17,6 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders.lines import OrderBlocks, OrderLines, without_knocks
-from gearmon.signals.orders.resampling import Spreading
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra.spectrum import power_density
@@ -217,14 +216,22 @@ def measure_signature(
     part = track.between(start / rate, stop / rate) if vibration.left_out else track
     piece = samples[:, start:stop]
     block_turns = _block_turns(float(part.turns[-1] - part.turns[0]), train)
-    plan = _plan(train, rate, block_turns, tracking.plan_hz)
+    # from the nominal speed, so that recordings at one rate and speed have the same families
+    top = 0.48 * rate / tracking.plan_hz / (1 + SPEED_TOLERANCE)
+    # a Hann block tells lines apart that are two over its length away from each other
+    plan = line_plan(train, top, 0.999 * 2.0 / block_turns, tracking.plan_hz)
     # the lines and the spectrum of the whole recording are made of one and the same steps of angle
     gaps, held = vibration.left_out or (), not vibration.left_out and samples.size <= _HELD_SAMPLES
     blocks = OrderBlocks(samples, rate, track, plan.orders, block_turns, LEAKAGE, gaps, held)
     steps = blocks.spreading if held else None
-    lines, (spectrum, foreign) = at_once(
-        blocks.lines, lambda: _others(piece, rate, part, train, steps), samples.size
-    )
+
+    def others() -> tuple[FineSpectrum, NonGearLines]:
+        # at most some millions of points: the test needs the resolution of seconds, not of hours
+        pieces = max(1, piece.shape[-1] >> 18)
+        spectrum = fine_order_spectrum(piece, rate, part, pieces, PIECES_HEARD, steps)
+        return spectrum, nongear_lines(piece, rate, part, train, spectrum)
+
+    lines, (spectrum, foreign) = at_once(blocks.lines, others, samples.size)
     for wheel in plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
@@ -327,16 +334,6 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
     return np.asarray(10 * np.log10(np.maximum(middle, np.finfo(float).tiny)))
 
 
-def _others(
-    samples: FloatArray, rate: float, track: AngleTrack, train: Kinematics, steps: Spreading | None
-) -> tuple[FineSpectrum, NonGearLines]:
-    """Fine spectrum, and lines of other origin."""
-    # at most some millions of points: the test needs the resolution of seconds, not of hours
-    pieces = max(1, samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD, steps)
-    return spectrum, nongear_lines(samples, rate, track, train, spectrum)
-
-
 def _check_length(recording: Recording, machine: Machine) -> None:
     fastest_hz = max(point.shaft1_hz for point in machine.operating)
     rate = recording.sampling_rate_hz
@@ -361,13 +358,6 @@ def _speed_hint(machine: Machine) -> str:
     slow = min(point.speed_rpm for point in machine.operating)
     asked = f"; speed_rpm is {slow:g} turns a minute: did you mean {60 * slow:g} ({slow:g} Hz)?"
     return "" if slow > _SLOW_RPM else asked
-
-
-def _plan(train: Kinematics, rate: float, block_turns: float, nominal_hz: float) -> LinePlan:
-    # from the nominal speed, so that recordings at one rate and speed have the same families
-    top = 0.48 * rate / nominal_hz / (1 + SPEED_TOLERANCE)
-    # a Hann block tells lines apart that are two over its length away from each other
-    return line_plan(train, top, 0.999 * 2.0 / block_turns, nominal_hz)
 
 
 def _block_turns(turns: float, train: Kinematics) -> float:
