@@ -312,9 +312,9 @@ def test_teeth_that_are_not_there_are_refused():
     family = fault_family(PAIR, kinds=["crack", "wear"], sizes=["5%"], gears=["pinion"])
     crack, wear = family.members
     with pytest.raises(ArgumentError, match=r"tooth=27 must lie in \[1, 26\]"):
-        crack.response(27)
+        crack.lines.of_tooth(27)
     with pytest.raises(ArgumentError, match=r"tooth=2 must lie in \[1, 1\]"):
-        wear.response(2)
+        wear.lines.of_tooth(2)
     with pytest.raises(ArgumentError, match="kind='wear'"):
         loss_response(PAIR, 1, "pinion", kind="wear")
     with pytest.raises(ArgumentError, match="gear 'sun' is not one of pinion, gear"):

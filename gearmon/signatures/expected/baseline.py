@@ -163,7 +163,7 @@ def _listed(lines: MeshLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]
 def _stage_lines(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> Solved:
-    """Solve one stage with all that is wrong with it."""
+    """Solve one stage with all that is wrong with it: with a bound, or from corner to corner."""
     if posed.train is None:
         if not posed.is_excited and (method != "auto" or len(posed.marked) < 2):
             return _steady(posed, max_hz, tolerance, method, order)
@@ -172,14 +172,9 @@ def _stage_lines(
                 f"method={method!r} takes faults that change the stiffness only, and those of "
                 f"stage {posed.mechanics.stage} move the flanks too; leave method out"
             )
-    return _from_corners(posed, max_hz, tolerance)
-
-
-def _from_corners(posed: PosedStage, max_hz: float, tolerance: float) -> Solved:
-    """Solve a mesh or a planetary set from corner to corner of its stiffnesses."""
     (lines,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
-    alone = posed.train is None
-    what = "from corner to corner" if alone else "the whole set, as the housing hears it"
+    whole = "the whole set, as the housing hears it"
+    what = "from corner to corner" if posed.train is None else whole
     added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
     told = _TOLD | {
         "error_estimate": lines.error,

@@ -15,7 +15,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
 from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
@@ -148,7 +147,17 @@ class FaultFamily(Result):
         parts += [
             (m.lines, (m.kind, m.gear, m.size, m.loss, float(m.operating))) for m in self.members
         ]
-        tables = [_limited(*part, mesh_harmonics, sidebands) for part in parts]
+        # lines below the first mesh harmonic are multiples of the turn, not its sidebands
+        lowest, highest = (0, np.inf) if mesh_harmonics is None else (1, mesh_harmonics)
+        tables = []
+        for lines, told in parts:
+            columns = lines.columns()
+            harmonic, aside = columns["mesh_harmonic"], np.abs(columns["sideband"])
+            kept = (harmonic >= lowest) & (harmonic <= highest)
+            kept &= aside <= (np.inf if sidebands is None else sidebands)
+            named = zip(_TOLD, told, strict=True)
+            columns = {name: np.full(len(kept), own) for name, own in named} | columns
+            tables.append({name: column[kept] for name, column in columns.items()})
         header = {
             "operating_points": [
                 {"speed_rpm": point.speed_rpm, "torque_nm": point.torque_nm, "name": point.name}
@@ -160,8 +169,8 @@ class FaultFamily(Result):
             "largest_error": max((m.lines.error for m in self.members), default=0.0),
             "notes": list(self.notes),
         }
-        told = {"machine": self.machine.name, "origin": "expected family"}
-        return Signature(**told, header=header, columns=joined(tables))
+        about = {"machine": self.machine.name, "origin": "expected family"}
+        return Signature(**about, header=header, columns=joined(tables))
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one row for each member: what it is, and how strong its lines are.
@@ -194,24 +203,6 @@ class FaultFamily(Result):
             "method": lines.method,
             "error": lines.error,
         }
-
-
-def _limited(
-    lines: MeshLines,
-    told: tuple[str | float, ...],
-    mesh_harmonics: int | None,
-    sidebands: int | None,
-) -> dict[str, npt.NDArray[Any]]:
-    columns = lines.columns()
-    harmonic, aside = columns["mesh_harmonic"], np.abs(columns["sideband"])
-    kept = np.ones(len(harmonic), dtype=bool)
-    if mesh_harmonics is not None:
-        # lines below the first mesh harmonic are multiples of the turn, not its sidebands
-        kept &= (harmonic >= 1) & (harmonic <= mesh_harmonics)
-    if sidebands is not None:
-        kept &= aside <= sidebands
-    same = {name: np.full(len(kept), own) for name, own in zip(_TOLD, told, strict=True)}
-    return {name: column[kept] for name, column in (same | columns).items()}
 
 
 def fault_family(
