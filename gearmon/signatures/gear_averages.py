@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -349,23 +349,22 @@ def gear_averages(
     notes = list(found.notes)
     if not found.found:
         notes.append("no mesh found: the speed, and with it every average, is not to be relied on")
-    averages: dict[Fraction, SynchronousAverage] = {}
+    # gears of one shaft share an average
+    averaged = cache(
+        partial(time_synchronous_average, vibration.samples, rate, track, per_turn=per_turn)
+    )
     gears = []
     for mesh in train.meshes:
         for wheel in mesh.wheels:
             turning = wheel.exact_relative
             try:
-                if turning not in averages:
-                    averages[turning] = time_synchronous_average(
-                        vibration.samples, rate, track, rotation_order=turning, per_turn=per_turn
-                    )
+                average = averaged(rotation_order=turning)
             except RecordingError:
                 notes.append(
                     f"{wheel.gear} of stage {mesh.stage}: fewer than two turns were recorded, it "
                     "has no average"
                 )
                 continue
-            average = averages[turning]
             lines = wheel_lines(mesh.stage, wheel, train, average.top)
             signals = gear_signals(average.lines, lines, per_turn=average.per_turn)
             # a once-a-turn pulse on shaft 1 tells the position of its own gears only
