@@ -395,11 +395,8 @@ class _Growth:
             many = own.std(axis=0, ddof=1) / math.sqrt(len(job)) if len(job) > 1 else single
             means.append(own.mean(axis=0))
             errors.append(many)
-        mean, error, hours = (
-            np.array(means),
-            np.array(errors),
-            np.array([j.hours for j in plan.jobs]),
-        )
+        mean, error = np.array(means), np.array(errors)
+        hours = np.array([job.hours for job in plan.jobs])
         worst, axis = slice(None), "vector sum"
         if plan.position != "hand":
             most = int(np.argmax(hours @ mean))
