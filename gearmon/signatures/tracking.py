@@ -149,7 +149,7 @@ def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GearVibration:
-    """Vibration of a gearbox, and what it alone tells of speed and angle, as far as it is asked.
+    """Vibration of a gearbox, and the lines that its speed and angle are known by.
 
     Parameters
     ----------
@@ -253,23 +253,6 @@ class GearVibration:
         scan, _ = scan_angle(self.samples, self.rate, track, self.comb, reach, block)
         return self.tracked(track, scan, 1.0, reach)
 
-    @cached_property
-    def first(self) -> Tracking:
-        """The comb about the nominal speed, in blocks that tell meshes from sidebands."""
-        looked_at = max(len(comb.groups) for comb in self.meshes)
-        scan = self.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
-        track = integrate_speed(scan.track(), self.last_s)
-        return self.tracked(track, scan, self.nominal_hz, SPEED_TOLERANCE)
-
-    @cached_property
-    def alone(self) -> Tracking:
-        """The angle by comb and phases."""
-        sums = self.sums(self.nominal_hz * (1 + SPEED_TOLERANCE))
-        if sums is None:
-            note = "no mesh harmonic lies below the Nyquist frequency"
-            return replace(self.first, notes=(note,))
-        return _tacholess(self.first, sums)
-
 
 @dataclass(frozen=True, kw_only=True)
 class Tracking:
@@ -356,6 +339,31 @@ class Tracking:
         return abs(self.track.mean_hz / other.track.mean_hz - 1) <= _APART
 
 
+@dataclass(frozen=True, eq=False)
+class _Tacholess:
+    """What the vibration alone tells, as far as it is asked for."""
+
+    signal: GearVibration
+
+    @cached_property
+    def first(self) -> Tracking:
+        """The comb about the nominal speed, in blocks that tell meshes from sidebands."""
+        signal = self.signal
+        looked_at = max(len(comb.groups) for comb in signal.meshes)
+        scan = signal.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
+        track = integrate_speed(scan.track(), signal.last_s)
+        return signal.tracked(track, scan, signal.nominal_hz, SPEED_TOLERANCE)
+
+    @cached_property
+    def alone(self) -> Tracking:
+        """The angle by comb and phases."""
+        sums = self.signal.sums(self.signal.nominal_hz * (1 + SPEED_TOLERANCE))
+        if sums is None:
+            note = "no mesh harmonic lies below the Nyquist frequency"
+            return replace(self.first, notes=(note,))
+        return _by_phases(self.first, sums)
+
+
 def track_recording(recording: Recording, machine: Machine) -> Tracking:
     """Find the angle of shaft 1: from a tachometer if there is one, else from comb and phases.
 
@@ -385,12 +393,12 @@ def track_recording(recording: Recording, machine: Machine) -> Tracking:
     signal = GearVibration(samples=samples, rate=rate, machine=machine, nominal_hz=nominal_hz)
     if any(point.shaft1_hz != nominal_hz for point in machine.operating):
         signal, _ = signal.meant(lambda own: own.scan(_COMPARED_TURNS))
-    notes: list[str] = []
+    tacholess, notes = _Tacholess(signal), list[str]()
     for index, kind in enumerate(recording.channel_kinds):
         if kind != "tacho":
             continue
         try:
-            return _with_tacho(recording, index, signal)
+            return _with_tacho(recording, index, tacholess)
         except (ArgumentError, RecordingError) as error:
             if recording.tacho_told:
                 raise
@@ -399,12 +407,12 @@ def track_recording(recording: Recording, machine: Machine) -> Tracking:
                 f"{recording.channel_names[index]} is no usable tachometer, though its name "
                 f"suggests one: {why}; the vibration alone tells the angle"
             )
-    return replace(signal.alone, notes=(*notes, *signal.alone.notes))
+    return replace(tacholess.alone, notes=(*notes, *tacholess.alone.notes))
 
 
-def _with_tacho(recording: Recording, index: int, signal: GearVibration) -> Tracking:
+def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
-    name = recording.channel_names[index]
+    signal, name = tacholess.signal, recording.channel_names[index]
     places = name, str(recording.columns[index])
     sensors = (s for s in signal.machine.sensors if s.kind == "tacho")
     sensor = next((s for s in sensors if str(s.column) in places), None)
@@ -415,8 +423,8 @@ def _with_tacho(recording: Recording, index: int, signal: GearVibration) -> Trac
     track = track_from_pulses(pulses, count, order, signal.last_s)
     found = signal.judged(track, TACHO_REACH)
     if not recording.tacho_told:
-        _check_believed(found)
-    found = _as_without(found)
+        _check_believed(found, tacholess)
+    found = _as_without(found, tacholess)
     told = [f"{count} pulse{'s' if count > 1 else ''} a turn"]
     if pulses.missing or pulses.extra:
         told.append(f"{pulses.missing} pulses filled in, {pulses.extra} left out")
@@ -431,10 +439,9 @@ def _with_tacho(recording: Recording, index: int, signal: GearVibration) -> Trac
     return replace(found, track=track, notes=tuple(f"tacho {name}: {one}" for one in told))
 
 
-def _check_believed(judged: Tracking) -> None:
+def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one."""
-    signal = judged.signal
-    rival = signal.first if signal.first.detected or judged.detected else signal.alone
+    rival = tacholess.first if tacholess.first.detected or judged.detected else tacholess.alone
     if not judged.is_near(rival) and rival.clarity > judged.clarity:
         raise RecordingError(
             f"the mesh lines stand out less at the {judged.track.mean_hz:.4g} Hz that its pulses "
@@ -442,7 +449,7 @@ def _check_believed(judged: Tracking) -> None:
         )
 
 
-def _as_without(judged: Tracking) -> Tracking:
+def _as_without(judged: Tracking, tacholess: _Tacholess) -> Tracking:
     """Hear no mesh less with pulses than without, where both tell the same speed.
 
     About one speed there are few combs of other teeth to stand out of: of 14 drawn machines, 3 s
@@ -452,13 +459,13 @@ def _as_without(judged: Tracking) -> Tracking:
     for way in ("first", "alone"):
         if judged.detected == len(judged.evidence):
             break
-        rival: Tracking = getattr(judged.signal, way)
+        rival: Tracking = getattr(tacholess, way)
         if rival.detected > judged.detected and judged.is_near(rival):
             judged = replace(rival, track=judged.track)
     return judged
 
 
-def _tacholess(first: Tracking, sums: OrderSums) -> Tracking:
+def _by_phases(first: Tracking, sums: OrderSums) -> Tracking:
     """Track without a tachometer, by mesh lines, beginning with the steady comb."""
     signal = first.signal
     track, share = follow_lines(sums, first.track, signal.comb)
