@@ -273,9 +273,7 @@ class DayExposure(Result):
 
 
 def exposure_day(
-    plan: DayPlan | str | Path,
-    axes: Mapping[str, str | int] | None = None,
-    **reading: Any,
+    plan: DayPlan | str | Path, axes: Mapping[str, str | int] | None = None, **reading: Any
 ) -> DayExposure:
     """Sum up the exposure of a day.
 
@@ -397,11 +395,8 @@ class _Growth:
             many = own.std(axis=0, ddof=1) / math.sqrt(len(job)) if len(job) > 1 else single
             means.append(own.mean(axis=0))
             errors.append(many)
-        mean, error, hours = (
-            np.array(means),
-            np.array(errors),
-            np.array([j.hours for j in plan.jobs]),
-        )
+        mean, error = np.array(means), np.array(errors)
+        hours = np.array([job.hours for job in plan.jobs])
         worst, axis = slice(None), "vector sum"
         if plan.position != "hand":
             most = int(np.argmax(hours @ mean))

@@ -17,15 +17,7 @@ from typing import Any
 
 from gearmon import __version__
 from gearmon.diagnosis.history import Entry
-from gearmon.diagnosis.history.store import (
-    append_to,
-    as_text,
-    opened,
-    put,
-    sound,
-    summarise,
-    vouch,
-)
+from gearmon.diagnosis.history.store import append_to, as_text, opened, put, sound, summarise, vouch
 from gearmon.errors import ArgumentError
 from gearmon.files import replacing
 from gearmon.fleet.plan import Fleet, Job

@@ -148,12 +148,7 @@ def _beside(fleet: Fleet, alike: list[FleetMachine]) -> Iterator[dict[str, Any]]
         with np.errstate(divide="ignore", invalid="ignore"):  # others that are all alike
             away = np.nan_to_num(np.abs(scaled - mean) / scatter)
         reach = student.ppf(0.95, count - 1) * scatter
-        columns = {
-            "value": scaled,
-            "usual": mean,
-            "low": mean - reach,
-            "high": mean + reach,
-        }
+        columns = {"value": scaled, "usual": mean, "low": mean - reach, "high": mean + reach}
         table = pd.DataFrame({c: np.exp(x) if positive else x for c, x in columns.items()})
         table = table.assign(others=count, probability=2 * student.sf(away, count - 1))
         for machine, row in zip(values.index, table.to_dict("records"), strict=True):

@@ -39,7 +39,7 @@ from gearmon.signals.spectra.spectrum import fast_length
 from gearmon.signals.tracking.comb import scan_speed
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import Reference, WheelPattern
-from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE, machine_comb
+from gearmon.signatures.tracking import SPEED_REACH, SPEED_TOLERANCE, machine_comb
 
 # Points of a curve: a screen shows a thousand, and a spectrum is zoomed into. Those of all channels
 # of a chart together, and columns and rows of a map: a report of one recording stays below 1.2 MB.

@@ -22,7 +22,7 @@ from gearmon.report.wording import (
 )
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.reference import Reference, tooth_counts
-from gearmon.signatures.speed import SPEED_REACH, SPEED_TOLERANCE
+from gearmon.signatures.tracking import SPEED_REACH, SPEED_TOLERANCE
 
 # Changes shown at once; the rest folds away.
 _CHANGES_SHOWN = 30

@@ -22,7 +22,7 @@ from gearmon.signals.spectra.demodulation import Kurtogram
 from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, Mark
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.recording_spectrum import OrderSpectra, RecordingSpectrum
-from gearmon.signatures.speed import SPEED_TOLERANCE
+from gearmon.signatures.tracking import SPEED_TOLERANCE
 
 # More channels than this get no readable strip each: the report says which are shown.
 MOST_STRIPS = 8

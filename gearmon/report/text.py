@@ -29,7 +29,7 @@ from gearmon.report.wording import (
     with_uncertainty,
 )
 from gearmon.signatures.measured.reference import Reference
-from gearmon.signatures.speed import Speed
+from gearmon.signatures.tracking import Speed
 
 # Changes of more than this many standard deviations are highlighted in pictures and tables.
 BEYOND = 3.0

@@ -24,7 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from fractions import Fraction
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -35,11 +35,7 @@ from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.orders.averages import (
-    SynchronousAverage,
-    one_turn,
-    time_synchronous_average,
-)
+from gearmon.signals.orders.averages import SynchronousAverage, one_turn, time_synchronous_average
 from gearmon.signals.recording import RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -260,10 +256,7 @@ class GearAverages(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what was averaged and taken out, and how large it is, in built-in types."""
-        return {
-            "averages": [self._brief(own) for own in self.gears],
-            "warnings": list(self.notes),
-        }
+        return {"averages": [self._brief(own) for own in self.gears], "warnings": list(self.notes)}
 
     def _line_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
         lines, signals = own.average.lines, own.signals
@@ -356,23 +349,22 @@ def gear_averages(
     notes = list(found.notes)
     if not found.found:
         notes.append("no mesh found: the speed, and with it every average, is not to be relied on")
-    averages: dict[Fraction, SynchronousAverage] = {}
+    # gears of one shaft share an average
+    averaged = cache(
+        partial(time_synchronous_average, vibration.samples, rate, track, per_turn=per_turn)
+    )
     gears = []
     for mesh in train.meshes:
         for wheel in mesh.wheels:
             turning = wheel.exact_relative
             try:
-                if turning not in averages:
-                    averages[turning] = time_synchronous_average(
-                        vibration.samples, rate, track, rotation_order=turning, per_turn=per_turn
-                    )
+                average = averaged(rotation_order=turning)
             except RecordingError:
                 notes.append(
                     f"{wheel.gear} of stage {mesh.stage}: fewer than two turns were recorded, it "
                     "has no average"
                 )
                 continue
-            average = averages[turning]
             lines = wheel_lines(mesh.stage, wheel, train, average.top)
             signals = gear_signals(average.lines, lines, per_turn=average.per_turn)
             # a once-a-turn pulse on shaft 1 tells the position of its own gears only

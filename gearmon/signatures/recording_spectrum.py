@@ -11,9 +11,8 @@ from functools import partial
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gearmon.arrays import FloatArray
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
@@ -41,6 +40,7 @@ from gearmon.signatures.measured.measurement import MeasuredSignature, measure_s
 Band = tuple[float, float] | None
 _Made = dict[str, Any]  # fields of a result
 _Compute = Callable[[Recording, Band, str], _Made]
+Peaks = tuple[FloatArray, FloatArray]  # places and heights
 
 # Halvings of the bandwidth among which the band of an envelope is chosen, and of a map.
 _ENVELOPE_LEVELS, _MAP_LEVELS = 4, 6
@@ -62,10 +62,10 @@ class RecordingSpectrum(Result):
     values : ndarray of float, shape (channels, bins)
     value_name : str
         What the values are, in words.
-    units : tuple of str
-        Of the values, channel by channel; "" where unknown.
+    units : tuple of (str or None)
+        Of the values, channel by channel; "" or None where unknown.
     axis : str
-        Name of the horizontal column: "frequency_hz" or "quefrency_s".
+        Name of the horizontal column: "frequency_hz", "quefrency_s" or "order".
     peaks : tuple of dict
         Highest peaks: channel, place, value, near which line of the machine.
     marks : tuple of Mark
@@ -85,7 +85,7 @@ class RecordingSpectrum(Result):
     place: FloatArray
     values: FloatArray
     value_name: str
-    units: tuple[str, ...]
+    units: tuple[str | None, ...]
     axis: str = "frequency_hz"
     peaks: tuple[dict[str, Any], ...] = ()
     marks: tuple[Mark, ...] = ()
@@ -263,7 +263,27 @@ def recording_spectrum(
     result = RecordingSpectrum(recording=recording.origin, kind=kind, channel_names=names, **made)
     if machine is not None:
         result = _marked(result, recording, machine)
-    return replace(result, peaks=_peaks(result, vibration, window_name, most_peaks))
+    if result.kurtograms:
+        heads, maps = ("low_hz", "high_hz", "kurtosis"), zip(names, result.kurtograms, strict=True)
+        rows = ({"channel": name, **dict(zip(heads, own.best, strict=True))} for name, own in maps)
+        return replace(result, peaks=tuple(rows))
+    reach = half_lobe(window_name) if kind in ("amplitude", "rms", "energy") else 2
+    read = partial(_between_bins, result, vibration, window_name)
+    return replace(result, peaks=_peaks(result, most_peaks, reach, read))
+
+
+def _between_bins(
+    found: RecordingSpectrum, vibration: Recording, window_name: str, row: int, bins: IntArray
+) -> Peaks:
+    """Read lines between the bins; the mean and what is too near to an end stay as they are."""
+    place, value = found.place[bins], found.values[row, bins]
+    samples, rate = vibration.samples[row], vibration.sampling_rate_hz
+    bin_hz = rate / len(samples)
+    inner = (place > 0.6 * bin_hz) & (place < rate / 2 - 0.6 * bin_hz)
+    if found.kind in ("amplitude", "rms") and inner.any() and len(samples) >= 16:
+        own = line_amplitude(samples, rate, place[inner], window_name=window_name, within_bins=1.0)
+        place[inner], value[inner] = own.frequency_hz[0], own.amplitude[0]
+    return place, value / np.sqrt(2) if found.kind == "rms" else value
 
 
 def _check_band(band: Band, vibration: Recording, kind: str) -> None:
@@ -301,52 +321,44 @@ def _marked(result: RecordingSpectrum, recording: Recording, machine: Machine) -
 
 
 def _peaks(
-    result: RecordingSpectrum, vibration: Recording, window_name: str, most: int
+    found: RecordingSpectrum,
+    most: int,
+    reach: int,
+    read: Callable[[int, IntArray], Peaks],
+    value: str = "value",
+    widths: float = 3.0,
 ) -> tuple[dict[str, Any], ...]:
-    maps = zip(result.channel_names, result.kurtograms, strict=False)
-    heads = ("low_hz", "high_hz", "kurtosis")
-    rows = [{"channel": name, **dict(zip(heads, own.best, strict=True))} for name, own in maps]
-    reach = half_lobe(window_name) if result.kind in ("amplitude", "rms", "energy") else 2
-    for row, values in enumerate(result.values if len(result.place) else ()):
-        chosen = highest_peaks(values, most, reach)
-        place, value = result.place[chosen], values[chosen]
-        if result.kind in ("amplitude", "rms"):
-            _read(vibration.samples[row], vibration.sampling_rate_hz, place, value, window_name)
-            value = value / np.sqrt(2) if result.kind == "rms" else value
-        within = np.maximum(3 * (result.place[1] - result.place[0]), result.wander * place)
-        whose = result.channel_names[row], result.units[row]
-        rows += _peak_rows(whose, {result.axis: place, "value": value}, result.marks, within)
+    """Return a row a peak, highest first, channel by channel.
+
+    Parameters
+    ----------
+    found : RecordingSpectrum
+    most : int
+        Peaks a channel.
+    reach : int
+        Least distance [bins].
+    read : callable
+        Takes the number of a channel and bins; gives places and heights.
+    value : str
+        What the height is called.
+    widths : float
+        How far from a mark a peak is near to it [bins].
+    """
+    rows, step = [], found.place[1] - found.place[0]
+    whose = zip(found.values, found.channel_names, found.units, strict=True)
+    for number, (values, channel, unit) in enumerate(whose):
+        places, heights = read(number, highest_peaks(values, most, reach))
+        ranked = sorted(
+            zip(places.tolist(), heights.tolist(), strict=True), key=lambda own: -own[1]
+        )
+        for place, height in ranked:
+            near = mark_near(found.marks, place, max(widths * step, found.wander * place))
+            row = {"channel": channel, found.axis: place, value: height}
+            rows.append(row | {"unit": unit or "", "near": near})
     return tuple(rows)
 
 
-def _peak_rows(
-    whose: tuple[str, str],
-    found: dict[str, FloatArray],
-    marks: tuple[Mark, ...],
-    within: FloatArray,
-) -> list[dict[str, Any]]:
-    """Return a row a peak of a channel and its unit, highest first, by its place and height."""
-    columns = (*(values.tolist() for values in found.values()), within.tolist())
-    ranked = sorted(zip(*columns, strict=True), key=lambda own: -own[1])
-    return [
-        {"channel": whose[0], **dict(zip(found, own, strict=False)), "unit": whose[1]}
-        | {"near": mark_near(marks, own[0], own[-1])}
-        for own in ranked
-    ]
-
-
-def _read(
-    samples: FloatArray, rate: float, place: FloatArray, value: FloatArray, window_name: str
-) -> None:
-    """Read lines between the bins; the mean and what is too near to an end stay as they are."""
-    bin_hz = rate / samples.shape[-1]
-    inner = (place > 0.6 * bin_hz) & (place < rate / 2 - 0.6 * bin_hz)
-    if inner.any() and samples.shape[-1] >= 16:
-        own = line_amplitude(samples, rate, place[inner], window_name=window_name, within_bins=1.0)
-        place[inner], value[inner] = own.frequency_hz[0], own.amplitude[0]
-
-
-def highest_peaks(values: FloatArray, most: int, reach: int) -> NDArray[np.intp]:
+def highest_peaks(values: FloatArray, most: int, reach: int) -> IntArray:
     """Return the highest local maxima that are `reach` bins or more apart, highest first.
 
     Parameters
@@ -371,52 +383,42 @@ def highest_peaks(values: FloatArray, most: int, reach: int) -> NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class OrderSpectra(Result):
+class OrderSpectra(RecordingSpectrum):
     """Amplitude against order, averaged and along the recording.
+
+    Peak amplitudes, root mean square over the blocks, against cycles a turn of a shaft.
 
     Parameters
     ----------
-    recording : str
     shaft : int
         Shaft whose turns the orders count.
-    channel_names : tuple of str
-    units : tuple of (str or None)
-    order : ndarray of float, shape (bins,)
-        Cycles a turn of the shaft.
-    amplitude : ndarray of float, shape (channels, bins)
-        Peak amplitude, root mean square over the blocks.
     resolution : float
         Noise bandwidth [orders].
     map : OrderMap
         The same along time or speed, in shorter blocks.
-    peaks : tuple of dict
-        Highest peaks and the lines of the machine they are near to.
-    marks : tuple of Mark
-        Lines of the machine.
     signature : MeasuredSignature
         Speed and meshes.
-    notes : tuple of str
     """
 
     picture = "spectrum_plots.order_figure"
 
-    recording: str
+    kind: str = "order"
+    value_name: str = "peak amplitude"
+    axis: str = "order"
     shaft: int
-    channel_names: tuple[str, ...]
-    units: tuple[str | None, ...]
-    order: FloatArray
-    amplitude: FloatArray
     resolution: float
     map: OrderMap
-    peaks: tuple[dict[str, Any], ...]
-    marks: tuple[Mark, ...]
     signature: MeasuredSignature
-    notes: tuple[str, ...]
 
-    def rows(self) -> list[dict[str, Any]]:
-        """Return the averaged spectrum as rows, one column a channel."""
-        heads = with_units(self.channel_names, self.units)
-        return channel_rows("order", self.order, self.amplitude, heads)
+    @property
+    def order(self) -> FloatArray:
+        """Cycles a turn of the shaft, shape (bins,)."""
+        return self.place
+
+    @property
+    def amplitude(self) -> FloatArray:
+        """Amplitudes, shape (channels, bins)."""
+        return self.values
 
     def map_rows(self, most: int | None = None) -> list[dict[str, Any]]:
         """Return the map as rows: time, speed, blocks, channel and the amplitude at every order.
@@ -531,46 +533,34 @@ def order_spectra(
     turns = float(np.clip(2 * turned / blocks, _MAP_TURNS, _TURNS))
     is_same = (turns, map_against) == (_TURNS, "time")
     along = whole if is_same else found(block_turns=turns, against=map_against)
-    amplitude, order = whole.mean, whole.order
-    marks = machine_marks(machine, 1.0 / ratio, float(order[-1]))
-    return OrderSpectra(
+    result = OrderSpectra(
         recording=recording.origin,
         shaft=shaft,
         channel_names=vibration.channel_names,
         units=vibration.units,
-        order=order,
-        amplitude=amplitude,
+        place=whole.order,
+        values=whole.mean,
         resolution=whole.resolution,
         map=along,
-        peaks=_order_peaks(amplitude, order, vibration, marks, most_peaks),
-        marks=marks,
+        marks=machine_marks(machine, 1.0 / ratio, float(whole.order[-1])),
         signature=signature,
         notes=_order_notes(signature, whole, along, shaft),
     )
+    read = partial(_parabola, result)
+    return replace(result, peaks=_peaks(result, most_peaks, 2, read, "amplitude", widths=1.5))
 
 
-def _order_peaks(
-    amplitude: FloatArray,
-    order: FloatArray,
-    vibration: Recording,
-    marks: tuple[Mark, ...],
-    most: int,
-) -> tuple[dict[str, Any], ...]:
+def _parabola(found: RecordingSpectrum, row: int, bins: IntArray) -> Peaks:
     """Read lines between the bins: a parabola through the logarithms of three.
 
     Of a Hann window it is off by 0.016 bins and 4 % in height at most; the bin itself by half a bin
     and 15 %.
     """
-    step, rows = float(order[1] - order[0]), []
-    units = (unit or "" for unit in vibration.units)
-    for values, *whose in zip(amplitude, vibration.channel_names, units, strict=True):
-        tops = highest_peaks(values, most, 2)
-        before, here, after = np.log(np.maximum(values[tops + np.array([[-1], [0], [1]])], 1e-300))
-        shift = 0.5 * (before - after) / np.minimum(before - 2.0 * here + after, -1e-12)
-        height = np.exp(here - 0.25 * (before - after) * shift)
-        found = {"order": order[tops] + shift * step, "amplitude": height}
-        rows += _peak_rows((whose[0], whose[1]), found, marks, np.full(len(tops), 1.5 * step))
-    return tuple(rows)
+    three = found.values[row, bins + np.array([[-1], [0], [1]])]
+    before, here, after = np.log(np.maximum(three, 1e-300))
+    shift = 0.5 * (before - after) / np.minimum(before - 2.0 * here + after, -1e-12)
+    step = float(found.place[1] - found.place[0])
+    return found.place[bins] + shift * step, np.exp(here - 0.25 * (before - after) * shift)
 
 
 def _order_notes(

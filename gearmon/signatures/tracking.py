@@ -1,50 +1,68 @@
-"""The angle of shaft 1 in a recording: from a tachometer and the mesh lines, or tacholess.
+"""Speed and angle of shaft 1 in a recording: from a tachometer and the mesh lines, or tacholess.
 
 Without a tachometer the steady comb is tried first, within 3 % of a nominal speed. Where its lines
 are not phase-coherent in the angle that it gives, or no mesh shows at it, the speed is looked for
 in short blocks and far about the nominal one, and kept only if the mesh stands out better at the
-speeds so found.
+speeds so found. On the way it is told how clearly every mesh stands out.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.gears.kinematics import Kinematics
+from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
+from gearmon.result import Result
+from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
-from gearmon.signals.tracking.comb import clearest
-from gearmon.signals.tracking.mesh_detection import sideband_spacing
+from gearmon.signals.threads import at_once
+from gearmon.signals.tracking.comb import Comb, SpeedScan, clearest, find_path, scan_speed
+from gearmon.signals.tracking.mesh_detection import (
+    MeshComb,
+    MeshEvidence,
+    combined_comb,
+    mesh_evidence,
+    sideband_spacing,
+)
 from gearmon.signals.tracking.phases import (
     coherent_share,
     follow_lines,
     integrate_speed,
     lock_track,
+    scan_angle,
     unwarp,
 )
 from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
-from gearmon.signals.tracking.tacho import (
-    find_pulses,
-    join,
-    pulses_per_turn,
-    track_from_pulses,
-)
-from gearmon.signatures.speed import (
-    SPEED_REACH,
-    SPEED_TOLERANCE,
-    TACHO_REACH,
-    GearVibration,
-    Tracking,
-    meant_speed,
-    wander,
-)
+from gearmon.signals.tracking.tacho import find_pulses, join, pulses_per_turn, track_from_pulses
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
+SPEED_TOLERANCE = 0.03
+#: How far it is looked for when it is not found so near to nominal.
+SPEED_REACH = 0.25
+# Blocks of the first scan [turns]: they tell the sidebands of shaft 1 from the mesh lines. High
+# harmonics of a slow mesh are smeared in long blocks by a speed that drifts; short ones still tell
+# them from sidebands of shaft 1.
+_SCAN_TURNS, _SLOW_MESH_TURNS = 30.0, 8.0
+# The same where nominal speeds are told apart, by lines that a speed that wanders must not smear.
+_COMPARED_TURNS = 12.0
+# Scan about a followed speed, for judging whether a mesh is there [turns, reach]; and the reach
+# about the speed that a tachometer tells: elsewhere than where its pulses want them lines are no
+# mesh's (over an eighth of a second, pulses a sample off at 4 kHz put the speed off by 0.3 %).
+_JUDGED_TURNS = 20.0
+_JUDGED_REACH = 0.012
+TACHO_REACH = 0.004
+# A speed that wanders more, or is told by more samples, has no one place in a spectrum.
+_PEAK_TOLERANCE, _PEAK_SAMPLES = 1e-3, 1 << 19
+# Harmonics of each mesh whose phases are followed, unless it is so slow that more are looked at.
+_HARMONICS = 6
 # How far pulses and comb may be apart before it is asked which of them is right.
 _APART = 0.01
 # Share of the mesh lines' power that must be phase-coherent, of a speed that wanders and of a calm
@@ -76,7 +94,277 @@ _CONTRADICTED = 6.0
 _SUPPORTED = 3.0
 
 
-def track_recording(recording: Recording, machine: Machine, train: Kinematics) -> Tracking:
+@dataclass(frozen=True, kw_only=True)
+class Speed(Result):
+    """Rotation frequency of shaft 1 in a recording.
+
+    Parameters
+    ----------
+    nominal_hz : float
+        From the machine file [Hz].
+    estimated_hz : float
+        Mean over the recording [Hz].
+    peak_hz : float
+        Speed at which the comb of lines peaks in one spectrum of the whole recording [Hz]: where
+        the lines are seen if the speed drifts a little. Within 0.1 % of the mean.
+    uncertainty_hz : float
+        Standard deviation of that mean [Hz].
+    lowest_hz, highest_hz : float
+        Range of the speed within the recording [Hz].
+    method : {"comb", "tacho"}
+        How it was found.
+    """
+
+    nominal_hz: float
+    estimated_hz: float
+    peak_hz: float
+    uncertainty_hz: float
+    lowest_hz: float
+    highest_hz: float
+    method: str
+
+
+def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
+    """Return the meshes of a drive train as plain orders, one comb a stage; `shaft1_hz` nominal."""
+    return tuple(
+        MeshComb(
+            order=mesh.order,
+            groups=tuple(
+                tuple(float(order) for order in group_orders(mesh, k))
+                for k in range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
+            ),
+            # what sets sidebands apart: both shafts, or the carrier of a planetary set
+            spacings=(abs(float(mesh.carrier)),)
+            if mesh.carrier
+            else tuple(wheel.relative_order for wheel in mesh.wheels),
+        )
+        for mesh in train.meshes
+    )
+
+
+def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
+    """Return the lines of a drive train that its speed is known by: meshes, sidebands, shafts."""
+    return combined_comb(mesh_combs(train, shaft1_hz), [shaft.order for shaft in train.shafts])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearVibration:
+    """Vibration of a gearbox, and the lines that its speed and angle are known by.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        Vibration.
+    rate : float
+        Sampling rate [Hz].
+    machine : Machine
+    nominal_hz : float
+        Speed of shaft 1 that is meant [Hz].
+    """
+
+    samples: FloatArray
+    rate: float
+    machine: Machine
+    nominal_hz: float
+
+    @property
+    def train(self) -> Kinematics:
+        """Orders of the machine."""
+        return kinematics(self.machine)
+
+    @property
+    def duration_s(self) -> float:
+        """Length [s]."""
+        return float(self.samples.shape[-1] / self.rate)
+
+    @property
+    def last_s(self) -> float:
+        """Time of the last sample [s]."""
+        return float((self.samples.shape[-1] - 1) / self.rate)
+
+    @cached_property
+    def comb(self) -> Comb:
+        """Lines that the speed is known by: meshes, sidebands, shafts."""
+        return machine_comb(self.train, self.nominal_hz)
+
+    @cached_property
+    def meshes(self) -> tuple[MeshComb, ...]:
+        """Its meshes, one comb a stage."""
+        return mesh_combs(self.train, self.nominal_hz)
+
+    def meant(
+        self, scanned: Callable[[GearVibration], SpeedScan]
+    ) -> tuple[GearVibration, SpeedScan]:
+        """Return it at that nominal speed of the machine whose own lines are clearest in a scan."""
+        speeds = sorted({point.shaft1_hz for point in self.machine.operating})
+        every = [replace(self, nominal_hz=own) for own in speeds]
+        scans = [scanned(own) for own in every]
+        chosen = clearest([(scan, own.comb) for scan, own in zip(scans, every, strict=True)])
+        return every[chosen], scans[chosen]
+
+    def scan(
+        self, turns: float, tolerance: float = SPEED_TOLERANCE, about_hz: float | None = None
+    ) -> SpeedScan:
+        """Scan in blocks of so many turns about the nominal speed, or another one.
+
+        Of a short recording all is one block.
+        """
+        whole, block_s = self.duration_s, turns / self.nominal_hz
+        block_s = block_s if whole >= 4 * block_s else whole
+        about = about_hz or self.nominal_hz
+        return scan_speed(self.samples, self.rate, self.comb, about, tolerance, block_s)
+
+    def path(self) -> SpeedScan:
+        """Follow the comb in short blocks far about the nominal speed."""
+        return find_path(self.samples, self.rate, self.comb, self.nominal_hz, SPEED_REACH)
+
+    def orders(self, speed_hz: float) -> FloatArray:
+        """Mesh harmonics whose phases are followed while the speed is at most `speed_hz`."""
+        found = {
+            order
+            for comb in self.meshes
+            for k, group in enumerate(comb.groups, start=1)
+            for order in group
+            if k <= _HARMONICS or len(comb.groups) > MESH_HARMONICS
+        }
+        return np.array(sorted(order for order in found if order < 0.45 * self.rate / speed_hz))
+
+    def sums(self, fastest_hz: float) -> OrderSums | None:
+        """Lines of the meshes up to a speed; None if all lie beyond the band."""
+        orders = self.orders(fastest_hz)
+        return OrderSums(self.samples, self.rate, orders) if len(orders) else None
+
+    def tracked(
+        self, track: AngleTrack, scan: SpeedScan, centre_hz: float, tolerance: float
+    ) -> Tracking:
+        """Tell how clearly each mesh stands out in a scan so far about a centre, beside a track."""
+        orders = [shaft.order for shaft in self.train.shafts]
+
+        def judged() -> tuple[MeshEvidence, ...]:
+            return mesh_evidence(scan, self.meshes, orders, centre_hz, tolerance)
+
+        # the path through all blocks, which is wanted next, is found meanwhile
+        evidence, _ = at_once(judged, lambda: scan.best_score, scan.scores.size)
+        return Tracking(signal=self, track=track, scan=scan, evidence=evidence)
+
+    def judged(self, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
+        """Judge the meshes on a scan about a track, so far about its speed as a fraction."""
+        block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
+        scan, _ = scan_angle(self.samples, self.rate, track, self.comb, reach, block)
+        return self.tracked(track, scan, 1.0, reach)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tracking:
+    """The angle of shaft 1, and what was found on the way.
+
+    Parameters
+    ----------
+    signal : GearVibration
+        The recording, with the nominal speed that is meant.
+    track : AngleTrack
+        Angle of shaft 1.
+    scan : SpeedScan
+        Scan about the speed, from which the evidence comes.
+    evidence : tuple of MeshEvidence
+        How clearly each mesh stands out.
+    notes : tuple of str
+        What the reader should know.
+    held_s : tuple of float, optional
+        The part of the recording in which the angle is known [s]; all of it if None.
+    lost : bool
+        Whether the lines do not stand still in the angle, all along.
+    coherent : float
+        Share of the power of the mesh lines that stands still in an angle told without a
+        tachometer; 0 where it was not asked.
+    """
+
+    signal: GearVibration
+    track: AngleTrack
+    scan: SpeedScan
+    evidence: tuple[MeshEvidence, ...]
+    notes: tuple[str, ...] = ()
+    held_s: tuple[float, float] | None = None
+    lost: bool = False
+    coherent: float = 0.0
+
+    @property
+    def plan_hz(self) -> float:
+        """Speed for which orders are planned [Hz]: nominal, unless they would leave the band."""
+        highest, nominal_hz = float(self.track.speed_hz.max()), self.signal.nominal_hz
+        return nominal_hz if highest < 1.06 * nominal_hz else highest
+
+    def speed(self) -> Speed:
+        """Sum it up as a speed with its uncertainty."""
+        track = self.track
+        # both ends of the track are uncertain
+        uncertainty = float(np.sqrt(2) * track.uncertainty_turns) / self.signal.duration_s
+        if not np.isfinite(uncertainty):
+            relative = self.scan.resolution_hz / self.scan.nominal_hz
+            uncertainty = 0.5 * relative * track.mean_hz
+        return Speed(
+            nominal_hz=self.signal.nominal_hz,
+            estimated_hz=track.mean_hz,
+            peak_hz=self._peak_hz(),
+            uncertainty_hz=uncertainty,
+            lowest_hz=float(track.speed_hz.min()),
+            highest_hz=float(track.speed_hz.max()),
+            method=track.method,
+        )
+
+    def _peak_hz(self) -> float:
+        """Return the speed at which lines stand in one spectrum of the whole recording [Hz].
+
+        The mean itself if a tachometer tells it, and where the lines have no one place in such a
+        spectrum.
+        """
+        track, signal = self.track, self.signal
+        told = track.method == "tacho" or _wander(track) > _PEAK_TOLERANCE
+        if told or signal.samples.shape[-1] > _PEAK_SAMPLES:
+            return track.mean_hz
+        return signal.scan(np.inf, _PEAK_TOLERANCE, about_hz=track.mean_hz).track().mean_hz
+
+    @property
+    def detected(self) -> int:
+        """Meshes that stand out."""
+        return sum(seen.stands_out for seen in self.evidence)
+
+    @property
+    def clarity(self) -> tuple[int, int]:
+        """How many meshes stand out, and how many of their harmonics are clear."""
+        return self.detected, sum(seen.clear for seen in self.evidence if seen.stands_out)
+
+    def is_near(self, other: Tracking) -> bool:
+        """Whether another one tells the same speed."""
+        return abs(self.track.mean_hz / other.track.mean_hz - 1) <= _APART
+
+
+@dataclass(frozen=True, eq=False)
+class _Tacholess:
+    """What the vibration alone tells, as far as it is asked for."""
+
+    signal: GearVibration
+
+    @cached_property
+    def first(self) -> Tracking:
+        """The comb about the nominal speed, in blocks that tell meshes from sidebands."""
+        signal = self.signal
+        looked_at = max(len(comb.groups) for comb in signal.meshes)
+        scan = signal.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
+        track = integrate_speed(scan.track(), signal.last_s)
+        return signal.tracked(track, scan, signal.nominal_hz, SPEED_TOLERANCE)
+
+    @cached_property
+    def alone(self) -> Tracking:
+        """The angle by comb and phases."""
+        sums = self.signal.sums(self.signal.nominal_hz * (1 + SPEED_TOLERANCE))
+        if sums is None:
+            note = "no mesh harmonic lies below the Nyquist frequency"
+            return replace(self.first, notes=(note,))
+        return _by_phases(self.first, sums)
+
+
+def track_recording(recording: Recording, machine: Machine) -> Tracking:
     """Find the angle of shaft 1: from a tachometer if there is one, else from comb and phases.
 
     The pulses of a tachometer tell the turn, the phases of the mesh lines the angle between them
@@ -88,9 +376,8 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     recording : Recording
         Vibration, and perhaps a tacho channel.
     machine : Machine
-        Nominal speeds; its sensors tell what the tachometer sits on.
-    train : Kinematics
-        Orders of the machine.
+        Nominal speeds, of which that is meant whose own lines are clearest; its sensors tell what
+        the tachometer sits on.
 
     Returns
     -------
@@ -101,10 +388,12 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     RecordingError
         If a tacho channel that somebody named as such holds no usable pulses.
     """
-    vibration = recording.vibration()
+    vibration, nominal_hz = recording.vibration(), machine.operating[0].shaft1_hz
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    tacholess = _Tacholess(signal=meant_speed(samples, rate, train, machine), machine=machine)
-    notes: list[str] = []
+    signal = GearVibration(samples=samples, rate=rate, machine=machine, nominal_hz=nominal_hz)
+    if any(point.shaft1_hz != nominal_hz for point in machine.operating):
+        signal, _ = signal.meant(lambda own: own.scan(_COMPARED_TURNS))
+    tacholess, notes = _Tacholess(signal), list[str]()
     for index, kind in enumerate(recording.channel_kinds):
         if kind != "tacho":
             continue
@@ -121,37 +410,11 @@ def track_recording(recording: Recording, machine: Machine, train: Kinematics) -
     return replace(tacholess.alone, notes=(*notes, *tacholess.alone.notes))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Tacholess:
-    """What the vibration alone tells, as far as it is asked for."""
-
-    signal: GearVibration
-    machine: Machine
-
-    @cached_property
-    def first(self) -> Tracking:
-        """The comb about a nominal speed."""
-        signal, nominal_hz = self.signal, self.signal.nominal_hz
-        scan = signal.first_scan()
-        evidence = signal.evidence(scan, nominal_hz, SPEED_TOLERANCE)
-        track = integrate_speed(scan.track(), signal.last_s)
-        return Tracking(track=track, nominal_hz=nominal_hz, scan=scan, evidence=evidence)
-
-    @cached_property
-    def alone(self) -> Tracking:
-        """The angle by comb and phases."""
-        sums = self.signal.sums()
-        if sums is None:
-            note = "no mesh harmonic lies below the Nyquist frequency"
-            return replace(self.first, notes=(note,))
-        return track_tacholess(self.signal, sums, self.first, self.machine)
-
-
 def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
     signal, name = tacholess.signal, recording.channel_names[index]
     places = name, str(recording.columns[index])
-    sensors = (s for s in tacholess.machine.sensors if s.kind == "tacho")
+    sensors = (s for s in signal.machine.sensors if s.kind == "tacho")
     sensor = next((s for s in sensors if str(s.column) in places), None)
     known = sensor.pulses_per_turn if sensor else None
     pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
@@ -179,7 +442,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
 def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one."""
     rival = tacholess.first if tacholess.first.detected or judged.detected else tacholess.alone
-    if _apart(judged, rival) > _APART and rival.clarity > judged.clarity:
+    if not judged.is_near(rival) and rival.clarity > judged.clarity:
         raise RecordingError(
             f"the mesh lines stand out less at the {judged.track.mean_hz:.4g} Hz that its pulses "
             f"say than at {rival.track.mean_hz:.4g} Hz"
@@ -197,58 +460,39 @@ def _as_without(judged: Tracking, tacholess: _Tacholess) -> Tracking:
         if judged.detected == len(judged.evidence):
             break
         rival: Tracking = getattr(tacholess, way)
-        if rival.detected > judged.detected and _apart(judged, rival) <= _APART:
+        if rival.detected > judged.detected and judged.is_near(rival):
             judged = replace(rival, track=judged.track)
     return judged
 
 
-def _apart(one: Tracking, other: Tracking) -> float:
-    """How far the speeds are apart, as a fraction."""
-    return abs(one.track.mean_hz / other.track.mean_hz - 1)
-
-
-def track_tacholess(
-    signal: GearVibration, sums: OrderSums, first: Tracking, machine: Machine
-) -> Tracking:
-    """Track without a tachometer, beginning with the track of the comb.
-
-    Parameters
-    ----------
-    signal : GearVibration
-        The recording.
-    sums : OrderSums
-        Its mesh lines.
-    first : Tracking
-        The steady comb's track and evidence.
-    machine : Machine
-        Nominal speeds.
-
-    Returns
-    -------
-    Tracking
-    """
+def _by_phases(first: Tracking, sums: OrderSums) -> Tracking:
+    """Track without a tachometer, by mesh lines, beginning with the steady comb."""
+    signal = first.signal
     track, share = follow_lines(sums, first.track, signal.comb)
-    calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
-    if not calm or _elsewhere(signal, first):
-        followed = _follow(signal, machine)
-        if followed is not None and _outdoes(followed, (first, share)):
-            return _with_doubt(signal, *followed)
-    found = replace(first, track=track)
-    if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
+    found = replace(first, track=track, coherent=share)
+    calm = share > (_NEARLY if _wander(track) < _WANDERS else _COHERENT)
+    if not calm or _elsewhere(first):
+        followed = _followed(signal)
+        if followed is not None:
+            # it must show more meshes, or lines far more coherent
+            more = followed[0].detected - found.detected
+            least = share + (_BETTER if more == 0 else _FAR_BETTER)
+            if more > 0 or followed[0].coherent > least:
+                return _with_doubt(*followed)
+    if share > _COHERENT and first.detected < len(first.evidence) and _wander(track) > _WANDERS:
         # a speed that wanders smears lines in long blocks
-        judged = signal.judged(track)
-        if judged.detected > first.detected and _agrees(signal, judged):
+        judged = replace(signal.judged(track), coherent=share)
+        if judged.detected > first.detected and _agrees(judged):
             found = judged
-    if found.detected:
-        return _with_doubt(signal, found, share, sums)
-    return replace(found, coherent=share)
+    return _with_doubt(found, sums) if found.detected else found
 
 
-def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
+def _elsewhere(first: Tracking) -> bool:
     """Whether the comb may stand at another speed: no mesh shows, or one does but a look says so.
 
     The look is at some turns from the middle of the recording, far about the nominal speed.
     """
+    signal = first.signal
     if first.detected in (0, len(first.evidence)):
         return first.detected == 0
     length = round(_LOOK_TURNS / signal.nominal_hz * signal.rate)
@@ -258,23 +502,12 @@ def _elsewhere(signal: GearVibration, first: Tracking) -> bool:
     return bool(np.median(np.abs(speed.speed_hz / known - 1)) > _ELSEWHERE)
 
 
-def _outdoes(followed: tuple[Tracking, float, OrderSums], steady: tuple[Tracking, float]) -> bool:
-    """Whether a followed speed shows more meshes than a steady one, or lines far more coherent."""
-    more = followed[0].detected - steady[0].detected
-    return more > 0 or followed[1] > steady[1] + (_BETTER if more == 0 else _FAR_BETTER)
-
-
-def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, OrderSums] | None:
-    """Look for the comb in short blocks far about nominal; None if no mesh stands out there.
-
-    Returns the track, the share of the lines that is coherent in it, and the lines.
-    """
-    speeds = sorted({point.shaft1_hz for point in machine.operating})
-    signals = [replace(signal, nominal_hz=own) for own in speeds]
-    paths = [own.path() for own in signals]
-    meant = clearest([(path, own.comb) for path, own in zip(paths, signals, strict=True)])
-    signal, speed = signals[meant], paths[meant].track()
-    sums = signal.sums(float(speed.speed_hz.max()))
+def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
+    """Look for the comb in short blocks far about nominal; None if no mesh stands out there."""
+    signal, path = signal.meant(GearVibration.path)
+    speed = path.track()
+    course = speed.speed_hz
+    sums = signal.sums(float(course.max()))
     if sums is None:
         return None
     track = integrate_speed(speed, signal.last_s)
@@ -282,18 +515,17 @@ def _follow(signal: GearVibration, machine: Machine) -> tuple[Tracking, float, O
         track = unwarp(signal.samples, signal.rate, track, signal.comb, reach)
     track = lock_track(sums, track)
     judged, share = signal.judged(track), coherent_share(sums, track)
-    if share < _GATHERED or not _agrees(signal, judged):
+    if share < _GATHERED or not _agrees(judged):
         return None
-    course = speed.speed_hz
     note = (
         f"the speed was followed over the recording, from {course[0]:.4g} to {course[-1]:.4g} Hz "
         f"between {course.min():.4g} and {course.max():.4g} Hz; nominal is {signal.nominal_hz:.4g} "
         "Hz"
     )
-    return replace(judged, notes=(note,)), share, sums
+    return replace(judged, notes=(note,), coherent=share), sums
 
 
-def _agrees(signal: GearVibration, judged: Tracking) -> bool:
+def _agrees(judged: Tracking) -> bool:
     """Whether meshes are clear and sidebands agree with a speed; they must show if it is far off.
 
     A mesh of one tooth more stands at the same lines if the shaft turns a little slower: only the
@@ -301,8 +533,7 @@ def _agrees(signal: GearVibration, judged: Tracking) -> bool:
     """
     if judged.clarity[1] < 2:
         return False
-    speeds = judged.track.speed_hz
-    nominal = signal.nominal_hz
+    signal, speeds = judged.signal, judged.track.speed_hz
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
     pieces = max(1, signal.samples.shape[-1] >> 18)
     spectrum = fine_order_spectrum(signal.samples, signal.rate, judged.track, pieces)
@@ -314,29 +545,26 @@ def _agrees(signal: GearVibration, judged: Tracking) -> bool:
             sideband_spacing(spectrum.quality, spectrum.step, comb, spacing, SPEED_REACH)
             for spacing in comb.spacings
         ]
-        excess = max((one.excess for one in told), default=0.0)
-        support = max((one.support for one in told), default=0.0)
+        excess, support = max(one.excess for one in told), max(one.support for one in told)
         clear = support >= _SUPPORTED
         # right sidebands of one gear fix the speed: what beats those of the other is some line else
         if not (clear and support > excess) and excess > 0 and seen.score - excess < _CONTRADICTED:
             return False
         supported = supported or clear
-    return supported or bool(low <= nominal <= high)
+    return supported or bool(low <= signal.nominal_hz <= high)
 
 
-def _with_doubt(
-    signal: GearVibration, tracking: Tracking, share: float, sums: OrderSums
-) -> Tracking:
+def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
     """State how far the angle may be off, and say so if the lines do not hold it."""
-    track = tracking.track
+    track, share = found.track, found.coherent
     if track.turns[-1] - track.turns[0] < LEAST_TURNS:
-        return tracking
+        return replace(found, coherent=0.0)
     check = check_slips(sums, track)
     if share >= _LOST and not check.locked:
         track, check = mend_slips(sums, track, check)
-    doubt, notes, held_s = check.typical_turns(), tracking.notes, None
+    doubt, notes, held_s = check.typical_turns(), found.notes, None
     if share < _LOST:
-        order = max(mesh.order for mesh in signal.train.meshes)
+        order = max(mesh.order for mesh in found.signal.train.meshes)
         cycles = np.sqrt(-np.log(max(share, 1e-3))) / (2 * np.pi)
         doubt = max(cycles / order, doubt)
         notes += (
@@ -349,8 +577,7 @@ def _with_doubt(
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
         notes += (_slips_told(check, held_s),)
     track = replace(track, uncertainty_turns=float(doubt))
-    told = replace(tracking, track=track, notes=notes, held_s=held_s)
-    return replace(told, coherent=share, lost=share < _LOST)
+    return replace(found, track=track, notes=notes, held_s=held_s, lost=share < _LOST)
 
 
 def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:
@@ -367,3 +594,12 @@ def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:
         f"the angle is doubtful: the mesh lines do not hold it from {where}{more}, where it may "
         "have slipped by whole mesh periods; leave these parts out, or record with a tachometer"
     )
+
+
+def _wander(track: AngleTrack) -> float:
+    """Relative standard deviation of the speed over half seconds; 0 if too short to tell."""
+    halves = np.arange(track.time_s[0], track.time_s[-1], 0.5)
+    if len(halves) < 3:
+        return 0.0
+    turns = np.diff(track.turns_at(halves))
+    return float(np.std(turns) / np.mean(turns))

@@ -9,10 +9,9 @@ import pytest
 from reference.speed_cases import make_case
 
 from gearmon.gears.kinematics import kinematics
+from gearmon.machine import load_machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import OrderSums
-from gearmon.signatures.speed import GearVibration, Tracking
-from gearmon.signatures.tracking import _with_doubt, track_recording
+from gearmon.signatures.tracking import GearVibration, Tracking, _with_doubt, track_recording
 
 
 def slipped(track, turns, at_s, lasting_s=0.4):
@@ -29,14 +28,11 @@ def slipped(track, turns, at_s, lasting_s=0.4):
 
 def told_of(case, periods, at_s, lasting_s):
     """What is said of the case's angle after it is made to slip by mesh periods."""
-    train = kinematics(case.machine)
-    found = track_recording(case.recording, case.machine, train)
-    samples, rate = case.recording.samples, case.recording.sampling_rate_hz
-    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=found.nominal_hz)
-    order = float(train.meshes[0].order)
+    found = track_recording(case.recording, case.machine)
+    order = float(kinematics(case.machine).meshes[0].order)
     track = slipped(found.track, periods / order, at_s, lasting_s)
-    sums = OrderSums(samples, rate, signal.orders(float(track.speed_hz.max())))
-    return order, _with_doubt(signal, replace(found, track=track, notes=()), 0.9, sums)
+    sums = found.signal.sums(float(track.speed_hz.max()))
+    return order, _with_doubt(replace(found, track=track, notes=(), coherent=0.9), sums)
 
 
 @pytest.mark.parametrize("periods", [0, 1, -3])
@@ -77,7 +73,7 @@ def test_the_stated_uncertainty_of_a_wandering_speed_is_that_of_its_error():
     ratios = []
     for seed in range(3):
         case = make_case(seed, amount=0.01)
-        track = track_recording(case.recording, case.machine, kinematics(case.machine)).track
+        track = track_recording(case.recording, case.machine).track
         time = np.arange(0, len(case.turns), 40) / case.recording.sampling_rate_hz
         error = track.turns_at(time) - case.turns[::40]
         ratios.append(float(np.std(error)) / track.uncertainty_turns)
@@ -91,7 +87,10 @@ def test_both_ends_of_the_angle_make_the_speed_uncertain():
         method="comb",
         uncertainty_turns=1e-3,
     )
-    tracking = Tracking(track=track, nominal_hz=24.0, scan=None, evidence=())
-    found = tracking.speed(25.0, 10.0)
+    stage = {"kind": "parallel", "pinion_teeth": 21, "gear_teeth": 50}
+    machine = load_machine({"operating": {"speed_rpm": 1440.0}, "stage": stage})
+    noise = np.random.default_rng(0).normal(size=(1, 2000))
+    signal = GearVibration(samples=noise, rate=200.0, machine=machine, nominal_hz=24.0)
+    found = Tracking(signal=signal, track=track, scan=None, evidence=()).speed()
     assert found.estimated_hz == pytest.approx(25.0)
     assert found.uncertainty_hz == pytest.approx(np.hypot(1e-3, 1e-3) / 10.0)

@@ -224,11 +224,10 @@ def test_a_tooth_later_is_a_mesh_period_later():
 def test_turns_of_the_family_are_faults_of_other_teeth():
     family = fault_family(COMBINE, kinds=["crack"], sizes=["20%"], gears=["1:gear"], operating=0)
     member = family.members[0]
-    order, first = member.response()
-    _, seventh = member.response(7)
+    first = member.lines.acceleration
     delay = np.exp(-2j * np.pi * 6 * member.lines.number / 28)
-    assert seventh == pytest.approx(first * delay)
-    assert order == pytest.approx(member.lines.number * 61 / 28)
+    assert member.lines.of_tooth(7).acceleration == pytest.approx(first * delay)
+    assert member.lines.order == pytest.approx(member.lines.number * 61 / 28)
     assert str(member.fault(7)) == "crack:1:gear:7:20%"
     assert member.lines.columns(7)["acceleration_ms2"] == pytest.approx(2 * abs(first))
 
@@ -313,9 +312,9 @@ def test_teeth_that_are_not_there_are_refused():
     family = fault_family(PAIR, kinds=["crack", "wear"], sizes=["5%"], gears=["pinion"])
     crack, wear = family.members
     with pytest.raises(ArgumentError, match=r"tooth=27 must lie in \[1, 26\]"):
-        crack.response(27)
+        crack.lines.of_tooth(27)
     with pytest.raises(ArgumentError, match=r"tooth=2 must lie in \[1, 1\]"):
-        wear.response(2)
+        wear.lines.of_tooth(2)
     with pytest.raises(ArgumentError, match="kind='wear'"):
         loss_response(PAIR, 1, "pinion", kind="wear")
     with pytest.raises(ArgumentError, match="gear 'sun' is not one of pinion, gear"):

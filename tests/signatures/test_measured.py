@@ -25,7 +25,7 @@ from gearmon.signals.orders import order_lines
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signatures.measured.line_plan import line_plan
 from gearmon.signatures.measured.measurement import family_levels, measure_signature
-from gearmon.signatures.speed import mesh_combs
+from gearmon.signatures.tracking import mesh_combs
 from gearmon.simulation import simulate
 
 PAIR = Path(__file__).parents[2] / "signatures" / "reference_pair.toml"

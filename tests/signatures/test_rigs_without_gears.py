@@ -13,7 +13,7 @@ from gearmon.signals.orders import fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking import foreign_spacing
 from gearmon.signatures.measured.measurement import measure_signature
-from gearmon.signatures.speed import mesh_combs
+from gearmon.signatures.tracking import mesh_combs
 
 RATE = 12_000.0
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
+from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -28,12 +29,7 @@ from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
-from gearmon.signatures.expected.contact_motion import (
-    Deviations,
-    PeriodicMotion,
-    PhaseGrid,
-    deviations,
-)
+from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, PhaseGrid
 from gearmon.signatures.expected.mesh import (
     AMPLITUDES,
     MeshLines,
@@ -167,7 +163,7 @@ def _listed(lines: MeshLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]
 def _stage_lines(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> Solved:
-    """Solve one stage with all that is wrong with it."""
+    """Solve one stage with all that is wrong with it: with a bound, or from corner to corner."""
     if posed.train is None:
         if not posed.is_excited and (method != "auto" or len(posed.marked) < 2):
             return _steady(posed, max_hz, tolerance, method, order)
@@ -176,14 +172,9 @@ def _stage_lines(
                 f"method={method!r} takes faults that change the stiffness only, and those of "
                 f"stage {posed.mechanics.stage} move the flanks too; leave method out"
             )
-    return _from_corners(posed, max_hz, tolerance)
-
-
-def _from_corners(posed: PosedStage, max_hz: float, tolerance: float) -> Solved:
-    """Solve a mesh or a planetary set from corner to corner of its stiffnesses."""
     (lines,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
-    alone = posed.train is None
-    what = "from corner to corner" if alone else "the whole set, as the housing hears it"
+    whole = "the whole set, as the housing hears it"
+    what = "from corner to corner" if posed.train is None else whole
     added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
     told = _TOLD | {
         "error_estimate": lines.error,
@@ -274,9 +265,10 @@ def periodic_lines(posed: PosedStage, max_hz: float, tolerance: float) -> MeshLi
     tolerance : float
         Relative error of the acceleration (an estimate).
     """
-    grid = contact_grid([posed], max_hz) if posed.is_local else _turn_grid(posed, max_hz)
-    found = _refined(grid, tolerance, lambda own: periodic_motion(posed, own))
-    period, mean = posed.period, found.mean_deflection[:, 0]
+    period = posed.period
+    grid = contact_grid([posed], max_hz, period)
+    found = _refined(grid, tolerance, partial(periodic_motion, posed))
+    mean = found.mean_deflection[:, 0]
     number, carrier, lines = posed.heard(found, _count(posed, max_hz, period), period)
     same = {"period": period, "number": number, "carrier": carrier}
     method = "contact" if posed.is_local else "whole turn"
@@ -304,9 +296,11 @@ def faulty_lines(
     for posed in faulty:
         if posed.is_local and posed.period > 1:
             teeth.setdefault(posed.period, []).append(posed)
-    even, solved = _Even(healthy), dict[PosedStage, MeshLines]()
+    solved: dict[PosedStage, MeshLines] = {}
+    # panels of several gears may be alike
+    even = lru_cache(maxsize=1)(partial(periodic_motion, healthy))
     for own in teeth.values():
-        solved |= zip(own, _tooth_lines(even, own, max_hz, tolerance), strict=True)
+        solved |= zip(own, _tooth_lines(healthy, even, own, max_hz, tolerance), strict=True)
     return [solved.get(own) or periodic_lines(own, max_hz, tolerance) for own in faulty]
 
 
@@ -321,51 +315,40 @@ def added_lines(
         As in `faulty_lines`.
     """
     grid = contact_grid([healthy, *faulty], max_hz)
-    return _solved(_Even(healthy), faulty, grid, max_hz, math.inf)[1:]
-
-
-class _Even:
-    """The healthy mesh on the panels it was asked for last: those of several gears may be alike."""
-
-    def __init__(self, posed: PosedStage) -> None:
-        self.posed = posed
-        self._motion: PeriodicMotion | None = None
-
-    def motion(self, grid: PhaseGrid) -> PeriodicMotion:
-        """Return its motion."""
-        known = self._motion
-        if known is None or not np.array_equal(known.grid.edges, grid.edges):
-            self._motion = known = periodic_motion(self.posed, grid)
-        return known
+    even = partial(periodic_motion, healthy)
+    return _solved(healthy, even, faulty, grid, max_hz, math.inf)[1:]
 
 
 def _tooth_lines(
-    even: _Even, faulty: Sequence[PosedStage], max_hz: float, tolerance: float
+    healthy: PosedStage,
+    even: Callable[[PhaseGrid], PeriodicMotion],
+    faulty: Sequence[PosedStage],
+    max_hz: float,
+    tolerance: float,
 ) -> list[MeshLines]:
     """Solve cases of which a few mesh periods of a turn differ from the others."""
-    healthy = even.posed
     grid, half = contact_grid([healthy, *faulty], max_hz), len(faulty) // 2
     numbers = len(faulty) * len(grid.widths) * (8 + len(healthy.around.force)) ** 2
     if half and numbers > MOST_NUMBERS:
         parts = faulty[:half], faulty[half:]
-        return [own for part in parts for own in _tooth_lines(even, part, max_hz, tolerance)]
-    found, number, carrier, sound, added = _solved(even, faulty, grid, max_hz, tolerance)
+        each = (_tooth_lines(healthy, even, part, max_hz, tolerance) for part in parts)
+        return [own for part in each for own in part]
+    found, number, carrier, sound, added = _solved(healthy, even, faulty, grid, max_hz, tolerance)
     mean = found.mesh.mean_deflection[0, 0] + found.mean_deflection[:, 0]
-    same = {"period": found.states.shape[1], "number": number, "carrier": carrier}
+    same = {"period": found.period, "number": number, "carrier": carrier}
     return _each(faulty, found, mean, sound + added, method="contact", **same)
 
 
-def contact_grid(cases: Sequence[PosedStage], max_hz: float) -> PhaseGrid:
-    """Return panels of a mesh period on which all these cases can be solved."""
+def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) -> PhaseGrid:
+    """Return panels of a mesh period, or of so many, on which all these cases can be solved."""
     corners = [
-        own - mesh.lead
+        np.add.outer(np.arange(0, period, repeats), own).ravel() - mesh.lead
         for posed in cases
         for mesh in posed.members
-        for _, own in _corners(mesh, mesh.stiffness.trains)
+        for repeats, own in _all_corners(mesh)
     ]
-    return PhaseGrid.between(
-        np.concatenate(corners), max(_cycles(posed, max_hz) for posed in cases)
-    )
+    fastest = max(_cycles(posed, max_hz) for posed in cases)
+    return PhaseGrid.between(np.concatenate(corners), fastest, period)
 
 
 def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
@@ -381,17 +364,16 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
 
 
 def _solved(
-    even: _Even,
+    healthy: PosedStage,
+    even: Callable[[PhaseGrid], PeriodicMotion],
     faulty: Sequence[PosedStage],
     grid: PhaseGrid,
     max_hz: float,
     tolerance: float,
 ) -> tuple[Deviations, IntArray, IntArray, ComplexArray, ComplexArray]:
     """Return turns, places of their lines, the healthy ones, and what faults add in each turn."""
-    period, healthy = max(posed.period for posed in faulty), even.posed
-    found = _refined(
-        grid, tolerance, lambda own: _changes(healthy, even.motion(own), faulty, period)
-    )
+    period = max(posed.period for posed in faulty)
+    found = _refined(grid, tolerance, lambda own: _changes(healthy, even(own), faulty, period))
     count = _count(healthy, max_hz, period)
     number, carrier, added = healthy.heard(found, count, period)
     of_mesh, beside, sound = healthy.heard(found.mesh, count // period, 1)
@@ -424,7 +406,13 @@ def _changes(
                         known[key] = alone.at(phases + mesh.lead)
                     own[:, number] += term.weight * known[key]
     moved = np.array([_moved(posed, phases).swapaxes(0, 1) for posed in faulty])
-    return deviations(motion, period, where, delta, moved if moved.any() else None)
+    return Deviations(
+        mesh=motion,
+        period=period,
+        where=where,
+        delta=delta,
+        excitation=moved if moved.any() else None,
+    )
 
 
 def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Motion]) -> _Motion:
@@ -505,16 +493,10 @@ def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[i
             yield error.period_mesh, np.add.outer([0.0, even.overlap_ratio], limits).ravel()
 
 
-def _turn_grid(posed: PosedStage, highest_hz: float) -> PhaseGrid:
-    """Return panels round a turn, with edges at all corners of stiffness and excitation."""
-    period, found = posed.period, []
-    for mesh in posed.members:
-        stiffness, lead = mesh.stiffness, mesh.lead
-        moving = [(train.period_mesh, train.corners) for train in stiffness.modulations]
-        # damaged teeth lose what they lose where the teeth would be without the errors, and single
-        # errors are shared as by these
-        apart = moving and not any(isinstance(e, FlankError) for e in mesh.excitation.errors)
-        still = stiffness.pulses if apart else stiffness.trains
-        for repeats, corners in (*moving, *_corners(mesh, still)):
-            found.append(np.add.outer(np.arange(0, period, repeats), corners).ravel() - lead)
-    return PhaseGrid.between(np.concatenate(found), _cycles(posed, highest_hz), period)
+def _all_corners(mesh: PosedMesh) -> Iterator[tuple[int, FloatArray]]:
+    stiffness, moving = mesh.stiffness, mesh.stiffness.modulations
+    yield from ((train.period_mesh, train.corners) for train in moving)
+    # damaged teeth lose what they lose where the teeth would be without the errors, and single
+    # errors are shared as by these
+    apart = moving and not any(isinstance(e, FlankError) for e in mesh.excitation.errors)
+    yield from _corners(mesh, stiffness.pulses if apart else stiffness.trains)

@@ -43,17 +43,17 @@ VALUES_TOGETHER = 1 << 18
 SPREAD, BELL_POINTS = 14, 40
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True)
 class PhaseGrid:
     """Panels of a mesh period, or of a whole turn, and the collocation points on them.
 
     Parameters
     ----------
-    edges : ndarray of float, shape (panels + 1,)
-        From 0 to the period, increasing.
+    edges : tuple of float
+        Of the panels, from 0 to the period, increasing.
     """
 
-    edges: FloatArray
+    edges: tuple[float, ...]
 
     @classmethod
     def between(cls, corners: FloatArray, fastest: float, period: int = 1) -> PhaseGrid:
@@ -65,12 +65,12 @@ class PhaseGrid:
             np.linspace(low, high, max(1, math.ceil((high - low) / longest)) + 1)[:-1]
             for low, high in pairwise(folded.tolist())
         ]
-        return cls(edges=np.concatenate([*parts, [float(period)]]))
+        return cls((*np.concatenate(parts).tolist(), float(period)))
 
     def halved(self) -> PhaseGrid:
         """Return every panel cut in two."""
-        middles = 0.5 * (self.edges[1:] + self.edges[:-1])
-        return PhaseGrid(edges=np.sort(np.concatenate([self.edges, middles])))
+        middles = [0.5 * (low + high) for low, high in pairwise(self.edges)]
+        return PhaseGrid(tuple(sorted([*self.edges, *middles])))
 
     @cached_property
     def widths(self) -> FloatArray:
@@ -80,7 +80,7 @@ class PhaseGrid:
     @cached_property
     def phase(self) -> FloatArray:
         """Collocation points, shape (panels, points)."""
-        return panel_nodes(self.edges, POINTS)
+        return panel_nodes(np.array(self.edges), POINTS)
 
     @cached_property
     def weights(self) -> FloatArray:
@@ -295,7 +295,7 @@ class PeriodicMotion:
     @property
     def period(self) -> int:
         """P, mesh periods of the grid."""
-        return round(float(self.grid.edges[-1]))
+        return round(self.grid.edges[-1])
 
     def force_lines(self, highest: int) -> ComplexArray:
         """Return the harmonics 1..highest of all mesh forces, shape (1, meshes, highest)."""
@@ -346,25 +346,59 @@ class Deviations:
     Parameters
     ----------
     mesh : PeriodicMotion
-        Of one mesh period.
-    where : tuple of int
-        Mesh periods of the turn that differ.
-    states : ndarray of float, shape (turns, P, 2n)
-        Change of the state (q, u) when each mesh period begins: all there is to say of those that
-        do not differ.
-    deflection, speed, load : ndarray of float, shape (turns, W, meshes, panels, points)
-        Change of the deflections, of their speeds, and of kappa (d - e), in those that differ.
+        Of one mesh period, without excitation.
+    period : int
+        P, mesh periods of the turn.
+    where : tuple of int, increasing
+        Those that differ, 0 to P - 1.
+    delta : ndarray, shape (turns, W, meshes, panels, points)
+        Change of k T^2 in these periods.
     excitation : ndarray, same shape, optional
-        e [m].
+        e [m] in these periods; zero in the others.
     """
 
     mesh: PeriodicMotion
+    period: int
     where: tuple[int, ...]
-    states: FloatArray
-    deflection: FloatArray
-    speed: FloatArray
-    load: FloatArray
+    delta: FloatArray
     excitation: FloatArray | None = None
+
+    @cached_property
+    def _changed(self) -> list[_Changed]:
+        """The mesh periods that differ; known where another gear asked for the same just now."""
+        known, delta, e = self.mesh.known_changes, self.delta, self.excitation
+        key = delta.tobytes(), b"" if e is None else e.tobytes()
+        if key not in known:
+            known.clear()
+            still = [None] * delta.shape[1] if e is None else e.swapaxes(0, 1)
+            each = zip(delta.swapaxes(0, 1), still, strict=True)
+            known[key] = [_Changed(self.mesh, *own) for own in each]
+        return known[key]
+
+    @cached_property
+    def states(self) -> FloatArray:
+        """Change of the state (q, u) when each mesh period begins, shape (turns, P, 2n).
+
+        All there is to say of those that do not differ.
+        """
+        free, turns, where = self.mesh.monodromy, len(self.delta), self.where
+        size = len(free)
+        total = np.broadcast_to(np.eye(size, size + 1), (turns, size, size + 1)).copy()
+        # from the first changed period on; those before it come last
+        ends = (*where, self.period + where[0])
+        for own, here, after in zip(self._changed, ends[:-1], ends[1:], strict=True):
+            total = _after(own.maps.whole, total)
+            total = np.linalg.matrix_power(free, after - here - 1) @ total
+        found = np.linalg.solve(np.eye(size) - total[..., :-1], total[..., -1:])
+        state = np.asarray(found[..., 0], dtype=np.float64)
+        states = np.empty((turns, self.period, size))
+        places = dict(zip(where, self._changed, strict=True))
+        for here in range(self.period):
+            number = (here + where[0]) % self.period
+            states[:, number] = state
+            met = places.get(number)
+            state = np.asarray(state @ free.T if met is None else _applied(met.maps.whole, state))
+        return states
 
     @cached_property
     def _even(self) -> FloatArray:
@@ -374,16 +408,31 @@ class Deviations:
         return states
 
     @cached_property
+    def motion(self) -> FloatArray:
+        """Change of speeds and deflections where mesh periods differ.
+
+        Shape (2, turns, W, meshes, panels, points).
+        """
+        each = zip(self.where, self._changed, strict=True)
+        found = [own.motion(self.mesh, self.states[:, here]) for here, own in each]
+        return np.stack(found, axis=2)
+
+    @cached_property
     def _force(self) -> FloatArray:
-        return np.asarray(self.load + self.mesh.around.dampers[:, None, None] * self.speed)
+        """Change of the mesh forces there but for those of e'."""
+        mesh, (speed, moved) = self.mesh, self.motion
+        if self.excitation is not None:
+            moved = moved - self.excitation
+        load = self.delta * mesh.motion[1] + (mesh.kappa + self.delta) * moved
+        return np.asarray(load + mesh.around.dampers[:, None, None] * speed)
 
     @property
     def mean_deflection(self) -> FloatArray:
         """Change of the mean deflection of each mesh [m], shape (turns, meshes)."""
-        mesh, period = self.mesh, self.states.shape[1]
+        mesh = self.mesh
         free = mesh.grid.mean(np.moveaxis(mesh.maps.free[1], -1, 0))
         total = self._even.sum(axis=1) @ free
-        return np.asarray((total + mesh.grid.mean(self.deflection).sum(axis=1)) / period)
+        return np.asarray((total + mesh.grid.mean(self.motion[1]).sum(axis=1)) / self.period)
 
     @property
     def contact_lost(self) -> BoolArray:
@@ -406,7 +455,7 @@ class Deviations:
         An estimate of the relative error: where the panels suffice the terms fall fast, and what
         is left out is less than what is still seen.
         """
-        return np.maximum(_unresolved(self.speed, self.mesh.grid.widths), self.mesh.unresolved)
+        return np.maximum(_unresolved(self.motion[0], self.mesh.grid.widths), self.mesh.unresolved)
 
     def force_lines(self, highest: int) -> ComplexArray:
         """Return harmonics 1..highest of the change of the forces, (turns, meshes, highest).
@@ -414,7 +463,7 @@ class Deviations:
         Of a mesh period that does not differ they follow from its state: the sum over the turn is
         a transform of the states.
         """
-        mesh, (turns, period, _) = self.mesh, self.states.shape
+        mesh, turns, period = self.mesh, len(self.delta), self.period
         numbers, force, e = np.arange(1, highest + 1), self._force, self.excitation
         excited = np.flatnonzero([] if e is None else e.any(axis=(1, 2, 3, 4)))
         values = force if e is None else np.concatenate([force, e[excited]])
@@ -431,77 +480,6 @@ class Deviations:
         return np.asarray(found)
 
 
-def deviations(
-    mesh: PeriodicMotion,
-    period: int,
-    where: tuple[int, ...],
-    delta: FloatArray,
-    excitation: FloatArray | None = None,
-) -> Deviations:
-    """Solve turns in which some mesh periods differ.
-
-    Parameters
-    ----------
-    mesh : PeriodicMotion
-        Of one mesh period, without excitation.
-    period : int
-        P, mesh periods of the turn.
-    where : tuple of int, increasing
-        Those that differ, 0 to P - 1.
-    delta : ndarray, shape (turns, W, meshes, panels, points)
-        Change of k T^2 in these periods.
-    excitation : ndarray, same shape, optional
-        e [m] in these periods; zero in the others.
-    """
-    changed = _changed(mesh, delta, excitation)
-    free, turns = mesh.monodromy, len(delta)
-    size = len(free)
-    total = np.broadcast_to(np.eye(size, size + 1), (turns, size, size + 1)).copy()
-    # from the first changed period on; those before it come last
-    ends = (*where, period + where[0])
-    for own, here, after in zip(changed, ends[:-1], ends[1:], strict=True):
-        total = _after(own.maps.whole, total)
-        total = np.linalg.matrix_power(free, after - here - 1) @ total
-    found = np.linalg.solve(np.eye(size) - total[..., :-1], total[..., -1:])
-    state = np.asarray(found[..., 0], dtype=np.float64)
-    states = np.empty((turns, period, size))
-    places = dict(zip(where, changed, strict=True))
-    for here in range(period):
-        number = (here + where[0]) % period
-        states[:, number] = state
-        met = places.get(number)
-        state = np.asarray(state @ free.T if met is None else _applied(met.maps.whole, state))
-    speed, deflection = np.stack(
-        [own.motion(mesh, states[:, here]) for here, own in places.items()], axis=2
-    )
-    moved = deflection if excitation is None else deflection - excitation
-    load = delta * mesh.motion[1] + (mesh.kappa + delta) * moved
-    return Deviations(
-        mesh=mesh,
-        where=where,
-        states=states,
-        deflection=deflection,
-        speed=speed,
-        load=load,
-        excitation=excitation,
-    )
-
-
-def _changed(
-    mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray | None
-) -> list[_Changed]:
-    """Pose the mesh periods that differ; known where another gear asked for the same just now."""
-    known = mesh.known_changes
-    key = delta.tobytes(), b"" if excitation is None else excitation.tobytes()
-    if key not in known:
-        known.clear()
-        still = [None] * delta.shape[1] if excitation is None else excitation.swapaxes(0, 1)
-        each = zip(delta.swapaxes(0, 1), still, strict=True)
-        known[key] = [_Changed.of(mesh, own, e) for own, e in each]
-    return known[key]
-
-
-@dataclass(frozen=True, eq=False)
 class _Changed:
     """A mesh period that differs: the forces that the difference makes in its meshes.
 
@@ -510,24 +488,27 @@ class _Changed:
 
     Parameters
     ----------
+    mesh : PeriodicMotion
+    delta : ndarray, shape (turns, meshes, panels, points)
+        Change of kappa.
+    excitation : ndarray, same shape, optional
+        e.
+
+    Attributes
+    ----------
     columns : ndarray of int, shape (acting * points,)
         Meshes that differ, among the columns of `PeriodicMotion.forced`.
     force : ndarray, shape (turns, panels, acting * points, 2n + 1)
         f by the state of the deviation when its panel begins, and what is there anyway.
-    excitation : ndarray, shape (turns, panels, acting * points), optional
+    moved : ndarray, shape (turns, panels, acting * points), or None
         e.
     maps : _PanelMaps
         Of the deviation.
     """
 
-    columns: IntArray
-    force: FloatArray
-    excitation: FloatArray | None
-    maps: _PanelMaps
-
-    @classmethod
-    def of(cls, mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray | None) -> _Changed:
-        """Pose a mesh period by its change of kappa and e, (turns, meshes, panels, points)."""
+    def __init__(
+        self, mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray | None
+    ) -> None:
         marked = delta if excitation is None else (delta != 0) | (excitation != 0)
         acting = np.flatnonzero(marked.any(axis=(0, 2, 3)))
         columns = (acting[:, None] * POINTS + np.arange(POINTS)).ravel()
@@ -541,28 +522,28 @@ class _Changed:
         free[..., -1] = rows(mesh.motion[1])
         own = rows(delta)
         right = -own[..., None] * free
-        if excitation is not None:
-            moved, shifted = rows(excitation), mesh.shifted
-            by_e = (shifted.rows(acting)[..., columns] @ moved[..., None])[..., 0]
-            right[..., -1] += rows(mesh.kappa + delta) * moved - own * by_e
-        force, answers = np.zeros(right.shape), forced.rows(acting)[..., columns]
+        self.columns, self.moved = columns, None if excitation is None else rows(excitation)
+        if self.moved is not None:
+            shifted = mesh.shifted
+            by_e = _times(shifted.rows(acting)[..., columns], self.moved)
+            right[..., -1] += rows(mesh.kappa + delta) * self.moved - own * by_e
+        self.force, answers = np.zeros(right.shape), forced.rows(acting)[..., columns]
         pressed = (right != 0).any(axis=(-2, -1))
         matrix = own[pressed][..., None] * answers[np.nonzero(pressed)[-1]]
-        force[pressed] = np.linalg.solve(matrix + np.eye(len(columns)), right[pressed])
-        step = forced.step[..., columns] @ force
+        self.force[pressed] = np.linalg.solve(matrix + np.eye(len(columns)), right[pressed])
+        step = forced.step[..., columns] @ self.force
         step[..., :-1] += mesh.maps.step[..., :-1]
-        if excitation is not None:
-            step[..., -1] += (shifted.step[..., columns] @ moved[..., None])[..., 0]
-        maps = _PanelMaps(step=step, seen=mesh.maps.seen)
-        return cls(columns, force, None if excitation is None else moved, maps)
+        if self.moved is not None:
+            step[..., -1] += _times(shifted.step[..., columns], self.moved)
+        self.maps = _PanelMaps(step=step, seen=mesh.maps.seen)
 
     def motion(self, mesh: PeriodicMotion, start: FloatArray) -> FloatArray:
         """Return deviations of speeds and deflections, (2, turns, meshes, panels, points)."""
         states = self.maps.states(start)
         found = _reached(mesh.maps.seen[..., :-1], states)
         found += _reached(mesh.forced.seen[..., self.columns], _applied(self.force, states))
-        if self.excitation is not None:
-            found += _reached(mesh.shifted.seen[..., self.columns], self.excitation)
+        if self.moved is not None:
+            found += _reached(mesh.shifted.seen[..., self.columns], self.moved)
         return found
 
 
@@ -638,7 +619,11 @@ def _reached(seen: FloatArray, by: FloatArray) -> FloatArray:
 
 def _applied(maps: FloatArray, state: FloatArray) -> FloatArray:
     """Return what an affine map makes of a state."""
-    return np.asarray((maps[..., :-1] @ state[..., :, None])[..., 0] + maps[..., -1])
+    return np.asarray(_times(maps[..., :-1], state) + maps[..., -1])
+
+
+def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    return np.asarray((matrices @ vectors[..., None])[..., 0])
 
 
 def _after(later: FloatArray, earlier: FloatArray) -> FloatArray:

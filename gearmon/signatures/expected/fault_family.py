@@ -15,9 +15,7 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
 from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
 from gearmon.gears.pulses import LEAST_OVERLAP
@@ -93,28 +91,6 @@ class FamilyMember:
         """Return the fault of one tooth."""
         return parse_fault_or_error(_words(self.kind, self.stage, self.gear, self.size, tooth))
 
-    def response(self, tooth: int = 1) -> tuple[FloatArray, ComplexArray]:
-        """Return orders of shaft 1 and acceleration lines [m/s2] for a fault of one tooth.
-
-        Parameters
-        ----------
-        tooth : int
-            From 1; 1 only where the whole gear is concerned.
-
-        Returns
-        -------
-        order : ndarray, shape (n,)
-        acceleration : complex ndarray, shape (n,)
-            Half the peak amplitude, with the phase at the entry of tooth 1 of both gears.
-
-        Raises
-        ------
-        ArgumentError
-            If the gear has no such tooth.
-        """
-        lines = self.lines.of_tooth(tooth)
-        return lines.order, lines.acceleration
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FaultFamily(Result):
@@ -171,7 +147,17 @@ class FaultFamily(Result):
         parts += [
             (m.lines, (m.kind, m.gear, m.size, m.loss, float(m.operating))) for m in self.members
         ]
-        tables = [_limited(*part, mesh_harmonics, sidebands) for part in parts]
+        # lines below the first mesh harmonic are multiples of the turn, not its sidebands
+        lowest, highest = (0, np.inf) if mesh_harmonics is None else (1, mesh_harmonics)
+        tables = []
+        for lines, told in parts:
+            columns = lines.columns()
+            harmonic, aside = columns["mesh_harmonic"], np.abs(columns["sideband"])
+            kept = (harmonic >= lowest) & (harmonic <= highest)
+            kept &= aside <= (np.inf if sidebands is None else sidebands)
+            named = zip(_TOLD, told, strict=True)
+            columns = {name: np.full(len(kept), own) for name, own in named} | columns
+            tables.append({name: column[kept] for name, column in columns.items()})
         header = {
             "operating_points": [
                 {"speed_rpm": point.speed_rpm, "torque_nm": point.torque_nm, "name": point.name}
@@ -183,8 +169,8 @@ class FaultFamily(Result):
             "largest_error": max((m.lines.error for m in self.members), default=0.0),
             "notes": list(self.notes),
         }
-        told = {"machine": self.machine.name, "origin": "expected family"}
-        return Signature(**told, header=header, columns=joined(tables))
+        about = {"machine": self.machine.name, "origin": "expected family"}
+        return Signature(**about, header=header, columns=joined(tables))
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one row for each member: what it is, and how strong its lines are.
@@ -217,24 +203,6 @@ class FaultFamily(Result):
             "method": lines.method,
             "error": lines.error,
         }
-
-
-def _limited(
-    lines: MeshLines,
-    told: tuple[str | float, ...],
-    mesh_harmonics: int | None,
-    sidebands: int | None,
-) -> dict[str, npt.NDArray[Any]]:
-    columns = lines.columns()
-    harmonic, aside = columns["mesh_harmonic"], np.abs(columns["sideband"])
-    kept = np.ones(len(harmonic), dtype=bool)
-    if mesh_harmonics is not None:
-        # lines below the first mesh harmonic are multiples of the turn, not its sidebands
-        kept &= (harmonic >= 1) & (harmonic <= mesh_harmonics)
-    if sidebands is not None:
-        kept &= aside <= sidebands
-    same = {name: np.full(len(kept), own) for name, own in zip(_TOLD, told, strict=True)}
-    return {name: column[kept] for name, column in (same | columns).items()}
 
 
 def fault_family(
@@ -300,7 +268,8 @@ def fault_family(
         check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-10, 1.0)
     texts = _sizes(kinds, sizes)
-    points = _points(machine, operating)
+    every = range(len(machine.operating)) if operating is None else operating
+    points = (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
     places = _places(machine, gears)
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
         if not part:
@@ -413,11 +382,6 @@ def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:
     """Return ``KIND:STAGE:GEAR:TOOTH:SIZE``, with TOOTH ``all`` where the kind asks for it."""
     place = "all" if kind in ALL_TEETH else str(tooth)
     return f"{kind}:{stage}:{gear}:{place}:{size}"
-
-
-def _points(machine: Machine, operating: Iterable[int] | int | None) -> tuple[int, ...]:
-    every = range(len(machine.operating)) if operating is None else operating
-    return (every,) if isinstance(every, int) else tuple(dict.fromkeys(every))
 
 
 def _sizes(

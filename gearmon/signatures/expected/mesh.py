@@ -566,8 +566,9 @@ class MeshLines:
         place = self.number * parts + self.carrier * steps
         # a mesh line, or one without the carrier, gives its name
         ranked = np.lexsort((self.carrier != 0, self.number % self.period != 0, place))
-        first, total = added_up(place[ranked], z[ranked])
-        chosen = ranked[first]
+        _, first, where = np.unique(place[ranked], return_index=True, return_inverse=True)
+        chosen, total = ranked[first], np.zeros(len(first), dtype=np.complex128)
+        np.add.at(total, where, z[ranked])
         return replace(
             self, number=self.number[chosen], carrier=self.carrier[chosen], displacement=total
         )
@@ -627,14 +628,6 @@ class MeshLines:
             "mean_deflection_m": self.mean_m,
             "assumptions": list(own.assumptions),
         }
-
-
-def added_up(place: IntArray, lines: ComplexArray) -> tuple[IntArray, ComplexArray]:
-    """Add lines that share a place; return the first of each place, and the sums."""
-    _, first, where = np.unique(place, return_index=True, return_inverse=True)
-    total = np.zeros(len(first), dtype=np.complex128)
-    np.add.at(total, where, lines)
-    return first, total
 
 
 def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:

@@ -17,7 +17,6 @@ which is that of the carrier, again: multiples of N.
 from __future__ import annotations
 
 import math
-from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -282,11 +281,7 @@ def _mean_about(power: FloatArray, number: FloatArray, teeth: int) -> FloatArray
 # of one machine all recordings ask for the same gears
 @lru_cache(maxsize=64)
 def tooth_response(
-    machine: Machine,
-    stage: int,
-    gear: str,
-    max_order: float,
-    operating: int = 0,
+    machine: Machine, stage: int, gear: str, max_order: float, operating: int = 0
 ) -> ToothResponse:
     """Compute the response to a small loss on one tooth.
 
@@ -318,21 +313,19 @@ def tooth_response(
     pair, stiffness, standard = _teeth(own, stage, gear)
     teeth, planets = pair.member(gear).teeth, isinstance(own, PlanetaryStage)
     share, phase = _pair_share(pair, stiffness, stage, gear)
-    lines = mesh = None
-    # nothing is found where the file bears no baseline: no torque, no module, or teeth that would
-    # not run
-    with suppress(GearmonError):
+    try:
         found = loss_response(machine, stage, gear, operating, max_order)
-        lines = np.append(0.0, found.acceleration)
-        mesh = np.append(0.0, found.mesh_acceleration)[::teeth]
-        if planets:
-            lines, mesh = _of_set(machine, found)
-        standard = False
-    if lines is None or mesh is None:
+    except GearmonError:
+        # where the file bears no baseline: no torque, no module, or teeth that would not run
         if gear in ("sun", "planet"):
-            raise ArgumentError(f"stage={stage} is planetary, and its file bears no baseline")
+            told = f"stage={stage} is planetary, and its file bears no baseline"
+            raise ArgumentError(told) from None
         top = int(max_order / kinematics(machine).mesh(stage).order * teeth)
         lines, mesh = _deflected(stiffness, share, phase, teeth, top)
+    else:
+        standard = False
+        lines, mesh = (np.append(0.0, own) for own in (found.acceleration, found.mesh_acceleration))
+        lines, mesh = _of_set(machine, found) if planets else (lines, mesh[::teeth])
     return ToothResponse(
         stage=stage,
         gear=gear,

@@ -310,7 +310,10 @@ def indicator_table(
             if len(wheel.number):
                 own = gear_signals(signature.lines.mean, wheel)
                 run = run.with_gear(own)
-                rows += _of_gear(own, signature, run, baseline)
+                inputs = _inputs(own)
+                values = {name: i.value(own, run, baseline) for name, i in INDICATORS.items()}
+                told = {n: (found, *inputs[INDICATORS[n].of]) for n, found in values.items()}
+                rows += _rows(signature, told, wheel)
         if history is None:
             notes.append("a run begins here: NA4 and NB4 are the kurtosis of their signals")
     return IndicatorTable(
@@ -326,14 +329,6 @@ def _of_waveforms(vibration: Recording) -> list[IndicatorRow]:
     table = waveform_indicators(vibration.samples, vibration.channel_names)
     told = {name: (own.values(), "raw vibration", "mean", ()) for name, own in table.items()}
     return _rows(vibration, {"RMS": told.pop("rms")} | told)
-
-
-def _of_gear(
-    own: GearSignals, signature: MeasuredSignature, run: IndicatorHistory, baseline: int
-) -> list[IndicatorRow]:
-    inputs = _inputs(own)
-    told = {name: (i.value(own, run, baseline), *inputs[i.of]) for name, i in INDICATORS.items()}
-    return _rows(signature, told, own.wheel)
 
 
 def _rows(

@@ -185,12 +185,8 @@ def line_plan(
         The mesh harmonics of `mesh_harmonics`, sidebands of every modulation, all multiples of
         every gear's rotation up to half a mesh order beyond.
     """
-    plan = _Planning(
-        train=train,
-        top=Fraction(top_order).limit_denominator(10**6),
-        finest=finest_spacing,
-        shaft1_hz=shaft1_hz,
-    )
+    top = Fraction(top_order).limit_denominator(10**6)
+    plan = _Planning(train, top, finest_spacing, shaft1_hz)
     # the strongest claim wins, of equal ones the first
     claims = sorted(plan.claims(), key=itemgetter(1))
     end = math.ceil(plan.top * plan.unit)
@@ -217,7 +213,7 @@ def line_plan(
     )
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class _Planning:
     """The lines of a train; orders are counted in whole parts of one, exact as fractions."""
 
@@ -278,18 +274,11 @@ class _Planning:
         teeth = {wheel.gear: wheel.teeth for wheel in mesh.wheels}.get(modulation.gear, 0)
         centre, apart = self.units(mesh.exact), self.units(modulation.exact)
         reach = min(max(NEAR_SIDEBANDS, teeth // 2), centre // (2 * apart))
+        whose: dict[str, Any] = {"stage": mesh.stage, "gear": modulation.gear}
+        whose |= {"spacing": modulation.order, "shaft": modulation.shaft}
         for k in self.harmonics(mesh):
-            near, far = (
-                Family(
-                    kind=kind,
-                    stage=mesh.stage,
-                    gear=modulation.gear,
-                    harmonic=k,
-                    spacing=modulation.order,
-                    shaft=modulation.shaft,
-                )
-                for kind in ("sidebands", "residual")
-            )
+            near = Family(kind="sidebands", harmonic=k, **whose)
+            far = replace(near, kind="residual")
             for r in range(1, reach + 1):
                 for order in (k * centre - r * apart, k * centre + r * apart):
                     yield order, r, near if r <= NEAR_SIDEBANDS else far
@@ -407,12 +396,9 @@ def known_orders(train: Kinematics, top: float, width: float) -> FloatArray:
 
 def distance_to(known: FloatArray, orders: FloatArray) -> FloatArray:
     """Distance of orders to the nearest of ascending known ones; infinite if there is none."""
-    if len(known) == 0:
-        return np.full(len(orders), np.inf)
-    after = np.searchsorted(known, orders)
-    above = np.abs(known[np.minimum(after, len(known) - 1)] - orders)
-    below = np.abs(known[np.maximum(after - 1, 0)] - orders)
-    return np.asarray(np.minimum(above, below), dtype=np.float64)
+    ends = np.concatenate([[-np.inf], known, [np.inf]])
+    after = np.searchsorted(ends, orders)
+    return np.asarray(np.minimum(ends[after] - orders, orders - ends[after - 1]))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,6 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders.lines import OrderBlocks, OrderLines, without_knocks
-from gearmon.signals.orders.resampling import Spreading
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra.spectrum import power_density
@@ -30,13 +30,7 @@ from gearmon.signals.tracking.mesh_detection import (
 )
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
-from gearmon.signatures.speed import (
-    SPEED_TOLERANCE,
-    GearVibration,
-    Speed,
-    Tracking,
-)
-from gearmon.signatures.tracking import track_recording
+from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, track_recording
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4
@@ -214,30 +208,34 @@ def measure_signature(
     """
     machine = load_machine(machine)
     recording = read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
-    train = kinematics(machine)
-    recording, tracking = _tracked(recording, machine, train)
-    vibration = recording.vibration()
+    recording, tracking = _tracked(recording, machine)
+    vibration, train, track = recording.vibration(), kinematics(machine), tracking.track
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    track = tracking.track
     start, stop = sound_piece(vibration)
     # what is sound in one piece sets the length of blocks, and has the spectra
     part = track.between(start / rate, stop / rate) if vibration.left_out else track
     piece = samples[:, start:stop]
-    plan = _plan(train, rate, part, tracking.plan_hz)
     block_turns = _block_turns(float(part.turns[-1] - part.turns[0]), train)
+    # from the nominal speed, so that recordings at one rate and speed have the same families
+    top = 0.48 * rate / tracking.plan_hz / (1 + SPEED_TOLERANCE)
+    # a Hann block tells lines apart that are two over its length away from each other
+    plan = line_plan(train, top, 0.999 * 2.0 / block_turns, tracking.plan_hz)
     # the lines and the spectrum of the whole recording are made of one and the same steps of angle
     gaps, held = vibration.left_out or (), not vibration.left_out and samples.size <= _HELD_SAMPLES
     blocks = OrderBlocks(samples, rate, track, plan.orders, block_turns, LEAKAGE, gaps, held)
     steps = blocks.spreading if held else None
-    lines, (spectrum, foreign) = at_once(
-        blocks.lines, lambda: _others(piece, rate, part, train, steps), samples.size
-    )
+
+    def others() -> tuple[FineSpectrum, NonGearLines]:
+        # at most some millions of points: the test needs the resolution of seconds, not of hours
+        pieces = max(1, piece.shape[-1] >> 18)
+        spectrum = fine_order_spectrum(piece, rate, part, pieces, PIECES_HEARD, steps)
+        return spectrum, nongear_lines(piece, rate, part, train, spectrum)
+
+    lines, (spectrum, foreign) = at_once(blocks.lines, others, samples.size)
     for wheel in plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
-    signal = GearVibration(samples=samples, rate=rate, train=train, nominal_hz=tracking.nominal_hz)
-    speed = tracking.speed(signal.line_peak(track), recording.duration_s)
-    findings = _findings(speed, spectrum, signal, tracking, lines, plan)
+    speed = tracking.speed()
     return MeasuredSignature(
         origin=recording.origin,
         duration_s=recording.duration_s,
@@ -245,7 +243,7 @@ def measure_signature(
         channel_names=vibration.channel_names,
         units=vibration.units,
         speed=speed,
-        meshes=findings,
+        meshes=_findings(tracking, speed.peak_hz, spectrum, lines, plan),
         track=track,
         plan=plan,
         lines=lines,
@@ -271,22 +269,19 @@ def digests(samples: FloatArray) -> tuple[str, ...]:
     return tuple(hashlib.blake2b(row.data, digest_size=12).hexdigest() for row in rows)
 
 
-def _tracked(
-    recording: Recording, machine: Machine, train: Kinematics
-) -> tuple[Recording, Tracking]:
+def _tracked(recording: Recording, machine: Machine) -> tuple[Recording, Tracking]:
     """Find what is sound, and the angle in it.
 
     Where the angle is not known across what is left out the longest sound piece is all.
     """
-    slowest = min(shaft.order for shaft in train.shafts)
     whole = inspected(recording)
-    _check_length(sound_part(whole, 0.0), slowest, machine)
-    if whole.left_out and _held(whole, machine, train, "tacho" in whole.channel_kinds):
-        found = track_recording(whole, machine, train)
-        if _held(whole, machine, train, found.track.method == "tacho"):
+    _check_length(sound_part(whole, 0.0), machine)
+    if whole.left_out and _held(whole, machine, "tacho" in whole.channel_kinds):
+        found = track_recording(whole, machine)
+        if _held(whole, machine, found.track.method == "tacho"):
             return _without_lost(whole, found), found
     part = sound_part(whole)
-    found = track_recording(part, machine, train)
+    found = track_recording(part, machine)
     return _without_lost(part, found), found
 
 
@@ -299,11 +294,11 @@ def _without_lost(recording: Recording, found: Tracking) -> Recording:
     return replace(recording, left_out=tuple(sorted(own for own in every if own[1] > own[0])))
 
 
-def _held(recording: Recording, machine: Machine, train: Kinematics, tacho: bool) -> bool:
+def _held(recording: Recording, machine: Machine, tacho: bool) -> bool:
     """Whether the angle is known across all that is left out: by pulses, or because it is short."""
     fastest_hz = max(point.shaft1_hz for point in machine.operating)
-    short_s = _HELD_PERIODS / fastest_hz / max(mesh.order for mesh in train.meshes)
-    short = short_s * recording.sampling_rate_hz
+    mesh_hz = fastest_hz * max(mesh.order for mesh in kinematics(machine).meshes)
+    short = _HELD_PERIODS / mesh_hz * recording.sampling_rate_hz
     long = [slice(*own) for own in recording.left_out or () if own[1] - own[0] > short]
     if not tacho:
         return not long
@@ -339,21 +334,7 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
     return np.asarray(10 * np.log10(np.maximum(middle, np.finfo(float).tiny)))
 
 
-def _others(
-    samples: FloatArray,
-    rate: float,
-    track: AngleTrack,
-    train: Kinematics,
-    steps: Spreading | None,
-) -> tuple[FineSpectrum, NonGearLines]:
-    """Fine spectrum, and lines of other origin."""
-    # at most some millions of points: the test needs the resolution of seconds, not of hours
-    pieces = max(1, samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(samples, rate, track, pieces, PIECES_HEARD, steps)
-    return spectrum, nongear_lines(samples, rate, track, train, spectrum)
-
-
-def _check_length(recording: Recording, slowest_order: float, machine: Machine) -> None:
+def _check_length(recording: Recording, machine: Machine) -> None:
     fastest_hz = max(point.shaft1_hz for point in machine.operating)
     rate = recording.sampling_rate_hz
     if rate < 2.0 * fastest_hz * (1 - SPEED_TOLERANCE):
@@ -362,7 +343,8 @@ def _check_length(recording: Recording, slowest_order: float, machine: Machine) 
             f"{fastest_hz:.6g} Hz; if the time is in ms, name its column time (ms), or give "
             f"--sampling-rate {1000 * rate:.6g}"
         )
-    slowest_hz = slowest_order * min(point.shaft1_hz for point in machine.operating)
+    slowest_hz = min(shaft.order for shaft in kinematics(machine).shafts)
+    slowest_hz *= min(point.shaft1_hz for point in machine.operating)
     needed = 2.0 / slowest_hz
     if recording.duration_s < needed:
         raise RecordingError(
@@ -376,15 +358,6 @@ def _speed_hint(machine: Machine) -> str:
     slow = min(point.speed_rpm for point in machine.operating)
     asked = f"; speed_rpm is {slow:g} turns a minute: did you mean {60 * slow:g} ({slow:g} Hz)?"
     return "" if slow > _SLOW_RPM else asked
-
-
-def _plan(train: Kinematics, rate: float, track: AngleTrack, nominal_hz: float) -> LinePlan:
-    # from the nominal speed, so that recordings at one rate and speed have the same families
-    top = 0.48 * rate / nominal_hz / (1 + SPEED_TOLERANCE)
-    turns = float(track.turns[-1] - track.turns[0])
-    # a Hann block tells lines apart that are two over its length away from each other
-    finest = 2.0 / _block_turns(turns, train)
-    return line_plan(train, top, 0.999 * finest, nominal_hz)
 
 
 def _block_turns(turns: float, train: Kinematics) -> float:
@@ -436,55 +409,40 @@ def family_levels(
 
 
 def _findings(
-    speed: Speed,
-    spectrum: FineSpectrum,
-    signal: GearVibration,
-    tracking: Tracking,
-    lines: OrderLines,
-    plan: LinePlan,
+    tracking: Tracking, peak_hz: float, spectrum: FineSpectrum, lines: OrderLines, plan: LinePlan
 ) -> tuple[MeshFinding, ...]:
-    train = signal.train
-    every = list(zip(train.meshes, signal.meshes, tracking.evidence, strict=True))
+    signal, by_tacho = tracking.signal, tracking.track.method == "tacho"
+    every = zip(signal.train.meshes, signal.meshes, tracking.evidence, strict=True)
+    meshes = [_SeenMesh(signal.train, spectrum, *own) for own in every]
     snr = 10 * np.log10(np.maximum(lines.cross_power() / lines.noise, 1e-3))
     # one harmonic could be a tone of anything; two, of whichever stage, fix the speed as well
-    several = sum(seen.clear for _, _, seen in every if seen.stands_out) >= 2
-    supports = [
-        _support(spectrum, comb) if seen.stands_out and mesh.carrier == 0 else 0.0
-        for mesh, comb, seen in every
-    ]
+    several = sum(own.seen.clear for own in meshes if own.seen.stands_out) >= 2
     # a tachometer tells the speed, as do the sidebands of a gear about a mesh of several harmonics
-    told = speed.method == "tacho" or any(
-        support >= _SUPPORTED and seen.clear >= 2
-        for support, (_, _, seen) in zip(supports, every, strict=True)
-    )
-    foreign = [
-        _foreign(spectrum, train, comb) if seen.stands_out else None for _, comb, seen in every
-    ]
+    told = by_tacho or any(own.support >= _SUPPORTED and own.seen.clear >= 2 for own in meshes)
     # what stands at a speed that was told by lines of something else is no mesh either
-    misled = speed.method != "tacho" and any(spacing is not None for spacing in foreign)
+    misled = not by_tacho and any(own.foreign is not None for own in meshes)
     findings = []
-    for (mesh, comb, seen), support, spacing in zip(every, supports, foreign, strict=True):
-        doubted = mesh.carrier == 0 and not (told and seen.clear >= 2)
-        found, reason = _judge(seen, spectrum, comb, doubted)
-        if found and (misled or spacing is not None):
-            found, reason = False, _disowned(spacing)
-        if found and not several and seen.visible > 1 and support < _SUPPORTED:
-            found, others = False, seen.visible - 1
+    for own in meshes:
+        found, reason = own.judged(told)
+        if found and (misled or own.foreign is not None):
+            found, reason = False, _disowned(own.foreign)
+        if found and not several and own.seen.visible > 1 and own.support < _SUPPORTED:
+            found, others = False, own.seen.visible - 1
             reason = (
                 f"one line suits it, but none of the {others} other harmonics that could be seen: "
                 "it may be a tone of anything"
             )
         holds = tracking.coherent >= _HELD and not misled
-        chosen = _mesh_lines(plan, mesh, speed.nominal_hz)
+        chosen = _mesh_lines(plan, own.mesh, signal.nominal_hz)
         findings.append(
             MeshFinding(
-                stage=mesh.stage,
-                frequency_hz=mesh.order * speed.peak_hz,
+                stage=own.mesh.stage,
+                frequency_hz=own.mesh.order * peak_hz,
                 found=found,
                 snr_db=float(snr[:, chosen].max()) if chosen else None,
-                score=float(seen.score),
+                score=float(own.seen.score),
                 reason=reason,
-                held=found or (holds and bool(_shown(spectrum, comb))),
+                held=found or (holds and bool(own.shown)),
             )
         )
     return tuple(findings)
@@ -499,47 +457,75 @@ def _mesh_lines(plan: LinePlan, mesh: Mesh, shaft1_hz: float) -> list[int]:
     return [*own, *np.flatnonzero(shared).tolist()]
 
 
-def _sidebands(
-    spectrum: FineSpectrum, comb: MeshComb, spacing: float, *, broken: bool = False
-) -> SidebandSpacing:
-    """Return what the sidebands of a mesh say of a spacing."""
-    quality, step = spectrum.quality, spectrum.step
-    return sideband_spacing(quality, step, comb, spacing, SPEED_TOLERANCE, broken=broken)
+@dataclass(frozen=True, eq=False)
+class _SeenMesh:
+    """A mesh, how clear its lines are, and what the spectrum shows about and between them."""
 
+    train: Kinematics
+    spectrum: FineSpectrum
+    mesh: Mesh
+    comb: MeshComb
+    seen: MeshEvidence
 
-def _shown(spectrum: FineSpectrum, comb: MeshComb) -> tuple[float, ...]:
-    """Rotations of gears at which sidebands stand; none where they stand elsewhere as well."""
-    told = [_sidebands(spectrum, comb, spacing, broken=True) for spacing in comb.spacings]
-    elsewhere = max(one.excess for one in told)
-    return tuple(
-        spacing
-        for spacing, one in zip(comb.spacings, told, strict=True)
-        if one.support >= _SUPPORTED and one.support > elsewhere
-    )
+    def sidebands(self, spacing: float, *, broken: bool = False) -> SidebandSpacing:
+        """Return what the sidebands of the mesh say of a spacing."""
+        quality, step = self.spectrum.quality, self.spectrum.step
+        return sideband_spacing(quality, step, self.comb, spacing, SPEED_TOLERANCE, broken=broken)
 
+    @cached_property
+    def shown(self) -> tuple[float, ...]:
+        """Rotations of gears at which sidebands stand; none where they stand elsewhere as well."""
+        told = {own: self.sidebands(own, broken=True) for own in self.comb.spacings}
+        least = max(one.excess for one in told.values())
+        high = {own: one.support for own, one in told.items() if one.support >= _SUPPORTED}
+        return tuple(own for own, support in high.items() if support > least)
 
-def _support(spectrum: FineSpectrum, comb: MeshComb) -> float:
-    """How clearly a mesh has sidebands of a gear that does not turn with shaft 1.
+    @cached_property
+    def support(self) -> float:
+        """How clearly a mesh that stands out has sidebands of a gear not turning with shaft 1.
 
-    A machine without gears has lines at multiples of shaft 1 about anything: a gear is left out
-    when one of its first four sidebands falls on these.
-    """
-    multiples = np.outer(comb.spacings, np.arange(1, 5))
-    apart = np.abs(multiples - np.rint(multiples)).min(axis=1) > max(4 * spectrum.step, 1e-3)
-    told = (_sidebands(spectrum, comb, own) for own in np.array(comb.spacings)[apart].tolist())
-    return max((one.support for one in told), default=0.0)
+        A machine without gears has lines at multiples of shaft 1 about anything: a gear is left
+        out when one of its first four sidebands falls on these.
+        """
+        if not self.seen.stands_out or self.mesh.carrier:
+            return 0.0
+        multiples = np.outer(self.comb.spacings, np.arange(1, 5))
+        away = np.abs(multiples - np.rint(multiples)).min(axis=1)
+        apart = np.array(self.comb.spacings)[away > max(4 * self.spectrum.step, 1e-3)]
+        return max((self.sidebands(own).support for own in apart.tolist()), default=0.0)
 
+    @cached_property
+    def foreign(self) -> float | None:
+        """Spacing of what else its lines belong to, such as a bearing; None if to nothing."""
+        if not self.seen.stands_out:
+            return None
+        turning = sorted({line.order for line in self.train.lines if line.kind in _TURNING})
+        meshing = sorted({m.order for m in self.train.meshes if m.order != self.comb.order})
+        spacing = foreign_spacing(self.spectrum, self.comb, turning, meshing)
+        if spacing is None or not self.shown:
+            return spacing
+        # gears that are there have pitch errors of their own
+        return foreign_spacing(self.spectrum, self.comb, turning, meshing, self.shown)
 
-def _foreign(spectrum: FineSpectrum, train: Kinematics, comb: MeshComb) -> float | None:
-    """Spacing of what else the lines of a mesh belong to, such as a bearing; None if to nothing."""
-    turning = sorted({line.order for line in train.lines if line.kind in _TURNING})
-    meshing = sorted({mesh.order for mesh in train.meshes if mesh.order != comb.order})
-    spacing = foreign_spacing(spectrum, comb, turning, meshing)
-    if spacing is None:
-        return None
-    # gears that are there have pitch errors of their own
-    own = _shown(spectrum, comb)
-    return foreign_spacing(spectrum, comb, turning, meshing, own) if own else spacing
+    def judged(self, told: bool) -> tuple[bool, str]:
+        """Whether the mesh is found, and why; `told` if it is known to be the right speed."""
+        seen = self.seen
+        if not seen.visible:
+            return False, "too few of its harmonics lie below half the sampling rate to judge it"
+        stands = f"its lines stand {seen.score:.1f} standard deviations above those of other tooth "
+        if not seen.stands_out:
+            above = f"{seen.decoys_above} of {seen.decoys}"
+            return False, f"{stands}counts, {above} of which are as clear"
+        # its sidebands may yet tell another speed
+        doubted = not self.mesh.carrier and not (told and seen.clear >= 2)
+        for own in map(self.sidebands, self.comb.spacings if doubted else ()):
+            if own.excess > 0 and seen.score - own.excess < _FOUND_DESPITE_MISMATCH:
+                return False, (
+                    "a line suits it, but the sidebands about it are spaced "
+                    f"{own.departure:+.1%} from the rotation that this mesh would need: it "
+                    "belongs to something else"
+                )
+        return True, f"{stands}counts"
 
 
 def _disowned(spacing: float | None) -> str:
@@ -551,29 +537,4 @@ def _disowned(spacing: float | None) -> str:
     return (
         f"lines suit it, but others as clear stand every {spacing:.4g} orders between them, and "
         "nothing in this machine turns so: they belong to something else, such as a bearing"
-    )
-
-
-def _judge(
-    seen: MeshEvidence, spectrum: FineSpectrum, comb: MeshComb, doubted: bool
-) -> tuple[bool, str]:
-    """Whether a mesh is found, and why; `doubted` if its sidebands may yet tell another speed."""
-    if not seen.visible:
-        return False, "too few of its harmonics lie below half the sampling rate to judge it"
-    if not seen.stands_out:
-        return False, (
-            f"its lines stand {seen.score:.1f} standard deviations above those of other tooth "
-            f"counts, {seen.decoys_above} of {seen.decoys} of which are as clear"
-        )
-    if doubted:
-        for spacing in comb.spacings:
-            told = _sidebands(spectrum, comb, spacing)
-            if told.excess > 0 and seen.score - told.excess < _FOUND_DESPITE_MISMATCH:
-                return False, (
-                    "a line suits it, but the sidebands about it are spaced "
-                    f"{told.departure:+.1%} from the rotation that this mesh would need: it "
-                    "belongs to something else"
-                )
-    return True, (
-        f"its lines stand {seen.score:.1f} standard deviations above those of other tooth counts"
     )

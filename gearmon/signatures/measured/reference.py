@@ -391,16 +391,17 @@ def _check(reference: Reference) -> None:
 
 
 def _check_profile(profile: Profile, channels: int, families: set[str]) -> None:
-    shape = channels, len(profile.family_names)
+    shape, bands = (channels, len(profile.family_names)), profile.band_db
     _need(families <= set(profile.family_names), "families")
     for name in ("speed_hz", "duration_s", "sampling_rate_hz"):
         _need(1e-6 < getattr(profile, name) < 1e12, name)
     for values in (profile.level_db, profile.scatter_db, profile.heard):
-        _need(values.shape == shape and bool((np.abs(values) < _MOST_DB).all()), "levels")
-    _need(bool((profile.scatter_db >= 0).all()), "scatter_db")
-    _need(profile.band_db.ndim == 2 and len(profile.band_db) == channels, "band_db")
+        _need(values.shape == shape and _within(values, -_MOST_DB, _MOST_DB), "levels")
+    _need(_within(profile.scatter_db, 0, _MOST_DB), "scatter_db")
     # short recordings have bands without a bin
-    _need(not bool((np.abs(profile.band_db) >= _MOST_DB).any()), "band_db")
+    known = bands[~np.isnan(bands)]
+    fits = bands.ndim == 2 and len(bands) == channels
+    _need(fits and _within(known, -_MOST_DB, _MOST_DB), "band_db")
     check_lines(profile.foreign, channels)
 
 
@@ -408,15 +409,19 @@ def _check_wheel(wheel: WheelPattern, channels: int) -> None:
     lines = len(wheel.number)
     _need(0 < wheel.stage < 100 and 0 < wheel.teeth < 1e5 and 0 < wheel.order < 1e4, "gear")
     _need(wheel.number.shape == wheel.mesh.shape == (lines,), "lines")
-    _need(bool(((wheel.number > 0) & (wheel.number < _MOST_LINES)).all()), "lines")
+    _need(_within(wheel.number, 1, _MOST_LINES), "lines")
     _need(wheel.amplitude.shape == wheel.variance.shape == (channels, lines), "amplitudes")
     _need(wheel.beside.shape == wheel.beside_variance.shape, "amplitudes")
     _need(not wheel.beside.size or wheel.beside.shape == (2, channels, lines), "amplitudes")
     for amplitude in (wheel.amplitude, wheel.beside):
-        _need(bool((np.abs(amplitude) < _MOST_AMPLITUDE).all()), "amplitudes")
+        _need(_within(np.abs(amplitude), 0, _MOST_AMPLITUDE), "amplitudes")
     for variance in (wheel.variance, wheel.beside_variance):
-        positive = (variance >= 0) & (variance < _MOST_AMPLITUDE**2)
-        _need(bool(positive.all()), "variances")
+        _need(_within(variance, 0, _MOST_AMPLITUDE**2), "variances")
+
+
+def _within(values: NDArray[Any], low: float, high: float) -> bool:
+    """Whether all values lie in [low, high); what is no number does not."""
+    return bool(((values >= low) & (values < high)).all())
 
 
 def _need(ok: bool, what: str) -> None:

@@ -49,7 +49,7 @@ def response(gear):
 def added(gear, loss):
     """Lines that a loss adds, straight between those that are told."""
     top = len(response(gear).lines) - 1
-    rows = np.vstack([np.zeros(top + 1), grown_lines(machine(), 1, gear, top)])
+    rows = np.vstack([np.zeros(top + 1), grown_lines(machine(), 1, gear, top)[1]])
     place = np.interp(loss, [0.0, *GROWN], np.arange(len(rows)))
     under = min(int(place), len(rows) - 2)
     return rows[under] + (place - under) * (rows[under + 1] - rows[under])
@@ -460,7 +460,7 @@ def test_a_loss_is_told_whatever_the_path_does_at_the_mesh_harmonics():
 
 def test_damage_grows_faster_at_mesh_harmonics_than_over_all_lines():
     known, z = response("gear"), TEETH["gear"]
-    rows = np.abs(grown_lines(machine(), 1, "gear", len(known.lines) - 1))[:, z : 3 * z : z]
+    rows = np.abs(grown_lines(machine(), 1, "gear", len(known.lines) - 1)[1])[:, z : 3 * z : z]
     assert rows[0] == pytest.approx(GROWN[0] * np.abs(known.lines[z : 3 * z : z]), rel=0.02)
     large = rows[GROWN.index(0.2)] / np.abs(known.lines[z : 3 * z : z])
     # a pair that carries all alone where the mesh is softest: (0.25 - 0.111) / 0.1 of the loss

@@ -19,7 +19,7 @@ from gearmon.signals.orders import OrderSums
 from gearmon.signals.tracking import find_path, integrate_speed, lock_track, scan_speed
 from gearmon.signals.tracking.comb import peak_refined
 from gearmon.signals.tracking.phases import scan_angle, unwarp
-from gearmon.signatures.speed import machine_comb
+from gearmon.signatures.tracking import machine_comb
 
 RATE, DURATION, NOMINAL = 4000.0, 8.0, 25.0
 TIME = np.arange(int(DURATION * RATE)) / RATE

@@ -175,7 +175,7 @@ def test_a_few_turns_are_refused():
 def covered(recording, machine_, turns):
     """Share of the 90 % interval that holds, of the time and of the typical uncertainty."""
     train = kinematics(machine_)
-    track = track_recording(recording, machine_, train).track
+    track = track_recording(recording, machine_).track
     top = 0.45 * recording.sampling_rate_hz / float(track.speed_hz.max())
     found = {float(h * mesh.order) for mesh in train.meshes for h in range(1, 7)}
     orders = np.array(sorted(order for order in found if order < top))

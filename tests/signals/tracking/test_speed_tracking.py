@@ -19,7 +19,7 @@ from gearmon.simulation import simulate
 
 
 def tracked(case):
-    return track_recording(case.recording, case.machine, kinematics(case.machine))
+    return track_recording(case.recording, case.machine)
 
 
 def true_track(case):
@@ -148,7 +148,7 @@ def test_simulated_wander_of_one_per_cent_is_followed(seed):
         two_stages(), (), 8.0, 8000.0, seed=seed, channels=2, speed_drift=0.01, snr_db=20.0
     )
     recording = as_recording(simulated).select(["a1", "a2"])
-    track = track_recording(recording, two_stages(), kinematics(two_stages())).track
+    track = track_recording(recording, two_stages()).track
     times = np.array(simulated.truth["speed"]["turn_times_s"])
     error = track.turns_at(times) - np.arange(len(times))
     assert error.std() * 26 < 0.02
