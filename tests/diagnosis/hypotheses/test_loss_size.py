@@ -19,7 +19,7 @@ def test_median_and_nine_tenths_of_a_normal_law_of_the_logarithm(loss):
     match = -0.5 * (np.log(np.array(LOSSES) / loss) / 0.3) ** 2
     gear = SimpleNamespace(
         match=SimpleNamespace(log_likelihood=np.column_stack([0 * match, match]), best=1),
-        difference=SimpleNamespace(mesh_lines=None),
+        difference=SimpleNamespace(mesh_lines=None, load=1.0),
     )
     found = loss_estimate(gear, None, 25.0)
     reach = np.exp(1.645 * np.sqrt(0.3**2 + 0.35**2 + 0.12**2))
