@@ -13,13 +13,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gearmon import read_recording, simulate
 from gearmon.cli import main
 from gearmon.errors import ArgumentError
 from gearmon.machine import load_machine
 from gearmon.signatures.expected.baseline import contact_grid, expected_signature, faulty_lines
 from gearmon.signatures.expected.fault_family import FAMILY_KINDS, fault_family
 from gearmon.signatures.expected.mesh import MeshPlace
-from gearmon.signatures.expected.tooth_response import loss_response
+from gearmon.signatures.expected.tooth_response import GROWN, grown_lines, loss_response
 from gearmon.signatures.signature import read_signature, write_signature
 
 FOLDER = Path(__file__).resolve().parents[2] / "signatures"
@@ -207,6 +208,41 @@ def test_response_at_a_loss_is_the_member_of_that_loss(loss, gear, kind):
     whole = response.mesh_acceleration + response.loss * response.acceleration
     exact = member.lines.acceleration
     assert whole == pytest.approx(exact, abs=1e-6 * abs(exact).max())
+
+
+def test_grown_lines_of_a_train_are_those_of_marching():
+    """The slow pinion of a two-stage machine, between perfect flanks pressed together by a load."""
+    machine = load_machine(FOLDER / "two_stage_simulator.toml")
+    machine = replace(machine, operating=(replace(machine.operating[0], torque_nm=40.0),))
+    z, still = 32, ("slip", "speed_drift", "load_drift", "torque_ripple", "unbalance")
+    known = dict.fromkeys(still, 0.0) | {"snr_db": None, "accuracy_grade": None, "channels": 1}
+
+    def marched(*faults):
+        made = read_recording(simulate(machine, faults, 2.0, 25_600.0, seed=1, **known))
+        samples = made.vibration().samples.ravel()
+        turns = 10.0 * np.arange(len(samples)) / made.sampling_rate_hz
+        waves = np.exp(-2j * np.pi * z * np.outer(np.arange(1, 8), turns))
+        return waves @ (np.hanning(len(samples)) * samples)
+
+    sound, loss = marched(), 0.2
+    mesh, lines = grown_lines(machine, 2, "pinion", 9 * z)
+    expected = lines[GROWN.index(loss), z : 8 * z : z] / mesh[1:8]
+    # the path to the sensor is the same for the healthy line and for what is added to it; every
+    # third one is a line of the fast mesh too
+    own, added = np.arange(1, 8) % 3 > 0, marched(f"crack:2:pinion:1:{loss}") / sound - 1
+    assert added[own] == pytest.approx(expected[own], rel=0.03)
+    # by itself this mesh would take the fourth harmonic for a fifth of what it is
+    alone = loss_response(machine, 2, "pinion", loss=loss)
+    fourth = alone.loss * alone.acceleration[4 * z - 1] / alone.mesh_acceleration[4 * z - 1]
+    assert abs(fourth) < 0.3 * abs(expected[3])
+
+
+def test_a_pair_without_shafts_is_its_own_train():
+    place = MeshPlace(PAIR, 1)
+    for wrong in ((), ("crack:1:gear:3:20%",)):
+        alone, train = (pose(wrong) for pose in (place.alone, place.in_train))
+        same = [faulty_lines(place.alone(), [own], 2e4, 1e-9)[0] for own in (alone, train)]
+        assert same[1].displacement == pytest.approx(same[0].displacement, rel=1e-6, abs=1e-18)
 
 
 def test_a_tooth_later_is_a_mesh_period_later():
