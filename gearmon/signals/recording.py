@@ -23,9 +23,8 @@ from gearmon.signals.reading import (
     read_table,
 )
 from gearmon.signals.reading.arrays import choose, hold_memory
-from gearmon.signals.reading.channels import SensorLike
+from gearmon.signals.reading.channels import Progress, SensorLike
 from gearmon.signals.reading.columns import DataColumn, all_finite, find_columns
-from gearmon.signals.reading.source import Progress
 from gearmon.units import KNOWN_UNITS, is_unit
 
 #: Vibration is sampled no slower and no faster [Hz].
@@ -374,10 +373,14 @@ def open_recording(
     return read_recording(path, sampling_rate_hz, channels, tacho, sensors, on_disk=True)
 
 
-def _room_in_memory(shape: tuple[int, int]) -> Samples:
+def _room_in_memory(path: str, shape: tuple[int, int]) -> Samples:
     """Return an array of this shape if there is memory for it: the system would give it anyway."""
-    if 8 * math.prod(shape) > _free_bytes():
-        raise MemoryError
+    needed = 8 * math.prod(shape)
+    if needed > _free_bytes():
+        raise RecordingError(
+            f"{path}: its numbers need {1e-9 * needed:.3g} GB of memory; cut the recording, or "
+            "take open_recording"
+        )
     return np.empty(shape)
 
 
@@ -392,7 +395,7 @@ def _free_bytes() -> float:
     return free
 
 
-def _room_on_disk(shape: tuple[int, int]) -> Samples:
+def _room_on_disk(_path: str, shape: tuple[int, int]) -> Samples:
     """Return an array of this shape that lies in a nameless temporary file."""
     from tempfile import TemporaryFile  # most recordings fit into memory
 

@@ -13,19 +13,19 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import (
-    Content,
     DataColumn,
+    Table,
     describe_columns,
     find_columns,
-    reserved,
 )
-from gearmon.signals.reading.source import Floats, shortened
+from gearmon.signals.reading.source import shortened
 
-Read = Callable[[int, int], Floats]
+Read = Callable[[int, int], FloatArray]
 
 # Names in plain letters, without "hz" behind them.
 _RATE_NAMES = frozenset(
@@ -184,7 +184,7 @@ def as_array(
     if count < _FEWEST_SAMPLES or channels == 0 or (others and channels == count):
         return None
 
-    def read(start: int, stop: int) -> Floats:
+    def read(start: int, stop: int) -> FloatArray:
         index = [slice(None) if axis in long_axes else 0 for axis in range(len(data.shape))]
         index[time] = slice(start, stop)
         part = np.asarray(data[tuple(index)], dtype=np.float64)
@@ -306,7 +306,7 @@ def _plain(name: str) -> str:
     return "".join(character for character in last if character.isalnum()).removesuffix("hz")
 
 
-def choose(holding: Holding, wanted: Wanted) -> Content:
+def choose(holding: Holding, wanted: Wanted) -> Table:
     """Return the columns that make up the recording.
 
     A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it. Without
@@ -385,7 +385,7 @@ def _listed(arrays: Sequence[Array]) -> str:
     return ", ".join(map(str, arrays[:_LISTED])) + (", ..." if len(arrays) > _LISTED else "")
 
 
-def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> Floats:
+def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> FloatArray:
     """Read arrays of one length into one, block by block."""
     rows, total = sum(len(array.names) for array in arrays), arrays[0].count
     if 8 * total * rows > most_unpacked(holding.size):
@@ -394,7 +394,7 @@ def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> Floats
             f"{holding.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its samples "
             "in another file?"
         )
-    values, row = reserved(holding.path, wanted.room, (rows, total)), 0
+    values, row = wanted.room(holding.path, (rows, total)), 0
     for array in arrays:
         end = row + len(array.names)
         for start in range(0, total, _BLOCK):
@@ -408,7 +408,7 @@ def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> Floats
     return values
 
 
-def _content(holding: Holding, taken: Sequence[Array], values: Floats) -> Content:
+def _content(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Table:
     rate, remark = stated_rate(holding.facts)
     own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
     speed, name = _stated_speed(holding.facts)
@@ -421,7 +421,7 @@ def _content(holding: Holding, taken: Sequence[Array], values: Floats) -> Conten
         notes += [f"{shortened(own)} holds no numbers: left out" for own in holding.left_out]
     elif len(taken) < len(holding.arrays):
         notes.append(f"taken from the file: {_listed(taken)}")
-    return Content(
+    return Table(
         path=holding.path,
         values=values,
         columns=tuple(column for one in taken for column in one.columns),
@@ -507,7 +507,7 @@ def _kind(column: Any) -> str:
     return getattr(column.dtype, "kind", "O")
 
 
-def floats(column: Any) -> Floats:
+def floats(column: Any) -> FloatArray:
     """Return a column or an index of pandas as numbers; moments in ns from the first one on.
 
     Seconds would not show where they were rounded, and those since 1970 lose microseconds.

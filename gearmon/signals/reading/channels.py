@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -10,12 +10,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Content, DataColumn, Defect, find_columns, find_defect
-from gearmon.signals.reading.source import Floats, Progress, Room, shortened
+from gearmon.signals.reading.columns import DataColumn, Defect, Table, find_columns, find_defect
+from gearmon.signals.reading.source import shortened
 from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
 from gearmon.signals.threads import side_by_side
 from gearmon.units import KNOWN_UNITS, acceleration_factor, is_unit, plain_unit
+
+#: Told the share of a file that has been read.
+Progress = Callable[[float], object]
 
 ACCELERATION_UNIT = "m/s2"
 # Up to this size a copy without gaps between the channels costs nothing worth saving.
@@ -62,7 +66,7 @@ class Wanted:
     progress : callable
         Called with the share of the file that has been read, 0 to 1.
     room : callable
-        Gives an array of a shape.
+        Gives an array for the numbers of a file, by its name and their shape.
     """
 
     sampling_rate_hz: float | None = None
@@ -71,16 +75,16 @@ class Wanted:
     sensors: tuple[SensorLike, ...] = ()
     unit: str | None = None
     progress: Progress = lambda _share: None
-    room: Room = np.empty
+    room: Callable[[str, tuple[int, int]], FloatArray] = lambda _path, shape: np.empty(shape)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused as a recording
-def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
+def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
     """Return what makes a `Recording` of what stands in a file; its values are used up.
 
     Parameters
     ----------
-    content : Content
+    table : Table
         What stands in the file.
     wanted : Wanted
         What the user says.
@@ -95,18 +99,18 @@ def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
     RecordingError
         If the channels cannot be used.
     """
-    told, absent = _told(content, wanted)
-    confirmed, remarks = _confirmed(content, told)
-    columns = [_with_unit(content.path, column, wanted.unit) for column in confirmed]
+    told, absent = _told(table, wanted)
+    confirmed, remarks = _confirmed(table, told)
+    columns = [_with_unit(table.path, column, wanted.unit) for column in confirmed]
     time = next((column for column in columns if column.kind == "time"), None)
     hint = "; ".join(remarks)
-    rate_hz, rate_note = sampling_rate(content, time, wanted.sampling_rate_hz, hint)
-    kept, left_out = _usable(content, columns, named_only=bool(wanted.channels))
+    rate_hz, rate_note = sampling_rate(table, time, wanted.sampling_rate_hz, hint)
+    kept, left_out = _usable(table, columns, named_only=bool(wanted.channels))
     others = [columns[index] for index in kept if columns[index].kind != "vibration"]
     listed = ", ".join(f"{column.label} ({column.kind})" for column in others)
     aside = f"not taken as vibration: {listed}" if others else ""
-    notes = [*content.notes, *remarks, rate_note, *absent, aside, *left_out]
-    samples, units, as_read = _taken(content.values, kept), [], True
+    notes = [*table.notes, *remarks, rate_note, *absent, aside, *left_out]
+    samples, units, as_read = _taken(table.values, kept), [], True
     for row, index in enumerate(kept):
         unit, scale = _unit_and_scale(columns[index])
         units.append(unit)
@@ -120,9 +124,9 @@ def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
         "channel_kinds": tuple(columns[index].kind for index in kept),
         "units": tuple(units),
         "columns": tuple(columns[index].number for index in kept),
-        "origin": content.path,
+        "origin": table.path,
         "notes": tuple(_one_line(note) for note in notes if note),
-        "speed_rpm": content.speed_rpm,
+        "speed_rpm": table.speed_rpm,
         "tacho_told": _tells_tacho(columns),
         "known_finite": as_read,
     }
@@ -133,16 +137,14 @@ def _one_line(note: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
-def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
+def _told(table: Table, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
     """Let what the user says go before what the file says; note sensors that are not in it."""
-    index = partial(find_columns, content.path, columns=content.columns)
-    columns, absent = list(content.columns), []
+    index = partial(find_columns, table.path, columns=table.columns)
+    columns, absent = list(table.columns), []
 
     def say(place: int, **what: Any) -> None:
         columns[place] = replace(columns[place], **what)
 
-    if content.stamp is not None:
-        say(content.stamp, kind="time", unit="s")
     for sensor in wanted.sensors:
         try:
             place = index(sensor.column)[0]
@@ -151,7 +153,7 @@ def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]
             continue
         if sensor.unit and not is_unit(sensor.unit):
             raise RecordingError(
-                f"{content.path}: the [[sensor]] of column '{sensor.column}' is said to be in "
+                f"{table.path}: the [[sensor]] of column '{sensor.column}' is said to be in "
                 f"'{shortened(sensor.unit)}', which is no known unit; give {KNOWN_UNITS}, or "
                 "leave it out"
             )
@@ -174,14 +176,12 @@ def _tells_tacho(columns: Sequence[DataColumn]) -> bool:
     return any(column.told and column.kind == "tacho" for column in columns)
 
 
-def _confirmed(
-    content: Content, columns: Sequence[DataColumn]
-) -> tuple[list[DataColumn], list[str]]:
+def _confirmed(table: Table, columns: Sequence[DataColumn]) -> tuple[list[DataColumn], list[str]]:
     """Check by the numbers what names only suggest: counters, and a first column that is time."""
     confirmed, remarks = list(columns), []
     timed = any(column.kind == "time" for column in columns)
     for index, column in enumerate(columns):
-        values = content.values[index]
+        values = table.values[index]
         if column.told:
             continue
         if column.kind == "index" and not rises_evenly(values):
@@ -189,14 +189,14 @@ def _confirmed(
             kind = "other" if len(column.name) > 2 else "vibration"
             kind = "speed" if column.name.lower() == "n" else kind
             confirmed[index] = replace(column, kind=kind)
-        elif index == 0 and column.kind == "vibration" and not (timed or content.rate_hz):
+        elif index == 0 and column.kind == "vibration" and not (timed or table.rate_hz):
             kind, remark = _first_column(column, values)
             confirmed[0] = replace(column, kind=kind)
             remarks.extend([remark] if remark else [])
     return confirmed, remarks
 
 
-def _first_column(column: DataColumn, values: Floats) -> tuple[str, str]:
+def _first_column(column: DataColumn, values: FloatArray) -> tuple[str, str]:
     if not rises_evenly(values):
         return "vibration", ""
     if counts_evenly(values):
@@ -220,7 +220,7 @@ def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
 
 
 def _usable(
-    content: Content, columns: Sequence[DataColumn], *, named_only: bool
+    table: Table, columns: Sequence[DataColumn], *, named_only: bool
 ) -> tuple[list[int], list[str]]:
     """Return the columns to keep, and notes on those left out."""
     kept, notes, bad = [], [], []
@@ -230,10 +230,10 @@ def _usable(
         for index, column in enumerate(columns)
         if column.kind not in aside or (column.kind == "vibration" and column.told == "named")
     ]
-    rows = [content.values[index] for index in looked_at]
-    defects = side_by_side(find_defect, rows, content.values.size)
+    rows = [table.values[index] for index in looked_at]
+    defects = side_by_side(find_defect, rows, table.values.size)
     for index, defect in zip(looked_at, defects, strict=True):
-        fatal, note = _judged(content, index, columns[index], defect)
+        fatal, note = _judged(table, index, columns[index], defect)
         if fatal:
             bad.append(note)
         else:
@@ -245,33 +245,34 @@ def _usable(
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
         raise RecordingError(
-            f"{content.path}: no usable vibration channel: {bad[0]}{more}; check the sensors, or "
+            f"{table.path}: no usable vibration channel: {bad[0]}{more}; check the sensors, or "
             "record again"
         )
     kinds = ", ".join(f"{column.label}: {column.kind}" for column in columns[:10])
-    raise RecordingError(f"{content.path}: no vibration channel ({kinds}); name one with --channel")
+    raise RecordingError(f"{table.path}: no vibration channel ({kinds}); name one with --channel")
 
 
 def _judged(
-    content: Content, index: int, column: DataColumn, defect: Defect | None
+    table: Table, index: int, column: DataColumn, defect: Defect | None
 ) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
     vibrates, asked = column.kind == "vibration", column.told == "named"
     if defect is None or not (vibrates or defect.missing):
         return False, ""
-    place = "" if defect.row < 0 else f"{content.place(defect.row)}, "
+    place, shown = table.locate(max(0, defect.row), index)
+    place = "" if defect.row < 0 else f"{place}, "
     if defect.missing and not defect.fatal and (asked or vibrates):
         raise RecordingError(
-            f"{content.path}, {place}{column.label}: {content.shown(defect.row, index)} is "
+            f"{table.path}, {place}{column.label}: {shown} is "
             f"{defect.missing}; the column {defect.text}; {_REMEDY_ALONE}"
         )
     note = f"{place}{column.label} {defect.text}"
     if defect.fatal and asked:
-        raise RecordingError(f"{content.path}, {note}; check the sensor, or record again")
+        raise RecordingError(f"{table.path}, {note}; check the sensor, or record again")
     return defect.fatal or defect.missing != "", note
 
 
-def _taken(values: Floats, kept: Sequence[int]) -> Floats:
+def _taken(values: FloatArray, kept: Sequence[int]) -> FloatArray:
     """Return the rows that are kept, in place where the array is large."""
     begin = kept[0]
     for row, index in enumerate(kept):

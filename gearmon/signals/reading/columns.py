@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearmon.arrays import IntArray
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.source import Floats, Room, shortened
+from gearmon.signals.reading.source import shortened
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
@@ -94,7 +94,7 @@ class DataColumn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Content:
+class Table:
     """Columns of numbers of a file.
 
     Parameters
@@ -107,44 +107,24 @@ class Content:
         What the file says about them.
     rate_hz : float > 0 or None
         The sampling rate, if the file states one.
-    stamp : int or None
-        Index of a column of dates and times or times of day.
     rate_hint : str
         What else in the file may tell the sampling rate.
     speed_rpm : float > 0 or None
         The speed, if the file states one.
     notes : tuple of str
         What the reader has to tell the user.
-    is_text : bool
-        Whether rows are lines of a text.
-    place : callable
-        Gives the name of a row (counted from 0) in messages.
-    shown : callable
-        Gives the text of one number, by row and column index, for messages.
+    locate : callable
+        Gives the name of a row in messages, and what stands there, by row and column index.
     """
 
     path: str
-    values: Floats
+    values: FloatArray
     columns: tuple[DataColumn, ...]
     rate_hz: float | None = None
-    stamp: int | None = None
     rate_hint: str = ""
     speed_rpm: float | None = None
     notes: tuple[str, ...] = ()
-    is_text: bool = False
-    place: Callable[[int], str] = field(default=lambda row: f"sample {row + 1}")
-    shown: Callable[[int, int], str] = field(default=lambda _row, _index: "a value")
-
-
-def reserved(path: str, room: Room, shape: tuple[int, int]) -> Floats:
-    """Return an array for the numbers of a file, or say that they do not fit into memory."""
-    try:
-        return room(shape)
-    except MemoryError:
-        raise RecordingError(
-            f"{path}: its numbers need {8e-9 * shape[0] * shape[1]:.3g} GB of memory; cut the "
-            "recording, or take open_recording"
-        ) from None
+    locate: Callable[[int, int], tuple[str, str]] = lambda row, _: (f"sample {row + 1}", "a value")
 
 
 def describe_columns(
@@ -287,19 +267,19 @@ class Defect:
     missing: str = ""
 
 
-def all_finite(values: Floats) -> bool:
+def all_finite(values: FloatArray) -> bool:
     """Tell whether all values are numbers that a sensor can give."""
     return not len(values) or bool(values.min() > -MOST_SAMPLE and values.max() < MOST_SAMPLE)
 
 
-def missing_rows(values: Floats) -> IntArray:
+def missing_rows(values: FloatArray) -> IntArray:
     """Return the indices of values that are no numbers a sensor can give."""
     if all_finite(values):
         return np.zeros(0, dtype=np.int64)
     return np.flatnonzero(~(np.abs(values) < MOST_SAMPLE))
 
 
-def find_defect(values: Floats) -> Defect | None:
+def find_defect(values: FloatArray) -> Defect | None:
     """Return why a channel cannot be vibration, or None.
 
     Parameters
@@ -340,7 +320,7 @@ def find_defect(values: Floats) -> Defect | None:
     return None
 
 
-def _missing(values: Floats) -> Defect:
+def _missing(values: FloatArray) -> Defect:
     bad, count = missing_rows(values), len(values)
     if len(bad) == count:
         return Defect(text=f"has no numbers at all in {count} rows", row=-1, missing="no number")
@@ -353,7 +333,7 @@ def _missing(values: Floats) -> Defect:
     )
 
 
-def _is_piled_up(values: Floats, range_: float) -> bool:
+def _is_piled_up(values: FloatArray, range_: float) -> bool:
     """Tell whether far more samples equal the first one, an extreme, than any value next to it."""
     distance = np.abs(values[:_SAMPLES_TO_COMPARE] - values[0])
     beside = distance[distance > 0]

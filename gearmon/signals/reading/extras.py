@@ -21,9 +21,9 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.arrays import Array, Holding, as_array, floats, hold, stated_rate
-from gearmon.signals.reading.source import Floats
 
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 # MATLAB stores text as numbers, and cells as references to what lies in #refs#.
@@ -193,7 +193,7 @@ def _parquet_columns(file: Any) -> Holding:
     whole = lru_cache(maxsize=1)(lambda name: floats(file.read([name]).column(0).to_pandas()))
 
     def column(field: Any) -> Array:
-        def read(start: int, stop: int) -> Floats:
+        def read(start: int, stop: int) -> FloatArray:
             return np.asarray(whole(field.name)[None, start:stop])
 
         unit = "ns" if types.is_timestamp(field.type) else _unit(field.metadata)
@@ -277,7 +277,7 @@ def _bytes_of_segments(path: str) -> int:
 def _tdms_array(channel: Any, channels: Sequence[Any]) -> Array:
     """Return a channel among others; one that holds no numbers has none."""
 
-    def read(start: int, stop: int) -> Floats:
+    def read(start: int, stop: int) -> FloatArray:
         part = channel.read_data(offset=start, length=stop - start)
         return np.asarray(part, dtype=np.float64).reshape(1, -1)
 
@@ -393,7 +393,7 @@ def read_flac(path: str) -> Iterator[Holding]:
         if not 0 < file.frames < _ENDLESS:
             raise RecordingError(f"{path}: a FLAC file that does not tell its length; pack it anew")
 
-        def read(start: int, stop: int) -> Floats:
+        def read(start: int, stop: int) -> FloatArray:
             if file.tell() != start:
                 file.seek(start)
             part = file.read(stop - start, dtype="float64", always_2d=True)

@@ -35,13 +35,14 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import GearmonError, RecordingError
 from gearmon.files import archive_swells, most_unpacked
 from gearmon.signals.reading import extras
 from gearmon.signals.reading.arrays import Array, Holding, choose, hold
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import Content
-from gearmon.signals.reading.source import Floats, Source, shortened
+from gearmon.signals.reading.columns import Table
+from gearmon.signals.reading.source import Source, shortened
 
 Loader = Callable[[str], AbstractContextManager[Holding]]
 
@@ -127,7 +128,7 @@ def identify(source: Source) -> Format:
     return _BINARY if source.encoding in ("", "utf-8-sig") and binary else TEXT
 
 
-def read_arrays(source: Source, found: Format, wanted: Wanted) -> Content:
+def read_arrays(source: Source, found: Format, wanted: Wanted) -> Table:
     """Return the recording in a file that is no text.
 
     Parameters
@@ -223,7 +224,7 @@ def read_wav(path: str) -> Iterator[Holding]:
     kind, zero, full = _WAV_SAMPLES[tag, bits]
     frames = data.reshape(-1, channels, bits // 8)
 
-    def read(start: int, stop: int) -> Floats:
+    def read(start: int, stop: int) -> FloatArray:
         part = np.asarray(frames[start:stop])
         part = np.pad(part, ((0, 0), (0, 0), (1, 0))) if bits == 24 else part
         values = np.ascontiguousarray(part).view(kind)[..., 0].T.astype(np.float64)

@@ -164,7 +164,7 @@ class TestNpy:
     def test_the_rate_is_asked_for(self, tmp_path):
         path = tmp_path / "a.npy"
         np.save(path, X)
-        assert refused(path) == ": does not say its sampling rate; give --sampling-rate HZ"
+        assert "does not say its sampling rate; give --sampling-rate HZ" in refused(path)
 
     def test_records_have_named_channels(self, tmp_path):
         path = tmp_path / "a.npy"

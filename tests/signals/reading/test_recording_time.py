@@ -135,7 +135,7 @@ def changed(index, value):
         (printed(6)[:500] + printed(6)[501:], r"line 502, .*about 1 sample is missing"),
         (printed(6)[:500] + printed(6)[600:], r"line 502, .*about 100 samples are missing"),
         (printed(4)[:1500] + printed(4)[1501:], r"irregular"),
-        (changed(7, "nan"), r"line 9, .*the time is missing \(in 1 of 3000 lines\)"),
+        (changed(7, "nan"), r"line 9, .*the time is missing \(in 1 of 3000 rows\)"),
         (["1.5"] * COUNT, r"line 3, .*1\.5 is repeated"),
         ([f"{index / 5000 * (1 + index / 3e5):.9f}" for index in range(COUNT)], r"step changes"),
     ],
