@@ -357,7 +357,7 @@ def any_table(_: bytes, random: np.random.Generator) -> bytes:
 def rows_of(path: Path) -> np.ndarray | None:
     """Return the numbers of a text; what the columns mean has to be found out or refused."""
     source = open_source(path)
-    if not identify(source).is_text:
+    if identify(source):
         return None
     table = read_table(source)
     rows = table.values.copy()  # what is found to be in g is turned into m/s2 in its place

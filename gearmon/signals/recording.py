@@ -291,15 +291,15 @@ def read_recording(
         return _recording_of(source, wanted)
     if not isinstance(source, str | Path):
         try:
-            content = choose(hold_memory(source, sampling_rate_hz), wanted)
-            return Recording(**interpret(content, wanted))
+            table = choose(hold_memory(source, sampling_rate_hz), wanted)
+            return Recording(**interpret(table, wanted))
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
             raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
     file = open_source(source)
     found = identify(file)
-    content = read_table(file, wanted) if found.is_text else read_arrays(file, found, wanted)
-    return Recording(**interpret(content, wanted))
+    table = read_arrays(file, found, wanted) if found else read_table(file, wanted)
+    return Recording(**interpret(table, wanted))
 
 
 def read_recordings(

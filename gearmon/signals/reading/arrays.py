@@ -39,8 +39,9 @@ _LIKELY_NAMES = frozenset({"sr", "sampfreq", "samprate"})
 _PLAUSIBLE_HZ = (500.0, 1e8)
 # What may be the rate or the interval, and may be something else, such as the rate of a shaft.
 _HINT_NAMES = frozenset({"rate", "dt", "ts", "deltat", "timestep", "sampletime", "f"})
-_MOST_AXES = 2
-_FEWEST_SAMPLES = 2
+# Kinds of numpy: moments and durations, and what may be samples.
+_MOMENTS = "mM"
+_NUMBERS = "fiub" + _MOMENTS
 _BLOCK = 1 << 18
 _LISTED = 12
 _SAME_RATE = 1e-9
@@ -176,20 +177,19 @@ def as_array(
         None if it can be no signal: no real numbers, one number only, other shapes.
     """
     long_axes = [axis for axis, size in enumerate(data.shape) if size != 1]
-    if data.dtype.kind not in "fiub" or not long_axes or len(long_axes) > _MOST_AXES:
+    sizes = sorted(int(data.shape[axis]) for axis in long_axes)
+    told_apart = len(sizes) in (1, 2) and len({0, *sizes}) > len(sizes)
+    if data.dtype.kind not in "fiub" or not told_apart:
         return None
-    time = max(long_axes, key=lambda axis: data.shape[axis])
-    others = [axis for axis in long_axes if axis != time]
-    count, channels = int(data.shape[time]), math.prod(int(data.shape[a]) for a in others)
-    if count < _FEWEST_SAMPLES or channels == 0 or (others and channels == count):
-        return None
+    count, channels = sizes[-1], math.prod(sizes[:-1])
+    time = next(axis for axis in long_axes if data.shape[axis] == count)
+    index: list[Any] = [slice(None) if axis in long_axes else 0 for axis in range(len(data.shape))]
 
     def read(start: int, stop: int) -> FloatArray:
-        index = [slice(None) if axis in long_axes else 0 for axis in range(len(data.shape))]
-        index[time] = slice(start, stop)
-        part = np.asarray(data[tuple(index)], dtype=np.float64)
-        part = part.T if others and time < others[0] else part
-        return part.reshape(channels, -1)
+        own = [*index[:time], slice(start, stop), *index[time + 1 :]]
+        part = np.asarray(data[tuple(own)], dtype=np.float64)
+        in_rows = time == long_axes[0]
+        return part.reshape(-1, channels).T if in_rows else part.reshape(channels, -1)
 
     numbered = tuple(f"{name} {k}" if name else "" for k in range(1, channels + 1))
     return Array(
@@ -202,42 +202,26 @@ def as_array(
     )
 
 
-def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Holding:
+def hold(items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
     """Return named arrays and single numbers as what a file holds.
 
     Parameters
     ----------
-    path : str
-        The file, for messages.
-    items : dict of str to array-like
+    items : mapping of str to array-like
         Arrays and single numbers by name.
-    left_out : tuple of str
+    left_out : sequence of str
         What else is in the file.
-
-    Raises
-    ------
-    RecordingError
-        If the only array has two axes of the same length.
     """
-    arrays, facts, others = [], {}, list(left_out)
+    arrays, facts, others = [], {}, [*left_out]
     for name, data in items.items():
-        if data.dtype.kind not in "fiub":
-            others.append(name)
-            continue
-        if data.dtype.kind != "b" and all(size == 1 for size in data.shape):
+        single = data.dtype.kind in "fiu" and all(size == 1 for size in data.shape)
+        if single:
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
-            continue
-        array = as_array(name, data)
-        if array is None:
-            others.append(f"{name or 'numbers'} of shape {data.shape} and type {data.dtype}")
-        else:
+        elif array := as_array(name, data):
             arrays.append(array)
-    shapes = [data.shape for data in items.values() if data.ndim == 2 and data.size > 1]
-    if not arrays and shapes and shapes[0][0] == shapes[0][1]:
-        raise RecordingError(
-            f"{path}: an array of shape {shapes[0]}: which axis is time cannot be told; store one "
-            "channel, or more samples than channels"
-        )
+        else:
+            what = f" of shape {data.shape}" if data.dtype.kind in "fiubc" and data.shape else ""
+            others.append(f"{name or 'numbers'}{what}")
     return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
 
 
@@ -290,15 +274,9 @@ def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
     >>> _stated_speed({"X097RPM": 1796.0})
     (1796.0, 'X097RPM')
     """
-    named = {
-        name: value
-        for name, value in facts.items()
-        if _plain(name).endswith("rpm") and 0 < value < math.inf
-    }
-    if len(set(named.values())) != 1:
-        return None, ""
-    name, speed = next(iter(named.items()))
-    return speed, name
+    named = {own: name for name, own in facts.items() if _plain(name).endswith("rpm")}
+    speed, name = next(iter(named.items()), (0.0, ""))
+    return (speed, name) if len(named) == 1 and 0 < speed < math.inf else (None, "")
 
 
 def _plain(name: str) -> str:
@@ -330,20 +308,20 @@ def choose(holding: Holding, wanted: Wanted) -> Table:
         others = ", ".join(map(shortened, holding.left_out[:_LISTED]))
         raise RecordingError(
             f"{holding.path}: {holding.what} without a signal in it"
-            f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed"
+            f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed, "
+            "with more samples than channels"
         )
     holding = holding.numbered()
     chosen = _named(holding, wanted) or _only(holding)
     first = chosen[0]
     for other in chosen[1:]:
-        what = first.differs(other)
-        if what:
+        if what := first.differs(other):
             raise RecordingError(
                 f"{holding.path}: '{shortened(first.name)}' and '{shortened(other.name)}' {what}; "
                 f"name with --channel what belongs together: {_listed(chosen)}"
             )
     taken = [own for own in holding.arrays if own in chosen or _accompanies(own, first, holding)]
-    return _content(holding, taken, _filled(holding, taken, wanted))
+    return _table(holding, taken, _filled(holding, taken, wanted))
 
 
 def _named(holding: Holding, wanted: Wanted) -> list[Array]:
@@ -408,13 +386,11 @@ def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> FloatA
     return values
 
 
-def _content(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Table:
+def _table(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Table:
     rate, remark = stated_rate(holding.facts)
     own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
     speed, name = _stated_speed(holding.facts)
-    notes = list(holding.notes)
-    if remark and rate is not None and own is None:
-        notes.append(remark)
+    notes = [*holding.notes, remark if rate is not None and own is None else ""]
     if speed is not None:
         notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
     if holding.together:
@@ -454,7 +430,7 @@ def hold_memory(data: Any, rate_hz: float | None) -> Holding:
     if hasattr(data, "to_frame") and hasattr(data, "index"):
         data = data.to_frame("" if data.name is None else data.name)  # a series is one column
     if hasattr(data, "columns") and hasattr(data, "iloc"):
-        return _of_frame(data, rate_hz)
+        return _of_frame(data)
     if not hasattr(data, "__array__"):
         raise ArgumentError(f"recording: {type(data).__name__} is no recording; {_ACCEPTED}")
     values = np.asarray(data)
@@ -472,34 +448,28 @@ def hold_memory(data: Any, rate_hz: float | None) -> Holding:
     return Holding(arrays=(found,), path="array", what="an array")
 
 
-def _of_frame(frame: Any, rate_hz: float | None) -> Holding:
-    """Take the columns of numbers, and the index as one more where it may be the time."""
+def _of_frame(frame: Any) -> Holding:
+    """Take the columns of numbers and moments of a data frame, and its index if it tells more.
+
+    That is one of numbers or moments that does not only count.
+    """
     columns = [(str(name), frame.iloc[:, number]) for number, name in enumerate(frame.columns)]
-    taken = [(name, own) for name, own in columns if _kind(own) in "fiub"]
-    if not taken or len(frame) < _FEWEST_SAMPLES:
-        raise RecordingError(
-            f"DataFrame of shape {frame.shape}: holds no recording; columns of numbers are channels"
-        )
-    index, names = frame.index, [name for name, _ in taken]
-    if not any(column.kind == "time" for column in describe_columns(names)):
-        if _kind(index) in "fiumM" and type(index).__name__ != "RangeIndex":
-            moments = _kind(index) in "mM"
-            taken.append(("time_ns" if moments else str(index.name or "time"), index))
-        elif rate_hz is None:
-            raise ArgumentError(
-                f"DataFrame of shape {frame.shape}: its sampling rate is not known; give "
-                "sampling_rate_hz=, or the time as index"
-            )
+    if _kind(frame.index) in _NUMBERS and type(frame.index).__name__ != "RangeIndex":
+        columns.append((str(frame.index.name or "time"), frame.index.to_series()))
+    taken = [(name, own) for name, own in columns if _kind(own) in _NUMBERS]
     rows = [floats(own) for _, own in taken]
     array = Array(
         name="",
-        names=tuple(name for name, _ in taken),
+        names=tuple(name + "_ns" * (_kind(own) in _MOMENTS) for name, own in taken),
         count=len(frame),
         read=lambda start, stop: np.array([row[start:stop] for row in rows]),
     )
-    others = tuple(name for name, own in columns if _kind(own) == "O")
     return Holding(
-        arrays=(array,), together=True, path="DataFrame", what="a frame", left_out=others
+        arrays=(array,) if rows and len(frame) > 1 else (),
+        together=True,
+        left_out=tuple(name for name, own in columns if _kind(own) not in _NUMBERS),
+        path="DataFrame",
+        what=f"a frame of shape {frame.shape}",
     )
 
 
@@ -508,11 +478,10 @@ def _kind(column: Any) -> str:
 
 
 def floats(column: Any) -> FloatArray:
-    """Return a column or an index of pandas as numbers; moments in ns from the first one on.
+    """Return a column of pandas as numbers; moments in ns from the first one on.
 
     Seconds would not show where they were rounded, and those since 1970 lose microseconds.
     """
-    if _kind(column) in "mM":
-        first = column[0] if hasattr(column, "to_series") else column.iloc[0]
-        return np.asarray((column - first) / np.timedelta64(1, "ns"), np.float64)
+    if _kind(column) in _MOMENTS:
+        column = (column - column.iloc[0]) / np.timedelta64(1, "ns")
     return np.asarray(column.to_numpy(np.float64, na_value=np.nan))

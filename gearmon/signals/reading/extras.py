@@ -23,6 +23,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
+from gearmon.files import most_unpacked
 from gearmon.signals.reading.arrays import Array, Holding, as_array, floats, hold, stated_rate
 
 _UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
@@ -31,7 +32,7 @@ _NO_SIGNALS = ("char", "cell", "struct", "function_handle")
 _FEWEST_SAMPLES = 2
 _MOST_TRIAL_S = 10  # of processor time, to look through a file that may crash its library
 # Of UFF: functions (of time, if the code says so), and directions of a sensor.
-_FUNCTION_SETS = (58,)
+_FUNCTION_SET = 58
 _GENERAL, _TIME_RESPONSE = 0, 1
 _TIME_AXIS = 17
 _COMPLEX = (5, 6)
@@ -39,8 +40,6 @@ _BIG_ENDIAN = 1 << 6  # of a segment of TDMS
 _SET_MARK = re.compile(rb"(?m)^ {4}-1[ \r]*$")  # begins a data set, and ends it
 _SET_TYPE = re.compile(rb"\n *[0-9]{1,4}b?[ \r\n]")  # stands in the line below the first mark
 _AXES = ("", "X", "Y", "Z", "RX", "RY", "RZ")  # a direction is the place of one, with its sign
-# What soundfile says of a file that does not tell how long it is.
-_ENDLESS = 1 << 62
 
 
 def _text(value: Any) -> str:
@@ -67,25 +66,37 @@ def _numbers(metadata: Mapping[Any, Any] | None, prefix: str = "") -> dict[str, 
     return found
 
 
-def outlived(task: Callable[[], object]) -> bool:
-    """Tell whether a process of its own outlives a task; what it raises does not matter.
+def try_out(path: str, task: Callable[[], object]) -> None:
+    """Raise if a process of its own does not outlive a task, or needs more memory than it may.
 
     Of 1,000 damaged files three crash the library of HDF5, and gearmon with all that was still to
-    be analysed.
+    be analysed. What else the task raises does not matter here.
+
+    Raises
+    ------
+    ValueError
+        If it does not.
     """
     with warnings.catch_warnings():
         # threads that draw a progress bar hold nothing that is needed here
         warnings.simplefilter("ignore", DeprecationWarning)
         pid = os.fork()
     if not pid:
+        outcome = 0
         try:
             faulthandler.disable()
+            held = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+            most = held + most_unpacked(os.path.getsize(path))
+            resource.setrlimit(resource.RLIMIT_DATA, (most, most))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             resource.setrlimit(resource.RLIMIT_CPU, (_MOST_TRIAL_S, _MOST_TRIAL_S))
             task()
+        except MemoryError:
+            outcome = 1
         finally:
-            os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+            os._exit(outcome)
+    if os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]):
+        raise ValueError("it unpacks to more than any, or crashes its reader")
 
 
 @contextmanager
@@ -104,15 +115,14 @@ def read_hdf5(path: str) -> Iterator[Holding]:
 
     def held() -> Holding:
         with h5py.File(path, "r") as file:
-            return _hdf5_arrays(path, file)
+            return _hdf5_arrays(file)
 
-    if not outlived(held):
-        raise ValueError("it is so damaged that reading it crashes")
+    try_out(path, held)
     with h5py.File(path, "r") as file:
-        yield _hdf5_arrays(path, file)
+        yield _hdf5_arrays(file)
 
 
-def _hdf5_arrays(path: str, file: Any) -> Holding:
+def _hdf5_arrays(file: Any) -> Holding:
     items: dict[str, Any] = {}
     facts, others, found = _numbers(file.attrs), [], []
     file.visititems(lambda name, item: found.append((name, item)))
@@ -129,7 +139,7 @@ def _hdf5_arrays(path: str, file: Any) -> Holding:
             if item.chunks and item.id.get_num_chunks():
                 # their index may be damaged; what they hold is unpacked by zlib
                 item.id.get_chunk_info(item.id.get_num_chunks() - 1)
-    held = hold(path, items, tuple(others))
+    held = hold(items, others)
     arrays = []
     for array in held.arrays:
         told = items[array.name].attrs
@@ -247,17 +257,13 @@ def read_tdms(path: str) -> Iterator[Holding]:
 
 @contextmanager
 def _without_remarks() -> Iterator[None]:
-    """Keep what nptdms remarks on damaged files off the terminal, while one is open."""
-    from nptdms.log import log_manager
-
-    levels = {logger: logger.level for logger in log_manager.loggers.values()}
-    for logger in levels:
-        logger.setLevel(logging.CRITICAL)
+    """Keep what a library remarks on damaged files off the terminal, while one is open."""
+    before = logging.root.manager.disable
+    logging.disable()
     try:
         yield
     finally:
-        for logger, level in levels.items():
-            logger.setLevel(level)
+        logging.disable(before)
 
 
 def _bytes_of_segments(path: str) -> int:
@@ -325,12 +331,12 @@ def read_universal(path: str) -> Iterator[Holding]:
             raise ValueError(f"data set {number} does not begin with its type, so it is damaged")
     file = pyuff.UFF(path)
     types = [int(kind) for kind in file.get_set_types()]
-    sets = [file.read_sets(k) for k, kind in enumerate(types) if kind in _FUNCTION_SETS]
+    sets = [file.read_sets(k) for k, kind in enumerate(types) if kind == _FUNCTION_SET]
     arrays: list[Array] = []
-    others = [f"a data set of type {kind}" for kind in types if kind not in _FUNCTION_SETS]
+    others = [f"a data set of type {kind}" for kind in types if kind != _FUNCTION_SET]
     for number, one in enumerate(sets, 1):
-        if _is_signal(one):
-            arrays += _functions(number, one, {own.name for own in arrays})
+        if _is_signal(one) and (array := _function(number, one, arrays)):
+            arrays.append(array)
         else:
             others.append(f"a function of type {one.get('func_type')}")
     yield Holding(arrays=tuple(arrays), together=True, left_out=tuple(others))
@@ -343,39 +349,26 @@ def _is_signal(one: dict[str, Any]) -> bool:
     return over_time and one["ord_data_type"] not in _COMPLEX
 
 
-def _functions(number: int, one: dict[str, Any], taken: set[str]) -> list[Array]:
+def _function(number: int, one: dict[str, Any], taken: Sequence[Array]) -> Array | None:
     samples = np.asarray(one["data"], dtype=np.float64).reshape(-1)
-    if len(samples) != one["num_pts"]:
-        told = one["num_pts"]
+    step, told = float(one["abscissa_inc"]), one["num_pts"]
+    if len(samples) != told:
         raise ValueError(f"function {number}: {len(samples)} samples where {told} are announced")
-    name = _place(number, one, taken)
-    unit = _text(one["ordinate_axis_units_lab"]) or None
-    if one["abscissa_spacing"]:
-        step = float(one["abscissa_inc"])
-        if not step > 0:
-            raise ValueError(f"function {number} has a spacing of {step:g} s")
-        # single precision spacing: seven digits are told, no more
-        rate = float(f"{1.0 / step:.13g}")
-        found = [as_array(name, samples, unit=unit, rate_hz=rate)]
-    else:
-        times = np.asarray(one["x"], dtype=np.float64).reshape(-1)
-        found = [
-            as_array(f"time of {name}", times, unit=_text(one["abscissa_axis_units_lab"]) or "s"),
-            as_array(name, samples, unit=unit),
-        ]
-    return [array for array in found if array is not None]
+    if not (one["abscissa_spacing"] and step > 0):
+        raise ValueError(f"function {number} is not evenly spaced, or by {step:g} s")
+    name, unit = _place(number, one, taken), _text(one["ordinate_axis_units_lab"]) or None
+    # single precision spacing: seven digits are told, no more
+    return as_array(name, samples, unit=unit, rate_hz=float(f"{1.0 / step:.13g}"))
 
 
-def _place(number: int, one: dict[str, Any], taken: set[str]) -> str:
+def _place(number: int, one: dict[str, Any], taken: Sequence[Array]) -> str:
     """Return a name that says where the signal was taken, as far as the file tells."""
     way = int(one["rsp_dir"])
-    axis = _AXES[abs(way)] if abs(way) < len(_AXES) else ""
-    direction = f"{'+' if way > 0 else '-'}{axis}" if axis else ""
-    entity = _text(one["rsp_ent_name"])
+    direction = "+-"[way < 0] + _AXES[abs(way)] if 0 < abs(way) < len(_AXES) else ""
     node = str(one["rsp_node"]) if one["rsp_node"] else ""
-    name = " ".join(part for part in (entity, node, direction) if part)
+    name = " ".join(filter(None, (_text(one["rsp_ent_name"]), node, direction)))
     name = name or _text(one["id1"]) or f"function {number}"
-    return name if name not in taken else f"{name} ({number})"
+    return name if all(own.name != name for own in taken) else f"{name} ({number})"
 
 
 @contextmanager
@@ -390,8 +383,6 @@ def read_flac(path: str) -> Iterator[Holding]:
     import soundfile
 
     with soundfile.SoundFile(path) as file:
-        if not 0 < file.frames < _ENDLESS:
-            raise RecordingError(f"{path}: a FLAC file that does not tell its length; pack it anew")
 
         def read(start: int, stop: int) -> FloatArray:
             if file.tell() != start:

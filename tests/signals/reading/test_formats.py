@@ -100,10 +100,10 @@ class TestWav:
             (wav(tag=1, bits=64, body=bytes(96)), "64-bit samples of format 0x0001; read are"),
             (wav(rate=0, body=bytes(100)), "1 channels, 16 bits, 0 Hz"),
             (wav(channels=0, body=bytes(100)), "0 channels, 16 bits"),
-            (b"RIFF\x24\0\0\0AVI fmt " + bytes(90), "holds no WAVE sound"),
+            (b"RIFF\x24\0\0\0AVI LIST" + bytes(90), "does not say what its samples are"),
             (
                 b"RIFF\x24\0\0\0WAVEdata\x02\0\0\0abcd",
-                "it has no samples, or does not say what they are",
+                "it does not say what its samples are",
             ),
             (b"RIFF\x24\0\0\0WAVELIST\xff\0\0\0", "a chunk of 255 bytes where 0 are left"),
         ],
@@ -178,7 +178,7 @@ class TestNpy:
     @pytest.mark.parametrize(
         ("stored", "said"),
         [
-            (X[:, :3], "which axis is time cannot be told"),
+            (X[:, :3], "it holds numbers of shape (3, 3)); an array of real numbers"),
             (np.array([1, "a"], dtype=object), "Python objects"),
             (X[0] * 1j, "without a signal in it"),
             (np.zeros((3, 4, 5)), "without a signal in it"),
@@ -348,9 +348,9 @@ class TestMatlab:
         scipy.io.savemat(stored, {"acc": X})
         whole = stored.getvalue()
         path.write_bytes(whole[:-400])
-        assert "cannot be read as such (an element of" in refused(path, 5000.0)
+        assert "cannot be read as such" in refused(path, 5000.0)
         path.write_bytes(whole[:126] + b"xx" + whole[128:])
-        assert "no order of bytes" in refused(path, 5000.0)
+        assert "cannot be read as such" in refused(path, 5000.0)
 
 
 def test_packed_or_piped_files_are_refused(tmp_path):
@@ -387,6 +387,6 @@ def test_a_rate_that_a_wav_header_tells_in_two_ways_is_asked_for(tmp_path):
     data = bytearray(path.read_bytes())
     data[24] ^= 1
     path.write_bytes(data)
-    with pytest.raises(RecordingError, match=r"header\.sampling rate = 5001, bytes a second"):
+    with pytest.raises(RecordingError, match=r"does not say its sampling rate"):
         read_recording(path)
     assert read_recording(path, 5000.0).sampling_rate_hz == 5000.0

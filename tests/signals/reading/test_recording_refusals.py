@@ -120,15 +120,18 @@ def test_a_complete_last_line_needs_no_line_end(path):
     ("content", "what"),
     [
         (bytes(range(256)) * 40, "a binary file of unknown kind"),
-        (b"PK\x03\x04" + b"\0" * 30 + b"[Content_Types].xml", "an Excel workbook (xlsx)"),
-        (b"PK\x03\x04" + b"\0" * 30 + b"data.csv", "a zip archive"),
+        (b"PK\x03\x04" + b"\0" * 30 + b"[Content_Types].xml", "an Excel workbook"),
+        (b"PK\x03\x04" + b"\0" * 30 + b"data.csv", "an archive or a compressed file"),
         (b"MDF     4.10    " + bytes(50), "an MDF measurement file"),
         (b"OggS" + bytes(50), "an Ogg sound file"),
         (b"%PDF-1.7\n", "a PDF document"),
         (b"\n<!DOCTYPE html>\n<html>", "a web page"),
         (b'{"samples": [1, 2]}', "a JSON document"),
         (b"version https://git-lfs.github.com/spec/v1\n", "a pointer left by Git LFS"),
-        (gzip.compress(gzip.compress(b"1\n2\n", mtime=0), mtime=0), "a file compressed twice"),
+        (
+            gzip.compress(gzip.compress(b"1\n2\n", mtime=0), mtime=0),
+            "an archive or a compressed file",
+        ),
     ],
 )
 def test_other_kinds_of_file_are_named(path, content, what):
