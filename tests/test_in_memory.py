@@ -79,9 +79,9 @@ def test_units_are_told_or_unknown_and_never_guessed(samples):
     [
         ({"a": 1}, "recording: dict is no recording; give the name of a file, an array"),
         (3, "int is no recording"),
-        (np.zeros(9), "the sampling rate of an array of shape .9,. cannot be known"),
+        (np.zeros(9), "does not say its sampling rate; give sampling_rate_hz"),
         (np.zeros((5, 5)), "an array of shape .5, 5. .* more samples than channels"),
-        (np.array(["a", "b"]), "and type <U1 is none"),
+        (np.array(["a", "b"]), "and type <U1 without a signal in it"),
         (
             pd.DataFrame({"a": np.arange(9.0) % 4}),
             "does not say its sampling rate; give sampling_rate_hz",

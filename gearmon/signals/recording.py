@@ -291,7 +291,7 @@ def read_recording(
         return _recording_of(source, wanted)
     if not isinstance(source, str | Path):
         try:
-            table = choose(hold_memory(source, sampling_rate_hz), wanted)
+            table = choose(hold_memory(source), wanted)
             return Recording(**interpret(table, wanted))
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")

@@ -71,8 +71,8 @@ class Array:
         The unit of each channel; None where the file states none.
     rate_hz : float > 0 or None
         The sampling rate, if the file states one for this array.
-    start_s : float or None
-        When the first sample was taken, if the file tells.
+    start_s : float
+        When the first sample was taken, by the clock that the arrays of the file share.
     columns : tuple of DataColumn
         Its channels, once those of all arrays are numbered.
     """
@@ -83,7 +83,7 @@ class Array:
     read: Read
     units: tuple[str | None, ...] = ()
     rate_hz: float | None = None
-    start_s: float | None = None
+    start_s: float = 0.0
     columns: tuple[DataColumn, ...] = ()
 
     def __str__(self) -> str:
@@ -98,15 +98,11 @@ class Array:
 
     def differs(self, other: Array) -> str:
         """Say why both are not channels of one recording; "" if they may be."""
-        rate = self.rate_hz
         if other.count != self.count:
             return "are not equally long"
-        if rate is None or other.rate_hz is None:
-            return "" if rate == other.rate_hz else "have different sampling rates"
-        if abs(rate - other.rate_hz) > _SAME_RATE * rate:
+        rate, another = self.rate_hz or 0.0, other.rate_hz or 0.0
+        if abs(rate - another) > _SAME_RATE * rate:
             return "have different sampling rates"
-        if self.start_s is None or other.start_s is None:
-            return ""
         late = abs(self.start_s - other.start_s) * rate >= _HALF_SAMPLE
         return "do not start at the same time" if late else ""
 
@@ -328,16 +324,16 @@ def _named(holding: Holding, wanted: Wanted) -> list[Array]:
     """Return the arrays that hold what the user named; the tacho alone names no vibration."""
     columns = [column for array in holding.arrays for column in array.columns]
 
-    def numbers(key: str | int) -> set[int]:
-        return {columns[k].number for k in find_columns(holding.path, key, columns)}
+    def numbers(*keys: str | int) -> set[int]:
+        places = (k for key in keys for k in find_columns(holding.path, key, columns))
+        return {columns[k].number for k in places}
 
-    found = set().union(*map(numbers, wanted.channels))
+    found = numbers(*wanted.channels)
     tacho = set() if wanted.tacho is None else numbers(wanted.tacho)
     for sensor in () if found else wanted.sensors:
         with suppress(RecordingError):  # a sensor of the machine need not be in every recording
             found |= numbers(sensor.column)
-    if found:
-        found |= tacho
+    found |= tacho if found else set()
     return [one for one in holding.arrays if found & {column.number for column in one.columns}]
 
 
@@ -408,7 +404,7 @@ def _table(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Tabl
     )
 
 
-def hold_memory(data: Any, rate_hz: float | None) -> Holding:
+def hold_memory(data: Any) -> Holding:
     """Return an array or a frame as if it stood in a file.
 
     Parameters
@@ -417,15 +413,11 @@ def hold_memory(data: Any, rate_hz: float | None) -> Holding:
         An array of shape (n,), (channels, n) or (n, channels), the longer axis being time; or
         anything of pandas, whose columns may be named with their units, as "a1 [m/s2]", and whose
         index, of moments, durations or numbers, is the time.
-    rate_hz : float > 0 or None
-        Its sampling rate, where somebody told it.
 
     Raises
     ------
     ArgumentError
-        If it is none of these, or the sampling rate is not known.
-    RecordingError
-        If there are no numbers in it.
+        If it is none of these.
     """
     if hasattr(data, "to_frame") and hasattr(data, "index"):
         data = data.to_frame("" if data.name is None else data.name)  # a series is one column
@@ -434,18 +426,8 @@ def hold_memory(data: Any, rate_hz: float | None) -> Holding:
     if not hasattr(data, "__array__"):
         raise ArgumentError(f"recording: {type(data).__name__} is no recording; {_ACCEPTED}")
     values = np.asarray(data)
-    found = as_array("", values, rate_hz=rate_hz)
-    if found is None:
-        raise ArgumentError(
-            f"recording: an array of shape {values.shape} and type {values.dtype} is none; "
-            f"{_ACCEPTED}, with more samples than channels"
-        )
-    if rate_hz is None:
-        raise ArgumentError(
-            f"recording: the sampling rate of an array of shape {values.shape} cannot be known; "
-            "give sampling_rate_hz="
-        )
-    return Holding(arrays=(found,), path="array", what="an array")
+    what = f"an array of shape {values.shape} and type {values.dtype}"
+    return replace(hold({"": values}), path="array", what=what)
 
 
 def _of_frame(frame: Any) -> Holding:

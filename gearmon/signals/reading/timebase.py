@@ -22,7 +22,8 @@ _JITTER = 0.1
 _COARSE = 0.75
 # ... and to more than this share hides them from the differences, though not from a straight line.
 _DOUBTFUL = 0.45
-_DRIFT = 1e-3
+# Deviation from a straight line, over all stamps, of a step that changes by 0.1 % at half time.
+_DRIFT = 1e-3 / 8
 _CHUNK = 2**18
 
 _AGREEMENT = 1e-3
@@ -86,11 +87,10 @@ def spacing(stamps: FloatArray) -> Spacing:
     least = 0.0 if coarse and step > 0 else np.finfo(float).tiny
     tolerance = np.inf if coarse or usual <= 0 else resolution + _JITTER * usual
     fault, row = _fault(stamps, usual, max(usual - tolerance, least), usual + tolerance)
-    if not fault and resolution > _DOUBTFUL * step:
+    if not fault:
+        drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * len(stamps)
         rounded = resolution if coarse else 0.5 * resolution
-        fault, row = _off_line(stamps, step, rounded + _JITTER * step)
-    if not fault and not coarse:
-        fault, row = _drift(stamps, step, resolution)
+        fault, row = _off_line(stamps, step, rounded + (_JITTER + drift) * step)
     found = Spacing(step=abs(step), coarse=coarse, fault=fault, row=row)
     if exact or fault:
         return found
@@ -131,18 +131,6 @@ def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple
     if lost >= 1 and abs(found / usual - lost - 1) <= 0.2:
         text += f": about {lost} {'sample is' if lost == 1 else 'samples are'} missing"
     return text, row
-
-
-def _drift(stamps: FloatArray, step: float, resolution: float) -> tuple[str, int]:
-    """Say whether the step changes from one half of the stamps to the other, and where that is."""
-    half = len(stamps) // 2
-    if half < 2:
-        return "", 0
-    early = float(stamps[half] - stamps[0]) / half
-    late = float(stamps[-1] - stamps[half]) / (len(stamps) - 1 - half)
-    if abs(late - early) <= _DRIFT * step + 4 * resolution / half:
-        return "", 0
-    return f"the step changes from {early:.6g} to {late:.6g} between its two halves", half
 
 
 def _usual_step(stamps: FloatArray) -> tuple[float, bool]:
@@ -295,14 +283,14 @@ def _unit(
     known = time_factor(column.unit)
     if known is not None:
         return known, ""
-    if given_hz is not None:
-        for name, factor in _USUAL_UNITS:
-            if abs(found.step * factor * given_hz - 1.0) <= _AGREEMENT + found.uncertainty:
-                return factor, f"{column.label} has no unit: by the given rate it is in {name}"
-        return 1.0, ""
-    if found.step >= _LONGEST_STEP_S:
+    if given_hz is None and found.step >= _LONGEST_STEP_S:
         raise RecordingError(
             f"{where}: it goes up by {found.step:.6g} in an unknown unit; name it with its unit, "
             "such as time_ms, or give --sampling-rate HZ"
         )
-    return 1.0, f"{column.label} has no unit: taken as seconds"
+    if given_hz is None:
+        return 1.0, f"{column.label} has no unit: taken as seconds"
+    for name, factor in _USUAL_UNITS:
+        if abs(found.step * factor * given_hz - 1.0) <= _AGREEMENT + found.uncertainty:
+            return factor, f"{column.label} has no unit: by the given rate it is in {name}"
+    return 1.0, ""
