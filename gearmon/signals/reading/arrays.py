@@ -6,6 +6,7 @@ Taken are the arrays that the user names, or the only ones that can be the recor
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -28,17 +29,14 @@ from gearmon.signals.reading.source import shortened
 Read = Callable[[int, int], FloatArray]
 
 # Names in plain letters, without "hz" behind them.
-_RATE_NAMES = frozenset(
-    {"fs", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency"}
-    | {"samplingfreq", "samplefreq", "abtastrate", "abtastfrequenz"}
-)
+_RATE = re.compile("fs|sampl(e|ing)(rate|freq|frequency)|abtast(rate|frequenz)")
 # Names that mean it nearly always, and between which numbers they are believed: a shaft of 30,000
 # 1/min turns at 500 Hz, so what is slower may be a speed and can sample no mesh; nothing that is
 # recorded as vibration is faster than 100 MHz.
-_LIKELY_NAMES = frozenset({"sr", "sampfreq", "samprate"})
+_LIKELY = re.compile("sr|sampfreq|samprate")
 _PLAUSIBLE_HZ = (500.0, 1e8)
 # What may be the rate or the interval, and may be something else, such as the rate of a shaft.
-_HINT_NAMES = frozenset({"rate", "dt", "ts", "deltat", "timestep", "sampletime", "f"})
+_HINT = re.compile("rate|dt|ts|deltat|timestep|sampletime|f")
 # Kinds of numpy: moments and durations, and what may be samples.
 _MOMENTS = "mM"
 _NUMBERS = "fiub" + _MOMENTS
@@ -46,6 +44,7 @@ _BLOCK = 1 << 18
 _LISTED = 12
 _SAME_RATE = 1e-9
 _HALF_SAMPLE = 0.5
+_UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 # What is taken of arrays and frames in memory.
 _ACCEPTED = (
     "give the name of a file, an array of shape (n,) or (channels, n) with sampling_rate_hz=, a "
@@ -149,6 +148,30 @@ class Holding:
         return replace(self, arrays=tuple(arrays))
 
 
+def plain_text(value: Any) -> str:
+    """Return a text without blanks around it; "" for what is none or says NONE."""
+    text = value.decode(errors="replace") if isinstance(value, bytes) else value
+    stripped = text.strip() if isinstance(text, str) else ""
+    return "" if stripped.upper() == "NONE" else stripped
+
+
+def unit_in(metadata: Mapping[Any, Any] | None) -> str | None:
+    """Return the unit that stands beside an array."""
+    named = {plain_text(key): plain_text(value) for key, value in (metadata or {}).items()}
+    return next((named[key] for key in _UNIT_NAMES if named.get(key)), None)
+
+
+def numbers_in(metadata: Mapping[Any, Any] | None, prefix: str = "") -> dict[str, float]:
+    """Return the single numbers that stand beside the arrays."""
+    found = {}
+    for key, value in (metadata or {}).items():
+        single = np.asarray(value).reshape(-1)
+        with suppress(TypeError, ValueError):  # a text, a moment
+            if single.size == 1:
+                found[f"{prefix}{plain_text(key)}"] = float(single[0])
+    return found
+
+
 def as_array(
     name: str, data: Any, *, unit: str | None = None, rate_hz: float | None = None
 ) -> Array | None:
@@ -160,7 +183,7 @@ def as_array(
     ----------
     name : str
         The name in the file.
-    data : array-like with `shape`, `dtype` and slicing
+    data : array-like with `shape` or length, `dtype` and slicing
         The numbers; they are read only when samples are asked for.
     unit : str, optional
         Their unit.
@@ -172,18 +195,19 @@ def as_array(
     Array or None
         None if it can be no signal: no real numbers, one number only, other shapes.
     """
-    long_axes = [axis for axis, size in enumerate(data.shape) if size != 1]
-    sizes = sorted(int(data.shape[axis]) for axis in long_axes)
+    shape = data.shape if hasattr(data, "shape") else (len(data),)
+    long_axes = [axis for axis, size in enumerate(shape) if size != 1]
+    sizes = sorted(int(shape[axis]) for axis in long_axes)
     told_apart = len(sizes) in (1, 2) and len({0, *sizes}) > len(sizes)
     if data.dtype.kind not in "fiub" or not told_apart:
         return None
     count, channels = sizes[-1], math.prod(sizes[:-1])
-    time = next(axis for axis in long_axes if data.shape[axis] == count)
-    index: list[Any] = [slice(None) if axis in long_axes else 0 for axis in range(len(data.shape))]
+    time = next(axis for axis in long_axes if shape[axis] == count)
+    index: list[Any] = [slice(None) if axis in long_axes else 0 for axis in range(len(shape))]
 
     def read(start: int, stop: int) -> FloatArray:
-        own = [*index[:time], slice(start, stop), *index[time + 1 :]]
-        part = np.asarray(data[tuple(own)], dtype=np.float64)
+        own = (*index[:time], slice(start, stop), *index[time + 1 :])
+        part = np.asarray(data[own if len(own) > 1 else own[0]], dtype=np.float64)
         in_rows = time == long_axes[0]
         return part.reshape(-1, channels).T if in_rows else part.reshape(channels, -1)
 
@@ -213,12 +237,18 @@ def hold(items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
         single = data.dtype.kind in "fiu" and all(size == 1 for size in data.shape)
         if single:
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
-        elif array := as_array(name, data):
+        elif array := as_array(name, data, **_told_beside(data)):
             arrays.append(array)
         else:
             what = f" of shape {data.shape}" if data.dtype.kind in "fiubc" and data.shape else ""
             others.append(f"{name or 'numbers'}{what}")
     return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
+
+
+def _told_beside(data: Any) -> dict[str, Any]:
+    """Return unit and sampling rate of an array as its attributes tell, if it has any."""
+    attributes = getattr(data, "attrs", {})
+    return {"unit": unit_in(attributes), "rate_hz": stated_rate(numbers_in(attributes))[0]}
 
 
 def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
@@ -237,29 +267,25 @@ def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
     (None, 'sr = 48828, SampFreq = 97656 may be it')
     """
 
-    def told(names: frozenset[str]) -> dict[str, float]:
-        return {shortened(name): own for name, own in facts.items() if _plain(name) in names}
+    def told(*names: re.Pattern[str]) -> dict[str, float]:
+        own = {shortened(k): value for k, value in facts.items()}
+        return {k: own[k] for k in own if any(name.fullmatch(_plain(k)) for name in names)}
 
-    sure, likely, hints = told(_RATE_NAMES), told(_LIKELY_NAMES), told(_HINT_NAMES)
-    if len(set(sure.values())) == 1 and 0 < min(sure.values()) < math.inf:
+    def shown(rates: Mapping[str, float]) -> str:
+        return ", ".join(f"{name} = {value:g}" for name, value in rates.items())
+
+    sure, every, (low, high) = told(_RATE), told(_RATE, _LIKELY, _HINT), _PLAUSIBLE_HZ
+    if len({*sure.values()}) == 1 and 0 < min(sure.values()) < math.inf:
         return next(iter(sure.values())), ""
-    believed = _plausible(sure | likely)
-    if len(set(believed.values())) == 1:
+    plausible = {name: own for name, own in every.items() if low <= own <= high}
+    believed = {name: own for name, own in told(_RATE, _LIKELY).items() if name in plausible}
+    if len({*believed.values()}) == 1:
         name, rate = next(iter(believed.items()))
-        others = _shown({k: own for k, own in (sure | likely | hints).items() if k not in believed})
-        remark = f"sampling rate {rate:g} Hz taken from {name}"
-        return rate, f"{remark}, not {others}" if others else remark
-    doubtful = sure | likely | hints
-    return None, f"{_shown(_plausible(doubtful) or doubtful)} may be it" if doubtful else ""
-
-
-def _plausible(rates: Mapping[str, float]) -> dict[str, float]:
-    low, high = _PLAUSIBLE_HZ
-    return {name: own for name, own in rates.items() if low <= own <= high}
-
-
-def _shown(facts: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {value:g}" for name, value in facts.items())
+        others = shown({k: own for k, own in every.items() if k not in believed})
+        return rate, f"sampling rate {rate:g} Hz taken from {name}" + f", not {others}" * bool(
+            others
+        )
+    return None, f"{shown(plausible or every)} may be it" if every else ""
 
 
 def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:

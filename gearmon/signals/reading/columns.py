@@ -22,7 +22,6 @@ _BEHIND = re.compile(r"(.*\S)\s*(?:/|,|\s-|\sin\s)\s*(\S+)")
 _SUFFIX = re.compile(
     r"(.+)_(m_s2|mm_s|m_s|ms2|mps2|mg|g|rpm|nm|degc|hz|mv|v|ms|us|ns|s)", re.IGNORECASE
 )
-_SUFFIX_UNITS = {"m_s2": "m/s2", "ms2": "m/s2", "mps2": "m/s2", "mm_s": "mm/s", "m_s": "m/s"}
 
 _TIME = re.compile(
     r"t|(x_value|abszisse|time|zeit|temps|tempo|tiempo|tijd|timestamps?|zeitstempel|elapsed|"
@@ -179,7 +178,7 @@ def _name_and_unit(cell: str) -> tuple[str, str | None]:
             return match[1], match[2]
     suffix = _SUFFIX.fullmatch(cell)
     if suffix:
-        return cell, _SUFFIX_UNITS.get(suffix[2].lower(), suffix[2])
+        return cell, suffix[2].replace("_", "/")
     return cell, None
 
 

@@ -6,6 +6,7 @@ columns, their units, and what else they tell.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from gearmon.signals.reading.source import (
     shortened,
     split_fields,
     to_microseconds,
+    to_number,
     without_empty_end,
 )
 from gearmon.units import are_units
@@ -110,6 +112,15 @@ class Dialect:
     def fits(self, fields: Sequence[str]) -> bool:
         """Tell whether the number of fields is right; empty ones may follow."""
         return len(fields) >= self.columns and not any(fields[self.columns :])
+
+    def value(self, index: int, field: str) -> float | None:
+        """Return what a field of a column tells; NaN if it is missing, None if it is no number."""
+        moment = to_microseconds(field) if index == self.stamp else None
+        if moment is not None:
+            return (moment - self.stamp_origin) / 1e6
+        if index != self.stamp and is_number(field, self.decimal):
+            return to_number(field, self.decimal)
+        return math.nan if is_missing(field) else None
 
     def numbers(self, cells: Sequence[str]) -> int:
         """Return how many of the cells are numbers."""

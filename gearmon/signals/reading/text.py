@@ -32,11 +32,8 @@ from gearmon.signals.reading.source import (
     count_of,
     decoded,
     is_comment,
-    is_missing,
     is_number,
     shortened,
-    to_microseconds,
-    to_number,
     without_empty_end,
 )
 from gearmon.signals.threads import cores
@@ -54,8 +51,7 @@ _NO_VALUES = ["", "nan", "NaN"]
 _ENOUGH_ROWS, _MOST_ROWS = 50, 200
 _CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD][+-]?)?|[+-]?[.,]")
 _REMEDY = "correct it, or put # before the line if it is no sample"
-# The beginning of a file tells its layout: this many bytes, or four times as many, up to 64 MB.
-_HEAD_BYTES, _HEADS, _ROWS_TO_JUDGE = 64 * 1024, 6, 50
+_HEAD_BYTES = 1024 * 1024  # tell the layout
 # Threads pay only where a file has many blocks; more than four wait for the interpreter.
 _THREADED_BYTES = 8 * 1024 * 1024
 _MOST_THREADS = 4
@@ -199,20 +195,14 @@ def _values(where: str, fields: Sequence[str], dialect: Dialect) -> list[float]:
         raise RecordingError(f"{where}: {wrong}; {_REMEDY}")
     values = []
     for index, field in enumerate(fields[: dialect.columns]):
-        stamped = index == dialect.stamp
-        moment = to_microseconds(field) if stamped else None
-        if moment is not None:
-            values.append((moment - dialect.stamp_origin) / 1e6)
-        elif not stamped and is_number(field, dialect.decimal):
-            values.append(to_number(field, dialect.decimal))
-        elif is_missing(field):
-            values.append(float("nan"))
-        else:
-            what = "time stamp" if stamped else "number"
+        value = dialect.value(index, field)
+        if value is None:
+            what = "time stamp" if index == dialect.stamp else "number"
             label = dialect.described()[index].label
             raise RecordingError(
                 f"{where}, {label}: '{shortened(field)}' is not a {what}; {_REMEDY}"
             )
+        values.append(value)
     return values
 
 
@@ -346,15 +336,10 @@ def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, Fl
 
 
 def _layout_of(source: Source) -> Dialect:
-    """Return the layout, from as much of the beginning of the file as it takes."""
-    found, lines = None, [""]
-    for size in (_HEAD_BYTES * 4**k for k in range(_HEADS)):
-        head = next(source.blocks(size), Block(text=b"", first_line=1)).text
-        lines = decoded(head).split("\n")[:-1]
-        found = find_layout(source.path, lines)
-        rows = 0 if found is None else len(lines) - found.first_line
-        if len(head) < size or rows >= _ROWS_TO_JUDGE:
-            break
+    """Return the layout, as the beginning of the file tells it."""
+    head = next(source.blocks(_HEAD_BYTES), Block(text=b"", first_line=1)).text
+    lines = decoded(head).split("\n")[:-1]
+    found = find_layout(source.path, lines)
     if found is None:
         raise RecordingError(f"{source.path}: {_why_no_table(lines)}")
     return found

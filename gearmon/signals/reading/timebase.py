@@ -223,13 +223,13 @@ def sampling_rate(
             f"{table.path}: the file says {stated:.7g} Hz, but {given_hz:.7g} Hz was given; "
             "leave --sampling-rate out, or correct it"
         )
-    rate_hz, note = stated or given_hz, ""
+    # some formats round the rate; the user may know it better
+    rate_hz, note = given_hz or stated, ""
     if column is not None:
-        told = "the file says {:.7g} Hz as well" if stated else "{:.7g} Hz was given"
+        told = "{:.7g} Hz was given" if given_hz else "the file says {:.7g} Hz as well"
         rate_hz, note = _from_stamps(table, column, rate_hz, told)
     if rate_hz is not None:
-        # some formats round the rate; the user may know it better
-        return given_hz or rate_hz, note
+        return rate_hz, note
     told = hint or table.rate_hint
     raise RecordingError(
         f"{table.path}: has no time column and does not say its sampling rate; give "
