@@ -56,8 +56,6 @@ class Recording(Result):
         What was assumed or left out on reading, in sentences for the user.
     columns : tuple of int, optional
         The column of each channel in its file, counted from 1 and counting every column.
-    speed_rpm : float > 0 or None
-        The speed that the file states as one number [1/min], of whatever shaft it means.
     tacho_told : bool
         Whether somebody said that a tacho channel is one, not its name alone: then it must be
         usable.
@@ -97,7 +95,6 @@ class Recording(Result):
     origin: str = ""
     notes: tuple[str, ...] = ()
     columns: tuple[int, ...] = ()
-    speed_rpm: float | None = None
     tacho_told: bool = True
     left_out: tuple[tuple[int, int], ...] | None = None
     known_finite: InitVar[bool] = False

@@ -288,19 +288,6 @@ def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
     return None, f"{shown(plausible or every)} may be it" if every else ""
 
 
-def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
-    """Return the speed in rpm among the facts, and its name; None if none or several are there.
-
-    Examples
-    --------
-    >>> _stated_speed({"X097RPM": 1796.0})
-    (1796.0, 'X097RPM')
-    """
-    named = {own: name for name, own in facts.items() if _plain(name).endswith("rpm")}
-    speed, name = next(iter(named.items()), (0.0, ""))
-    return (speed, name) if len(named) == 1 and 0 < speed < math.inf else (None, "")
-
-
 def _plain(name: str) -> str:
     last = name.replace("/", ".").rpartition(".")[2].lower()
     return "".join(character for character in last if character.isalnum()).removesuffix("hz")
@@ -334,13 +321,18 @@ def choose(holding: Holding, wanted: Wanted) -> Table:
             "with more samples than channels"
         )
     holding = holding.numbered()
-    chosen = _named(holding, wanted) or _only(holding)
+    named = _named(holding, wanted)
+    chosen = named or [own for own in holding.arrays if own.has("vibration")] or holding.arrays
     first = chosen[0]
     for other in chosen[1:]:
-        if what := first.differs(other):
+        what = first.differs(other)
+        why = what and f"'{shortened(first.name)}' and '{shortened(other.name)}' {what}"
+        if not (named or holding.together):
+            why = f"holds {len(chosen)} arrays that may be the recording"
+        if why:
             raise RecordingError(
-                f"{holding.path}: '{shortened(first.name)}' and '{shortened(other.name)}' {what}; "
-                f"name with --channel what belongs together: {_listed(chosen)}"
+                f"{holding.path}: {why}; name with --channel what belongs together: "
+                f"{_listed(chosen)}"
             )
     taken = [own for own in holding.arrays if own in chosen or _accompanies(own, first, holding)]
     return _table(holding, taken, _filled(holding, taken, wanted))
@@ -361,17 +353,6 @@ def _named(holding: Holding, wanted: Wanted) -> list[Array]:
             found |= numbers(sensor.column)
     found |= tacho if found else set()
     return [one for one in holding.arrays if found & {column.number for column in one.columns}]
-
-
-def _only(holding: Holding) -> Sequence[Array]:
-    """Return the arrays that may be vibration if there is no choice among them."""
-    possible = [one for one in holding.arrays if one.has("vibration")] or holding.arrays
-    if len(possible) > 1 and not holding.together:
-        raise RecordingError(
-            f"{holding.path}: holds {len(possible)} arrays that may be the recording; name one "
-            f"with --channel: {_listed(possible)}"
-        )
-    return possible
 
 
 def _accompanies(one: Array, chosen: Array, holding: Holding) -> bool:
@@ -411,10 +392,9 @@ def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> FloatA
 def _table(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Table:
     rate, remark = stated_rate(holding.facts)
     own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
-    speed, name = _stated_speed(holding.facts)
     notes = [*holding.notes, remark if rate is not None and own is None else ""]
-    if speed is not None:
-        notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
+    speeds = (name for name in holding.facts if _plain(name).endswith("rpm"))
+    notes += [f"the file states {shortened(name)} = {holding.facts[name]:g}" for name in speeds]
     if holding.together:
         notes += [f"{shortened(own)} holds no numbers: left out" for own in holding.left_out]
     elif len(taken) < len(holding.arrays):
@@ -425,7 +405,6 @@ def _table(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Tabl
         columns=tuple(column for one in taken for column in one.columns),
         rate_hz=rate if own is None else own,
         rate_hint=remark,
-        speed_rpm=speed,
         notes=tuple(notes),
     )
 

@@ -125,7 +125,6 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
         "columns": tuple(column.number for column in taken),
         "origin": table.path,
         "notes": tuple(_one_line(note) for note in notes if note),
-        "speed_rpm": table.speed_rpm,
         "tacho_told": _tells_tacho(columns),
         "known_finite": all(scale == 1.0 for _, scale in scaled),
     }

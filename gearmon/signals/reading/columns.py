@@ -108,8 +108,6 @@ class Table:
         The sampling rate, if the file states one.
     rate_hint : str
         What else in the file may tell the sampling rate.
-    speed_rpm : float > 0 or None
-        The speed, if the file states one.
     notes : tuple of str
         What the reader has to tell the user.
     locate : callable
@@ -121,7 +119,6 @@ class Table:
     columns: tuple[DataColumn, ...]
     rate_hz: float | None = None
     rate_hint: str = ""
-    speed_rpm: float | None = None
     notes: tuple[str, ...] = ()
     locate: Callable[[int, int], tuple[str, str]] = lambda row, _: (f"sample {row + 1}", "a value")
 

@@ -213,13 +213,14 @@ class TestSeveralArrays:
         found = read_recording(path)
         assert found.channel_names == ("vib 1", "vib 2", "vib 3")
         assert found.sampling_rate_hz == 5000.0
-        assert found.speed_rpm == 1480.0
-        assert "the file states a speed of 1480 rpm (speed_rpm)" in found.notes
+        assert any(
+            note.startswith("the file states") and note.endswith("= 1480") for note in found.notes
+        )
 
     def test_one_of_several_must_be_named(self, tmp_path):
         path = self.saved(tmp_path / "a.npz", de=X[0], fe=X[1, :300], both=X[:2], fs=5000.0)
         said = refused(path)
-        assert "holds 3 arrays that may be the recording; name one with --channel: " in said
+        assert "holds 3 arrays that may be the recording; name with --channel" in said
         assert "de (1; 400 samples), fe (2; 300 samples), both (3 to 4; 2 x 400 samples)" in said
         for key in ("fe", 2):
             found = read_recording(path, channels=key)
@@ -296,7 +297,10 @@ class TestMatlab:
             found = read_recording(path, 97_656.0, channels=name)
             assert np.array_equal(found.samples[0], expected)
             assert found.channel_names == (name,)
-            assert found.speed_rpm == 1796.0
+            assert any(
+                note.startswith("the file states") and note.endswith("= 1796")
+                for note in found.notes
+            )
         said = refused(path)
         assert "holds 4 arrays" in said
         assert "X097_DE_time (1; 400 samples)" in said
