@@ -18,12 +18,7 @@ from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import (
-    DataColumn,
-    Table,
-    describe_columns,
-    find_columns,
-)
+from gearmon.signals.reading.columns import DataColumn, Table, describe_columns, find_columns
 from gearmon.signals.reading.source import shortened
 
 Read = Callable[[int, int], FloatArray]

@@ -65,8 +65,8 @@ class Dialect:
         "," or ";" or a tab; " " for any run of spaces and tabs; "" for one number in a line.
     decimal : str
         "." or ",".
-    columns : int > 0
-        Numbers in a row.
+    columns : int
+        Numbers in a row; 0 as long as that is not known.
     trailing : bool
         Whether separators follow the last number.
     stamp : int or None
@@ -86,7 +86,7 @@ class Dialect:
 
     separator: str
     decimal: str
-    columns: int
+    columns: int = 0
     trailing: bool = False
     stamp: int | None = None
     stamp_origin: int = 0
@@ -105,8 +105,19 @@ class Dialect:
         return split_fields(line, self.separator)
 
     def row(self, line: str) -> list[str] | None:
+        """Return the fields if each is a number, a time stamp or missing, and not all missing."""
+        fields = self.split(line)
+        stamps_allowed = self.separator not in ("", " ")
+        for field in fields:
+            if not (is_number(field, self.decimal) or is_missing(field)):
+                if not stamps_allowed or to_microseconds(field) is None:
+                    return None
+                stamps_allowed = False  # one such column at most
+        return fields if any(map(_says_number, fields)) else None
+
+    def fitting(self, line: str) -> list[str] | None:
         """Return the fields of the line if it is a row of this table, else None."""
-        fields = _row(line, self.separator, self.decimal)
+        fields = self.row(line)
         return fields if fields is not None and self.fits(fields) else None
 
     def fits(self, fields: Sequence[str]) -> bool:
@@ -154,7 +165,7 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect | None:
             f"{path}: {dialect.columns} numbers in a line; a recording needs one line per sample "
             "and one column per channel: transpose it"
         )
-    rows = [line for line in sample if dialect.row(line) is not None]
+    rows = [line for line in sample if dialect.fitting(line) is not None]
     first, above = _first_row(path, lines, dialect)
     dialect = _clear_decimals(path, dialect, rows, above)
     dialect = _widened(dialect, rows, above)
@@ -171,48 +182,31 @@ def _sample(lines: Sequence[str], count: int) -> list[str]:
 
 def _most_likely(sample: Sequence[str]) -> Dialect | None:
     """Return the dialect in which most lines of the sample are rows of one length."""
-    decimals = dict.fromkeys(_SEPARATORS, ".," if any("," in line for line in sample) else ".")
-    if not any('"' in line for line in sample):
-        decimals[","] = "."
-    tried = [(mark, decimal) for mark in _SEPARATORS for decimal in decimals[mark]]
-    return max((_fitted(sample, *own) for own in tried), key=lambda found: found[1])[0]
-
-
-def _fitted(sample: Sequence[str], separator: str, decimal: str) -> tuple[Dialect | None, int]:
-    """Return a dialect, as far as the rows that the sample has in it tell, and their number."""
-    rows = [(line, row) for line in sample if (row := _row(line, separator, decimal)) is not None]
-    parted = sum(
-        bool(line.split()[1:]) if separator == " " else separator in line for line, _ in rows
+    commas, quotes = (any(mark in line for line in sample) for mark in ',"')
+    tried = (
+        _fitted(sample, Dialect(separator=mark, decimal=decimal))
+        for mark in _SEPARATORS
+        for decimal in ".,"
+        if decimal == "." or (commas and (mark != "," or quotes))
     )
+    return max(tried, key=lambda found: found[1])[0]
+
+
+def _fitted(sample: Sequence[str], dialect: Dialect) -> tuple[Dialect | None, int]:
+    """Return the dialect with what the rows that the sample has in it tell, and their number."""
+    mark = dialect.separator
+    rows = [(line, row) for line in sample if (row := dialect.row(line)) is not None]
+    parted = sum(len(line.split()) > 1 if mark == " " else mark in line for line, _ in rows)
     if not rows or 2 * parted < len(rows):
         return None, 0
     length, count = Counter(len(row) for _, row in rows).most_common(1)[0]
     alike = [row for _, row in rows if len(row) == length]
     columns = max(len(without_empty_end(row)) for row in alike)
-    moments = [
-        (k, at) for k, own in enumerate(alike[0]) if (at := to_microseconds(own)) is not None
-    ]
-    stamp, origin = moments[0] if moments else (None, 0)
-    return Dialect(
-        separator=separator,
-        decimal=decimal,
-        columns=columns,
-        trailing=length > columns,
-        stamp=stamp,
-        stamp_origin=origin,
-    ), count
-
-
-def _row(line: str, separator: str, decimal: str) -> list[str] | None:
-    """Return the fields if each is a number, a time stamp or missing, and not all are missing."""
-    fields = split_fields(line, separator)
-    stamps_allowed = separator not in ("", " ")
-    for field in fields:
-        if not (is_number(field, decimal) or is_missing(field)):
-            if not stamps_allowed or to_microseconds(field) is None:
-                return None
-            stamps_allowed = False  # one such column at most
-    return fields if any(_says_number(field) for field in fields) else None
+    moments = [*map(to_microseconds, alike[0])]
+    stamp = next((k for k, own in enumerate(moments) if own is not None), None)
+    origin = 0 if stamp is None else moments[stamp] or 0
+    dialect = replace(dialect, columns=columns, trailing=length > columns)
+    return replace(dialect, stamp=stamp, stamp_origin=origin), count
 
 
 def _says_number(field: str) -> bool:
@@ -228,7 +222,7 @@ def _first_row(path: str, lines: Sequence[str], dialect: Dialect) -> tuple[int, 
         if not line.strip():
             continue
         remark = is_comment(line)
-        row = None if remark else _row(line, dialect.separator, dialect.decimal)
+        row = None if remark else dialect.row(line)
         if row is None:
             if not remark and _OPEN_QUOTE.search(_CLOSED_QUOTES.sub("", line)):
                 raise RecordingError(
@@ -301,8 +295,7 @@ def _columns_named(text: str) -> int:
 def _with_counted_names(dialect: Dialect, first: str, rows: Sequence[str]) -> Dialect:
     """Take a first row 0, 1, 2 ... above rows of decimals as the names that it is."""
     cells, below = dialect.split(first)[: dialect.columns], [line for line in rows if line != first]
-    counted_up = [[str(start + k) for k in range(dialect.columns)] for start in (0, 1)]
-    if dialect.names or dialect.columns < 3 or cells not in counted_up:
+    if dialect.names or dialect.columns < 3 or not _count_up(cells):
         return dialect
     whole = any(field.isdigit() for line in below for field in dialect.split(line))
     if whole or len(below) < _FEWEST_BELOW:
@@ -349,7 +342,7 @@ def _with_names(path: str, dialect: Dialect, above: Sequence[Line]) -> Dialect:
         )
         return dialect if named < 2 or _is_metadata(text) else replace(dialect, remark=remark)
     told = dialect.columns > 1 or not (_is_metadata(text) or len(text) > LONGEST_QUOTE)
-    row = dialect.numbers(cells) and not _are_numbered(cells)
+    row = dialect.numbers(cells) and not _count_up(cells[1:])
     return replace(dialect, names=cells) if told and not row else dialect
 
 
@@ -375,35 +368,28 @@ def _cells(text: str, dialect: Dialect) -> list[str] | None:
     return None
 
 
-def _are_numbered(cells: Sequence[str]) -> bool:
-    """Tell names such as ``t,1,2,3``: a word, then channel numbers that count up."""
-    numbers = cells[1:]
-    if len(numbers) < 2 or not all(cell.isdigit() for cell in numbers):
-        return False
-    start = int(numbers[0])
-    return start < 2 and [int(cell) for cell in numbers] == list(range(start, start + len(numbers)))
+def _count_up(cells: Sequence[str]) -> bool:
+    """Tell the numbers of channels: 0, 1, 2 ... or 1, 2 ..."""
+    return len(cells) > 1 and [*cells] in [
+        [str(start + k) for k in range(len(cells))] for start in (0, 1)
+    ]
 
 
 def _damage(lines: Sequence[Line], dialect: Dialect) -> str:
     """Say why the last line of text is no text but a damaged row; "" if it is text."""
     fields, columns = dialect.split(lines[-1][1]), dialect.columns
+    numbers = dialect.numbers(fields)
     if not dialect.fits(fields):
-        odd = is_number(fields[0], dialect.decimal) and 2 * dialect.numbers(fields) > len(fields)
-        what = (
-            f": {len(fields)} fields, not all of them numbers, where the rows below have {columns}"
-        )
-        return what if odd else ""
+        odd = is_number(fields[0], dialect.decimal) and 2 * numbers > len(fields)
+        what = "fields, not all of them numbers, where the rows below have"
+        return f": {len(fields)} {what} {columns}" if odd else ""
     cells = fields[:columns]
     begins_as_row = cells[0][:1] in _BEGINS or is_missing(cells[0])
     is_row = begins_as_row or _stands_below_names(lines, cells, dialect)
-    if columns == 1 or not dialect.numbers(cells) or _are_numbered(cells) or not is_row:
+    wrong = [k for k, cell in enumerate(cells) if dialect.value(k, cell) is None]
+    if columns == 1 or not numbers or _count_up(cells[1:]) or not is_row or not wrong:
         return ""
-    wrong = (
-        f", column {index}: '{shortened(cell)}' is not a number"
-        for index, cell in enumerate(cells, 1)
-        if not is_number(cell, dialect.decimal) and not is_missing(cell)
-    )
-    return next(wrong, "")
+    return f", column {wrong[0] + 1}: '{shortened(cells[wrong[0]])}' is not a number"
 
 
 def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Dialect) -> bool:

@@ -170,10 +170,8 @@ class Source:
                 with gzip.GzipFile(fileobj=raw) as stream:
                     yield cast(BinaryIO, stream)
             except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-                cut = isinstance(error, EOFError)
-                what = "cut off before its end" if cut else f"damaged ({error})"
                 raise RecordingError(
-                    f"{self.path}: the compressed file is {what}; copy it again"
+                    f"{self.path}: the compressed file is damaged ({error}); copy it again"
                 ) from None
 
 

@@ -176,7 +176,7 @@ def read_rows(
 
 def _check_remark(where: str, line: str, dialect: Dialect) -> None:
     """Refuse a remark that is a row of numbers but for its mark."""
-    if dialect.row(line.strip().lstrip("#% \t")) is not None:
+    if dialect.fitting(line.strip().lstrip("#% \t")) is not None:
         raise RecordingError(
             f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it come "
             "too early; restore it, or cut the file there"
