@@ -39,8 +39,6 @@ from gearmon.signals.reading.source import (
 from gearmon.signals.threads import cores
 
 _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
-# pandas passes over quotes and zero bytes within numbers, and over a mark of the order of bytes.
-_DOUBTFUL = (b'"', b"\0", codecs.BOM_UTF8)
 # pandas 3.1 misses the nearest float in one of seven numbers of 17 digits with " +" before them.
 # The sign stands first here: it is rare, and looked for ten times as fast as blanks are.
 _BLANK_AND_PLUS = re.compile(rb"\+(?<=[ \t\v\f]\+)")
@@ -85,7 +83,9 @@ def parse_rows(text: bytes, dialect: Dialect) -> FloatArray | None:
     separator = dialect.separator.encode()
     # perhaps a row of empty fields only
     empty = dialect.trailing and (text.startswith(separator) or b"\n" + separator in text)
-    if empty or dialect.stamp is not None or any(mark in text for mark in _DOUBTFUL):
+    # pandas passes over quotes and zero bytes within numbers, and over a mark of the order of bytes
+    doubtful = b'"' in text or b"\0" in text or text.startswith(codecs.BOM_UTF8)
+    if empty or doubtful or dialect.stamp is not None:
         return None
     if separator != b" " and _BLANK_AND_PLUS.search(text):
         return None

@@ -87,14 +87,16 @@ def spacing(stamps: FloatArray) -> Spacing:
     least = 0.0 if coarse and step > 0 else np.finfo(float).tiny
     tolerance = np.inf if coarse or usual <= 0 else resolution + _JITTER * usual
     fault, row = _fault(stamps, usual, max(usual - tolerance, least), usual + tolerance)
-    if not fault:
-        drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * len(stamps)
-        rounded = resolution if coarse else 0.5 * resolution
-        fault, row = _off_line(stamps, step, rounded + (_JITTER + drift) * step)
+    slope, off = _straight_line(stamps)
+    drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * len(stamps)
+    rounded = resolution if coarse else 0.5 * resolution
+    if not fault and np.abs(off).max() > rounded + (_JITTER + drift) * step:
+        row = int(np.abs(off).argmax())
+        fault = f"{stamps[row]:.9g} is off the even spacing of {step:.6g}"
     found = Spacing(step=abs(step), coarse=coarse, fault=fault, row=row)
     if exact or fault:
         return found
-    return replace(found, step=_slope(stamps), uncertainty=resolution / (step * len(stamps)))
+    return replace(found, step=slope, uncertainty=resolution / (step * len(stamps)))
 
 
 def counts_evenly(values: FloatArray) -> bool:
@@ -122,9 +124,8 @@ def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple
         return "", 0
     before, after = stamps[row - 1], stamps[row]
     if after <= before:
-        return f"{after:.9g} " + (
-            f"comes after {before:.9g}" if after < before else "is repeated"
-        ), row
+        what = f"comes after {before:.9g}" if after < before else "is repeated"
+        return f"{after:.9g} {what}", row
     found = float(after - before)
     lost = round(found / usual) - 1
     text = f"a step of {found:.6g} where {usual:.6g} is usual"
@@ -168,24 +169,15 @@ def _first(stamps: FloatArray, wrong: Callable[[FloatArray], BoolArray]) -> int:
     return -1
 
 
-def _slope(stamps: FloatArray) -> float:
-    """Return the mean step as the slope of the best straight line: rounding averages out."""
+def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
+    """Return the slope of the best straight line, and what is left beside it.
+
+    Rounding averages out of the slope.
+    """
     count = len(stamps)
-    moment = float((stamps - stamps.mean()) @ _from_middle(count))
-    return moment * 12.0 / (count * (count**2 - 1.0))
-
-
-def _from_middle(count: int) -> FloatArray:
-    return np.asarray(np.arange(count) - 0.5 * (count - 1), dtype=np.float64)
-
-
-def _off_line(stamps: FloatArray, step: float, tolerance: float) -> tuple[str, int]:
-    """Say which stamp is farthest from their straight line, if too far, and its index."""
-    off = np.abs(stamps - stamps.mean() - _slope(stamps) * _from_middle(len(stamps)))
-    row = int(off.argmax())
-    if off[row] <= tolerance:
-        return "", 0
-    return f"{stamps[row]:.9g} is off the even spacing of {step:.6g}", row
+    number, centred = np.arange(count) - 0.5 * (count - 1), stamps - stamps.mean()
+    slope = float(centred @ number) * 12.0 / (count * (count**2 - 1.0))
+    return slope, centred - slope * number
 
 
 def sampling_rate(
