@@ -14,7 +14,7 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -71,7 +71,6 @@ def try_out(path: str, task: Callable[[], object]) -> None:
             held = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
             most = held + most_unpacked(os.path.getsize(path))
             resource.setrlimit(resource.RLIMIT_DATA, (most, most))
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             resource.setrlimit(resource.RLIMIT_CPU, (_MOST_TRIAL_S, _MOST_TRIAL_S))
             task()
         except MemoryError:
@@ -200,7 +199,10 @@ def read_tdms(path: str) -> Iterator[Holding]:
 
     stored = _bytes_of_segments(path)
     # opened here, as the library leaves a damaged file open
-    with _without_remarks(), open(path, "rb") as stream:
+    with ExitStack() as after, open(path, "rb") as stream:
+        # it writes remarks on damage to the terminal
+        after.callback(logging.disable, logging.root.manager.disable)
+        logging.disable()
         file = nptdms.TdmsFile.open(stream)
         status = file.file_status
         if status.incomplete_final_segment or status.channel_statuses:
@@ -225,17 +227,6 @@ def read_tdms(path: str) -> Iterator[Holding]:
             facts=facts,
             left_out=tuple(name for name, own in zip(names, arrays, strict=True) if own is None),
         )
-
-
-@contextmanager
-def _without_remarks() -> Iterator[None]:
-    """Keep what a library remarks on damaged files off the terminal, while one is open."""
-    before = logging.root.manager.disable
-    logging.disable()
-    try:
-        yield
-    finally:
-        logging.disable(before)
 
 
 def _bytes_of_segments(path: str) -> int:
@@ -282,11 +273,8 @@ def read_universal(path: str) -> Iterator[Holding]:
 
     text = Path(path).read_bytes()
     marks = [mark.end() for mark in _SET_MARK.finditer(text)]
-    if len(marks) % 2:
-        raise ValueError("it is cut off: its last data set does not end")
-    for number, begin in enumerate(marks[::2], 1):
-        if not _SET_TYPE.match(text, begin):
-            raise ValueError(f"data set {number} does not begin with its type, so it is damaged")
+    if len(marks) % 2 or not all(_SET_TYPE.match(text, begin) for begin in marks[::2]):
+        raise ValueError("a data set has no type at its beginning, or no end")
     file = pyuff.UFF(path)
     types = [int(kind) for kind in file.get_set_types()]
     sets = [file.read_sets(k) for k, kind in enumerate(types) if kind == _FUNCTION_SET]

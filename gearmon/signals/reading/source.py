@@ -32,13 +32,11 @@ _LONGEST_LINE = 16 * 1024 * 1024
 _LONE_RETURN, _TOLD_BY = re.compile(rb"\r(?!\n|\Z)"), 1 << 16
 _GZIP_MAGIC = b"\x1f\x8b"
 _END_OF_FILE_MARK = b"\x1a"
-_BYTE_ORDER_MARKS = (
-    (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark begins alike
-    (codecs.BOM_UTF32_BE, "utf-32"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-    (codecs.BOM_UTF8, "utf-8-sig"),
-)
+_BYTE_ORDER_MARKS = {
+    "utf-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),  # before UTF-16, whose mark begins alike
+    "utf-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
+    "utf-8-sig": (codecs.BOM_UTF8,),
+}
 
 LONGEST_QUOTE = 60  # characters of a file that a message shows
 _EXPONENT_LETTERS = str.maketrans("dD", "ee")
@@ -107,10 +105,13 @@ class Source:
         with self._opened() as stream:
             return stream.read(size)
 
+    def size(self) -> int:
+        """Return how many bytes it has as it lies there."""
+        return os.path.getsize(self.path) if self.content is None else len(self.content)
+
     def size_hint(self) -> int:
         """Return roughly how many bytes the unpacked file has."""
-        size = os.path.getsize(self.path) if self.content is None else len(self.content)
-        return size * 4 if self.zipped else size
+        return self.size() * 4 if self.zipped else self.size()
 
     def blocks(self, size: int = BLOCK_BYTES, *, line: int = 1) -> Iterator[Block]:
         """Yield the lines of the file, from the given one on, some `size` bytes at a time.
@@ -124,11 +125,16 @@ class Source:
         one_byte = self.encoding in ("", "utf-8-sig")
         with self._opened() as raw:
             raw.read(len(codecs.BOM_UTF8) if self.encoding == "utf-8-sig" else 0)
-            first, stream = 1, cast(Any, raw)
+            first, read, stream = 1, 0, cast(Any, raw)
             if not one_byte or _LONE_RETURN.search(self.head(_TOLD_BY)):
                 stream = io.TextIOWrapper(raw, "latin-1" if one_byte else self.encoding, "replace")
             while text := stream.read(size) + stream.readline(_LONGEST_LINE):
-                self._check_swelling(raw)
+                read += len(text)
+                if self.zipped and read > most_unpacked(self.size()):
+                    raise RecordingError(
+                        f"{self.path}: {self.size() / 1e6:.2g} MB unpack to over {read / 1e6:.2g} "
+                        "MB, as no recording does; unpack it and look at it"
+                    )
                 if isinstance(text, str):
                     text = text.encode("latin-1" if one_byte else "utf-8")
                 elif b"\r" in text:
@@ -147,15 +153,6 @@ class Source:
                     own = lines.split(b"\n", skipped)[-1]
                     yield Block(text=own, first_line=first + skipped, closed=not rest)
                 first += count
-
-    def _check_swelling(self, stream: BinaryIO) -> None:
-        """Refuse a compressed file as soon as it swells as no recording does."""
-        packed = cast(Any, stream).fileobj.tell() if self.zipped else 0
-        if self.zipped and stream.tell() > most_unpacked(packed):
-            raise RecordingError(
-                f"{self.path}: {packed / 1e6:.2g} MB of it unpack to {stream.tell() / 1e6:.2g} MB, "
-                "as no recording does; unpack it and look at it"
-            )
 
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:
@@ -206,8 +203,8 @@ def open_source(path: str | Path) -> Source:
     except OSError as error:
         raise RecordingError(f"{name}: {_why_not(Path(name), error)}") from None
     head = source.head(4)
-    marked = (encoding for mark, encoding in _BYTE_ORDER_MARKS if head.startswith(mark))
-    return replace(source, encoding=next(marked, ""))
+    told = (encoding for encoding, marks in _BYTE_ORDER_MARKS.items() if head.startswith(marks))
+    return replace(source, encoding=next(told, ""))
 
 
 def _why_not(path: Path, error: OSError) -> str:

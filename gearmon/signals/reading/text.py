@@ -215,11 +215,9 @@ def _check_end(path: str, before: bytes, block: Block, dialect: Dialect) -> None
     """
     if len(before) == _CUT_CHECK_BYTES:
         before = before.partition(b"\n")[2]
-    lines = decoded(before + block.text).split("\n")[:-1]
-    if not _is_row(lines[-1], dialect):
-        return
-    above = [dialect.split(line) for line in lines[-_MOST_ROWS - 1 : -1] if _is_row(line, dialect)]
-    reason = _cut(dialect.split(lines[-1]), above, dialect)
+    lines = decoded(before + block.text).split("\n")[-_MOST_ROWS - 2 : -1]
+    *above, last = [dialect.split(line) if _is_row(line, dialect) else [] for line in lines]
+    reason = last and _cut(last, [row for row in above if dialect.fits(row)], dialect)
     if reason:
         number = block.first_line + block.text.count(b"\n") - 1
         raise RecordingError(
@@ -248,7 +246,7 @@ def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) 
         return re.sub("[0-9]", "0", point + decimals)
 
     field = last[place]
-    usual = {ending(row[place]) for row in above if dialect.fits(row)}
+    usual = {ending(row[place]) for row in above}
     # fewer digits behind the point than all others have
     shorter = bool(above) and field.endswith(point) and point not in usual
     if len(usual) == 1 and len(above) >= _ENOUGH_ROWS:

@@ -258,7 +258,7 @@ class TestUniversalFile:
         path = written({}, {"rsp_node": 13})
         before, mark, after = path.read_bytes().rpartition(b"    58")
         path.write_bytes(before + put_in + mark + after)
-        assert "data set 2 does not begin with its type, so it is damaged" in refused(path)
+        assert "a data set has no type at its beginning, or no end" in refused(path)
 
 
 class TestParquet:
