@@ -217,7 +217,7 @@ def find_columns(origin: str, key: str | int, columns: Sequence[DataColumn]) -> 
     whole = [k for k, own in enumerate(columns) if own.array and own.array == key]
     if whole:
         return whole
-    names = [(own.name, own.cell) if own.cell else (own.name,) for own in columns]
+    names = [(own.name, own.cell or own.name) for own in columns]
     numbers = [own.number for own in columns]
     if isinstance(key, str):
         for spelling in (str.strip, str.lower):
@@ -232,7 +232,7 @@ def find_columns(origin: str, key: str | int, columns: Sequence[DataColumn]) -> 
                 return found
     if text.strip().isdigit() and int(text) in numbers:
         return [numbers.index(int(text))]
-    shown = [f"{shortened(own[0])} ({number})" for own, number in zip(names, numbers, strict=True)]
+    shown = [f"{shortened(own.name)} ({own.number})" for own in columns]
     listed = ", ".join(shown[:20]) + (", ..." if len(shown) > 20 else "")
     near = nearest_name(text, [name for own in names for name in own])
     meant = f"did you mean {shortened(near)}? " if near else ""

@@ -161,7 +161,12 @@ def read_rows(
         if "\0" in line:
             raise RecordingError(f"{where}: zero bytes; the file is damaged, copy it again")
         if is_comment(line):
-            _check_remark(where, line, dialect)
+            # a row of numbers but for its mark
+            if dialect.fitting(line.strip().lstrip("#% \t")) is not None:
+                raise RecordingError(
+                    f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it "
+                    "come too early; restore it, or cut the file there"
+                )
         elif any(fields := dialect.split(line)):
             if empty_line:
                 raise RecordingError(
@@ -172,15 +177,6 @@ def read_rows(
         elif dialect.columns == 1 or line.strip():
             empty_line = empty_line or number
     return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty_line
-
-
-def _check_remark(where: str, line: str, dialect: Dialect) -> None:
-    """Refuse a remark that is a row of numbers but for its mark."""
-    if dialect.fitting(line.strip().lstrip("#% \t")) is not None:
-        raise RecordingError(
-            f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it come "
-            "too early; restore it, or cut the file there"
-        )
 
 
 def _values(where: str, fields: Sequence[str], dialect: Dialect) -> list[float]:
@@ -337,18 +333,13 @@ def _layout_of(source: Source) -> Dialect:
     """Return the layout, as the beginning of the file tells it."""
     head = next(source.blocks(_HEAD_BYTES), Block(text=b"", first_line=1)).text
     lines = decoded(head).split("\n")[:-1]
-    found = find_layout(source.path, lines)
-    if found is None:
-        raise RecordingError(f"{source.path}: {_why_no_table(lines)}")
-    return found
-
-
-def _why_no_table(lines: Sequence[str]) -> str:
-    """Say what a text without rows of numbers holds instead."""
+    if found := find_layout(source.path, lines):
+        return found
     filled = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
     number, text = filled[-1]
     what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
-    return (
-        f"{what} in its {counted(len(lines), 'line')} (line {number} reads '{shortened(text)}'); "
-        "a recording has one line of numbers per sample, and no column of text"
+    raise RecordingError(
+        f"{source.path}: {what} in its {counted(len(lines), 'line')} (line {number} reads "
+        f"'{shortened(text)}'); a recording has one line of numbers per sample, and no column of "
+        "text"
     )
