@@ -13,10 +13,9 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import DataColumn, Defect, Table, find_columns, find_defect
-from gearmon.signals.reading.source import shortened
-from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
+from gearmon.signals.reading.timebase import even_step, sampling_rate
 from gearmon.signals.threads import side_by_side
-from gearmon.units import KNOWN_UNITS, acceleration_factor, is_unit, plain_unit
+from gearmon.units import acceleration_factor, plain_unit
 
 #: Told the share of a file that has been read.
 Progress = Callable[[float], object]
@@ -149,12 +148,6 @@ def _told(table: Table, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
         except RecordingError:
             absent.append(f"column '{sensor.column}' of the machine file is not in the recording")
             continue
-        if sensor.unit and not is_unit(sensor.unit):
-            raise RecordingError(
-                f"{table.path}: the [[sensor]] of column '{sensor.column}' is said to be in "
-                f"'{shortened(sensor.unit)}', which is no known unit; give {KNOWN_UNITS}, or "
-                "leave it out"
-            )
         unit = sensor.unit or (columns[place].unit if sensor.sensitivity == 1.0 else None)
         say(place, kind=sensor.kind, unit=unit, sensitivity=sensor.sensitivity, told="sensor")
     for place in chain.from_iterable(map(index, wanted.channels)):
@@ -187,17 +180,15 @@ def _confirmed(column: DataColumn, values: FloatArray, *, first: bool) -> tuple[
     unclear = column.kind == "index" or (first and column.kind == "vibration")
     if column.told or not unclear:
         return column.kind, ""
-    if not rises_evenly(values):  # named like a counter, it does not count
+    step = even_step(values)
+    if not step:  # named like a counter, it does not count
         return "other" if column.kind == "index" else "vibration", ""
-    if column.kind == "index" or counts_evenly(values):
+    if column.kind == "index" or step == 1.0:
         return "index", ""
     if not column.cell:
         return "time", f"{column.label} goes up evenly: taken as the time"
-    step = float(values[-1] - values[0]) / (len(values) - 1)
-    return (
-        "other",
-        f"{column.label} goes up evenly by {step:.6g}; if that is the time, name it time_s",
-    )
+    hint = f"{column.label} goes up evenly by {step:.6g}; if that is the time, name it time_s"
+    return "other", hint
 
 
 def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:

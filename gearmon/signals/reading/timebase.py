@@ -99,20 +99,15 @@ def spacing(stamps: FloatArray) -> Spacing:
     return replace(found, step=slope, uncertainty=resolution / (step * len(stamps)))
 
 
-def counts_evenly(values: FloatArray) -> bool:
-    """Tell whether the values go up by exactly 1 from each sample to the next."""
-    return len(values) > 1 and _first(values, lambda steps: steps != 1) < 0
-
-
-def rises_evenly(values: FloatArray) -> bool:
-    """Tell whether the values look like time stamps: strictly rising by nearly equal steps."""
+def even_step(values: FloatArray) -> float:
+    """Return by what values go up evenly, as time stamps and counters do; 0 if they do not."""
     # the ends decide for nearly every channel; a NaN anywhere shows in the extremes
     if len(values) < 3 or not (values[1] > values[0] and values[-1] > values[-2]):
-        return False
+        return 0.0
     if not np.isfinite(values.max() - values.min()) or values[-1] <= values[0]:
-        return False
+        return 0.0
     found = spacing(values)
-    return not found.fault and not found.coarse
+    return 0.0 if found.fault or found.coarse else found.step
 
 
 def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple[str, int]:
