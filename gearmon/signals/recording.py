@@ -14,15 +14,7 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, RecordingError, check_range, check_word
 from gearmon.result import Result, sample_rows, with_units
-from gearmon.signals.reading import (
-    Wanted,
-    identify,
-    interpret,
-    open_source,
-    read_arrays,
-    read_table,
-)
-from gearmon.signals.reading.arrays import choose, hold_memory
+from gearmon.signals.reading import Wanted, interpret, read_file, read_memory
 from gearmon.signals.reading.channels import Progress, SensorLike
 from gearmon.signals.reading.columns import DataColumn, all_finite, find_columns
 from gearmon.units import KNOWN_UNITS, is_unit
@@ -288,15 +280,11 @@ def read_recording(
         return _recording_of(source, wanted)
     if not isinstance(source, str | Path):
         try:
-            table = choose(hold_memory(source), wanted)
-            return Recording(**interpret(table, wanted))
+            return Recording(**interpret(read_memory(source, wanted), wanted))
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
             raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
-    file = open_source(source)
-    found = identify(file)
-    table = read_arrays(file, found, wanted) if found else read_table(file, wanted)
-    return Recording(**interpret(table, wanted))
+    return Recording(**interpret(read_file(source, wanted), wanted))
 
 
 def read_recordings(

@@ -404,8 +404,8 @@ def _table(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Tabl
     )
 
 
-def hold_memory(data: Any) -> Holding:
-    """Return an array or a frame as if it stood in a file.
+def read_memory(data: Any, wanted: Wanted) -> Table:
+    """Return the recording in an array or a frame, as if it stood in a file.
 
     Parameters
     ----------
@@ -413,21 +413,25 @@ def hold_memory(data: Any) -> Holding:
         An array of shape (n,), (channels, n) or (n, channels), the longer axis being time; or
         anything of pandas, whose columns may be named with their units, as "a1 [m/s2]", and whose
         index, of moments, durations or numbers, is the time.
+    wanted : Wanted
+        What the user says.
 
     Raises
     ------
     ArgumentError
         If it is none of these.
+    RecordingError
+        If there is no signal in it.
     """
     if hasattr(data, "to_frame") and hasattr(data, "index"):
         data = data.to_frame("" if data.name is None else data.name)  # a series is one column
     if hasattr(data, "columns") and hasattr(data, "iloc"):
-        return _of_frame(data)
+        return choose(_of_frame(data), wanted)
     if not hasattr(data, "__array__"):
         raise ArgumentError(f"recording: {type(data).__name__} is no recording; {_ACCEPTED}")
     values = np.asarray(data)
     what = f"an array of shape {values.shape} and type {values.dtype}"
-    return replace(hold({"": values}), path="array", what=what)
+    return choose(replace(hold({"": values}), path="array", what=what), wanted)
 
 
 def _of_frame(frame: Any) -> Holding:

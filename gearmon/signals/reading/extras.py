@@ -146,11 +146,8 @@ def read_parquet(path: str) -> Iterator[Holding]:
 
 def _check_pages(path: str, told: Any) -> None:
     """Refuse pages that do not end where what stands behind them begins: later values are moved."""
-    chunks = [
-        told.row_group(group).column(column)
-        for group in range(told.num_row_groups)
-        for column in range(told.num_columns)
-    ]
+    groups = map(told.row_group, range(told.num_row_groups))
+    chunks = [group.column(k) for group in groups for k in range(told.num_columns)]
     ends = [
         (own.dictionary_page_offset or own.data_page_offset) + own.total_compressed_size
         for own in chunks
@@ -326,10 +323,8 @@ def read_flac(path: str) -> Iterator[Holding]:
     with soundfile.SoundFile(path) as file:
 
         def read(start: int, stop: int) -> FloatArray:
-            if file.tell() != start:
-                file.seek(start)
-            part = file.read(stop - start, dtype="float64", always_2d=True)
-            return np.asarray(part, dtype=np.float64).T
+            file.seek(start)
+            return np.asarray(file.read(stop - start, dtype="float64", always_2d=True)).T
 
         array = Array(
             name="",

@@ -28,6 +28,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,8 @@ from gearmon.signals.reading import extras
 from gearmon.signals.reading.arrays import Array, Holding, choose, hold
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Table
-from gearmon.signals.reading.source import Source, shortened
+from gearmon.signals.reading.source import Source, open_source, shortened
+from gearmon.signals.reading.text import read_table
 
 Loader = Callable[[str], AbstractContextManager[Holding]]
 
@@ -107,24 +109,28 @@ def identify(source: Source) -> Format | None:
     return known or (Format("a binary file of unknown kind", b"") if binary else None)
 
 
-def read_arrays(source: Source, found: Format, wanted: Wanted) -> Table:
-    """Return the recording in a file that is no text.
+def read_file(path: str | Path, wanted: Wanted) -> Table:
+    """Return the recording in a file.
 
     Parameters
     ----------
-    source : Source
-        The file.
-    found : Format
-        Its kind.
+    path : str or Path
+        The file, or a pipe such as ``/dev/stdin``.
     wanted : Wanted
         What the user says.
 
     Raises
     ------
     RecordingError
-        If that kind is not read or its library is not installed, the file is packed, comes through
-        a pipe, or is damaged, or holds no recording.
+        If there is no such file or it holds no recording, its kind is not read or its library is
+        not installed, or it is packed, comes through a pipe or is damaged.
     """
+    source = open_source(path)
+    found = identify(source)
+    return _read_arrays(source, found, wanted) if found else read_table(source, wanted)
+
+
+def _read_arrays(source: Source, found: Format, wanted: Wanted) -> Table:
     if found.loader is None:
         raise RecordingError(
             f"{source.path}: looks like {found.what}, which is not read here; {found.remedy} "

@@ -126,7 +126,6 @@ def _parsed(text: bytes, dialect: Dialect) -> FloatArray | None:
             quoting=3,  # csv.QUOTE_NONE
             skip_blank_lines=False,
             low_memory=False,
-            engine="c",
         )
     except (ValueError, OverflowError):  # any text that is no number
         return None
