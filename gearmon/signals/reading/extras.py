@@ -37,8 +37,8 @@ from gearmon.signals.reading.arrays import (
 
 # MATLAB stores text as numbers, and cells as references to what lies in #refs#.
 _NO_SIGNALS = ("char", "cell", "struct", "function_handle")
-_FEWEST_SAMPLES = 2
-_MOST_TRIAL_S = 10  # of processor time, to look through a file that may crash its library
+# Processor time to look through a file that may crash its library; a tenth of what zlib unpacks.
+_TRIAL_S, _TRIAL_BYTES_A_S = 10, 10_000_000
 # Of UFF: functions (of time, if the code says so), and directions of a sensor.
 _FUNCTION_SET = 58
 _GENERAL, _TIME_RESPONSE = 0, 1
@@ -69,9 +69,9 @@ def try_out(path: str, task: Callable[[], object]) -> None:
         try:
             faulthandler.disable()
             held = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
-            most = held + most_unpacked(os.path.getsize(path))
-            resource.setrlimit(resource.RLIMIT_DATA, (most, most))
-            resource.setrlimit(resource.RLIMIT_CPU, (_MOST_TRIAL_S, _MOST_TRIAL_S))
+            size = os.path.getsize(path)
+            resource.setrlimit(resource.RLIMIT_DATA, (held + most_unpacked(size),) * 2)
+            resource.setrlimit(resource.RLIMIT_CPU, (_TRIAL_S + size // _TRIAL_BYTES_A_S,) * 2)
             task()
         except MemoryError:
             outcome = 1
@@ -176,7 +176,7 @@ def _parquet_columns(file: Any) -> Holding:
     # the row labels of a data frame are no channel
     channels = [field for field in kept if not field.name.startswith("__index_level_")]
     return Holding(
-        arrays=tuple(map(column, channels)) if rows >= _FEWEST_SAMPLES else (),
+        arrays=tuple(map(column, channels)) if rows > 1 else (),
         together=True,
         facts=numbers_in(schema.metadata),
         left_out=tuple(f"{field.name} ({field.type})" for field in schema if field not in kept),
@@ -217,12 +217,12 @@ def read_tdms(path: str) -> Iterator[Holding]:
         names = [
             own.name if once[own.name] == 1 else f"{own.group_name}/{own.name}" for own in channels
         ]
-        arrays = [_tdms_array(name, own) for name, own in zip(names, channels, strict=True)]
+        found = [(name, _tdms_array(name, own)) for name, own in zip(names, channels, strict=True)]
         yield Holding(
-            arrays=tuple(filter(None, arrays)),
+            arrays=tuple(array for _, array in found if array),
             together=True,
             facts=facts,
-            left_out=tuple(name for name, own in zip(names, arrays, strict=True) if own is None),
+            left_out=tuple(name for name, array in found if not array),
         )
 
 
