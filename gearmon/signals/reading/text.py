@@ -49,7 +49,7 @@ _NO_VALUES = ["", "nan", "NaN"]
 _ENOUGH_ROWS, _MOST_ROWS = 50, 200
 _CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD][+-]?)?|[+-]?[.,]")
 _REMEDY = "correct it, or put # before the line if it is no sample"
-_HEAD_BYTES = 1024 * 1024  # tell the layout
+_HEAD_BYTES = 768 * 1024  # tell the layout
 # Threads pay only where a file has many blocks; more than four wait for the interpreter.
 _THREADED_BYTES = 8 * 1024 * 1024
 _MOST_THREADS = 4
@@ -93,10 +93,10 @@ def parse_rows(text: bytes, dialect: Dialect) -> FloatArray | None:
         text = text.translate(_FORTRAN_EXPONENTS)
     while dialect.trailing and separator + b"\n" in text:
         text = text.replace(separator + b"\n", b"\n")
-    # in a single column a blank line may stand for a missing number
-    if dialect.columns > 1 and (b"\n\n" in text or text.startswith(b"\n")):
-        text = _BLANK_LINES.sub(b"\n", text).lstrip(b"\n")
     values = _parsed(text, dialect)
+    # in a single column a blank line may stand for a missing number
+    if values is None and dialect.columns > 1 and (b"\n\n" in text or text.startswith(b"\n")):
+        return parse_rows(_BLANK_LINES.sub(b"\n", text).lstrip(b"\n"), dialect)
     if values is None or (np.isfinite(values.min()) and np.isfinite(values.max())):
         return values
     # pandas fills up short rows and refuses long ones: with all separators there, none is short

@@ -90,7 +90,7 @@ def spacing(stamps: FloatArray) -> Spacing:
     slope, off = _straight_line(stamps)
     drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * len(stamps)
     rounded = resolution if coarse else 0.5 * resolution
-    if not fault and np.abs(off).max() > rounded + (_JITTER + drift) * step:
+    if not fault and max(off.max(), -off.min()) > rounded + (_JITTER + drift) * step:
         row = int(np.abs(off).argmax())
         fault = f"{stamps[row]:.9g} is off the even spacing of {step:.6g}"
     found = Spacing(step=abs(step), coarse=coarse, fault=fault, row=row)
@@ -170,9 +170,11 @@ def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
     Rounding averages out of the slope.
     """
     count = len(stamps)
-    number, centred = np.arange(count) - 0.5 * (count - 1), stamps - stamps.mean()
-    slope = float(centred @ number) * 12.0 / (count * (count**2 - 1.0))
-    return slope, centred - slope * number
+    number, beside = np.arange(count) - 0.5 * (count - 1), stamps - stamps.mean()
+    slope = float(beside @ number) * 12.0 / (count * (count**2 - 1.0))
+    number *= slope
+    beside -= number
+    return slope, beside
 
 
 def sampling_rate(
