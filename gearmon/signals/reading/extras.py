@@ -189,7 +189,7 @@ def read_tdms(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If the file is damaged, or its last part is incomplete.
     """
     import nptdms
@@ -311,13 +311,7 @@ def _place(number: int, one: dict[str, Any], taken: Sequence[Array]) -> str:
 
 @contextmanager
 def read_flac(path: str) -> Iterator[Holding]:
-    """Give what a FLAC file holds: one array, its sampling rate, no unit.
-
-    Raises
-    ------
-    RecordingError
-        If the file is damaged.
-    """
+    """Give what a FLAC file holds: one array, its sampling rate, no unit."""
     import soundfile
 
     with soundfile.SoundFile(path) as file:

@@ -15,7 +15,7 @@ as a file of that size may take: SciPy 1.17 crashed on 6 of 1,400 that were chan
 References
 ----------
 EBU Tech 3306, "MBWF / RF64: an extended file format for audio", 2009; Microsoft, "Multiple channel
-audio data and WAVE files", 2007; MathWorks, "MAT-File Format", 2023, chapter 1.
+audio data and WAVE files", 2007.
 """
 
 from __future__ import annotations
