@@ -54,7 +54,10 @@ from gearmon.fleet.plan import Fleet, arrived
 from gearmon.fleet.rank import rank
 from gearmon.harvesting.request import load_harvester
 from gearmon.machine import load_machine
-from gearmon.signals.reading import Wanted, identify, interpret, open_source, read_table
+from gearmon.signals.reading import Wanted, interpret
+from gearmon.signals.reading.formats import identify
+from gearmon.signals.reading.source import open_source
+from gearmon.signals.reading.text import read_table
 from gearmon.signals.recording import read_recording
 from gearmon.signatures.measured import indicators
 from gearmon.signatures.measured.reference import read_reference, write_reference
@@ -357,7 +360,7 @@ def any_table(_: bytes, random: np.random.Generator) -> bytes:
 def rows_of(path: Path) -> np.ndarray | None:
     """Return the numbers of a text; what the columns mean has to be found out or refused."""
     source = open_source(path)
-    if not identify(source).is_text:
+    if identify(source):
         return None
     table = read_table(source)
     rows = table.values.copy()  # what is found to be in g is turned into m/s2 in its place

@@ -79,11 +79,17 @@ def test_units_are_told_or_unknown_and_never_guessed(samples):
     [
         ({"a": 1}, "recording: dict is no recording; give the name of a file, an array"),
         (3, "int is no recording"),
-        (np.zeros(9), "the sampling rate of an array of shape .9,. cannot be known"),
+        (np.zeros(9), "does not say its sampling rate; give sampling_rate_hz"),
         (np.zeros((5, 5)), "an array of shape .5, 5. .* more samples than channels"),
-        (np.array(["a", "b"]), "and type <U1 is none"),
-        (pd.DataFrame({"a": np.arange(9.0) % 4}), "sampling rate is not known; give sampling_rate"),
-        (pd.DataFrame({"a": ["x", "y"]}), "holds no recording; columns of numbers are channels"),
+        (np.array(["a", "b"]), "and type <U1 without a signal in it"),
+        (
+            pd.DataFrame({"a": np.arange(9.0) % 4}),
+            "does not say its sampling rate; give sampling_rate_hz",
+        ),
+        (
+            pd.DataFrame({"a": ["x", "y"]}),
+            r"without a signal in it .it holds a.; an array of real numbers",
+        ),
     ],
 )
 def test_what_is_no_recording_is_refused_in_one_line(source, said):

@@ -14,18 +14,9 @@ import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, RecordingError, check_range, check_word
 from gearmon.result import Result, sample_rows, with_units
-from gearmon.signals.reading import (
-    Wanted,
-    identify,
-    interpret,
-    open_source,
-    read_arrays,
-    read_table,
-)
-from gearmon.signals.reading.arrays import choose, hold_memory
-from gearmon.signals.reading.channels import SensorLike
+from gearmon.signals.reading import Wanted, interpret, read_file, read_memory
+from gearmon.signals.reading.channels import Progress, SensorLike
 from gearmon.signals.reading.columns import DataColumn, all_finite, find_columns
-from gearmon.signals.reading.source import Progress
 from gearmon.units import KNOWN_UNITS, is_unit
 
 #: Vibration is sampled no slower and no faster [Hz].
@@ -57,8 +48,6 @@ class Recording(Result):
         What was assumed or left out on reading, in sentences for the user.
     columns : tuple of int, optional
         The column of each channel in its file, counted from 1 and counting every column.
-    speed_rpm : float > 0 or None
-        The speed that the file states as one number [1/min], of whatever shaft it means.
     tacho_told : bool
         Whether somebody said that a tacho channel is one, not its name alone: then it must be
         usable.
@@ -98,7 +87,6 @@ class Recording(Result):
     origin: str = ""
     notes: tuple[str, ...] = ()
     columns: tuple[int, ...] = ()
-    speed_rpm: float | None = None
     tacho_told: bool = True
     left_out: tuple[tuple[int, int], ...] | None = None
     known_finite: InitVar[bool] = False
@@ -292,15 +280,11 @@ def read_recording(
         return _recording_of(source, wanted)
     if not isinstance(source, str | Path):
         try:
-            content = choose(hold_memory(source, sampling_rate_hz), wanted)
-            return Recording(**interpret(content, wanted))
+            return Recording(**interpret(read_memory(source, wanted), wanted))
         except RecordingError as error:  # whoever has a frame has no command line
             told = str(error).replace("--sampling-rate HZ", "--sampling-rate")
             raise RecordingError(told.replace("--sampling-rate", "sampling_rate_hz")) from None
-    file = open_source(source)
-    found = identify(file)
-    content = read_table(file, wanted) if found.is_text else read_arrays(file, found, wanted)
-    return Recording(**interpret(content, wanted))
+    return Recording(**interpret(read_file(source, wanted), wanted))
 
 
 def read_recordings(
@@ -374,10 +358,14 @@ def open_recording(
     return read_recording(path, sampling_rate_hz, channels, tacho, sensors, on_disk=True)
 
 
-def _room_in_memory(shape: tuple[int, int]) -> Samples:
+def _room_in_memory(path: str, shape: tuple[int, int]) -> Samples:
     """Return an array of this shape if there is memory for it: the system would give it anyway."""
-    if 8 * math.prod(shape) > _free_bytes():
-        raise MemoryError
+    needed = 8 * math.prod(shape)
+    if needed > _free_bytes():
+        raise RecordingError(
+            f"{path}: its numbers need {1e-9 * needed:.3g} GB of memory; cut the recording, or "
+            "take open_recording"
+        )
     return np.empty(shape)
 
 
@@ -392,7 +380,7 @@ def _free_bytes() -> float:
     return free
 
 
-def _room_on_disk(shape: tuple[int, int]) -> Samples:
+def _room_on_disk(_path: str, shape: tuple[int, int]) -> Samples:
     """Return an array of this shape that lies in a nameless temporary file."""
     from tempfile import TemporaryFile  # most recordings fit into memory
 

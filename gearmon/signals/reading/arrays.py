@@ -6,6 +6,7 @@ Taken are the arrays that the user names, or the only ones that can be the recor
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -13,38 +14,32 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import (
-    Content,
-    DataColumn,
-    describe_columns,
-    find_columns,
-    reserved,
-)
-from gearmon.signals.reading.source import Floats, shortened
+from gearmon.signals.reading.columns import DataColumn, Table, describe_columns, find_columns
+from gearmon.signals.reading.source import shortened
 
-Read = Callable[[int, int], Floats]
+Read = Callable[[int, int], FloatArray]
 
 # Names in plain letters, without "hz" behind them.
-_RATE_NAMES = frozenset(
-    {"fs", "samplingrate", "samplerate", "samplingfrequency", "samplefrequency"}
-    | {"samplingfreq", "samplefreq", "abtastrate", "abtastfrequenz"}
-)
+_RATE = re.compile("fs|sampl(e|ing)(rate|freq|frequency)|abtast(rate|frequenz)")
 # Names that mean it nearly always, and between which numbers they are believed: a shaft of 30,000
 # 1/min turns at 500 Hz, so what is slower may be a speed and can sample no mesh; nothing that is
 # recorded as vibration is faster than 100 MHz.
-_LIKELY_NAMES = frozenset({"sr", "sampfreq", "samprate"})
+_LIKELY = re.compile("sr|sampfreq|samprate")
 _PLAUSIBLE_HZ = (500.0, 1e8)
 # What may be the rate or the interval, and may be something else, such as the rate of a shaft.
-_HINT_NAMES = frozenset({"rate", "dt", "ts", "deltat", "timestep", "sampletime", "f"})
-_MOST_AXES = 2
-_FEWEST_SAMPLES = 2
+_HINT = re.compile("rate|dt|ts|deltat|timestep|sampletime|f")
+# Kinds of numpy: moments and durations, and what may be samples.
+_MOMENTS = "mM"
+_NUMBERS = "fiub" + _MOMENTS
 _BLOCK = 1 << 18
 _LISTED = 12
 _SAME_RATE = 1e-9
 _HALF_SAMPLE = 0.5
+_UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 # What is taken of arrays and frames in memory.
 _ACCEPTED = (
     "give the name of a file, an array of shape (n,) or (channels, n) with sampling_rate_hz=, a "
@@ -70,8 +65,8 @@ class Array:
         The unit of each channel; None where the file states none.
     rate_hz : float > 0 or None
         The sampling rate, if the file states one for this array.
-    start_s : float or None
-        When the first sample was taken, if the file tells.
+    start_s : float
+        When the first sample was taken, by the clock that the arrays of the file share.
     columns : tuple of DataColumn
         Its channels, once those of all arrays are numbered.
     """
@@ -82,7 +77,7 @@ class Array:
     read: Read
     units: tuple[str | None, ...] = ()
     rate_hz: float | None = None
-    start_s: float | None = None
+    start_s: float = 0.0
     columns: tuple[DataColumn, ...] = ()
 
     def __str__(self) -> str:
@@ -97,15 +92,11 @@ class Array:
 
     def differs(self, other: Array) -> str:
         """Say why both are not channels of one recording; "" if they may be."""
-        rate = self.rate_hz
         if other.count != self.count:
             return "are not equally long"
-        if rate is None or other.rate_hz is None:
-            return "" if rate == other.rate_hz else "have different sampling rates"
-        if abs(rate - other.rate_hz) > _SAME_RATE * rate:
+        rate, another = self.rate_hz or 0.0, other.rate_hz or 0.0
+        if abs(rate - another) > _SAME_RATE * rate:
             return "have different sampling rates"
-        if self.start_s is None or other.start_s is None:
-            return ""
         late = abs(self.start_s - other.start_s) * rate >= _HALF_SAMPLE
         return "do not start at the same time" if late else ""
 
@@ -152,6 +143,30 @@ class Holding:
         return replace(self, arrays=tuple(arrays))
 
 
+def plain_text(value: Any) -> str:
+    """Return a text without blanks around it; "" for what is none or says NONE."""
+    text = value.decode(errors="replace") if isinstance(value, bytes) else value
+    stripped = text.strip() if isinstance(text, str) else ""
+    return "" if stripped.upper() == "NONE" else stripped
+
+
+def unit_in(metadata: Mapping[Any, Any] | None) -> str | None:
+    """Return the unit that stands beside an array."""
+    named = {plain_text(key): plain_text(value) for key, value in (metadata or {}).items()}
+    return next((named[key] for key in _UNIT_NAMES if named.get(key)), None)
+
+
+def numbers_in(metadata: Mapping[Any, Any] | None, prefix: str = "") -> dict[str, float]:
+    """Return the single numbers that stand beside the arrays."""
+    found = {}
+    for key, value in (metadata or {}).items():
+        single = np.asarray(value).reshape(-1)
+        with suppress(TypeError, ValueError):  # a text, a moment
+            if single.size == 1:
+                found[f"{prefix}{plain_text(key)}"] = float(single[0])
+    return found
+
+
 def as_array(
     name: str, data: Any, *, unit: str | None = None, rate_hz: float | None = None
 ) -> Array | None:
@@ -163,7 +178,7 @@ def as_array(
     ----------
     name : str
         The name in the file.
-    data : array-like with `shape`, `dtype` and slicing
+    data : array-like with `shape` or length, `dtype` and slicing
         The numbers; they are read only when samples are asked for.
     unit : str, optional
         Their unit.
@@ -175,21 +190,21 @@ def as_array(
     Array or None
         None if it can be no signal: no real numbers, one number only, other shapes.
     """
-    long_axes = [axis for axis, size in enumerate(data.shape) if size != 1]
-    if data.dtype.kind not in "fiub" or not long_axes or len(long_axes) > _MOST_AXES:
+    shape = data.shape if hasattr(data, "shape") else (len(data),)
+    long_axes = [axis for axis, size in enumerate(shape) if size != 1]
+    sizes = sorted(int(shape[axis]) for axis in long_axes)
+    told_apart = len(sizes) in (1, 2) and len({0, *sizes}) > len(sizes)
+    if data.dtype.kind not in "fiub" or not told_apart:
         return None
-    time = max(long_axes, key=lambda axis: data.shape[axis])
-    others = [axis for axis in long_axes if axis != time]
-    count, channels = int(data.shape[time]), math.prod(int(data.shape[a]) for a in others)
-    if count < _FEWEST_SAMPLES or channels == 0 or (others and channels == count):
-        return None
+    count, channels = sizes[-1], math.prod(sizes[:-1])
+    time = next(axis for axis in long_axes if shape[axis] == count)
+    index: list[Any] = [slice(None) if axis in long_axes else 0 for axis in range(len(shape))]
 
-    def read(start: int, stop: int) -> Floats:
-        index = [slice(None) if axis in long_axes else 0 for axis in range(len(data.shape))]
-        index[time] = slice(start, stop)
-        part = np.asarray(data[tuple(index)], dtype=np.float64)
-        part = part.T if others and time < others[0] else part
-        return part.reshape(channels, -1)
+    def read(start: int, stop: int) -> FloatArray:
+        own = (*index[:time], slice(start, stop), *index[time + 1 :])
+        part = np.asarray(data[own if len(own) > 1 else own[0]], dtype=np.float64)
+        in_rows = time == long_axes[0]
+        return part.reshape(-1, channels).T if in_rows else part.reshape(channels, -1)
 
     numbered = tuple(f"{name} {k}" if name else "" for k in range(1, channels + 1))
     return Array(
@@ -202,43 +217,33 @@ def as_array(
     )
 
 
-def hold(path: str, items: dict[str, Any], left_out: tuple[str, ...] = ()) -> Holding:
+def hold(items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
     """Return named arrays and single numbers as what a file holds.
 
     Parameters
     ----------
-    path : str
-        The file, for messages.
-    items : dict of str to array-like
+    items : mapping of str to array-like
         Arrays and single numbers by name.
-    left_out : tuple of str
+    left_out : sequence of str
         What else is in the file.
-
-    Raises
-    ------
-    RecordingError
-        If the only array has two axes of the same length.
     """
-    arrays, facts, others = [], {}, list(left_out)
+    arrays, facts, others = [], {}, [*left_out]
     for name, data in items.items():
-        if data.dtype.kind not in "fiub":
-            others.append(name)
-            continue
-        if data.dtype.kind != "b" and all(size == 1 for size in data.shape):
+        single = data.dtype.kind in "fiu" and all(size == 1 for size in data.shape)
+        if single:
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
-            continue
-        array = as_array(name, data)
-        if array is None:
-            others.append(f"{name or 'numbers'} of shape {data.shape} and type {data.dtype}")
-        else:
+        elif array := as_array(name, data, **_told_beside(data)):
             arrays.append(array)
-    shapes = [data.shape for data in items.values() if data.ndim == 2 and data.size > 1]
-    if not arrays and shapes and shapes[0][0] == shapes[0][1]:
-        raise RecordingError(
-            f"{path}: an array of shape {shapes[0]}: which axis is time cannot be told; store one "
-            "channel, or more samples than channels"
-        )
+        else:
+            what = f" of shape {data.shape}" if data.dtype.kind in "fiubc" and data.shape else ""
+            others.append(f"{name or 'numbers'}{what}")
     return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
+
+
+def _told_beside(data: Any) -> dict[str, Any]:
+    """Return unit and sampling rate of an array as its attributes tell, if it has any."""
+    attributes = getattr(data, "attrs", {})
+    return {"unit": unit_in(attributes), "rate_hz": stated_rate(numbers_in(attributes))[0]}
 
 
 def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
@@ -257,48 +262,25 @@ def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
     (None, 'sr = 48828, SampFreq = 97656 may be it')
     """
 
-    def told(names: frozenset[str]) -> dict[str, float]:
-        return {shortened(name): own for name, own in facts.items() if _plain(name) in names}
+    def told(*names: re.Pattern[str]) -> dict[str, float]:
+        own = {shortened(k): value for k, value in facts.items()}
+        return {k: own[k] for k in own if any(name.fullmatch(_plain(k)) for name in names)}
 
-    sure, likely, hints = told(_RATE_NAMES), told(_LIKELY_NAMES), told(_HINT_NAMES)
-    if len(set(sure.values())) == 1 and 0 < min(sure.values()) < math.inf:
+    def shown(rates: Mapping[str, float]) -> str:
+        return ", ".join(f"{name} = {value:g}" for name, value in rates.items())
+
+    sure, every, (low, high) = told(_RATE), told(_RATE, _LIKELY, _HINT), _PLAUSIBLE_HZ
+    if len({*sure.values()}) == 1 and 0 < min(sure.values()) < math.inf:
         return next(iter(sure.values())), ""
-    believed = _plausible(sure | likely)
-    if len(set(believed.values())) == 1:
+    plausible = {name: own for name, own in every.items() if low <= own <= high}
+    believed = {name: own for name, own in told(_RATE, _LIKELY).items() if name in plausible}
+    if len({*believed.values()}) == 1:
         name, rate = next(iter(believed.items()))
-        others = _shown({k: own for k, own in (sure | likely | hints).items() if k not in believed})
-        remark = f"sampling rate {rate:g} Hz taken from {name}"
-        return rate, f"{remark}, not {others}" if others else remark
-    doubtful = sure | likely | hints
-    return None, f"{_shown(_plausible(doubtful) or doubtful)} may be it" if doubtful else ""
-
-
-def _plausible(rates: Mapping[str, float]) -> dict[str, float]:
-    low, high = _PLAUSIBLE_HZ
-    return {name: own for name, own in rates.items() if low <= own <= high}
-
-
-def _shown(facts: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} = {value:g}" for name, value in facts.items())
-
-
-def _stated_speed(facts: Mapping[str, float]) -> tuple[float | None, str]:
-    """Return the speed in rpm among the facts, and its name; None if none or several are there.
-
-    Examples
-    --------
-    >>> _stated_speed({"X097RPM": 1796.0})
-    (1796.0, 'X097RPM')
-    """
-    named = {
-        name: value
-        for name, value in facts.items()
-        if _plain(name).endswith("rpm") and 0 < value < math.inf
-    }
-    if len(set(named.values())) != 1:
-        return None, ""
-    name, speed = next(iter(named.items()))
-    return speed, name
+        others = shown({k: own for k, own in every.items() if k not in believed})
+        return rate, f"sampling rate {rate:g} Hz taken from {name}" + f", not {others}" * bool(
+            others
+        )
+    return None, f"{shown(plausible or every)} may be it" if every else ""
 
 
 def _plain(name: str) -> str:
@@ -306,7 +288,7 @@ def _plain(name: str) -> str:
     return "".join(character for character in last if character.isalnum()).removesuffix("hz")
 
 
-def choose(holding: Holding, wanted: Wanted) -> Content:
+def choose(holding: Holding, wanted: Wanted) -> Table:
     """Return the columns that make up the recording.
 
     A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it. Without
@@ -330,48 +312,42 @@ def choose(holding: Holding, wanted: Wanted) -> Content:
         others = ", ".join(map(shortened, holding.left_out[:_LISTED]))
         raise RecordingError(
             f"{holding.path}: {holding.what} without a signal in it"
-            f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed"
+            f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed, "
+            "with more samples than channels"
         )
     holding = holding.numbered()
-    chosen = _named(holding, wanted) or _only(holding)
+    named = _named(holding, wanted)
+    chosen = named or [own for own in holding.arrays if own.has("vibration")] or holding.arrays
     first = chosen[0]
     for other in chosen[1:]:
         what = first.differs(other)
-        if what:
+        why = what and f"'{shortened(first.name)}' and '{shortened(other.name)}' {what}"
+        if not (named or holding.together):
+            why = f"holds {len(chosen)} arrays that may be the recording"
+        if why:
             raise RecordingError(
-                f"{holding.path}: '{shortened(first.name)}' and '{shortened(other.name)}' {what}; "
-                f"name with --channel what belongs together: {_listed(chosen)}"
+                f"{holding.path}: {why}; name with --channel what belongs together: "
+                f"{_listed(chosen)}"
             )
     taken = [own for own in holding.arrays if own in chosen or _accompanies(own, first, holding)]
-    return _content(holding, taken, _filled(holding, taken, wanted))
+    return _table(holding, taken, _filled(holding, taken, wanted))
 
 
 def _named(holding: Holding, wanted: Wanted) -> list[Array]:
     """Return the arrays that hold what the user named; the tacho alone names no vibration."""
     columns = [column for array in holding.arrays for column in array.columns]
 
-    def numbers(key: str | int) -> set[int]:
-        return {columns[k].number for k in find_columns(holding.path, key, columns)}
+    def numbers(*keys: str | int) -> set[int]:
+        places = (k for key in keys for k in find_columns(holding.path, key, columns))
+        return {columns[k].number for k in places}
 
-    found = set().union(*map(numbers, wanted.channels))
+    found = numbers(*wanted.channels)
     tacho = set() if wanted.tacho is None else numbers(wanted.tacho)
     for sensor in () if found else wanted.sensors:
         with suppress(RecordingError):  # a sensor of the machine need not be in every recording
             found |= numbers(sensor.column)
-    if found:
-        found |= tacho
+    found |= tacho if found else set()
     return [one for one in holding.arrays if found & {column.number for column in one.columns}]
-
-
-def _only(holding: Holding) -> Sequence[Array]:
-    """Return the arrays that may be vibration if there is no choice among them."""
-    possible = [one for one in holding.arrays if one.has("vibration")] or holding.arrays
-    if len(possible) > 1 and not holding.together:
-        raise RecordingError(
-            f"{holding.path}: holds {len(possible)} arrays that may be the recording; name one "
-            f"with --channel: {_listed(possible)}"
-        )
-    return possible
 
 
 def _accompanies(one: Array, chosen: Array, holding: Holding) -> bool:
@@ -385,7 +361,7 @@ def _listed(arrays: Sequence[Array]) -> str:
     return ", ".join(map(str, arrays[:_LISTED])) + (", ..." if len(arrays) > _LISTED else "")
 
 
-def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> Floats:
+def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> FloatArray:
     """Read arrays of one length into one, block by block."""
     rows, total = sum(len(array.names) for array in arrays), arrays[0].count
     if 8 * total * rows > most_unpacked(holding.size):
@@ -394,7 +370,7 @@ def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> Floats
             f"{holding.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its samples "
             "in another file?"
         )
-    values, row = reserved(holding.path, wanted.room, (rows, total)), 0
+    values, row = wanted.room(holding.path, (rows, total)), 0
     for array in arrays:
         end = row + len(array.names)
         for start in range(0, total, _BLOCK):
@@ -408,32 +384,28 @@ def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> Floats
     return values
 
 
-def _content(holding: Holding, taken: Sequence[Array], values: Floats) -> Content:
+def _table(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Table:
     rate, remark = stated_rate(holding.facts)
     own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
-    speed, name = _stated_speed(holding.facts)
-    notes = list(holding.notes)
-    if remark and rate is not None and own is None:
-        notes.append(remark)
-    if speed is not None:
-        notes.append(f"the file states a speed of {speed:g} rpm ({shortened(name)})")
+    notes = [*holding.notes, remark if rate is not None and own is None else ""]
+    speeds = (name for name in holding.facts if _plain(name).endswith("rpm"))
+    notes += [f"the file states {shortened(name)} = {holding.facts[name]:g}" for name in speeds]
     if holding.together:
         notes += [f"{shortened(own)} holds no numbers: left out" for own in holding.left_out]
     elif len(taken) < len(holding.arrays):
         notes.append(f"taken from the file: {_listed(taken)}")
-    return Content(
+    return Table(
         path=holding.path,
         values=values,
         columns=tuple(column for one in taken for column in one.columns),
         rate_hz=rate if own is None else own,
         rate_hint=remark,
-        speed_rpm=speed,
         notes=tuple(notes),
     )
 
 
-def hold_memory(data: Any, rate_hz: float | None) -> Holding:
-    """Return an array or a frame as if it stood in a file.
+def read_memory(data: Any, wanted: Wanted) -> Table:
+    """Return the recording in an array or a frame, as if it stood in a file.
 
     Parameters
     ----------
@@ -441,65 +413,49 @@ def hold_memory(data: Any, rate_hz: float | None) -> Holding:
         An array of shape (n,), (channels, n) or (n, channels), the longer axis being time; or
         anything of pandas, whose columns may be named with their units, as "a1 [m/s2]", and whose
         index, of moments, durations or numbers, is the time.
-    rate_hz : float > 0 or None
-        Its sampling rate, where somebody told it.
+    wanted : Wanted
+        What the user says.
 
     Raises
     ------
     ArgumentError
-        If it is none of these, or the sampling rate is not known.
+        If it is none of these.
     RecordingError
-        If there are no numbers in it.
+        If there is no signal in it.
     """
     if hasattr(data, "to_frame") and hasattr(data, "index"):
         data = data.to_frame("" if data.name is None else data.name)  # a series is one column
     if hasattr(data, "columns") and hasattr(data, "iloc"):
-        return _of_frame(data, rate_hz)
+        return choose(_of_frame(data), wanted)
     if not hasattr(data, "__array__"):
         raise ArgumentError(f"recording: {type(data).__name__} is no recording; {_ACCEPTED}")
     values = np.asarray(data)
-    found = as_array("", values, rate_hz=rate_hz)
-    if found is None:
-        raise ArgumentError(
-            f"recording: an array of shape {values.shape} and type {values.dtype} is none; "
-            f"{_ACCEPTED}, with more samples than channels"
-        )
-    if rate_hz is None:
-        raise ArgumentError(
-            f"recording: the sampling rate of an array of shape {values.shape} cannot be known; "
-            "give sampling_rate_hz="
-        )
-    return Holding(arrays=(found,), path="array", what="an array")
+    what = f"an array of shape {values.shape} and type {values.dtype}"
+    return choose(replace(hold({"": values}), path="array", what=what), wanted)
 
 
-def _of_frame(frame: Any, rate_hz: float | None) -> Holding:
-    """Take the columns of numbers, and the index as one more where it may be the time."""
+def _of_frame(frame: Any) -> Holding:
+    """Take the columns of numbers and moments of a data frame, and its index if it tells more.
+
+    That is one of numbers or moments that does not only count.
+    """
     columns = [(str(name), frame.iloc[:, number]) for number, name in enumerate(frame.columns)]
-    taken = [(name, own) for name, own in columns if _kind(own) in "fiub"]
-    if not taken or len(frame) < _FEWEST_SAMPLES:
-        raise RecordingError(
-            f"DataFrame of shape {frame.shape}: holds no recording; columns of numbers are channels"
-        )
-    index, names = frame.index, [name for name, _ in taken]
-    if not any(column.kind == "time" for column in describe_columns(names)):
-        if _kind(index) in "fiumM" and type(index).__name__ != "RangeIndex":
-            moments = _kind(index) in "mM"
-            taken.append(("time_ns" if moments else str(index.name or "time"), index))
-        elif rate_hz is None:
-            raise ArgumentError(
-                f"DataFrame of shape {frame.shape}: its sampling rate is not known; give "
-                "sampling_rate_hz=, or the time as index"
-            )
+    if _kind(frame.index) in _NUMBERS and type(frame.index).__name__ != "RangeIndex":
+        columns.append((str(frame.index.name or "time"), frame.index.to_series()))
+    taken = [(name, own) for name, own in columns if _kind(own) in _NUMBERS]
     rows = [floats(own) for _, own in taken]
     array = Array(
         name="",
-        names=tuple(name for name, _ in taken),
+        names=tuple(name + "_ns" * (_kind(own) in _MOMENTS) for name, own in taken),
         count=len(frame),
         read=lambda start, stop: np.array([row[start:stop] for row in rows]),
     )
-    others = tuple(name for name, own in columns if _kind(own) == "O")
     return Holding(
-        arrays=(array,), together=True, path="DataFrame", what="a frame", left_out=others
+        arrays=(array,) if rows and len(frame) > 1 else (),
+        together=True,
+        left_out=tuple(name for name, own in columns if _kind(own) not in _NUMBERS),
+        path="DataFrame",
+        what=f"a frame of shape {frame.shape}",
     )
 
 
@@ -507,12 +463,11 @@ def _kind(column: Any) -> str:
     return getattr(column.dtype, "kind", "O")
 
 
-def floats(column: Any) -> Floats:
-    """Return a column or an index of pandas as numbers; moments in ns from the first one on.
+def floats(column: Any) -> FloatArray:
+    """Return a column of pandas as numbers; moments in ns from the first one on.
 
     Seconds would not show where they were rounded, and those since 1970 lose microseconds.
     """
-    if _kind(column) in "mM":
-        first = column[0] if hasattr(column, "to_series") else column.iloc[0]
-        return np.asarray((column - first) / np.timedelta64(1, "ns"), np.float64)
+    if _kind(column) in _MOMENTS:
+        column = (column - column.iloc[0]) / np.timedelta64(1, "ns")
     return np.asarray(column.to_numpy(np.float64, na_value=np.nan))

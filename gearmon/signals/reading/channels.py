@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
@@ -10,17 +10,19 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Content, DataColumn, Defect, find_columns, find_defect
-from gearmon.signals.reading.source import Floats, Progress, Room, shortened
-from gearmon.signals.reading.timebase import counts_evenly, rises_evenly, sampling_rate
+from gearmon.signals.reading.columns import DataColumn, Defect, Table, find_columns, find_defect
+from gearmon.signals.reading.timebase import even_step, sampling_rate
 from gearmon.signals.threads import side_by_side
-from gearmon.units import KNOWN_UNITS, acceleration_factor, is_unit, plain_unit
+from gearmon.units import acceleration_factor, plain_unit
+
+#: Told the share of a file that has been read.
+Progress = Callable[[float], object]
 
 ACCELERATION_UNIT = "m/s2"
 # Up to this size a copy without gaps between the channels costs nothing worth saving.
 _SMALL_BYTES = 32 * 1024 * 1024
-_REMEDY_ALONE = "correct the file, or name the channels to use with --channel"
 
 
 class SensorLike(Protocol):
@@ -62,7 +64,7 @@ class Wanted:
     progress : callable
         Called with the share of the file that has been read, 0 to 1.
     room : callable
-        Gives an array of a shape.
+        Gives an array for the numbers of a file, by its name and their shape.
     """
 
     sampling_rate_hz: float | None = None
@@ -71,16 +73,16 @@ class Wanted:
     sensors: tuple[SensorLike, ...] = ()
     unit: str | None = None
     progress: Progress = lambda _share: None
-    room: Room = np.empty
+    room: Callable[[str, tuple[int, int]], FloatArray] = lambda _path, shape: np.empty(shape)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # numbers that overflow are refused as a recording
-def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
+def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
     """Return what makes a `Recording` of what stands in a file; its values are used up.
 
     Parameters
     ----------
-    content : Content
+    table : Table
         What stands in the file.
     wanted : Wanted
         What the user says.
@@ -95,36 +97,35 @@ def interpret(content: Content, wanted: Wanted) -> dict[str, Any]:
     RecordingError
         If the channels cannot be used.
     """
-    told, absent = _told(content, wanted)
-    confirmed, remarks = _confirmed(content, told)
-    columns = [_with_unit(content.path, column, wanted.unit) for column in confirmed]
+    columns, notes = _told(table, wanted)
+    hints = []
+    timed = table.rate_hz is not None or any(column.kind == "time" for column in columns)
+    for index, (column, values) in enumerate(zip(columns, table.values, strict=True)):
+        kind, hint = _confirmed(column, values, first=index == 0 and not timed)
+        columns[index] = _with_unit(table.path, replace(column, kind=kind), wanted.unit)
+        hints += [hint] if hint else []
     time = next((column for column in columns if column.kind == "time"), None)
-    hint = "; ".join(remarks)
-    rate_hz, rate_note = sampling_rate(content, time, wanted.sampling_rate_hz, hint)
-    kept, left_out = _usable(content, columns, named_only=bool(wanted.channels))
-    others = [columns[index] for index in kept if columns[index].kind != "vibration"]
-    listed = ", ".join(f"{column.label} ({column.kind})" for column in others)
-    aside = f"not taken as vibration: {listed}" if others else ""
-    notes = [*content.notes, *remarks, rate_note, *absent, aside, *left_out]
-    samples, units, as_read = _taken(content.values, kept), [], True
-    for row, index in enumerate(kept):
-        unit, scale = _unit_and_scale(columns[index])
-        units.append(unit)
+    rate_hz, rate_note = sampling_rate(table, time, wanted.sampling_rate_hz, "; ".join(hints))
+    kept, left_out = _usable(table, columns, named_only=bool(wanted.channels))
+    samples, taken = _taken(table.values, kept), [columns[index] for index in kept]
+    scaled = [_unit_and_scale(column) for column in taken]
+    for row, (_, scale) in enumerate(scaled):
         if scale != 1.0:
             samples[row] *= scale
-            as_read = False
+    others = [f"{column.label} ({column.kind})" for column in taken if column.kind != "vibration"]
+    aside = f"not taken as vibration: {', '.join(others)}" if others else ""
+    notes = [*table.notes, *hints, rate_note, *notes, aside, *left_out]
     return {
         "samples": samples,
         "sampling_rate_hz": rate_hz,
-        "channel_names": tuple(columns[index].name for index in kept),
-        "channel_kinds": tuple(columns[index].kind for index in kept),
-        "units": tuple(units),
-        "columns": tuple(columns[index].number for index in kept),
-        "origin": content.path,
+        "channel_names": tuple(column.name for column in taken),
+        "channel_kinds": tuple(column.kind for column in taken),
+        "units": tuple(unit for unit, _ in scaled),
+        "columns": tuple(column.number for column in taken),
+        "origin": table.path,
         "notes": tuple(_one_line(note) for note in notes if note),
-        "speed_rpm": content.speed_rpm,
         "tacho_told": _tells_tacho(columns),
-        "known_finite": as_read,
+        "known_finite": all(scale == 1.0 for _, scale in scaled),
     }
 
 
@@ -133,28 +134,20 @@ def _one_line(note: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
-def _told(content: Content, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
+def _told(table: Table, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
     """Let what the user says go before what the file says; note sensors that are not in it."""
-    index = partial(find_columns, content.path, columns=content.columns)
-    columns, absent = list(content.columns), []
+    index = partial(find_columns, table.path, columns=table.columns)
+    columns, absent = list(table.columns), []
 
     def say(place: int, **what: Any) -> None:
         columns[place] = replace(columns[place], **what)
 
-    if content.stamp is not None:
-        say(content.stamp, kind="time", unit="s")
     for sensor in wanted.sensors:
         try:
             place = index(sensor.column)[0]
         except RecordingError:
             absent.append(f"column '{sensor.column}' of the machine file is not in the recording")
             continue
-        if sensor.unit and not is_unit(sensor.unit):
-            raise RecordingError(
-                f"{content.path}: the [[sensor]] of column '{sensor.column}' is said to be in "
-                f"'{shortened(sensor.unit)}', which is no known unit; give {KNOWN_UNITS}, or "
-                "leave it out"
-            )
         unit = sensor.unit or (columns[place].unit if sensor.sensitivity == 1.0 else None)
         say(place, kind=sensor.kind, unit=unit, sensitivity=sensor.sensitivity, told="sensor")
     for place in chain.from_iterable(map(index, wanted.channels)):
@@ -174,38 +167,28 @@ def _tells_tacho(columns: Sequence[DataColumn]) -> bool:
     return any(column.told and column.kind == "tacho" for column in columns)
 
 
-def _confirmed(
-    content: Content, columns: Sequence[DataColumn]
-) -> tuple[list[DataColumn], list[str]]:
-    """Check by the numbers what names only suggest: counters, and a first column that is time."""
-    confirmed, remarks = list(columns), []
-    timed = any(column.kind == "time" for column in columns)
-    for index, column in enumerate(columns):
-        values = content.values[index]
-        if column.told:
-            continue
-        if column.kind == "index" and not rises_evenly(values):
-            # named like a counter, and does not count
-            kind = "other" if len(column.name) > 2 else "vibration"
-            kind = "speed" if column.name.lower() == "n" else kind
-            confirmed[index] = replace(column, kind=kind)
-        elif index == 0 and column.kind == "vibration" and not (timed or content.rate_hz):
-            kind, remark = _first_column(column, values)
-            confirmed[0] = replace(column, kind=kind)
-            remarks.extend([remark] if remark else [])
-    return confirmed, remarks
+def _confirmed(column: DataColumn, values: FloatArray, *, first: bool) -> tuple[str, str]:
+    """Check by the numbers what a name only suggests: a counter, or a first column that is time.
 
-
-def _first_column(column: DataColumn, values: Floats) -> tuple[str, str]:
-    if not rises_evenly(values):
-        return "vibration", ""
-    if counts_evenly(values):
+    Returns
+    -------
+    kind : str
+        Of the column.
+    hint : str
+        What may be the time; "" if that is clear.
+    """
+    unclear = column.kind == "index" or (first and column.kind == "vibration")
+    if column.told or not unclear:
+        return column.kind, ""
+    step = even_step(values)
+    if not step:  # named like a counter, it does not count
+        return "other" if column.kind == "index" else "vibration", ""
+    if column.kind == "index" or step == 1.0:
         return "index", ""
     if not column.cell:
         return "time", f"{column.label} goes up evenly: taken as the time"
-    step = float(values[-1] - values[0]) / (len(values) - 1)
-    remark = f"{column.label} goes up evenly by {step:.6g}; if that is the time, name it time_s"
-    return "other", remark
+    hint = f"{column.label} goes up evenly by {step:.6g}; if that is the time, name it time_s"
+    return "other", hint
 
 
 def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
@@ -220,58 +203,55 @@ def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
 
 
 def _usable(
-    content: Content, columns: Sequence[DataColumn], *, named_only: bool
+    table: Table, columns: Sequence[DataColumn], *, named_only: bool
 ) -> tuple[list[int], list[str]]:
     """Return the columns to keep, and notes on those left out."""
-    kept, notes, bad = [], [], []
     aside = ("time", "index", "vibration", "other") if named_only else ("time", "index")
     looked_at = [
         index
         for index, column in enumerate(columns)
         if column.kind not in aside or (column.kind == "vibration" and column.told == "named")
     ]
-    rows = [content.values[index] for index in looked_at]
-    defects = side_by_side(find_defect, rows, content.values.size)
-    for index, defect in zip(looked_at, defects, strict=True):
-        fatal, note = _judged(content, index, columns[index], defect)
-        if fatal:
-            bad.append(note)
-        else:
-            kept.append(index)
-        if note:
-            notes.append(f"{note}: left out" if fatal else note)
+    rows = [table.values[index] for index in looked_at]
+    defects = side_by_side(find_defect, rows, table.values.size)
+    judged = {
+        index: _judged(table, index, columns[index], defect)
+        for index, defect in zip(looked_at, defects, strict=True)
+    }
+    kept = [index for index, (useless, _) in judged.items() if not useless]
     if any(columns[index].kind == "vibration" for index in kept):
-        return kept, notes
+        return kept, [f"{note}: left out" if bad else note for bad, note in judged.values()]
+    bad = [note for useless, note in judged.values() if useless]
+    kinds = ", ".join(f"{column.label}: {column.kind}" for column in columns[:10])
+    why = f"no vibration channel ({kinds}); name one with --channel"
     if bad:
         more = f" (and {len(bad) - 1} more)" if len(bad) > 1 else ""
-        raise RecordingError(
-            f"{content.path}: no usable vibration channel: {bad[0]}{more}; check the sensors, or "
-            "record again"
-        )
-    kinds = ", ".join(f"{column.label}: {column.kind}" for column in columns[:10])
-    raise RecordingError(f"{content.path}: no vibration channel ({kinds}); name one with --channel")
+        why = f"no usable vibration channel: {bad[0]}{more}; check the sensors, or record again"
+    raise RecordingError(f"{table.path}: {why}")
 
 
 def _judged(
-    content: Content, index: int, column: DataColumn, defect: Defect | None
+    table: Table, index: int, column: DataColumn, defect: Defect | None
 ) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
     vibrates, asked = column.kind == "vibration", column.told == "named"
     if defect is None or not (vibrates or defect.missing):
         return False, ""
-    place = "" if defect.row < 0 else f"{content.place(defect.row)}, "
+    place, shown = table.locate(max(0, defect.row), index)
+    note = f"{place + ', ' if defect.row >= 0 else ''}{column.label}"
     if defect.missing and not defect.fatal and (asked or vibrates):
         raise RecordingError(
-            f"{content.path}, {place}{column.label}: {content.shown(defect.row, index)} is "
-            f"{defect.missing}; the column {defect.text}; {_REMEDY_ALONE}"
+            f"{table.path}, {note}: {shown} is {defect.missing}; the column {defect.text}; "
+            "correct the file, or name the channels to use with --channel"
         )
-    note = f"{place}{column.label} {defect.text}"
     if defect.fatal and asked:
-        raise RecordingError(f"{content.path}, {note}; check the sensor, or record again")
-    return defect.fatal or defect.missing != "", note
+        raise RecordingError(
+            f"{table.path}, {note} {defect.text}; check the sensor, or record again"
+        )
+    return defect.fatal or defect.missing != "", f"{note} {defect.text}"
 
 
-def _taken(values: Floats, kept: Sequence[int]) -> Floats:
+def _taken(values: FloatArray, kept: Sequence[int]) -> FloatArray:
     """Return the rows that are kept, in place where the array is large."""
     begin = kept[0]
     for row, index in enumerate(kept):

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearmon.arrays import IntArray
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.source import Floats, Room, shortened
+from gearmon.signals.reading.source import shortened
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
@@ -22,7 +22,6 @@ _BEHIND = re.compile(r"(.*\S)\s*(?:/|,|\s-|\sin\s)\s*(\S+)")
 _SUFFIX = re.compile(
     r"(.+)_(m_s2|mm_s|m_s|ms2|mps2|mg|g|rpm|nm|degc|hz|mv|v|ms|us|ns|s)", re.IGNORECASE
 )
-_SUFFIX_UNITS = {"m_s2": "m/s2", "ms2": "m/s2", "mps2": "m/s2", "mm_s": "mm/s", "m_s": "m/s"}
 
 _TIME = re.compile(
     r"t|(x_value|abszisse|time|zeit|temps|tempo|tiempo|tijd|timestamps?|zeitstempel|elapsed|"
@@ -94,7 +93,7 @@ class DataColumn:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Content:
+class Table:
     """Columns of numbers of a file.
 
     Parameters
@@ -107,44 +106,21 @@ class Content:
         What the file says about them.
     rate_hz : float > 0 or None
         The sampling rate, if the file states one.
-    stamp : int or None
-        Index of a column of dates and times or times of day.
     rate_hint : str
         What else in the file may tell the sampling rate.
-    speed_rpm : float > 0 or None
-        The speed, if the file states one.
     notes : tuple of str
         What the reader has to tell the user.
-    is_text : bool
-        Whether rows are lines of a text.
-    place : callable
-        Gives the name of a row (counted from 0) in messages.
-    shown : callable
-        Gives the text of one number, by row and column index, for messages.
+    locate : callable
+        Gives the name of a row in messages, and what stands there, by row and column index.
     """
 
     path: str
-    values: Floats
+    values: FloatArray
     columns: tuple[DataColumn, ...]
     rate_hz: float | None = None
-    stamp: int | None = None
     rate_hint: str = ""
-    speed_rpm: float | None = None
     notes: tuple[str, ...] = ()
-    is_text: bool = False
-    place: Callable[[int], str] = field(default=lambda row: f"sample {row + 1}")
-    shown: Callable[[int, int], str] = field(default=lambda _row, _index: "a value")
-
-
-def reserved(path: str, room: Room, shape: tuple[int, int]) -> Floats:
-    """Return an array for the numbers of a file, or say that they do not fit into memory."""
-    try:
-        return room(shape)
-    except MemoryError:
-        raise RecordingError(
-            f"{path}: its numbers need {8e-9 * shape[0] * shape[1]:.3g} GB of memory; cut the "
-            "recording, or take open_recording"
-        ) from None
+    locate: Callable[[int, int], tuple[str, str]] = lambda row, _: (f"sample {row + 1}", "a value")
 
 
 def describe_columns(
@@ -199,7 +175,7 @@ def _name_and_unit(cell: str) -> tuple[str, str | None]:
             return match[1], match[2]
     suffix = _SUFFIX.fullmatch(cell)
     if suffix:
-        return cell, _SUFFIX_UNITS.get(suffix[2].lower(), suffix[2])
+        return cell, suffix[2].replace("_", "/")
     return cell, None
 
 
@@ -241,7 +217,7 @@ def find_columns(origin: str, key: str | int, columns: Sequence[DataColumn]) -> 
     whole = [k for k, own in enumerate(columns) if own.array and own.array == key]
     if whole:
         return whole
-    names = [(own.name, own.cell) if own.cell else (own.name,) for own in columns]
+    names = [(own.name, own.cell or own.name) for own in columns]
     numbers = [own.number for own in columns]
     if isinstance(key, str):
         for spelling in (str.strip, str.lower):
@@ -256,7 +232,7 @@ def find_columns(origin: str, key: str | int, columns: Sequence[DataColumn]) -> 
                 return found
     if text.strip().isdigit() and int(text) in numbers:
         return [numbers.index(int(text))]
-    shown = [f"{shortened(own[0])} ({number})" for own, number in zip(names, numbers, strict=True)]
+    shown = [f"{shortened(own.name)} ({own.number})" for own in columns]
     listed = ", ".join(shown[:20]) + (", ..." if len(shown) > 20 else "")
     near = nearest_name(text, [name for own in names for name in own])
     meant = f"did you mean {shortened(near)}? " if near else ""
@@ -287,19 +263,19 @@ class Defect:
     missing: str = ""
 
 
-def all_finite(values: Floats) -> bool:
+def all_finite(values: FloatArray) -> bool:
     """Tell whether all values are numbers that a sensor can give."""
     return not len(values) or bool(values.min() > -MOST_SAMPLE and values.max() < MOST_SAMPLE)
 
 
-def missing_rows(values: Floats) -> IntArray:
+def missing_rows(values: FloatArray) -> IntArray:
     """Return the indices of values that are no numbers a sensor can give."""
     if all_finite(values):
         return np.zeros(0, dtype=np.int64)
     return np.flatnonzero(~(np.abs(values) < MOST_SAMPLE))
 
 
-def find_defect(values: Floats) -> Defect | None:
+def find_defect(values: FloatArray) -> Defect | None:
     """Return why a channel cannot be vibration, or None.
 
     Parameters
@@ -340,7 +316,7 @@ def find_defect(values: Floats) -> Defect | None:
     return None
 
 
-def _missing(values: Floats) -> Defect:
+def _missing(values: FloatArray) -> Defect:
     bad, count = missing_rows(values), len(values)
     if len(bad) == count:
         return Defect(text=f"has no numbers at all in {count} rows", row=-1, missing="no number")
@@ -353,7 +329,7 @@ def _missing(values: Floats) -> Defect:
     )
 
 
-def _is_piled_up(values: Floats, range_: float) -> bool:
+def _is_piled_up(values: FloatArray, range_: float) -> bool:
     """Tell whether far more samples equal the first one, an extreme, than any value next to it."""
     distance = np.abs(values[:_SAMPLES_TO_COMPARE] - values[0])
     beside = distance[distance > 0]

@@ -12,8 +12,9 @@ import re
 import resource
 import struct
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -21,71 +22,63 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.errors import RecordingError
-from gearmon.signals.reading.arrays import Array, Holding, as_array, floats, hold, stated_rate
-from gearmon.signals.reading.source import Floats
+from gearmon.arrays import FloatArray
+from gearmon.files import most_unpacked
+from gearmon.signals.reading.arrays import (
+    Array,
+    Holding,
+    as_array,
+    floats,
+    hold,
+    numbers_in,
+    plain_text,
+    unit_in,
+)
 
-_UNIT_NAMES = ("unit", "units", "Unit", "Units", "unit_string")
 # MATLAB stores text as numbers, and cells as references to what lies in #refs#.
 _NO_SIGNALS = ("char", "cell", "struct", "function_handle")
-_FEWEST_SAMPLES = 2
-_MOST_TRIAL_S = 10  # of processor time, to look through a file that may crash its library
+# Processor time to look through a file that may crash its library; a tenth of what zlib unpacks.
+_TRIAL_S, _TRIAL_BYTES_A_S = 10, 10_000_000
 # Of UFF: functions (of time, if the code says so), and directions of a sensor.
-_FUNCTION_SETS = (58,)
+_FUNCTION_SET = 58
 _GENERAL, _TIME_RESPONSE = 0, 1
 _TIME_AXIS = 17
-_COMPLEX = (5, 6)
 _BIG_ENDIAN = 1 << 6  # of a segment of TDMS
 _SET_MARK = re.compile(rb"(?m)^ {4}-1[ \r]*$")  # begins a data set, and ends it
 _SET_TYPE = re.compile(rb"\n *[0-9]{1,4}b?[ \r\n]")  # stands in the line below the first mark
 _AXES = ("", "X", "Y", "Z", "RX", "RY", "RZ")  # a direction is the place of one, with its sign
-# What soundfile says of a file that does not tell how long it is.
-_ENDLESS = 1 << 62
 
 
-def _text(value: Any) -> str:
-    """Return a text without blanks around it; "" for what is none or says NONE."""
-    text = value.decode(errors="replace") if isinstance(value, bytes) else value
-    stripped = text.strip() if isinstance(text, str) else ""
-    return "" if stripped.upper() == "NONE" else stripped
-
-
-def _unit(metadata: Mapping[Any, Any] | None) -> str | None:
-    """Return the unit that stands beside an array."""
-    named = {_text(key): _text(value) for key, value in (metadata or {}).items()}
-    return next((named[key] for key in _UNIT_NAMES if named.get(key)), None)
-
-
-def _numbers(metadata: Mapping[Any, Any] | None, prefix: str = "") -> dict[str, float]:
-    """Return the single numbers that stand beside the arrays."""
-    found = {}
-    for key, value in (metadata or {}).items():
-        single = np.asarray(value).reshape(-1)
-        with suppress(TypeError, ValueError):  # a text, a moment
-            if single.size == 1:
-                found[f"{prefix}{_text(key)}"] = float(single[0])
-    return found
-
-
-def outlived(task: Callable[[], object]) -> bool:
-    """Tell whether a process of its own outlives a task; what it raises does not matter.
+def try_out(path: str, task: Callable[[], object]) -> None:
+    """Raise if a process of its own does not outlive a task, or needs more memory than it may.
 
     Of 1,000 damaged files three crash the library of HDF5, and gearmon with all that was still to
-    be analysed.
+    be analysed. What else the task raises does not matter here.
+
+    Raises
+    ------
+    ValueError
+        If it does not.
     """
     with warnings.catch_warnings():
         # threads that draw a progress bar hold nothing that is needed here
         warnings.simplefilter("ignore", DeprecationWarning)
         pid = os.fork()
     if not pid:
+        outcome = 0
         try:
             faulthandler.disable()
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            resource.setrlimit(resource.RLIMIT_CPU, (_MOST_TRIAL_S, _MOST_TRIAL_S))
+            held = int(Path("/proc/self/statm").read_text().split()[5]) * resource.getpagesize()
+            size = os.path.getsize(path)
+            resource.setrlimit(resource.RLIMIT_DATA, (held + most_unpacked(size),) * 2)
+            resource.setrlimit(resource.RLIMIT_CPU, (_TRIAL_S + size // _TRIAL_BYTES_A_S,) * 2)
             task()
+        except MemoryError:
+            outcome = 1
         finally:
-            os._exit(0)
-    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 0
+            os._exit(outcome)
+    if os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]):
+        raise ValueError("it unpacks to more than any, or crashes its reader")
 
 
 @contextmanager
@@ -104,48 +97,32 @@ def read_hdf5(path: str) -> Iterator[Holding]:
 
     def held() -> Holding:
         with h5py.File(path, "r") as file:
-            return _hdf5_arrays(path, file)
+            return _hdf5_arrays(file)
 
-    if not outlived(held):
-        raise ValueError("it is so damaged that reading it crashes")
+    try_out(path, held)
     with h5py.File(path, "r") as file:
-        yield _hdf5_arrays(path, file)
+        yield _hdf5_arrays(file)
 
 
-def _hdf5_arrays(path: str, file: Any) -> Holding:
+def _hdf5_arrays(file: Any) -> Holding:
     items: dict[str, Any] = {}
-    facts, others, found = _numbers(file.attrs), [], []
+    facts, others, found = numbers_in(file.attrs), [], []
     file.visititems(lambda name, item: found.append((name, item)))
     for name, item in found:
-        kind = _text(item.attrs.get("MATLAB_class"))
+        kind = plain_text(item.attrs.get("MATLAB_class"))
         if re.search("(^|/)#", name):  # what MATLAB keeps aside
             continue
         if not hasattr(item, "dtype"):  # a group
-            facts |= _numbers(item.attrs, f"{name}.")
-        elif item.shape is None or item.dtype.kind not in "fiub" or kind in _NO_SIGNALS:
+            facts |= numbers_in(item.attrs, f"{name}.")
+        elif item.shape is None or kind in _NO_SIGNALS:
             others.append(f"{name} ({kind or item.dtype})")
         else:
             items[name] = item
             if item.chunks and item.id.get_num_chunks():
                 # their index may be damaged; what they hold is unpacked by zlib
                 item.id.get_chunk_info(item.id.get_num_chunks() - 1)
-    held = hold(path, items, tuple(others))
-    arrays = []
-    for array in held.arrays:
-        told = items[array.name].attrs
-        names, units = _names(told, array.names), (_unit(told),) * len(array.names)
-        rate = stated_rate(_numbers(told))[0]
-        arrays.append(replace(array, names=names, units=units, rate_hz=rate))
-    return replace(held, arrays=tuple(arrays), facts=facts | dict(held.facts))
-
-
-def _names(attributes: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
-    """Return the names of channels that an attribute lists, if there is one for each."""
-    for key in ("channel_names", "channels", "names"):
-        value = np.asarray(attributes.get(key, ()))
-        if value.shape == (len(usual),) and value.dtype.kind in "OSU":
-            return tuple(map(_text, value.tolist()))
-    return usual
+    held = hold(items, others)
+    return replace(held, facts=facts | dict(held.facts))
 
 
 @contextmanager
@@ -169,11 +146,8 @@ def read_parquet(path: str) -> Iterator[Holding]:
 
 def _check_pages(path: str, told: Any) -> None:
     """Refuse pages that do not end where what stands behind them begins: later values are moved."""
-    chunks = [
-        told.row_group(group).column(column)
-        for group in range(told.num_row_groups)
-        for column in range(told.num_columns)
-    ]
+    groups = map(told.row_group, range(told.num_row_groups))
+    chunks = [group.column(k) for group in groups for k in range(told.num_columns)]
     ends = [
         (own.dictionary_page_offset or own.data_page_offset) + own.total_compressed_size
         for own in chunks
@@ -193,18 +167,18 @@ def _parquet_columns(file: Any) -> Holding:
     whole = lru_cache(maxsize=1)(lambda name: floats(file.read([name]).column(0).to_pandas()))
 
     def column(field: Any) -> Array:
-        def read(start: int, stop: int) -> Floats:
+        def read(start: int, stop: int) -> FloatArray:
             return np.asarray(whole(field.name)[None, start:stop])
 
-        unit = "ns" if types.is_timestamp(field.type) else _unit(field.metadata)
+        unit = "ns" if types.is_timestamp(field.type) else unit_in(field.metadata)
         return Array(name=field.name, names=(field.name,), count=rows, read=read, units=(unit,))
 
     # the row labels of a data frame are no channel
     channels = [field for field in kept if not field.name.startswith("__index_level_")]
     return Holding(
-        arrays=tuple(map(column, channels)) if rows >= _FEWEST_SAMPLES else (),
+        arrays=tuple(map(column, channels)) if rows > 1 else (),
         together=True,
-        facts=_numbers(schema.metadata),
+        facts=numbers_in(schema.metadata),
         left_out=tuple(f"{field.name} ({field.type})" for field in schema if field not in kept),
     )
 
@@ -215,49 +189,41 @@ def read_tdms(path: str) -> Iterator[Holding]:
 
     Raises
     ------
-    RecordingError
+    ValueError
         If the file is damaged, or its last part is incomplete.
     """
     import nptdms
 
     stored = _bytes_of_segments(path)
     # opened here, as the library leaves a damaged file open
-    with _without_remarks(), open(path, "rb") as stream:
+    with ExitStack() as after, open(path, "rb") as stream:
+        # it writes remarks on damage to the terminal
+        after.callback(logging.disable, logging.root.manager.disable)
+        logging.disable()
         file = nptdms.TdmsFile.open(stream)
         status = file.file_status
         if status.incomplete_final_segment or status.channel_statuses:
-            raise RecordingError(
-                f"{path}: is cut off: its last part is incomplete (was the recorder switched off "
-                "while it wrote?); copy it again, or open and save it in its own program"
-            )
+            raise ValueError("it is cut off: its last part is incomplete")
         channels = [channel for group in file.groups() for channel in group.channels()]
         told = [own for own in channels if len(own)]
         sizes = [own.data_type.size and own.data_type.size * len(own) for own in told]
         # of text, and of what a driver packs, the size is not known
         if None not in sizes and sum(sizes) != stored:
             raise ValueError(f"its channels take {sum(sizes)} bytes, and it holds {stored}")
-        facts = _numbers(file.properties)
+        facts = numbers_in(file.properties)
         for group in file.groups():
-            facts |= _numbers(group.properties, f"{group.name}.")
-        arrays = [_tdms_array(own, channels) for own in channels]
-        signals = tuple(own for own in arrays if own.count >= _FEWEST_SAMPLES)
-        others = tuple(own.name for own in arrays if own not in signals)
-        yield Holding(arrays=signals, together=True, facts=facts, left_out=others)
-
-
-@contextmanager
-def _without_remarks() -> Iterator[None]:
-    """Keep what nptdms remarks on damaged files off the terminal, while one is open."""
-    from nptdms.log import log_manager
-
-    levels = {logger: logger.level for logger in log_manager.loggers.values()}
-    for logger in levels:
-        logger.setLevel(logging.CRITICAL)
-    try:
-        yield
-    finally:
-        for logger, level in levels.items():
-            logger.setLevel(level)
+            facts |= numbers_in(group.properties, f"{group.name}.")
+        once = Counter(own.name for own in channels)
+        names = [
+            own.name if once[own.name] == 1 else f"{own.group_name}/{own.name}" for own in channels
+        ]
+        found = [(name, _tdms_array(name, own)) for name, own in zip(names, channels, strict=True)]
+        yield Holding(
+            arrays=tuple(array for _, array in found if array),
+            together=True,
+            facts=facts,
+            left_out=tuple(name for name, array in found if not array),
+        )
 
 
 def _bytes_of_segments(path: str) -> int:
@@ -274,32 +240,18 @@ def _bytes_of_segments(path: str) -> int:
     return stored
 
 
-def _tdms_array(channel: Any, channels: Sequence[Any]) -> Array:
-    """Return a channel among others; one that holds no numbers has none."""
-
-    def read(start: int, stop: int) -> Floats:
-        part = channel.read_data(offset=start, length=stop - start)
-        return np.asarray(part, dtype=np.float64).reshape(1, -1)
-
-    alone = sum(own.name == channel.name for own in channels) == 1
-    name = channel.name if alone else f"{channel.group_name}/{channel.name}"
-    numeric = channel.dtype is not None and np.dtype(channel.dtype).kind in "fiu"
-    told = _numbers(channel.properties)
+def _tdms_array(name: str, channel: Any) -> Array | None:
+    """Return a channel; None if it holds no numbers."""
+    told = numbers_in(channel.properties)
     step = told.get("wf_increment", 0.0)
     # LabVIEW's frequency spectra are waveforms as well; only those over time are signals
     over = str(channel.properties.get("wf_xname", "Time") or "Time").strip().lower()
-    timed = step > 0 and over in ("time", "zeit")
+    rate_hz = float(f"{1.0 / step:.13g}") if step > 0 and over in ("time", "zeit") else None
     begin = channel.properties.get("wf_start_time", None)
     start = 0.0 if begin is None else float(np.datetime64(begin, "us").astype(np.int64)) * 1e-6
-    return Array(
-        name=name,
-        names=(name,),
-        count=len(channel) if numeric else 0,
-        read=read,
-        units=(_unit(channel.properties),),
-        rate_hz=float(f"{1.0 / step:.13g}") if timed else None,
-        start_s=start + told.get("wf_start_offset", 0.0),
-    )
+    unit = unit_in(channel.properties)
+    found = as_array(name, channel, unit=unit, rate_hz=rate_hz)
+    return found and replace(found, start_s=start + told.get("wf_start_offset", 0.0))
 
 
 @contextmanager
@@ -318,86 +270,55 @@ def read_universal(path: str) -> Iterator[Holding]:
 
     text = Path(path).read_bytes()
     marks = [mark.end() for mark in _SET_MARK.finditer(text)]
-    if len(marks) % 2:
-        raise ValueError("it is cut off: its last data set does not end")
-    for number, begin in enumerate(marks[::2], 1):
-        if not _SET_TYPE.match(text, begin):
-            raise ValueError(f"data set {number} does not begin with its type, so it is damaged")
+    if len(marks) % 2 or not all(_SET_TYPE.match(text, begin) for begin in marks[::2]):
+        raise ValueError("a data set has no type at its beginning, or no end")
     file = pyuff.UFF(path)
     types = [int(kind) for kind in file.get_set_types()]
-    sets = [file.read_sets(k) for k, kind in enumerate(types) if kind in _FUNCTION_SETS]
+    sets = [file.read_sets(k) for k, kind in enumerate(types) if kind == _FUNCTION_SET]
     arrays: list[Array] = []
-    others = [f"a data set of type {kind}" for kind in types if kind not in _FUNCTION_SETS]
+    others = [f"a data set of type {kind}" for kind in types if kind != _FUNCTION_SET]
     for number, one in enumerate(sets, 1):
-        if _is_signal(one):
-            arrays += _functions(number, one, {own.name for own in arrays})
+        general = one["func_type"] == _GENERAL and one["abscissa_spec_data_type"] == _TIME_AXIS
+        over_time = general or one["func_type"] == _TIME_RESPONSE
+        if over_time and (array := _function(number, one, arrays)):
+            arrays.append(array)
         else:
             others.append(f"a function of type {one.get('func_type')}")
     yield Holding(arrays=tuple(arrays), together=True, left_out=tuple(others))
 
 
-def _is_signal(one: dict[str, Any]) -> bool:
-    over_time = one["func_type"] == _TIME_RESPONSE or (
-        one["func_type"] == _GENERAL and one["abscissa_spec_data_type"] == _TIME_AXIS
-    )
-    return over_time and one["ord_data_type"] not in _COMPLEX
-
-
-def _functions(number: int, one: dict[str, Any], taken: set[str]) -> list[Array]:
-    samples = np.asarray(one["data"], dtype=np.float64).reshape(-1)
-    if len(samples) != one["num_pts"]:
-        told = one["num_pts"]
+def _function(number: int, one: dict[str, Any], taken: Sequence[Array]) -> Array | None:
+    samples = np.asarray(one["data"]).reshape(-1)
+    step, told = float(one["abscissa_inc"]), one["num_pts"]
+    if len(samples) != told:
         raise ValueError(f"function {number}: {len(samples)} samples where {told} are announced")
-    name = _place(number, one, taken)
-    unit = _text(one["ordinate_axis_units_lab"]) or None
-    if one["abscissa_spacing"]:
-        step = float(one["abscissa_inc"])
-        if not step > 0:
-            raise ValueError(f"function {number} has a spacing of {step:g} s")
-        # single precision spacing: seven digits are told, no more
-        rate = float(f"{1.0 / step:.13g}")
-        found = [as_array(name, samples, unit=unit, rate_hz=rate)]
-    else:
-        times = np.asarray(one["x"], dtype=np.float64).reshape(-1)
-        found = [
-            as_array(f"time of {name}", times, unit=_text(one["abscissa_axis_units_lab"]) or "s"),
-            as_array(name, samples, unit=unit),
-        ]
-    return [array for array in found if array is not None]
+    if not (one["abscissa_spacing"] and step > 0):
+        raise ValueError(f"function {number} is not evenly spaced, or by {step:g} s")
+    name, unit = _place(number, one, taken), plain_text(one["ordinate_axis_units_lab"]) or None
+    # single precision spacing: seven digits are told, no more
+    return as_array(name, samples, unit=unit, rate_hz=float(f"{1.0 / step:.13g}"))
 
 
-def _place(number: int, one: dict[str, Any], taken: set[str]) -> str:
+def _place(number: int, one: dict[str, Any], taken: Sequence[Array]) -> str:
     """Return a name that says where the signal was taken, as far as the file tells."""
     way = int(one["rsp_dir"])
-    axis = _AXES[abs(way)] if abs(way) < len(_AXES) else ""
-    direction = f"{'+' if way > 0 else '-'}{axis}" if axis else ""
-    entity = _text(one["rsp_ent_name"])
+    direction = "+-"[way < 0] + _AXES[abs(way)] if 0 < abs(way) < len(_AXES) else ""
     node = str(one["rsp_node"]) if one["rsp_node"] else ""
-    name = " ".join(part for part in (entity, node, direction) if part)
-    name = name or _text(one["id1"]) or f"function {number}"
-    return name if name not in taken else f"{name} ({number})"
+    name = " ".join(filter(None, (plain_text(one["rsp_ent_name"]), node, direction)))
+    name = name or plain_text(one["id1"]) or f"function {number}"
+    return name if all(own.name != name for own in taken) else f"{name} ({number})"
 
 
 @contextmanager
 def read_flac(path: str) -> Iterator[Holding]:
-    """Give what a FLAC file holds: one array, its sampling rate, no unit.
-
-    Raises
-    ------
-    RecordingError
-        If the file is damaged.
-    """
+    """Give what a FLAC file holds: one array, its sampling rate, no unit."""
     import soundfile
 
     with soundfile.SoundFile(path) as file:
-        if not 0 < file.frames < _ENDLESS:
-            raise RecordingError(f"{path}: a FLAC file that does not tell its length; pack it anew")
 
-        def read(start: int, stop: int) -> Floats:
-            if file.tell() != start:
-                file.seek(start)
-            part = file.read(stop - start, dtype="float64", always_2d=True)
-            return np.asarray(part, dtype=np.float64).T
+        def read(start: int, stop: int) -> FloatArray:
+            file.seek(start)
+            return np.asarray(file.read(stop - start, dtype="float64", always_2d=True)).T
 
         array = Array(
             name="",

@@ -6,6 +6,7 @@ columns, their units, and what else they tell.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from gearmon.signals.reading.source import (
     shortened,
     split_fields,
     to_microseconds,
+    to_number,
     without_empty_end,
 )
 from gearmon.units import are_units
@@ -45,10 +47,9 @@ _RATE = re.compile(
 )
 # Between names as in "Time (s)  a1 (g)", and as in "Time (s) a1 (g)".
 _GAPS = re.compile(r"\s{2,}|\t"), re.compile(r"\s+(?![\[(])")
-# Quotes from the beginning of a field to their end, over a few lines at the most; and what takes
-# the place of their line breaks, which no line holds.
-_PARTED = re.compile(r'(?m)(?:^|(?<=[,;\s]))"[^"\n]*(?:\n[^"\n]*){0,15}"')
-_JOINT = "\r"
+# A field that begins with a quote and has no end in its line.
+_OPEN_QUOTE = re.compile(r'(?:^|[,;\s])"[^"]*$')
+_CLOSED_QUOTES = re.compile(r'"[^"]*"')
 _FEWEST_BELOW = 5  # rows of decimals that tell names 0, 1, 2 ... from one more row
 
 Line = tuple[int, str]
@@ -64,8 +65,8 @@ class Dialect:
         "," or ";" or a tab; " " for any run of spaces and tabs; "" for one number in a line.
     decimal : str
         "." or ",".
-    columns : int > 0
-        Numbers in a row.
+    columns : int
+        Numbers in a row; 0 as long as that is not known.
     trailing : bool
         Whether separators follow the last number.
     stamp : int or None
@@ -85,7 +86,7 @@ class Dialect:
 
     separator: str
     decimal: str
-    columns: int
+    columns: int = 0
     trailing: bool = False
     stamp: int | None = None
     stamp_origin: int = 0
@@ -104,17 +105,33 @@ class Dialect:
         return split_fields(line, self.separator)
 
     def row(self, line: str) -> list[str] | None:
+        """Return the fields if each is a number, a time stamp or missing, and not all missing."""
+        fields = self.split(line)
+        stamps_allowed = self.separator not in ("", " ")
+        for field in fields:
+            if not (is_number(field, self.decimal) or is_missing(field)):
+                if not stamps_allowed or to_microseconds(field) is None:
+                    return None
+                stamps_allowed = False  # one such column at most
+        return fields if any(map(_says_number, fields)) else None
+
+    def fitting(self, line: str) -> list[str] | None:
         """Return the fields of the line if it is a row of this table, else None."""
-        fields = _row(line, self.separator, self.decimal)
+        fields = self.row(line)
         return fields if fields is not None and self.fits(fields) else None
 
     def fits(self, fields: Sequence[str]) -> bool:
         """Tell whether the number of fields is right; empty ones may follow."""
         return len(fields) >= self.columns and not any(fields[self.columns :])
 
-    def covers(self, fields: Sequence[str]) -> bool:
-        """Tell whether there is a cell for each column; some of them may be empty."""
-        return len(without_empty_end(fields)) <= self.columns <= len(fields)
+    def value(self, index: int, field: str) -> float | None:
+        """Return what a field of a column tells; NaN if it is missing, None if it is no number."""
+        moment = to_microseconds(field) if index == self.stamp else None
+        if moment is not None:
+            return (moment - self.stamp_origin) / 1e6
+        if index != self.stamp and is_number(field, self.decimal):
+            return to_number(field, self.decimal)
+        return math.nan if is_missing(field) else None
 
     def numbers(self, cells: Sequence[str]) -> int:
         """Return how many of the cells are numbers."""
@@ -148,13 +165,13 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect | None:
             f"{path}: {dialect.columns} numbers in a line; a recording needs one line per sample "
             "and one column per channel: transpose it"
         )
+    rows = [line for line in sample if dialect.fitting(line) is not None]
     first, above = _first_row(path, lines, dialect)
-    joined = _joined_lines(above)
-    _check_no_parted_row(path, {*above} ^ {*joined}, {number for number, _ in joined}, dialect)
-    dialect = _clear_decimals(path, dialect, sample, joined)
-    dialect = _widened(dialect, sample, joined)
-    dialect = replace(dialect, first_line=first, rate_hint=_rate_hint(joined))
-    return _with_counted_names(_with_names(path, dialect, joined), lines)
+    dialect = _clear_decimals(path, dialect, rows, above)
+    dialect = _widened(dialect, rows, above)
+    dialect = replace(dialect, first_line=first, rate_hint=_rate_hint(above))
+    dialect = _with_names(path, dialect, above)
+    return _with_counted_names(dialect, lines[first - 1], rows)
 
 
 def _sample(lines: Sequence[str], count: int) -> list[str]:
@@ -165,46 +182,31 @@ def _sample(lines: Sequence[str], count: int) -> list[str]:
 
 def _most_likely(sample: Sequence[str]) -> Dialect | None:
     """Return the dialect in which most lines of the sample are rows of one length."""
-    text = "\n".join(sample)
-    decimals = dict.fromkeys(_SEPARATORS, ".," if "," in text else ".")
-    if '"' not in text:
-        decimals[","] = "."
-    tried = [(mark, decimal) for mark in _SEPARATORS for decimal in decimals[mark]]
-    return max((_fitted(sample, *own) for own in tried), key=lambda found: found[1])[0]
+    commas, quotes = (any(mark in line for line in sample) for mark in ',"')
+    tried = (
+        _fitted(sample, Dialect(separator=mark, decimal=decimal))
+        for mark in _SEPARATORS
+        for decimal in ".,"
+        if decimal == "." or (commas and (mark != "," or quotes))
+    )
+    return max(tried, key=lambda found: found[1])[0]
 
 
-def _fitted(sample: Sequence[str], separator: str, decimal: str) -> tuple[Dialect | None, int]:
-    """Return a dialect, as far as the rows that the sample has in it tell, and their number."""
-    rows = [(line, row) for line in sample if (row := _row(line, separator, decimal)) is not None]
-    parted = [line.split()[1:] if separator == " " else separator in line for line, _ in rows]
-    if not rows or 2 * sum(map(bool, parted)) < len(rows):
+def _fitted(sample: Sequence[str], dialect: Dialect) -> tuple[Dialect | None, int]:
+    """Return the dialect with what the rows that the sample has in it tell, and their number."""
+    mark = dialect.separator
+    rows = [(line, row) for line in sample if (row := dialect.row(line)) is not None]
+    parted = sum(len(line.split()) > 1 if mark == " " else mark in line for line, _ in rows)
+    if not rows or 2 * parted < len(rows):
         return None, 0
     length, count = Counter(len(row) for _, row in rows).most_common(1)[0]
     alike = [row for _, row in rows if len(row) == length]
     columns = max(len(without_empty_end(row)) for row in alike)
-    moments = [(k, to_microseconds(field)) for k, field in enumerate(alike[0])]
-    stamp, origin = next(((k, at) for k, at in moments if at is not None), (None, 0))
-    dialect = Dialect(
-        separator=separator,
-        decimal=decimal,
-        columns=columns,
-        trailing=length > columns,
-        stamp=stamp,
-        stamp_origin=origin,
-    )
-    return dialect, count
-
-
-def _row(line: str, separator: str, decimal: str) -> list[str] | None:
-    """Return the fields if each is a number, a time stamp or missing, and not all are missing."""
-    fields = split_fields(line, separator)
-    stamps_allowed = separator not in ("", " ")
-    for field in fields:
-        if not (is_number(field, decimal) or is_missing(field)):
-            if not stamps_allowed or to_microseconds(field) is None:
-                return None
-            stamps_allowed = False  # one such column at most
-    return fields if any(_says_number(field) for field in fields) else None
+    moments = [*map(to_microseconds, alike[0])]
+    stamp = next((k for k, own in enumerate(moments) if own is not None), None)
+    origin = 0 if stamp is None else moments[stamp] or 0
+    dialect = replace(dialect, columns=columns, trailing=length > columns)
+    return replace(dialect, stamp=stamp, stamp_origin=origin), count
 
 
 def _says_number(field: str) -> bool:
@@ -219,9 +221,15 @@ def _first_row(path: str, lines: Sequence[str], dialect: Dialect) -> tuple[int, 
     for number, line in enumerate(lines, 1):
         if not line.strip():
             continue
-        row = None if is_comment(line) else _row(line, dialect.separator, dialect.decimal)
+        remark = is_comment(line)
+        row = None if remark else dialect.row(line)
         if row is None:
-            above.append((number, line.strip().lstrip("#% \t") if is_comment(line) else line))
+            if not remark and _OPEN_QUOTE.search(_CLOSED_QUOTES.sub("", line)):
+                raise RecordingError(
+                    f"{path}, line {number}: a quote is not closed in this line; close it, or take "
+                    "line breaks within quotes out"
+                )
+            above.append((number, line.strip().lstrip("#% \t") if remark else line))
             odd = None
         elif not dialect.fits(row):
             odd = odd or (number, len(without_empty_end(row)))
@@ -240,30 +248,27 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
-def _widened(dialect: Dialect, sample: Sequence[str], above: Sequence[Line]) -> Dialect:
+def _widened(dialect: Dialect, rows: Sequence[str], above: Sequence[Line]) -> Dialect:
     """Count columns that have a name but no number in any row."""
     if not dialect.trailing or not above:
         return dialect
     named = len(without_empty_end(dialect.split(above[-1][1])))
-    length = min(len(row) for line in sample if (row := dialect.row(line)) is not None)
+    length = min(len(dialect.split(line)) for line in rows)
     if not dialect.columns < named <= length:
         return dialect
     return replace(dialect, columns=named, trailing=length > named)
 
 
 def _clear_decimals(
-    path: str, dialect: Dialect, sample: Sequence[str], above: Sequence[Line]
+    path: str, dialect: Dialect, rows: Sequence[str], above: Sequence[Line]
 ) -> Dialect:
     """Tell ``1,5`` as one number with a decimal comma from two whole numbers, or raise."""
-    if dialect.separator != "," or dialect.decimal != "." or dialect.columns != 2:
+    if (dialect.separator, dialect.decimal, dialect.columns) != (",", ".", 2):
         return dialect
-    lines = [line for line in sample if dialect.row(line) is not None]
-    rows = [split_fields(line, ",")[:2] for line in lines]
-    firsts, seconds = zip(*rows, strict=True)
-    plain = all(own.lstrip("+-").isdigit() for own in firsts) and all(
-        _DECIMALS.fullmatch(own) for own in seconds
-    )
-    if not plain or any(mark in line.strip() for line in lines for mark in ' "'):
+    firsts, seconds = zip(*(dialect.split(line)[:2] for line in rows), strict=True)
+    plain = all(own.lstrip("+-").isdigit() for own in firsts)
+    plain = plain and all(map(_DECIMALS.fullmatch, seconds))
+    if not plain or any(mark in line.strip() for line in rows for mark in ' "'):
         return dialect
     named = _columns_named(above[-1][1]) if above else 0
     whole = all(own.isdigit() for own in seconds)  # 1e-5 stands by itself more often than 0,1e-5
@@ -274,7 +279,7 @@ def _clear_decimals(
     if named == 2 or not whole or (len(rows) >= 50 and max(map(len, seconds)) >= 2):
         return dialect
     raise RecordingError(
-        f"{path}: its lines, such as '{shortened(','.join(rows[0]))}', may be one column with "
+        f"{path}: its lines, such as '{shortened(rows[0].strip())}', may be one column with "
         "decimal commas or two columns of whole numbers; add a first line that names the column(s)"
     )
 
@@ -287,22 +292,15 @@ def _columns_named(text: str) -> int:
     return 0 if len(names) == 1 and _ONE_NAME.fullmatch(names[0]) is None else len(names)
 
 
-def _with_counted_names(dialect: Dialect, lines: Sequence[str]) -> Dialect:
+def _with_counted_names(dialect: Dialect, first: str, rows: Sequence[str]) -> Dialect:
     """Take a first row 0, 1, 2 ... above rows of decimals as the names that it is."""
-    if dialect.names or dialect.columns < 3:
+    cells, below = dialect.split(first)[: dialect.columns], [line for line in rows if line != first]
+    if dialect.names or dialect.columns < 3 or not _count_up(cells):
         return dialect
-    numbered = (
-        (number, row)
-        for number, line in enumerate(lines[dialect.first_line - 1 :], dialect.first_line)
-        if (row := dialect.row(line)) is not None
-    )
-    (_, names), *later = islice(numbered, _SAMPLE + 1)
-    counted_up = [[str(start + k) for k in range(dialect.columns)] for start in (0, 1)]
-    if names not in counted_up or len(later) < _FEWEST_BELOW:
+    whole = any(field.isdigit() for line in below for field in dialect.split(line))
+    if whole or len(below) < _FEWEST_BELOW:
         return dialect
-    if any(field.isdigit() for _, row in later for field in row):
-        return dialect
-    return replace(dialect, first_line=later[0][0], names=names)
+    return replace(dialect, first_line=dialect.first_line + 1, names=cells)
 
 
 def _rate_hint(above: Sequence[Line]) -> str:
@@ -344,27 +342,8 @@ def _with_names(path: str, dialect: Dialect, above: Sequence[Line]) -> Dialect:
         )
         return dialect if named < 2 or _is_metadata(text) else replace(dialect, remark=remark)
     told = dialect.columns > 1 or not (_is_metadata(text) or len(text) > LONGEST_QUOTE)
-    row = dialect.numbers(cells) and not _are_numbered(cells)
+    row = dialect.numbers(cells) and not _count_up(cells[1:])
     return replace(dialect, names=cells) if told and not row else dialect
-
-
-def _joined_lines(lines: Sequence[Line]) -> list[Line]:
-    r"""Return the lines with those put together that a line break within quotes has parted.
-
-    Examples
-    --------
-    >>> _joined_lines([(1, '"a1'), (2, '[g]","a2'), (3, '[g]"'), (4, "5")])
-    [(1, '"a1 [g]","a2 [g]"'), (4, '5')]
-    """
-    if not lines:
-        return []
-    text = "\n".join(text for _, text in lines)
-    text = _PARTED.sub(lambda quoted: quoted[0].replace("\n", _JOINT), text)
-    joined, place = [], 0
-    for own in text.split("\n"):
-        joined.append((lines[place][0], own.replace(_JOINT, " ")))
-        place += 1 + own.count(_JOINT)
-    return joined
 
 
 def _is_marker(text: str) -> bool:
@@ -389,66 +368,38 @@ def _cells(text: str, dialect: Dialect) -> list[str] | None:
     return None
 
 
-def _are_numbered(cells: Sequence[str]) -> bool:
-    """Tell names such as ``t,1,2,3``: a word, then channel numbers that count up."""
-    numbers = cells[1:]
-    if len(numbers) < 2 or not all(cell.isdigit() for cell in numbers):
-        return False
-    start = int(numbers[0])
-    return start < 2 and [int(cell) for cell in numbers] == list(range(start, start + len(numbers)))
+def _count_up(cells: Sequence[str]) -> bool:
+    """Tell the numbers of channels: 0, 1, 2 ... or 1, 2 ..."""
+    return len(cells) > 1 and [*cells] in [
+        [str(start + k) for k in range(len(cells))] for start in (0, 1)
+    ]
 
 
 def _damage(lines: Sequence[Line], dialect: Dialect) -> str:
     """Say why the last line of text is no text but a damaged row; "" if it is text."""
     fields, columns = dialect.split(lines[-1][1]), dialect.columns
-    if not dialect.covers(fields):
-        odd = is_number(fields[0], dialect.decimal) and 2 * dialect.numbers(fields) > len(fields)
-        what = (
-            f": {len(fields)} fields, not all of them numbers, where the rows below have {columns}"
-        )
-        return what if odd else ""
+    numbers = dialect.numbers(fields)
+    if not dialect.fits(fields):
+        odd = is_number(fields[0], dialect.decimal) and 2 * numbers > len(fields)
+        what = "fields, not all of them numbers, where the rows below have"
+        return f": {len(fields)} {what} {columns}" if odd else ""
     cells = fields[:columns]
     begins_as_row = cells[0][:1] in _BEGINS or is_missing(cells[0])
     is_row = begins_as_row or _stands_below_names(lines, cells, dialect)
-    if columns == 1 or not dialect.numbers(cells) or _are_numbered(cells) or not is_row:
+    wrong = [k for k, cell in enumerate(cells) if dialect.value(k, cell) is None]
+    if columns == 1 or not numbers or _count_up(cells[1:]) or not is_row or not wrong:
         return ""
-    wrong = (
-        f", column {index}: '{shortened(cell)}' is not a number"
-        for index, cell in enumerate(cells, 1)
-        if not is_number(cell, dialect.decimal) and not is_missing(cell)
-    )
-    return next(wrong, "")
+    return f", column {wrong[0] + 1}: '{shortened(cells[wrong[0]])}' is not a number"
 
 
 def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Dialect) -> bool:
     if len(lines) < 2 or _is_metadata(lines[-1][1]):
         return False
     above = dialect.split(lines[-2][1])
-    if not dialect.covers(above) or dialect.numbers(above):
+    if not dialect.fits(above) or dialect.numbers(above):
         return False
     # where blanks separate, the words of two sentences may be as many as the columns
     return dialect.separator != " " or any(character.isdigit() for character in cells[0])
-
-
-def _check_no_parted_row(path: str, lines: set[Line], begun: set[int], dialect: Dialect) -> None:
-    """Raise if a line that was joined with others, or a part of one, is a row, however damaged."""
-    for number, text in sorted(lines):
-        bare = text.replace('"', "")
-        # a row whose quote is not closed may close one above it
-        row = any(dialect.row(own) for own in (text, f'{text}"', bare))
-        if row or (number not in begun and _mostly_numbers(bare, dialect)):
-            raise RecordingError(
-                f"{path}, line {number}: a line break within quotes parts this row of numbers, or "
-                "a quote in it or above it is not closed; take it out"
-            )
-
-
-def _mostly_numbers(text: str, dialect: Dialect) -> bool:
-    """Tell a row, however damaged, from names and units such as ``1] Ch``."""
-    fields = without_empty_end(dialect.split(text))
-    begun = sum(own[:1] in _BEGINS and any(map(str.isdigit, own)) for own in fields if own)
-    counted = _are_numbered(fields) or not dialect.numbers(fields)
-    return begun >= 2 and 2 * begun > len(fields) and not counted
 
 
 def _is_metadata(text: str) -> bool:

@@ -10,16 +10,14 @@ import io
 import os
 import re
 import stat
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import cache
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from gearmon.errors import RecordingError, nearest_name
 from gearmon.files import most_unpacked
@@ -32,29 +30,26 @@ _NAMES_COMPARED = 50
 _LONGEST_LINE = 16 * 1024 * 1024
 # A line that a carriage return alone ends, and the first bytes in which it is looked for.
 _LONE_RETURN, _TOLD_BY = re.compile(rb"\r(?!\n|\Z)"), 1 << 16
-_FEWEST_UNMARKED = 16  # bytes from which on a pattern of zeros tells UTF-16
 _GZIP_MAGIC = b"\x1f\x8b"
 _END_OF_FILE_MARK = b"\x1a"
-_BYTE_ORDER_MARKS = (
-    (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16, whose mark begins alike
-    (codecs.BOM_UTF32_BE, "utf-32"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-    (codecs.BOM_UTF8, "utf-8-sig"),
-)
-Floats = npt.NDArray[np.float64]
-#: Told the share of a file that has been read; gives an array of a shape.
-Progress = Callable[[float], object]
-Room = Callable[[tuple[int, int]], Floats]
+_BYTE_ORDER_MARKS = {
+    "utf-32": (codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE),  # before UTF-16, whose mark begins alike
+    "utf-16": (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE),
+    "utf-8-sig": (codecs.BOM_UTF8,),
+}
 
 LONGEST_QUOTE = 60  # characters of a file that a message shows
 _EXPONENT_LETTERS = str.maketrans("dD", "ee")
+_NUMBER = {
+    mark: re.compile(rf"[+-]?(?:[0-9]+(?:[{mark}][0-9]*)?|[{mark}][0-9]+)(?:[eEdD][+-]?[0-9]+)?")
+    for mark in ".,"
+}
 _QUOTED = re.compile(r'[ \t]*"((?:[^"]|"")*)"[ \t]*')
 # Fields, with their quotes, in which a separator is no end.
 _FIELDS = {
     mark: re.compile(rf'(?:^|{mark})((?:[^"{mark}]|"[^"]*(?:"|\Z))*)') for mark in "\t;,"
 } | {" ": re.compile(r'((?:[^"\s]|"[^"]*(?:"|\Z))+)')}
-_TIME_OF_DAY = re.compile(r"(\d{1,2}):(\d{2}):(\d{2}(?:[.,]\d+)?)")
+_TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?")
 _DATE = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:\d{2}")
 _SPREADSHEET_ERROR = re.compile(r"#(n/a|nv|div/0!|wert!|value!|ref!|num!|zahl!|name\?|null!)")
 # What loggers, spreadsheets and C libraries print instead of a number.
@@ -110,10 +105,13 @@ class Source:
         with self._opened() as stream:
             return stream.read(size)
 
+    def size(self) -> int:
+        """Return how many bytes it has as it lies there."""
+        return os.path.getsize(self.path) if self.content is None else len(self.content)
+
     def size_hint(self) -> int:
         """Return roughly how many bytes the unpacked file has."""
-        size = os.path.getsize(self.path) if self.content is None else len(self.content)
-        return size * 4 if self.zipped else size
+        return self.size() * 4 if self.zipped else self.size()
 
     def blocks(self, size: int = BLOCK_BYTES, *, line: int = 1) -> Iterator[Block]:
         """Yield the lines of the file, from the given one on, some `size` bytes at a time.
@@ -127,11 +125,16 @@ class Source:
         one_byte = self.encoding in ("", "utf-8-sig")
         with self._opened() as raw:
             raw.read(len(codecs.BOM_UTF8) if self.encoding == "utf-8-sig" else 0)
-            first, stream = 1, cast(Any, raw)
+            first, read, stream = 1, 0, cast(Any, raw)
             if not one_byte or _LONE_RETURN.search(self.head(_TOLD_BY)):
                 stream = io.TextIOWrapper(raw, "latin-1" if one_byte else self.encoding, "replace")
             while text := stream.read(size) + stream.readline(_LONGEST_LINE):
-                self._check_swelling(raw)
+                read += len(text)
+                if self.zipped and read > most_unpacked(self.size()):
+                    raise RecordingError(
+                        f"{self.path}: {self.size() / 1e6:.2g} MB unpack to over {read / 1e6:.2g} "
+                        "MB, as no recording does; unpack it and look at it"
+                    )
                 if isinstance(text, str):
                     text = text.encode("latin-1" if one_byte else "utf-8")
                 elif b"\r" in text:
@@ -151,15 +154,6 @@ class Source:
                     yield Block(text=own, first_line=first + skipped, closed=not rest)
                 first += count
 
-    def _check_swelling(self, stream: BinaryIO) -> None:
-        """Refuse a compressed file as soon as it swells as no recording does."""
-        packed = cast(Any, stream).fileobj.tell() if self.zipped else 0
-        if self.zipped and stream.tell() > most_unpacked(packed):
-            raise RecordingError(
-                f"{self.path}: {packed / 1e6:.2g} MB of it unpack to {stream.tell() / 1e6:.2g} MB, "
-                "as no recording does; unpack it and look at it"
-            )
-
     @contextmanager
     def _opened(self) -> Iterator[BinaryIO]:
         with open(self.path, "rb") if self.content is None else io.BytesIO(self.content) as raw:
@@ -173,10 +167,8 @@ class Source:
                 with gzip.GzipFile(fileobj=raw) as stream:
                     yield cast(BinaryIO, stream)
             except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-                cut = isinstance(error, EOFError)
-                what = "cut off before its end" if cut else f"damaged ({error})"
                 raise RecordingError(
-                    f"{self.path}: the compressed file is {what}; copy it again"
+                    f"{self.path}: the compressed file is damaged ({error}); copy it again"
                 ) from None
 
 
@@ -201,22 +193,18 @@ def open_source(path: str | Path) -> Source:
     """
     name = os.fspath(path)
     try:
-        source = Source(path=name, content=_read_once(name))
-        zipped = source.head(2) == _GZIP_MAGIC
+        mode = os.stat(name).st_mode
+        if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or stat.S_ISFIFO(mode)):
+            raise OSError(0, "is no file")
+        # a pipe cannot be opened again
+        content = Path(name).read_bytes() if stat.S_ISFIFO(mode) else None
+        source = Source(path=name, content=content)
+        source = replace(source, zipped=source.head(2) == _GZIP_MAGIC)
     except OSError as error:
         raise RecordingError(f"{name}: {_why_not(Path(name), error)}") from None
-    source = replace(source, zipped=zipped)
-    return replace(source, encoding=_encoding(source.head(4096)))
-
-
-def _read_once(name: str) -> bytes | None:
-    """Return all bytes of a pipe; None for a file, which can be opened again."""
-    mode = os.stat(name).st_mode
-    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
-        return None
-    if not stat.S_ISFIFO(mode):
-        raise OSError(0, "is no file")
-    return Path(name).read_bytes()
+    head = source.head(4)
+    told = (encoding for encoding, marks in _BYTE_ORDER_MARKS.items() if head.startswith(marks))
+    return replace(source, encoding=next(told, ""))
 
 
 def _why_not(path: Path, error: OSError) -> str:
@@ -235,21 +223,6 @@ def _why_not(path: Path, error: OSError) -> str:
     return "no such file" + (f"; did you mean {path.parent / similar}?" if similar else "")
 
 
-def _encoding(head: bytes) -> str:
-    for mark, encoding in _BYTE_ORDER_MARKS:
-        if head.startswith(mark):
-            return encoding
-    # Text in UTF-16 without a mark: every other byte of plain ASCII is zero.
-    for zeros, others, encoding in (
-        (head[1::2], head[0::2], "utf-16-le"),
-        (head[0::2], head[1::2], "utf-16-be"),
-    ):
-        clear = 0 not in others and zeros.count(0) > 0.9 * len(zeros)
-        if clear and len(head) >= _FEWEST_UNMARKED:
-            return encoding
-    return ""
-
-
 def decoded(text: bytes) -> str:
     """Return the text: UTF-8 if it is valid, otherwise Western European."""
     try:
@@ -265,13 +238,6 @@ def shortened(text: str) -> str:
     return shown if len(shown) <= LONGEST_QUOTE else shown[: LONGEST_QUOTE - 3] + "..."
 
 
-@cache
-def _number(decimal: str) -> re.Pattern[str]:
-    point = re.escape(decimal)
-    digits = rf"[+-]?(?:[0-9]+(?:{point}[0-9]*)?|{point}[0-9]+)"
-    return re.compile(rf"{digits}(?:[eEdD][+-]?[0-9]+)?")
-
-
 def is_number(field: str, decimal: str) -> bool:
     """Tell whether the field is a number: digits, one decimal character, an exponent (e or d).
 
@@ -280,7 +246,7 @@ def is_number(field: str, decimal: str) -> bool:
     >>> is_number("-1,5d-3", ","), is_number("1.5.2", ".")
     (True, False)
     """
-    return _number(decimal).fullmatch(field) is not None
+    return _NUMBER[decimal].fullmatch(field) is not None
 
 
 def to_number(field: str, decimal: str) -> float:
@@ -314,11 +280,8 @@ def to_microseconds(field: str) -> int | None:
     >>> to_microseconds("00:01:00.25"), to_microseconds("1.5")
     (60250000, None)
     """
-    clock = _TIME_OF_DAY.fullmatch(field)
-    if clock is not None:
-        hours, minutes, seconds = clock.groups()
-        whole = 60 * (60 * int(hours) + int(minutes))
-        return 10**6 * whole + round(10**6 * float(seconds.replace(",", ".")))
+    if _TIME_OF_DAY.fullmatch(field):
+        field = "0001-01-01T" + "0" * (field[1] == ":") + field
     if _DATE.match(field) is None:
         return None
     from datetime import datetime, timedelta  # few recordings have dates

@@ -10,34 +10,30 @@ where. Rows with dates are read line by line as well.
 from __future__ import annotations
 
 import codecs
-import csv
 import io
 import re
 from collections import deque
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import Content, reserved
+from gearmon.signals.reading.columns import Table
 from gearmon.signals.reading.layout import Dialect, counted, find_layout
 from gearmon.signals.reading.source import (
-    MISSING,
     Block,
-    Floats,
     Source,
     count_of,
     decoded,
     is_comment,
-    is_missing,
     is_number,
     shortened,
-    split_fields,
-    to_microseconds,
-    to_number,
     without_empty_end,
 )
 from gearmon.signals.threads import cores
@@ -47,19 +43,13 @@ _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
 # The sign stands first here: it is rare, and looked for ten times as fast as blanks are.
 _BLANK_AND_PLUS = re.compile(rb"\+(?<=[ \t\v\f]\+)")
 _BLANK_LINES = re.compile(rb"\n{2,}")
-# Infinities are told apart from numbers too large: the line shows which it is.
-_NO_VALUES = [
-    spelling
-    for word in ("", *sorted(MISSING))
-    if "inf" not in word
-    for spelling in {word, word.upper(), word.capitalize(), word.replace("n", "N")}
-]
+# Words and infinities are told by the line: which it is, and where.
+_NO_VALUES = ["", "nan", "NaN"]
 # Rows whose last fields are compared to see whether the very last one is cut off.
 _ENOUGH_ROWS, _MOST_ROWS = 50, 200
 _CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD][+-]?)?|[+-]?[.,]")
 _REMEDY = "correct it, or put # before the line if it is no sample"
-# The beginning of a file tells its layout: this many bytes, or four times as many, up to 64 MB.
-_HEAD_BYTES, _HEADS, _ROWS_TO_JUDGE = 64 * 1024, 6, 50
+_HEAD_BYTES = 768 * 1024  # tell the layout
 # Threads pay only where a file has many blocks; more than four wait for the interpreter.
 _THREADED_BYTES = 8 * 1024 * 1024
 _MOST_THREADS = 4
@@ -69,7 +59,7 @@ _CUT_CHECK_BYTES = 64 * 1024
 _PLAIN = Wanted()
 
 
-def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
+def parse_rows(text: bytes, dialect: Dialect) -> FloatArray | None:
     r"""Return the rows of numbers in a block of lines, or None if a line needs a closer look.
 
     Parameters
@@ -90,60 +80,33 @@ def parse_rows(text: bytes, dialect: Dialect) -> Floats | None:
     array([[ 1.5,  2. ],
            [-3. , 40. ]])
     """
-    if _is_doubtful(text, dialect):
-        return None
-    bare = _bare(text, dialect)
-    if not bare:
-        return np.empty((0, dialect.columns))
-    values = _parsed(bare, dialect)
-    # in a single column a blank line may stand for a missing number
-    if values is None and dialect.columns > 1 and (b"\n\n" in bare or bare.startswith(b"\n")):
-        return parse_rows(_BLANK_LINES.sub(b"\n", bare).lstrip(b"\n"), dialect)
-    if values is None or (np.isfinite(values.min()) and np.isfinite(values.max())):
-        return values
-    # pandas fills up short rows and refuses long ones: with all separators there, none is short
-    apart = dialect.columns > 1 and dialect.separator != " "
-    if not apart or count_of(bare, dialect.separator) != (dialect.columns - 1) * len(values):
-        return None
-    empty = np.isinf(values).any() or np.isnan(values).all(axis=1).any()
-    return None if empty else values
-
-
-def _is_doubtful(text: bytes, dialect: Dialect) -> bool:
-    """Tell whether there are dates, remarks, or bytes that the parser passes over."""
-    if dialect.stamp is not None or any(mark in text for mark in (b"#", b"%", b"\0")):
-        return True
     separator = dialect.separator.encode()
     # perhaps a row of empty fields only
     empty = dialect.trailing and (text.startswith(separator) or b"\n" + separator in text)
-    if empty or text.startswith(codecs.BOM_UTF8):
-        return True
-    if b'"' not in text:
-        return False
-    # a quote with characters on either side: pandas joins "1"2 to one number
-    edges = rb"\n \t" if separator == b" " else rb"\n" + re.escape(separator)
-    inside = re.search(rb'[^%b]"[^%b]' % (edges, edges), text)
-    return inside is not None or _BLANK_AND_PLUS.search(text) is not None
-
-
-def _bare(text: bytes, dialect: Dialect) -> bytes:
-    """Return the text as pandas reads it well.
-
-    That is without separators at line ends, exponents with a d, and blanks before a plus.
-    """
-    separator = dialect.separator.encode()
+    # pandas passes over quotes and zero bytes within numbers, and over a mark of the order of bytes
+    doubtful = b'"' in text or b"\0" in text or text.startswith(codecs.BOM_UTF8)
+    if empty or doubtful or dialect.stamp is not None:
+        return None
+    if separator != b" " and _BLANK_AND_PLUS.search(text):
+        return None
     if b"d" in text or b"D" in text:
         text = text.translate(_FORTRAN_EXPONENTS)
-    if separator != b" " and _BLANK_AND_PLUS.search(text):
-        blanks = rb"[ \v\f]+" if separator == b"\t" else rb"[ \t\v\f]+"
-        begins = re.escape(separator or b"\n")
-        text = re.sub(rb"(?m)(^|%b)%b(?=\+)" % (begins, blanks), rb"\1", text)
     while dialect.trailing and separator + b"\n" in text:
         text = text.replace(separator + b"\n", b"\n")
-    return text
+    values = _parsed(text, dialect)
+    # in a single column a blank line may stand for a missing number
+    if values is None and dialect.columns > 1 and (b"\n\n" in text or text.startswith(b"\n")):
+        return parse_rows(_BLANK_LINES.sub(b"\n", text).lstrip(b"\n"), dialect)
+    if values is None or (np.isfinite(values.min()) and np.isfinite(values.max())):
+        return values
+    # pandas fills up short rows and refuses long ones: with all separators there, none is short
+    marks = count_of(text, dialect.separator) if separator.strip(b" ") else -1
+    whole = dialect.columns > 1 and marks == (dialect.columns - 1) * len(values)
+    usable = whole and not np.isinf(values).any() and not np.isnan(values).all(axis=1).any()
+    return values if usable else None
 
 
-def _parsed(text: bytes, dialect: Dialect) -> Floats | None:
+def _parsed(text: bytes, dialect: Dialect) -> FloatArray | None:
     """Return what pandas makes of the text if that is one row of all columns for each line.
 
     NaN stands where a field is empty, says that it has no value, or is not there.
@@ -160,18 +123,19 @@ def _parsed(text: bytes, dialect: Dialect) -> Floats | None:
             dtype=float,
             na_values=_NO_VALUES,
             keep_default_na=False,
-            quoting=csv.QUOTE_MINIMAL if b'"' in text else csv.QUOTE_NONE,
+            quoting=3,  # csv.QUOTE_NONE
             skip_blank_lines=False,
             low_memory=False,
-            engine="c",
         )
     except (ValueError, OverflowError):  # any text that is no number
         return None
-    values: Floats = frame.to_numpy()
+    values: FloatArray = frame.to_numpy()
     return values if values.shape == (count_of(text, "\n"), dialect.columns) else None
 
 
-def read_rows(path: str, block: Block, dialect: Dialect, empty_line: int = 0) -> tuple[Floats, int]:
+def read_rows(
+    path: str, block: Block, dialect: Dialect, empty_line: int = 0
+) -> tuple[FloatArray, int]:
     """Return the rows of a block, read line by line.
 
     Parameters
@@ -196,7 +160,12 @@ def read_rows(path: str, block: Block, dialect: Dialect, empty_line: int = 0) ->
         if "\0" in line:
             raise RecordingError(f"{where}: zero bytes; the file is damaged, copy it again")
         if is_comment(line):
-            _check_remark(where, line, dialect)
+            # a row of numbers but for its mark
+            if dialect.fitting(line.strip().lstrip("#% \t")) is not None:
+                raise RecordingError(
+                    f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it "
+                    "come too early; restore it, or cut the file there"
+                )
         elif any(fields := dialect.split(line)):
             if empty_line:
                 raise RecordingError(
@@ -207,15 +176,6 @@ def read_rows(path: str, block: Block, dialect: Dialect, empty_line: int = 0) ->
         elif dialect.columns == 1 or line.strip():
             empty_line = empty_line or number
     return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty_line
-
-
-def _check_remark(where: str, line: str, dialect: Dialect) -> None:
-    """Refuse a remark that is a row of numbers but for its mark."""
-    if dialect.row(line.strip().lstrip("#% \t")) is not None:
-        raise RecordingError(
-            f"{where}: a sample is taken out by '{line.strip()[0]}', so those after it come "
-            "too early; restore it, or cut the file there"
-        )
 
 
 def _values(where: str, fields: Sequence[str], dialect: Dialect) -> list[float]:
@@ -230,20 +190,14 @@ def _values(where: str, fields: Sequence[str], dialect: Dialect) -> list[float]:
         raise RecordingError(f"{where}: {wrong}; {_REMEDY}")
     values = []
     for index, field in enumerate(fields[: dialect.columns]):
-        stamped = index == dialect.stamp
-        moment = to_microseconds(field) if stamped else None
-        if moment is not None:
-            values.append((moment - dialect.stamp_origin) / 1e6)
-        elif not stamped and is_number(field, dialect.decimal):
-            values.append(to_number(field, dialect.decimal))
-        elif is_missing(field):
-            values.append(float("nan"))
-        else:
-            what = "time stamp" if stamped else "number"
+        value = dialect.value(index, field)
+        if value is None:
+            what = "time stamp" if index == dialect.stamp else "number"
             label = dialect.described()[index].label
             raise RecordingError(
                 f"{where}, {label}: '{shortened(field)}' is not a {what}; {_REMEDY}"
             )
+        values.append(value)
     return values
 
 
@@ -256,11 +210,9 @@ def _check_end(path: str, before: bytes, block: Block, dialect: Dialect) -> None
     """
     if len(before) == _CUT_CHECK_BYTES:
         before = before.partition(b"\n")[2]
-    lines = decoded(before + block.text).split("\n")[:-1]
-    if not _is_row(lines[-1], dialect):
-        return
-    above = [dialect.split(line) for line in lines[-_MOST_ROWS - 1 : -1] if _is_row(line, dialect)]
-    reason = _cut(dialect.split(lines[-1]), above, dialect)
+    lines = decoded(before + block.text).split("\n")[-_MOST_ROWS - 2 : -1]
+    *above, last = [dialect.split(line) if _is_row(line, dialect) else [] for line in lines]
+    reason = last and _cut(last, [row for row in above if dialect.fits(row)], dialect)
     if reason:
         number = block.first_line + block.text.count(b"\n") - 1
         raise RecordingError(
@@ -289,7 +241,7 @@ def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) 
         return re.sub("[0-9]", "0", point + decimals)
 
     field = last[place]
-    usual = {ending(row[place]) for row in above if dialect.fits(row)}
+    usual = {ending(row[place]) for row in above}
     # fewer digits behind the point than all others have
     shorter = bool(above) and field.endswith(point) and point not in usual
     if len(usual) == 1 and len(above) >= _ENOUGH_ROWS:
@@ -298,7 +250,7 @@ def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) 
     return f"'{shortened(field)}'" if cut else ""
 
 
-def read_table(source: Source, wanted: Wanted = _PLAIN) -> Content:
+def read_table(source: Source, wanted: Wanted = _PLAIN) -> Table:
     """Return all rows of numbers in a text file, with what the lines above them say.
 
     Parameters
@@ -321,32 +273,27 @@ def read_table(source: Source, wanted: Wanted = _PLAIN) -> Content:
         if count + len(rows) > values.shape[1]:
             estimate = int(_MARGIN * len(rows) * max(1.0, size / len(block.text))) + 1000
             grown = count + len(rows) + values.shape[1] // 2 if count else estimate
-            values, old = reserved(source.path, wanted.room, (len(values), grown)), values
+            values, old = wanted.room(source.path, (len(values), grown)), values
             values[:, :count] = old[:, :count]
         values[:, count : count + len(rows)] = rows.T
         count += len(rows)
         wanted.progress(min(1.0, done / size))
     wanted.progress(1.0)
-
-    def shown(row: int, index: int) -> str:
-        field = ([*_line_of(source, dialect, row)[1][index:], ""])[0]
-        return f"'{shortened(field)}'" if field else "an empty field"
-
-    return Content(
+    columns = [*dialect.described()]
+    if dialect.stamp is not None:
+        columns[dialect.stamp] = replace(columns[dialect.stamp], kind="time", unit="s")
+    return Table(
         path=source.path,
         values=values[:, :count],
-        columns=dialect.described(),
-        stamp=dialect.stamp,
+        columns=tuple(columns),
         rate_hint=dialect.rate_hint,
-        notes=(dialect.remark,) if dialect.remark else (),
-        is_text=True,
-        place=lambda row: f"line {_line_of(source, dialect, row)[0]}",
-        shown=shown,
+        notes=(dialect.remark,),
+        locate=partial(_located, source, dialect),
     )
 
 
-def _line_of(source: Source, dialect: Dialect, row: int) -> tuple[int, list[str]]:
-    """Return the number of the line that holds a row (counted from 0), and its fields."""
+def _located(source: Source, dialect: Dialect, row: int, index: int) -> tuple[str, str]:
+    """Return which line holds a row (counted from 0), and what stands there in a column."""
     rows = (
         (number, line)
         for block in source.blocks(line=dialect.first_line)
@@ -354,10 +301,11 @@ def _line_of(source: Source, dialect: Dialect, row: int) -> tuple[int, list[str]
         if _is_row(line, dialect)
     )
     number, line = next(islice(rows, row, None))
-    return number, dialect.split(line)
+    field = [*dialect.split(line), *[""] * dialect.columns][index]
+    return f"line {number}", f"'{shortened(field)}'" if field else "an empty field"
 
 
-def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, Floats]]:
+def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, FloatArray]]:
     """Yield the blocks with their rows, in order; large files are parsed ahead by threads."""
     blocks = source.blocks(line=dialect.first_line)
     threads = min(cores(), _MOST_THREADS) if source.size_hint() >= _THREADED_BYTES else 1
@@ -381,36 +329,16 @@ def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, Fl
 
 
 def _layout_of(source: Source) -> Dialect:
-    """Return the layout, from as much of the beginning of the file as it takes."""
-    found, lines = None, [""]
-    for size in (_HEAD_BYTES * 4**k for k in range(_HEADS)):
-        head = next(source.blocks(size), Block(text=b"", first_line=1)).text
-        lines = decoded(head).split("\n")[:-1]
-        found = find_layout(source.path, lines)
-        rows = 0 if found is None else len(lines) - found.first_line
-        if len(head) < size or rows >= _ROWS_TO_JUDGE:
-            break
-    if found is None:
-        raise RecordingError(f"{source.path}: {_why_no_table(lines)}")
-    return found
-
-
-def _why_no_table(lines: Sequence[str]) -> str:
-    """Say what a text without rows of numbers holds instead."""
-    filled = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
+    """Return the layout, as the beginning of the file tells it."""
+    head = next(source.blocks(_HEAD_BYTES), Block(text=b"", first_line=1)).text
+    lines = decoded(head).split("\n")[:-1]
+    if found := find_layout(source.path, lines):
+        return found
+    filled = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
     number, text = filled[-1]
-    # a column of text, if the last lines are rows of numbers but for it?
-    for separator in ("\t", ";", ","):
-        rows = [split_fields(line, separator) for _, line in filled[-3:]]
-        told = [is_number(field, ".") or is_number(field, ",") for field in rows[-1]]
-        words = [k for k, field in enumerate(rows[-1]) if field and not told[k]]
-        if any(told) and words and len(rows) == 3 and len({len(row) for row in rows}) == 1:
-            return (
-                f"line {number}, column {words[0] + 1}: '{shortened(rows[-1][words[0]])}' is not a "
-                "number, as in the lines above; take that column out"
-            )
     what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
-    return (
-        f"{what} in its {counted(len(lines), 'line')} (line {number} reads "
-        f"'{shortened(text.strip())}'); a recording has one line of numbers per sample"
+    raise RecordingError(
+        f"{source.path}: {what} in its {counted(len(lines), 'line')} (line {number} reads "
+        f"'{shortened(text)}'); a recording has one line of numbers per sample, and no column of "
+        "text"
     )

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NoReturn
 
 import numpy as np
 
-from gearmon.arrays import BoolArray
+from gearmon.arrays import BoolArray, FloatArray
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import Content, DataColumn, missing_rows
-from gearmon.signals.reading.source import Floats
+from gearmon.signals.reading.columns import DataColumn, Table, missing_rows
 from gearmon.units import time_factor
 
 # Deviation of a stamp from even spacing, in sampling intervals, beyond what rounding explains.
@@ -22,7 +22,8 @@ _JITTER = 0.1
 _COARSE = 0.75
 # ... and to more than this share hides them from the differences, though not from a straight line.
 _DOUBTFUL = 0.45
-_DRIFT = 1e-3
+# Deviation from a straight line, over all stamps, of a step that changes by 0.1 % at half time.
+_DRIFT = 1e-3 / 8
 _CHUNK = 2**18
 
 _AGREEMENT = 1e-3
@@ -60,7 +61,7 @@ class Spacing:
     row: int = 0
 
 
-def spacing(stamps: Floats) -> Spacing:
+def spacing(stamps: FloatArray) -> Spacing:
     """Return the spacing of time stamps, and what is irregular about it.
 
     Rounding of the stamps when they were printed is allowed for: their resolution is the last
@@ -86,34 +87,30 @@ def spacing(stamps: Floats) -> Spacing:
     least = 0.0 if coarse and step > 0 else np.finfo(float).tiny
     tolerance = np.inf if coarse or usual <= 0 else resolution + _JITTER * usual
     fault, row = _fault(stamps, usual, max(usual - tolerance, least), usual + tolerance)
-    if not fault and resolution > _DOUBTFUL * step:
-        rounded = resolution if coarse else 0.5 * resolution
-        fault, row = _off_line(stamps, step, rounded + _JITTER * step)
-    if not fault and not coarse:
-        fault, row = _drift(stamps, step, resolution)
+    slope, off = _straight_line(stamps)
+    drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * len(stamps)
+    rounded = resolution if coarse else 0.5 * resolution
+    if not fault and max(off.max(), -off.min()) > rounded + (_JITTER + drift) * step:
+        row = int(np.abs(off).argmax())
+        fault = f"{stamps[row]:.9g} is off the even spacing of {step:.6g}"
     found = Spacing(step=abs(step), coarse=coarse, fault=fault, row=row)
     if exact or fault:
         return found
-    return replace(found, step=_slope(stamps), uncertainty=resolution / (step * len(stamps)))
+    return replace(found, step=slope, uncertainty=resolution / (step * len(stamps)))
 
 
-def counts_evenly(values: Floats) -> bool:
-    """Tell whether the values go up by exactly 1 from each sample to the next."""
-    return len(values) > 1 and _first(values, lambda steps: steps != 1) < 0
-
-
-def rises_evenly(values: Floats) -> bool:
-    """Tell whether the values look like time stamps: strictly rising by nearly equal steps."""
+def even_step(values: FloatArray) -> float:
+    """Return by what values go up evenly, as time stamps and counters do; 0 if they do not."""
     # the ends decide for nearly every channel; a NaN anywhere shows in the extremes
     if len(values) < 3 or not (values[1] > values[0] and values[-1] > values[-2]):
-        return False
+        return 0.0
     if not np.isfinite(values.max() - values.min()) or values[-1] <= values[0]:
-        return False
+        return 0.0
     found = spacing(values)
-    return not found.fault and not found.coarse
+    return 0.0 if found.fault or found.coarse else found.step
 
 
-def _fault(stamps: Floats, usual: float, least: float, most: float) -> tuple[str, int]:
+def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple[str, int]:
     """Say which step is the first that is not as usual, and in which row it ends."""
     row = _first(stamps, lambda steps: steps < 0)  # tells more than what it does to others
     if row < 0:
@@ -122,9 +119,8 @@ def _fault(stamps: Floats, usual: float, least: float, most: float) -> tuple[str
         return "", 0
     before, after = stamps[row - 1], stamps[row]
     if after <= before:
-        return f"{after:.9g} " + (
-            f"comes after {before:.9g}" if after < before else "is repeated"
-        ), row
+        what = f"comes after {before:.9g}" if after < before else "is repeated"
+        return f"{after:.9g} {what}", row
     found = float(after - before)
     lost = round(found / usual) - 1
     text = f"a step of {found:.6g} where {usual:.6g} is usual"
@@ -133,19 +129,7 @@ def _fault(stamps: Floats, usual: float, least: float, most: float) -> tuple[str
     return text, row
 
 
-def _drift(stamps: Floats, step: float, resolution: float) -> tuple[str, int]:
-    """Say whether the step changes from one half of the stamps to the other, and where that is."""
-    half = len(stamps) // 2
-    if half < 2:
-        return "", 0
-    early = float(stamps[half] - stamps[0]) / half
-    late = float(stamps[-1] - stamps[half]) / (len(stamps) - 1 - half)
-    if abs(late - early) <= _DRIFT * step + 4 * resolution / half:
-        return "", 0
-    return f"the step changes from {early:.6g} to {late:.6g} between its two halves", half
-
-
-def _usual_step(stamps: Floats) -> tuple[float, bool]:
+def _usual_step(stamps: FloatArray) -> tuple[float, bool]:
     """Return the median step, and whether nearly all steps are equal to it (nothing rounded)."""
     steps = np.diff(stamps[: 2 * _CHUNK])
     if len(stamps) > 2 * _CHUNK:
@@ -156,7 +140,7 @@ def _usual_step(stamps: Floats) -> tuple[float, bool]:
     return usual, others <= max(1, 0.01 * len(steps))
 
 
-def _resolution(stamps: Floats) -> float:
+def _resolution(stamps: FloatArray) -> float:
     """Return the unit of the last decimal of the stamps, or of their single precision."""
     parts = stamps[:1000], stamps[-1000:]
     ends = np.concatenate(parts)
@@ -171,7 +155,7 @@ def _resolution(stamps: Floats) -> float:
     )
 
 
-def _first(stamps: Floats, wrong: Callable[[Floats], BoolArray]) -> int:
+def _first(stamps: FloatArray, wrong: Callable[[FloatArray], BoolArray]) -> int:
     """Return the index of the first stamp whose step from the one before is wrong; -1: none."""
     for start in range(0, len(stamps) - 1, _CHUNK):
         bad = wrong(np.diff(stamps[start : start + _CHUNK + 1]))
@@ -180,34 +164,27 @@ def _first(stamps: Floats, wrong: Callable[[Floats], BoolArray]) -> int:
     return -1
 
 
-def _slope(stamps: Floats) -> float:
-    """Return the mean step as the slope of the best straight line: rounding averages out."""
+def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
+    """Return the slope of the best straight line, and what is left beside it.
+
+    Rounding averages out of the slope.
+    """
     count = len(stamps)
-    moment = float((stamps - stamps.mean()) @ _from_middle(count))
-    return moment * 12.0 / (count * (count**2 - 1.0))
-
-
-def _from_middle(count: int) -> Floats:
-    return np.asarray(np.arange(count) - 0.5 * (count - 1), dtype=np.float64)
-
-
-def _off_line(stamps: Floats, step: float, tolerance: float) -> tuple[str, int]:
-    """Say which stamp is farthest from their straight line, if too far, and its index."""
-    off = np.abs(stamps - stamps.mean() - _slope(stamps) * _from_middle(len(stamps)))
-    row = int(off.argmax())
-    if off[row] <= tolerance:
-        return "", 0
-    return f"{stamps[row]:.9g} is off the even spacing of {step:.6g}", row
+    number, beside = np.arange(count) - 0.5 * (count - 1), stamps - stamps.mean()
+    slope = float(beside @ number) * 12.0 / (count * (count**2 - 1.0))
+    number *= slope
+    beside -= number
+    return slope, beside
 
 
 def sampling_rate(
-    content: Content, column: DataColumn | None, given_hz: float | None, hint: str = ""
+    table: Table, column: DataColumn | None, given_hz: float | None, hint: str = ""
 ) -> tuple[float, str]:
     """Return the sampling rate of a recording.
 
     Parameters
     ----------
-    content : Content
+    table : Table
         What stands in the file.
     column : Column or None
         The time column.
@@ -229,48 +206,46 @@ def sampling_rate(
         If there is neither a rate nor a time column in the file and none was given, they contradict
         each other by more than 0.1 %, or the time column is irregular.
     """
-    stated = content.rate_hz
+    stated = table.rate_hz
     if stated and given_hz and abs(stated / given_hz - 1.0) > _AGREEMENT:
         raise RecordingError(
-            f"{content.path}: the file says {stated:.7g} Hz, but {given_hz:.7g} Hz was given; "
+            f"{table.path}: the file says {stated:.7g} Hz, but {given_hz:.7g} Hz was given; "
             "leave --sampling-rate out, or correct it"
         )
-    rate_hz, note = stated or given_hz, ""
+    # some formats round the rate; the user may know it better
+    rate_hz, note = given_hz or stated, ""
     if column is not None:
-        told = "the file says {:.7g} Hz as well" if stated else "{:.7g} Hz was given"
-        rate_hz, note = _from_stamps(content, column, rate_hz, told)
+        told = "{:.7g} Hz was given" if given_hz else "the file says {:.7g} Hz as well"
+        rate_hz, note = _from_stamps(table, column, rate_hz, told)
     if rate_hz is not None:
-        # some formats round the rate; the user may know it better
-        return given_hz or rate_hz, note
-    unknown = "no time column, so the sampling rate is unknown"
-    what = unknown if content.is_text else "does not say its sampling rate"
-    told = hint or content.rate_hint
+        return rate_hz, note
+    told = hint or table.rate_hint
     raise RecordingError(
-        f"{content.path}: {what}; give --sampling-rate HZ{f' ({told})' if told else ''}"
+        f"{table.path}: has no time column and does not say its sampling rate; give "
+        f"--sampling-rate HZ{f' ({told})' if told else ''}"
     )
 
 
 def _from_stamps(
-    content: Content, column: DataColumn, given_hz: float | None, contradiction: str
+    table: Table, column: DataColumn, given_hz: float | None, contradiction: str
 ) -> tuple[float, str]:
     """Return the rate that time stamps tell, or the given one that agrees, and what was assumed."""
-    where = f"{content.path}, {column.label}"
-    stamps = content.values[[own.number for own in content.columns].index(column.number)]
+    where = f"{table.path}, {column.label}"
+    index = [own.number for own in table.columns].index(column.number)
+    stamps = table.values[index]
+
+    def refuse(row: int, what: str) -> NoReturn:
+        place = f"{table.path}, {table.locate(row, index)[0]}, {column.label}"
+        raise RecordingError(f"{place}: the time is {what}; {_REMEDY}")
+
     missing = missing_rows(stamps)
     if len(missing):
-        what = "lines" if content.is_text else "samples"
-        raise RecordingError(
-            f"{content.path}, {content.place(int(missing[0]))}, {column.label}: the time is "
-            f"missing (in {len(missing)} of {len(stamps)} {what}); {_REMEDY}"
-        )
+        refuse(int(missing[0]), f"missing (in {len(missing)} of {len(stamps)} rows)")
     if len(stamps) < 2:
         raise RecordingError(f"{where}: a single sample is no recording; it tells no sampling rate")
     found = spacing(stamps)
     if found.fault:
-        raise RecordingError(
-            f"{content.path}, {content.place(found.row)}, {column.label}: the time is irregular: "
-            f"{found.fault}; {_REMEDY}"
-        )
+        refuse(found.row, f"irregular: {found.fault}")
     if given_hz is not None and column.unit is None and found.step == 1.0:
         return given_hz, f"{column.label} counts samples; the given rate is used"
     factor, note = _unit(where, column, found, given_hz)
@@ -297,14 +272,14 @@ def _unit(
     known = time_factor(column.unit)
     if known is not None:
         return known, ""
-    if given_hz is not None:
-        for name, factor in _USUAL_UNITS:
-            if abs(found.step * factor * given_hz - 1.0) <= _AGREEMENT + found.uncertainty:
-                return factor, f"{column.label} has no unit: by the given rate it is in {name}"
-        return 1.0, ""
-    if found.step >= _LONGEST_STEP_S:
+    if given_hz is None and found.step >= _LONGEST_STEP_S:
         raise RecordingError(
             f"{where}: it goes up by {found.step:.6g} in an unknown unit; name it with its unit, "
             "such as time_ms, or give --sampling-rate HZ"
         )
-    return 1.0, f"{column.label} has no unit: taken as seconds"
+    if given_hz is None:
+        return 1.0, f"{column.label} has no unit: taken as seconds"
+    for name, factor in _USUAL_UNITS:
+        if abs(found.step * factor * given_hz - 1.0) <= _AGREEMENT + found.uncertainty:
+            return factor, f"{column.label} has no unit: by the given rate it is in {name}"
+    return 1.0, ""

@@ -162,12 +162,6 @@ def test_a_tacho_that_is_told_goes_before_one_that_is_named_so(write):
     assert sensed.tacho_told
 
 
-def test_a_unit_of_a_sensor_that_is_none_is_refused(write):
-    path = write("a,b,c")
-    with pytest.raises(RecordingError, match="said to be in 'parsec', which is no known unit"):
-        read_recording(path, 100, sensors=[Sensor("a", unit="parsec")])
-
-
 def test_sensors_tell_unit_sensitivity_and_kind(write):
     path = write("a,b,c")
     raw = np.loadtxt(path, delimiter=",", skiprows=1).T

