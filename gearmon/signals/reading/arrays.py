@@ -233,7 +233,7 @@ def hold(items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
         if single:
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
         elif array := as_array(name, data, **_told_beside(data)):
-            arrays.append(array)
+            arrays.append(replace(array, names=_names_beside(data, array.names)))
         else:
             what = f" of shape {data.shape}" if data.dtype.kind in "fiubc" and data.shape else ""
             others.append(f"{name or 'numbers'}{what}")
@@ -244,6 +244,15 @@ def _told_beside(data: Any) -> dict[str, Any]:
     """Return unit and sampling rate of an array as its attributes tell, if it has any."""
     attributes = getattr(data, "attrs", {})
     return {"unit": unit_in(attributes), "rate_hz": stated_rate(numbers_in(attributes))[0]}
+
+
+def _names_beside(data: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
+    """Return the names of channels that an attribute lists, if there is one for each."""
+    for key in ("channel_names", "channels", "names"):
+        value = np.asarray(getattr(data, "attrs", {}).get(key, ()))
+        if value.shape == (len(usual),) and value.dtype.kind in "OSU":
+            return tuple(map(plain_text, value.tolist()))
+    return usual
 
 
 def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:

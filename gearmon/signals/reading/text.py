@@ -34,6 +34,7 @@ from gearmon.signals.reading.source import (
     is_comment,
     is_number,
     shortened,
+    split_fields,
     without_empty_end,
 )
 from gearmon.signals.threads import cores
@@ -336,6 +337,16 @@ def _layout_of(source: Source) -> Dialect:
         return found
     filled = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
     number, text = filled[-1]
+    # a column of text, if the last lines are rows of numbers but for it?
+    for separator in "\t;,":
+        rows = [split_fields(line, separator) for _, line in filled[-3:]]
+        told = [is_number(field, ".") or is_number(field, ",") for field in rows[-1]]
+        if any(told) and not all(told) and {len(row) for row in rows} == {len(told)}:
+            word = shortened(rows[-1][told.index(False)])
+            raise RecordingError(
+                f"{source.path}: line {number}, column {told.index(False) + 1}: '{word}' is not a "
+                "number, as in the lines above; take that column out"
+            )
     what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
     raise RecordingError(
         f"{source.path}: {what} in its {counted(len(lines), 'line')} (line {number} reads "
