@@ -42,12 +42,13 @@ from gearmon.gears.tooth_damage import (
     SOUND,
     Hole,
     ToothDamage,
+    face_part,
     largest_size,
     tooth_damage,
 )
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
-#: Losses of the teeth of a gear, by tooth number.
+#: Losses of the teeth of a gear, by tooth number; 0 for all of them.
 GearLosses = dict[int, Losses]
 #: What is lost at the two teeth of a pair.
 PairState = tuple[Losses, Losses]
@@ -535,8 +536,6 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
             f"a {fault.kind} costs at most {100 * most:.3g} % of the stiffness of its pair, at "
             f"{most_size:.4g}{fault.unit}; loss={100 * loss:.3g} % is out of its reach"
         )
-    if loss in (0, most):
-        return replace(fault, size=most_size if loss else 0.0)
 
     def missed(size: float) -> float:
         return _loss_of_size(fault, size, pair, index) - loss
@@ -552,16 +551,9 @@ def _loss_of_size(fault: Fault, size: float, pair: ToothPair, index: int) -> flo
 def _broken(fault: Fault, pair: ToothPair, index: int) -> Losses:
     """Return the loss of a broken-off part of the tooth."""
     tooth, start, end = pair.teeth[index], 0.0, pair.contact_ratio
-    width = 1e3 * tooth.face_width_m
-    begin, share = (fault.shape.start or 0.0) / width, fault.size / width
-    if share > 0.99 or begin + share > 1 + 1e-9:
-        lost = "more than" if begin + share > 1 + 1e-9 else "all of"
-        raise ArgumentError(
-            f"fault {fault}: {lost} the face width of {width:g} mm is broken off; for a whole "
-            f"tooth write missing:{fault.stage}:{fault.gear}:{fault.tooth}"
-        )
-    if fault.shape.height is not None:
-        broken = tooth.radius_below_tip(1e-3 * fault.shape.height)
+    begin, share = face_part(fault, tooth)
+    if fault.height is not None:
+        broken = tooth.radius_below_tip(1e-3 * fault.height)
         angle = tooth.angle_at_radius(max(broken, tooth.base_radius_m))
         edge = pair.phase_of(index, angle)
         # the tip of the first gear leaves last, that of the second enters first
@@ -694,14 +686,14 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
 
 def gear_losses(
     pair: MeshPair, faults: Sequence[Fault], length: float, teeth: ToothPair | None = None
-) -> tuple[dict[int, Losses], dict[int, Losses]]:
-    """Return the loss of each damaged tooth of each gear, by its number.
+) -> tuple[GearLosses, GearLosses]:
+    """Return the loss of each damaged tooth of each gear, by its number, 0 for all teeth.
 
     Parameters
     ----------
     pair : MeshPair
     faults : sequence of Fault
-        Of this mesh; wear is left aside.
+        Of this mesh.
     length : float
         Length of the contact of a pair [mesh periods].
     teeth : ToothPair, optional
@@ -714,46 +706,21 @@ def gear_losses(
     """
     # the contact of the half-duty forms is a nominal one, on which the true one is laid
     pitch = pair.pitch_phase * length / pair.contact_ratio if _needs_pitch(faults) else 0.0
-    found: tuple[dict[int, Losses], dict[int, Losses]] = {}, {}
+    found: tuple[GearLosses, GearLosses] = {}, {}
     for index, (name, losses) in enumerate(zip(pair.names, found, strict=True)):
-        hurt = [fault for fault in faults if fault.gear == name and fault.tooth is not None]
-        for tooth in sorted({fault.tooth or 0 for fault in hurt}):
-            own = [fault for fault in hurt if fault.tooth == tooth]
+        hurt = [fault for fault in faults if fault.gear == name]
+        for tooth in {fault.tooth or 0 for fault in hurt}:
+            own = [fault for fault in hurt if (fault.tooth or 0) == tooth]
             parts = [loss_in_contact(fault, length, pitch) for fault in own if fault.is_loss]
             measured = [fault for fault in own if not fault.is_loss]
             if measured:
-                parts.append(_measured(pair, index, measured, length, teeth))
+                known, is_helical = teeth or teeth_of(pair), pair.overlap_ratio > 0
+                parts.append(measured_losses(measured, known, index, is_helical, length))
             lost: Losses = reduce(union, parts, ())
             if lost:
                 losses[tooth] = lost
     return found
 
 
-def worn_losses(
-    pair: MeshPair,
-    faults: Sequence[Fault],
-    length: float | None = None,
-    teeth: ToothPair | None = None,
-) -> tuple[Losses, Losses]:
-    """Return the loss by wear in mm of all teeth of each gear; see `gear_losses`."""
-    found = []
-    for index, name in enumerate(pair.names):
-        worn = [f for f in faults if f.kind == "wear" and f.gear == name and not f.is_loss]
-        found.append(_measured(pair, index, worn, length, teeth) if worn else ())
-    return found[0], found[1]
-
-
 def _needs_pitch(faults: Sequence[Fault]) -> bool:
     return any(fault.is_loss and fault.kind in BANDS for fault in faults)
-
-
-def _measured(
-    pair: MeshPair,
-    index: int,
-    faults: Sequence[Fault],
-    length: float | None,
-    teeth: ToothPair | None,
-) -> Losses:
-    """Return the loss that sizes in mm or shares of the flank mean, in a contact of this length."""
-    known = teeth_of(pair) if teeth is None else teeth
-    return measured_losses(faults, known, index, pair.overlap_ratio > 0, length)

@@ -28,10 +28,10 @@ from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.damage import (
     CurvePairs,
     PairsInMesh,
+    PairState,
     TeethInMesh,
     acting_faults,
     gear_losses,
-    worn_losses,
 )
 from gearmon.gears.excitation import ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
@@ -532,7 +532,8 @@ def mesh_stiffness(
         return parts.pairs(lost).healthy.scaled(left * parts.factor)
 
     pairs, overlap, whole = parts.pairs(0.0), pair.overlap_ratio, pulse(0.0)
-    missing = pairs.trains(pair, gear_losses(pair, acting, pairs.length, parts.teeth))
+    local = [fault for fault in acting if fault.tooth is not None]
+    missing = pairs.trains(pair, gear_losses(pair, local, pairs.length, parts.teeth))
     gap = 0.0 if force_n is None else 2 * abs(force_n) / whole.area
     modulations, told = modulation_trains(pair, errors, pulse, gap)
     geometry = pair.geometry.warnings if pair.given("contact_ratio") is None else ()
@@ -581,7 +582,7 @@ def _from_form(
 
     def pairs(lost: float) -> CurvePairs:
         pulse = unit_pulse(pair, form, lost)
-        return CurvePairs(pulse=pulse, worn=worn_losses(pair, acting, pulse.length))
+        return CurvePairs(pulse=pulse, worn=_worn(pair, acting, pulse.length))
 
     notes = iso.warnings if iso else ()
     return _Parts(pairs=pairs, factor=mean, variation=variation, iso=iso, warnings=notes)
@@ -604,11 +605,21 @@ def _from_teeth(
 
     def pairs(lost: float, wear: Sequence[Fault] = acting) -> TeethInMesh:
         moved = teeth.parted(lost)
-        return TeethInMesh(pair=moved, worn=worn_losses(pair, wear, teeth=moved), force_n=force_n)
+        worn = _worn(pair, wear, moved.contact_ratio, moved)
+        return TeethInMesh(pair=moved, worn=worn, force_n=force_n)
 
     imposed = pair.given("mesh_stiffness_n_per_m")
     factor = 1.0 if imposed is None else imposed / pairs(0.0, ()).healthy.area
     return _Parts(pairs=pairs, factor=factor, teeth=teeth, warnings=teeth.warnings)
+
+
+def _worn(
+    pair: MeshPair, faults: Sequence[Fault], length: float, teeth: ToothPair | None = None
+) -> PairState:
+    """Return the loss by wear in mm of all teeth of each gear."""
+    worn = [fault for fault in faults if fault.kind == "wear" and not fault.is_loss]
+    one, two = gear_losses(pair, worn, length, teeth)
+    return one.get(0, ()), two.get(0, ())
 
 
 def _chosen(form: AnyForm) -> StiffnessForm | PotentialEnergy:

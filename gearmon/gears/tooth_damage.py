@@ -17,7 +17,7 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
-from gearmon.gears.faults import Fault, Limit, flank_share
+from gearmon.gears.faults import Fault, flank_share
 
 if TYPE_CHECKING:
     from gearmon.gears.tooth import Tooth
@@ -87,7 +87,7 @@ class RootCrack:
     far_depth_m: float | None = None
     extent: float = 1.0
     start: float = 0.0
-    limit: Limit = "flat"
+    limit: str = "flat"
 
     @property
     def depths(self) -> tuple[float, float]:
@@ -381,8 +381,7 @@ def largest_size(fault: Fault, tooth: Tooth) -> float:
     """Return the largest size of a kind of damage on a tooth, in the unit of the fault."""
     width = 1e3 * tooth.face_width_m
     if fault.kind in ("spall", "breakage"):
-        start = fault.shape.start or 0.0
-        return 0.98 * (width - start)
+        return 0.98 * (width - (fault.start or 0.0))
     if fault.kind == "pitting":
         return 0.5 if fault.unit == "flank" else 50.0
     if fault.kind == "wear":
@@ -397,54 +396,60 @@ def deepest_crack(tooth: Tooth, angle_rad: float) -> float:
 
 
 def _crack_angle(fault: Fault) -> float:
-    return math.radians(60 if fault.shape.angle is None else fault.shape.angle)
+    return math.radians(60 if fault.angle is None else fault.angle)
+
+
+def face_part(fault: Fault, tooth: Tooth) -> tuple[float, float]:
+    """Return where along the face a damage begins, and how far it reaches, in face widths.
+
+    Raises
+    ------
+    ArgumentError
+        If it reaches over the face, or the whole face is broken off.
+    """
+    whole = 1e3 * tooth.face_width_m
+    width = fault.width or whole if fault.kind == "crack" else fault.size
+    start, share = (fault.start or 0.0) / whole, width / whole
+    broken = fault.kind == "breakage"
+    if start + share > 1 + 1e-9 or (broken and share > 0.99):
+        gone = f"; for a whole tooth write missing:{fault.stage}:{fault.gear}:{fault.tooth}"
+        raise ArgumentError(
+            f"fault {fault}: the {fault.kind} reaches over the face width of {whole:g} mm; width "
+            f"and from must add up to less{gone if broken else ''}"
+        )
+    return start, share
 
 
 def _crack(fault: Fault, tooth: Tooth) -> RootCrack:
-    shape, width = fault.shape, 1e3 * tooth.face_width_m
-    extent = (shape.width or width) / width
-    start = (shape.start or 0.0) / width
-    if start + extent > 1 + 1e-9:
-        raise ArgumentError(
-            f"fault {fault}: the crack reaches over the face width of {width:g} mm; width and from "
-            f"must add up to less"
-        )
+    start, extent = face_part(fault, tooth)
     return RootCrack(
         depth_m=1e-3 * fault.size,
         angle_rad=_crack_angle(fault),
-        far_depth_m=None if shape.far is None else 1e-3 * shape.far,
+        far_depth_m=None if fault.far is None else 1e-3 * fault.far,
         extent=extent,
         start=start,
-        limit="parabolic" if shape.limit == "parabolic" else "flat",
+        limit=fault.limit or "flat",
     )
 
 
 def _spall(fault: Fault, tooth: Tooth) -> list[Hole]:
-    shape = fault.shape
-    assert shape.length is not None  # no fault is made without
-    assert shape.depth is not None
-    width, start = 1e-3 * fault.size, 1e-3 * (shape.start or 0.0)
-    if start + width > tooth.face_width_m * (1 + 1e-9):
-        raise ArgumentError(
-            f"fault {fault}: the spall reaches over the face width of "
-            f"{1e3 * tooth.face_width_m:g} mm; width and from must add up to less"
-        )
-    middle = _pitch_height(tooth) + 1e-3 * (shape.at or 0.0)
-    half = 0.5e-3 * shape.length
+    start, _ = face_part(fault, tooth)
+    middle = _pitch_height(tooth) + 1e-3 * (fault.at or 0.0)
+    # no spall in mm is made without length and depth
+    half, depth = 0.5e-3 * (fault.length or 0.0), 1e-3 * (fault.depth or 0.0)
     if not tooth.height(tooth.start) < middle < tooth.height(tooth.tip):
-        raise ArgumentError(f"fault {fault}: at={shape.at:g} mm lies outside the flank")
-    low, high, begin = middle - half, middle + half, start / tooth.face_width_m
-    flat = Hole(low_m=low, high_m=high, width_m=width, depth_m=1e-3 * shape.depth, start=begin)
-    return [replace(flat, is_touched=False)]
+        raise ArgumentError(f"fault {fault}: at={fault.at:g} mm lies outside the flank")
+    flat = Hole(low_m=middle - half, high_m=middle + half, width_m=1e-3 * fault.size, depth_m=depth)
+    return [replace(flat, start=start, is_touched=False)]
 
 
 def _pits(fault: Fault, tooth: Tooth) -> list[Hole]:
     """Return rows of staggered round pits about the pitch line, more rows for a larger share."""
-    shape, share = fault.shape, flank_share(fault.size, fault.unit)
+    share = flank_share(fault.size, fault.unit)
     if share == 0:
         return []
-    radius = 1e-3 * shape.radius if shape.radius else PIT_RADIUS * tooth.module_m
-    depth = 1e-3 * shape.depth if shape.depth else PIT_DEPTH * tooth.module_m
+    radius = 1e-3 * fault.radius if fault.radius else PIT_RADIUS * tooth.module_m
+    depth = 1e-3 * fault.depth if fault.depth else PIT_DEPTH * tooth.module_m
     low, high = float(tooth.height(tooth.start)), float(tooth.height(tooth.tip))
     rows = _rows(_pitch_height(tooth), low, high, radius)
     # area of a row that fills the face width to the part f: f b pi r/2

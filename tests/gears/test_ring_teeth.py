@@ -351,11 +351,11 @@ def test_ring_and_planet_are_drawn_in_contact():
     _, pair = ring_pair()
     for phase in (0.1, 0.9, 1.5):
         picture = teeth_picture(pair, (), phase)
-        distance = [np.hypot(*(o - picture.contact).T).min() for o in picture.outlines]
-        assert max(distance) < 0.1
-        assert picture.outlines[1][:, 1].min() > picture.outlines[0][:, 1].min()
-        low, high = picture.flank_sizes_mm["ring"][1:]
-        assert 0 < low < high
+        planet, ring = picture.gears
+        for gear in (planet, ring):
+            assert np.hypot(*(gear.outline - picture.contact).T).min() < 0.1
+        assert ring.outline[:, 1].min() > planet.outline[:, 1].min()
+        assert 0 < ring.flank_start < ring.tip
 
 
 # --- refusals and notes --------------------------------------------------------------------------
