@@ -245,7 +245,7 @@ def test_application_factor_decides_on_the_low_load_branch():
 
 
 def test_resonance_speed_of_the_published_helical_pair():
-    """DIN 3990 example, m_red 0.0074 kg/mm and n_E1 18419 1/min: d_m1 = 53.628 mm, d_m2 = u d_m1."""
+    """DIN 3990 example, 0.0074 kg/mm and n_E1 = 18419 1/min: d_m1 = 53.628 mm, d_m2 = u d_m1."""
     stage = ParallelStage(
         pinion_teeth=25,
         gear_teeth=40,
