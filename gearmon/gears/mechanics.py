@@ -28,11 +28,7 @@ from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.geometry import USUAL_RIM
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.pairs import (
-    LOW_LOAD_N_PER_MM,
-    MeshPair,
-    mesh_pairs,
-)
+from gearmon.gears.pairs import LOW_LOAD_N_PER_MM, MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 

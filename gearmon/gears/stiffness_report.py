@@ -185,8 +185,7 @@ def teeth_picture(
     frames = _Frame(pair.first, 0j, one), _Frame(pair.second, 1j * centres, -two)
     touching = _flank(pair.first, pair.first.angle(roll))
     return TeethPicture(
-        gears=(frames[0].drawn(faults), frames[1].drawn(faults)),
-        contact=frames[0].place(touching),
+        gears=(frames[0].drawn(faults), frames[1].drawn(faults)), contact=frames[0].place(touching)
     )
 
 
