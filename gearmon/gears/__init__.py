@@ -40,7 +40,7 @@ Examples
 >>> turning = kinematics(machine)
 >>> isinstance(turning, Kinematics), turning.mesh(1).order, turning.coincidences()
 (True, 23.0, ())
->>> line_table(machine).rows[0].name
+>>> line_table(machine).rows[0]["name"]
 'input shaft'
 >>> (pair,) = mesh_pairs(machine.stages[0])
 >>> isinstance(pair, MeshPair), pair.teeth, round(pair.contact_ratio, 2)
