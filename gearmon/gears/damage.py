@@ -133,18 +133,11 @@ class PairsInMesh(ABC):
             One for each gear with damaged teeth and, where damaged teeth of both gears meet, one
             for what the two miss there.
         """
-        (one, two), z = losses, pair.teeth
-        both = self._terms(one, two, z) if one and two else ()
-        parts = (
-            (pair.first.name, z[0], self._terms(one, {}, z)),
-            (pair.second.name, z[1], self._terms({}, two, z)),
-            (" and ".join(pair.names), math.lcm(*z), both),
-        )
-        return [
-            PulseTrain(gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=terms)
-            for gear, period, terms in parts
-            if terms
-        ]
+        (one, two), z, overlap = losses, pair.teeth, pair.overlap_ratio
+        parts = [(pair.first.name, z[0], one, {}), (pair.second.name, z[1], {}, two)]
+        parts += [(" and ".join(pair.names), math.lcm(*z), one, two)] * bool(one and two)
+        found = [(gear, period, self._terms(a, b, z)) for gear, period, a, b in parts]
+        return [PulseTrain(gear, period, overlap, terms) for gear, period, terms in found if terms]
 
     def _terms(self, one: GearLosses, two: GearLosses, teeth: tuple[int, int]) -> Losses:
         """Return what damaged teeth take from the pairs near them.
@@ -295,11 +288,6 @@ class TeethInMesh(PairsInMesh):
             # a pair that carries nothing flattens nothing, and its logarithm needs some load
             force = self.force_n * np.maximum(loads / loads.sum(axis=0), 1e-6)
         return loads
-
-    def _near(self, losses: GearLosses, period: int) -> set[int]:
-        if self.pair.form.is_coupled:
-            return super()._near(losses, period)
-        return {tooth - 1 for tooth in losses}
 
     def _share(
         self, phase: FloatArray, states: Sequence[PairState], force: FloatArray | None
@@ -463,8 +451,7 @@ def measured_losses(
     damage = tooth_damage(faults, pair.teeth[index])
     parts = [_broken(fault, pair, index) for fault in faults if fault.kind == "breakage"]
     parts += [_without_flank(hole, pair, index) for hole in damage.holes if not hole.round]
-    if not damage.is_none:
-        parts.append(_weaker_sections(damage, pair, index, is_helical))
+    parts.append(_weaker_sections(damage, pair, index, is_helical))
     losses: Losses = reduce(union, parts, ())
     nominal = pair.contact_ratio if length is None else length
     factor = nominal / pair.contact_ratio
@@ -490,20 +477,16 @@ def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
         losses = loss_in_contact(fault, pair.contact_ratio, 0.5 * pair.contact_ratio)
     else:
         losses = measured_losses([fault], pair, index)
-    mean, greatest = _mean_loss(losses, pair)
-    middle = lost_share(losses, np.array(0.5 * pair.contact_ratio))
-    return PairLoss(mean=mean, greatest=greatest, at_middle=float(middle))
-
-
-def _mean_loss(losses: Losses, pair: ToothPair) -> tuple[float, float]:
-    """Mean loss over the contact, weighted with the stiffness, and the greatest."""
     corners = [np.array([0.0, pair.contact_ratio]), *(p.pulse.edges for p in losses)]
     edges = distinct(np.clip(np.concatenate(corners), 0.0, pair.contact_ratio), 1e-12)
     phase = panel_nodes(edges)
-    stiffness = pair.compliances(pair.roll(phase)).stiffness
-    lost = lost_share(losses, phase)
+    lost, stiffness = lost_share(losses, phase), pair.compliances(pair.roll(phase)).stiffness
     weights = gauss(phase.shape[1])[1] * np.diff(edges)[:, None] * stiffness
-    return float((weights * lost).sum() / weights.sum()), float(lost.max())
+    return PairLoss(
+        mean=float((weights * lost).sum() / weights.sum()),
+        greatest=float(lost.max()),
+        at_middle=float(lost_share(losses, np.array(0.5 * pair.contact_ratio))),
+    )
 
 
 def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fault:
@@ -530,7 +513,7 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
     if not 0 <= loss < 1:
         raise ArgumentError(f"loss={loss:g} must lie in [0, 1)")
     most_size = largest_size(fault, pair.teeth[index])
-    most = _loss_of_size(fault, most_size, pair, index)
+    most = _loss_of_size(replace(fault, size=most_size), pair, index)
     if loss > most:
         raise ArgumentError(
             f"a {fault.kind} costs at most {100 * most:.3g} % of the stiffness of its pair, at "
@@ -538,14 +521,14 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
         )
 
     def missed(size: float) -> float:
-        return _loss_of_size(fault, size, pair, index) - loss
+        return _loss_of_size(replace(fault, size=size), pair, index) - loss
 
     return replace(fault, size=brentq(missed, 0.0, most_size, rtol=1e-9))
 
 
 @lru_cache(maxsize=64)
-def _loss_of_size(fault: Fault, size: float, pair: ToothPair, index: int) -> float:
-    return _mean_loss(measured_losses([replace(fault, size=size)], pair, index), pair)[0]
+def _loss_of_size(fault: Fault, pair: ToothPair, index: int) -> float:
+    return stiffness_loss(fault, pair, index).mean
 
 
 def _broken(fault: Fault, pair: ToothPair, index: int) -> Losses:
@@ -601,11 +584,10 @@ def _bridged(pair: ToothPair, length: float) -> Pulse:
 
 def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helical: bool) -> Losses:
     """Return the loss by weaker sections: over the whole face, or slice by slice."""
-    if not is_helical:
-        return (PulseTerm(_weaker(damage, pair, index)),)
     found = []
-    for low, high in pairwise(_face_edges(damage, pair)):
-        local = _slice(damage, low, high, pair.teeth[index].face_width_m)
+    for low, high in pairwise(_face_edges(damage, pair) if is_helical else (0.0, 1.0)):
+        width = pair.first.face_width_m
+        local = _slice(damage, low, high, width) if is_helical else damage
         if not local.is_none:
             found.append(PulseTerm(_weaker(local, pair, index), 1.0, 0.0, low, high))
     return tuple(found)

@@ -109,11 +109,6 @@ class StageMechanics:
         """True period of the stiffness [s]: mesh period times `stiffness.period_mesh`."""
         return self.stiffness.period_mesh / self.mesh_frequency_hz
 
-    @property
-    def static_deflection_m(self) -> float:
-        """F/k with the mean stiffness of the healthy mesh [m]."""
-        return self.force_n / self.stiffness.healthy_mean_n_per_m
-
 
 def stage_mechanics(
     machine: Machine,

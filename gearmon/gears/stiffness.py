@@ -36,7 +36,7 @@ from gearmon.gears.damage import (
 from gearmon.gears.excitation import ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import contact_zones
-from gearmon.gears.pairs import MeshPair, MethodB, Stage, mesh_pairs
+from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.pulses import POINTS, Pulse, PulseTrain
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
 
@@ -365,9 +365,6 @@ class MeshStiffness:
         Relative: eps of ``k = k_mean (1 + eps f)`` for the healthy mesh: half the peak to peak of
         k over its mean, so that f spans 2; with a symmetric square wave, f = +-1.
     form : StiffnessForm or PotentialEnergy
-    iso : MethodB or None
-        ISO 6336 stiffness behind the mean; None where the mean was given or follows from the
-        energy of the teeth.
     free_gap_m : float
         Lead deviation across the face that the static force just closes, 2 F/k [m]; 0 where the
         force is not known.
@@ -380,7 +377,6 @@ class MeshStiffness:
     overlap_ratio: float
     variation: float
     form: StiffnessForm | PotentialEnergy
-    iso: MethodB | None = None
     modulations: tuple[ModulationTrain, ...] = ()
     free_gap_m: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -544,7 +540,6 @@ def mesh_stiffness(
         overlap_ratio=overlap,
         variation=_variation(whole, overlap) if parts.variation is None else parts.variation,
         form=chosen,
-        iso=parts.iso,
         modulations=modulations,
         free_gap_m=gap,
         warnings=(*geometry, *parts.warnings, *notes, *told),
@@ -563,7 +558,6 @@ class _Parts:
     factor: float
     teeth: ToothPair | None = None
     variation: float | None = None
-    iso: MethodB | None = None
     warnings: tuple[str, ...] = ()
 
 
@@ -571,12 +565,12 @@ def _from_form(
     pair: MeshPair, acting: list[Fault], form: StiffnessForm, force_n: float | None
 ) -> _Parts:
     variation, mean = mesh_variation(pair, form), pair.given("mesh_stiffness_n_per_m")
-    iso = None
+    notes: tuple[str, ...] = ()
     if mean is None:
         instead = "mesh_stiffness_n_per_m" if pair.is_main else ""
         width = 1e-3 * pair.need("face_width_mm", "mean stiffness", instead)
         iso = pair.method_b(force_n)
-        mean = iso.mean_n_per_m(width)
+        mean, notes = iso.mean_n_per_m(width), iso.warnings
         if form.normalisation == "maximum":
             mean = iso.single_n_per_m(width) * form.pulse(pair.contact_ratio).area
 
@@ -584,8 +578,7 @@ def _from_form(
         pulse = unit_pulse(pair, form, lost)
         return CurvePairs(pulse=pulse, worn=_worn(pair, acting, pulse.length))
 
-    notes = iso.warnings if iso else ()
-    return _Parts(pairs=pairs, factor=mean, variation=variation, iso=iso, warnings=notes)
+    return _Parts(pairs=pairs, factor=mean, variation=variation, warnings=notes)
 
 
 def _from_teeth(
