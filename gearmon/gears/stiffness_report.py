@@ -183,7 +183,7 @@ def teeth_picture(
         for tooth, own in zip(pair.teeth, pair.rolls(roll), strict=True)
     )
     frames = _Frame(pair.first, 0j, one), _Frame(pair.second, 1j * centres, -two)
-    touching = _flank(pair.first, pair.first.angle(roll))
+    touching = pair.first.flank(pair.first.angle(roll))
     return TeethPicture(
         gears=(frames[0].drawn(faults), frames[1].drawn(faults)), contact=frames[0].place(touching)
     )
@@ -191,15 +191,11 @@ def teeth_picture(
 
 def half_profile(tooth: Tooth) -> ComplexArray:
     """Return the loaded side from the root circle to the tip: half thickness + i height [m]."""
-    flank, part = _flank(tooth, np.linspace(tooth.start, tooth.tip, POINTS)), tooth.root_part
+    flank, part = tooth.flank(np.linspace(tooth.start, tooth.tip, POINTS)), tooth.root_part
     if part is None:
         return flank
     height, half = part.at(np.linspace(0, 1, POINTS))
     return np.concatenate([half + 1j * height, flank])
-
-
-def _flank(tooth: Tooth, angle: FloatArray) -> ComplexArray:
-    return np.asarray(tooth.half_thickness(angle) + 1j * tooth.height(angle))
 
 
 def _between(one: ComplexArray, other: ComplexArray) -> ComplexArray:
@@ -211,7 +207,7 @@ def _hole(hole: Hole, tooth: Tooth) -> ComplexArray:
     """Return the outline of missing material at its deepest section."""
     t = np.linspace(*hole.angles(tooth), POINTS)
     across = np.linspace(-1, 1, POINTS) if hole.round else np.zeros(POINTS)
-    surface, depth = _flank(tooth, t), hole.depth_m * np.sqrt(1 - across**2)
+    surface, depth = tooth.flank(t), hole.depth_m * np.sqrt(1 - across**2)
     return _between(surface, surface - depth * np.exp(1j * tooth.slope(t)))
 
 

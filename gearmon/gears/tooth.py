@@ -24,6 +24,7 @@ Muskhelishvili, Some Basic Problems of the Mathematical Theory of Elasticity (19
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -97,8 +98,9 @@ class RootPart:
     def points(self, edges: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return height, half thickness and slope of the height at the panel nodes of `edges`."""
         height, half = self.at(panel_nodes(edges))
-        slope = 2 * (height @ _differentiation(height.shape[1]).T) / np.diff(edges)[:, None]
-        return height, half, slope
+        nodes, _, analysis = gauss(height.shape[1])
+        slope = legval(nodes, legder(analysis @ height.T))
+        return height, half, 2 * slope / np.diff(edges)[:, None]
 
     def edges(self, levels: FloatArray) -> FloatArray:
         """Return panel edges, with corners where the half thickness crosses `levels` [m]."""
@@ -168,20 +170,13 @@ def where_tangent(curve: Curve, angle_rad: float) -> float:
     return float(grid[i - 1] + share * (grid[i] - grid[i - 1]))
 
 
-@lru_cache(maxsize=8)
-def _differentiation(points: int) -> FloatArray:
-    """Return the matrix from values at Gauss points to slopes there."""
-    nodes, _, analysis = gauss(points)
-    return np.asarray(legval(nodes, legder(np.eye(points))).T @ analysis)
-
-
-def ring_root(end_m: tuple[float, float], slope_rad: float, root_radius_m: float) -> RootPart:
+def ring_root(end_m: complex, slope_rad: float, root_radius_m: float) -> RootPart:
     """Return the fillet of a ring's tooth.
 
     Parameters
     ----------
-    end_m : (float, float)
-        Half thickness and height [m] of the tooth where its involute ends; heights of a ring are
+    end_m : complex
+        Half thickness + i height [m] of the tooth where its involute ends; heights of a ring are
         negative.
     slope_rad : float
         Angle of the flank against the middle of the tooth there.
@@ -192,16 +187,15 @@ def ring_root(end_m: tuple[float, float], slope_rad: float, root_radius_m: float
     With the end P of the involute and the normal n into the space, the arc about P + rho n touches
     the root circle if ``rho = (R_f^2 - |P|^2)/(2 (R_f + P n))``.
     """
-    half, height = end_m
-    normal = math.cos(slope_rad), math.sin(slope_rad)
-    radius = arc_radius(math.hypot(*end_m), root_radius_m, -half * normal[0] - height * normal[1])
-    centre = half + radius * normal[0], height + radius * normal[1]
+    normal = cmath.exp(1j * slope_rad)
+    radius = arc_radius(abs(end_m), root_radius_m, -(end_m * normal.conjugate()).real)
+    centre = end_m + radius * normal
     # the beam begins where the arc is deepest; beyond that it rises with the root circle
-    low, high = math.pi, math.atan2(-normal[0], -normal[1]) % (2 * math.pi)
+    low, high = math.pi, math.atan2(-normal.real, -normal.imag) % (2 * math.pi)
 
     def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
         angle = low + (high - low) * parameter
-        return centre[1] + radius * np.cos(angle), centre[0] + radius * np.sin(angle)
+        return centre.imag + radius * np.cos(angle), centre.real + radius * np.sin(angle)
 
     return RootPart(at=curve, crack_parameter=where_tangent(curve, RING_TANGENT))
 
@@ -351,7 +345,7 @@ class Tooth:
 
     def roll(self, angle: ArrayLike) -> FloatArray:
         """Return the roll length [m] of profile angles t [rad]; the inverse of `angle`."""
-        return np.asarray(self.base_radius_m * self._rolled(angle))
+        return self.base_radius_m * (self.slope(angle) + self.base_half_angle_rad)
 
     def slope(self, angle: ArrayLike) -> FloatArray:
         """Return the angle [rad] by which the force on the flank points into the tooth's root.
@@ -374,20 +368,19 @@ class Tooth:
         """Height [m] of the root circle in the middle of the tooth."""
         return self.sign * self.root_radius_m
 
+    def flank(self, angle: ArrayLike) -> ComplexArray:
+        """Return points of the loaded side: half thickness + i height [m], from the centre."""
+        slope = self.slope(angle)
+        along = np.exp(1j * slope) * (slope + self.base_half_angle_rad + 1j)
+        return np.asarray(self.sign * self.base_radius_m * along)
+
     def height(self, angle: ArrayLike) -> FloatArray:
         """Return heights [m] of the profile along the middle of the tooth, from the centre."""
-        t = np.asarray(angle, dtype=np.float64)
-        along = np.cos(t) + self._rolled(t) * np.sin(self.slope(t))
-        return np.asarray(self.sign * self.base_radius_m * along)
+        return np.asarray(self.flank(angle).imag)
 
     def half_thickness(self, angle: ArrayLike) -> FloatArray:
         """Return distances [m] of the profile from the middle of the tooth."""
-        t = np.asarray(angle, dtype=np.float64)
-        across = self._rolled(t) * np.cos(t) - np.sin(self.slope(t))
-        return np.asarray(self.sign * self.base_radius_m * across)
-
-    def _rolled(self, angle: ArrayLike) -> FloatArray:
-        return np.asarray(self.slope(angle) + self.base_half_angle_rad)
+        return np.asarray(self.flank(angle).real)
 
     def angle_at_height(self, height_m: float) -> float:
         """Return the profile angle t of a height on the involute, clipped to its ends."""
@@ -400,7 +393,7 @@ class Tooth:
     def root_part(self) -> RootPart | None:
         """The beam below the involute."""
         if self.root == "fillet" and self.internal:
-            end = float(self.half_thickness(self.start)), float(self.height(self.start))
+            end = complex(self.flank(self.start))
             return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
         if self.root == "fillet":
             return fillet_root(self.rack, self.teeth, self.profile_shift, self.module_m)
@@ -417,7 +410,8 @@ class Tooth:
         """
         if self.root_part is not None:
             return self.root_part.crack_start
-        return float(self.height(self.start)), float(self.half_thickness(self.start))
+        start = complex(self.flank(self.start))
+        return start.imag, start.real
 
 
 @dataclass(frozen=True, eq=False)
@@ -449,12 +443,9 @@ class ToothBeam:
         """
         tooth = self.tooth
         area, zeroth, first, second = self._integrals.at(angle)
-        slope = tooth.sign * angle
+        slope, point = tooth.slope(angle), tooth.flank(angle)
         cosine, sine = np.cos(slope), np.sin(slope)
-        rolled, radius = slope + tooth.base_half_angle_rad, tooth.sign * tooth.base_radius_m
-        height = radius * (cosine + rolled * sine) - self._reference
-        half = radius * (rolled * cosine - sine)
-        lever = height * cosine - half * sine
+        lever = (point.imag - self._reference) * cosine - point.real * sine
         bending = (lever * zeroth - 2 * cosine * first) * lever + cosine * cosine * second
         shear = SHEAR_FACTOR / tooth.shear_modulus_pa * cosine * cosine * area
         axial = sine * sine * area / tooth.elastic_modulus_pa
@@ -478,9 +469,8 @@ class ToothBeam:
         inner = [t for t in self.corners if tooth.start + 1e-12 < t < tooth.tip - 1e-12]
         edges = distinct([tooth.start, *splits, *inner, tooth.tip], 1e-12)
         t = panel_nodes(edges)
-        height, half = tooth.height(t), tooth.half_thickness(t)
-        slope = tooth.roll(t) * np.cos(t)
-        curves = self._integrands(height, half, slope, np.cos(t))
+        point, slope = tooth.flank(t), tooth.roll(t) * np.cos(t)
+        curves = self._integrands(point.imag, point.real, slope, np.cos(t))
         return Pulse.through(edges, curves).running(self._root())
 
     def _root(self) -> FloatArray:
@@ -716,14 +706,10 @@ class Foundation:
         return (across + 2 * rounding / math.cos(alpha)) / self.tooth.teeth
 
     @property
-    def radius_ratio(self) -> float:
-        """R_f over bore radius."""
-        return self.tooth.root_radius_m / self.tooth.bore_radius_m
-
-    @property
     def warnings(self) -> tuple[str, ...]:
         """What lies outside the range of the fit."""
-        ratio, angle, name = self.radius_ratio, self.root_angle_rad, self.tooth.name
+        ratio = self.tooth.root_radius_m / self.tooth.bore_radius_m
+        angle, name = self.root_angle_rad, self.tooth.name
         body = f"body of the {name} has R_f/r_bore = {ratio:.3g}"
         teeth = f"teeth of the {name} have a half root angle of {angle:.4f} rad"
         told = (body, ratio, RADIUS_RATIOS), (teeth, angle, ROOT_ANGLES)
@@ -741,7 +727,8 @@ class Foundation:
         ``1/k_f = cos^2 a/(E b) [L (u/S)^2 + M u/S + P (1 + Q tan^2 a)]``, ``S = 2 R_f theta_f``.
         """
         tooth = self.tooth
-        lower, middle, upper, slope = sainsot(self.radius_ratio, self.root_angle_rad)
+        ratio = tooth.root_radius_m / tooth.bore_radius_m
+        lower, middle, upper, slope = sainsot(ratio, self.root_angle_rad)
         cosine = np.cos(angle)
         point = tooth.base_radius_m / cosine if self.arm == "axis" else tooth.height(angle)
         u = (point - tooth.root_radius_m) / (2 * tooth.root_radius_m * self.root_angle_rad)
@@ -806,53 +793,55 @@ class RingBody:
         return math.atan2(float(half), -float(height))
 
     @property
-    def rim_modules(self) -> float:
-        """Thickness of the rim in modules."""
-        return (self.tooth.bore_radius_m - self.tooth.root_radius_m) / self.tooth.module_m
-
-    @property
     def warnings(self) -> tuple[str, ...]:
         """What is taken for granted of the body."""
-        name = self.tooth.name
+        name, tooth = self.tooth.name, self.tooth
+        rim = (tooth.bore_radius_m - tooth.root_radius_m) / tooth.module_m
         held = (
             f"the {name} is taken as held all round its outer diameter of "
-            f"{2e3 * self.tooth.bore_radius_m:.5g} mm: one that floats or stands on few bolts "
+            f"{2e3 * tooth.bore_radius_m:.5g} mm: one that floats or stands on few bolts "
             f"yields more"
         )
         thin = (
-            f"the rim of the {name} is {self.rim_modules:.3g} modules thick, below {USUAL_RIM:g}: "
+            f"the rim of the {name} is {rim:.3g} modules thick, below {USUAL_RIM:g}: "
             f"how the ring is held matters much"
         )
-        return (held, thin) if self.rim_modules < USUAL_RIM - 1e-9 else (held,)
+        return (held, thin) if rim < USUAL_RIM - 1e-9 else (held,)
 
     def compliance(self, angle: FloatArray) -> FloatArray:
         """Return the compliance [m/N] for contacts at profile angles `angle`."""
-        load = self._load(angle)
-        return self._scaled(load, self._arc(0.0), load)
+        return self.deflection(angle, angle)
 
-    def coupling(
-        self, apart: int = 1, ahead: FloatArray | None = None, behind: FloatArray | None = None
-    ) -> FloatArray | float:
+    def coupling(self, apart: int, ahead: FloatArray, behind: FloatArray) -> FloatArray:
         """Return how far a tooth gives way when another one is loaded [m/N].
 
         Parameters
         ----------
         apart : int, >= 1
             Distance of the two teeth [teeth].
-        ahead, behind : ndarray, optional
-            Profile angles of the contacts of the tooth that entered first and of the other; by
-            default halfway up.
+        ahead, behind : ndarray
+            Profile angles of the contacts of the tooth that entered first and of the other.
         """
-        middle = np.array([0.5 * (self.tooth.start + self.tooth.tip)])
-        first, second = (self._load(middle if a is None else a) for a in (ahead, behind))
         away = -2 * math.pi * apart / self.tooth.teeth
-        found = np.maximum(self._scaled(first, self._arc(away), second), 0.0)
-        return found if ahead is not None else float(found[0])
+        return np.maximum(self.deflection(ahead, behind, away), 0.0)
 
-    def _arc(self, apart_rad: float) -> FloatArray:
+    def deflection(
+        self, felt: FloatArray, loaded: FloatArray, apart_rad: float = 0.0
+    ) -> FloatArray:
+        """Return how far a contact gives way under a unit force on another [m/N].
+
+        Parameters
+        ----------
+        felt, loaded : ndarray
+            Their profile angles.
+        apart_rad : float
+            Angle from the one to the other tooth, see `arc_compliance`.
+        """
         tooth = self.tooth
         ratio = tooth.bore_radius_m / tooth.root_radius_m
-        return arc_compliance(ratio, self.root_angle_rad, tooth.poisson_ratio, apart_rad)
+        arc = arc_compliance(ratio, self.root_angle_rad, tooth.poisson_ratio, apart_rad)
+        moved = np.einsum("i...,ij,j...->...", self._load(felt), arc, self._load(loaded))
+        return np.asarray(moved / (tooth.elastic_modulus_pa * tooth.face_width_m))
 
     def _load(self, angle: FloatArray) -> FloatArray:
         """Return moment, shear and push at the root per unit force, for unit root radius."""
@@ -860,7 +849,3 @@ class RingBody:
         cosine = np.cos(angle)
         arm = 1 - tooth.base_radius_m / (tooth.root_radius_m * cosine)
         return np.stack([arm * cosine, cosine, np.sin(tooth.slope(angle))])
-
-    def _scaled(self, first: FloatArray, arc: FloatArray, second: FloatArray) -> FloatArray:
-        stiff = self.tooth.elastic_modulus_pa * self.tooth.face_width_m
-        return np.asarray(np.einsum("i...,ij,j...->...", first, arc, second) / stiff)

@@ -271,7 +271,8 @@ def test_planet_and_ring_step_and_couple():
     assert (full <= both * (1 + 1e-9)).all()
     assert (both < sums).all()
     ring = pair.foundations[1]
-    reach = [ring.coupling(n) for n in (1, 2, 3, 10)]
+    middle = np.array(0.5 * (pair.second.start + pair.second.tip))
+    reach = [ring.coupling(n, middle, middle) for n in (1, 2, 3, 10)]
     assert reach == sorted(reach, reverse=True)
 
 
@@ -279,8 +280,7 @@ def test_contacts_yield_to_each_other_alike():
     """Maxwell: tooth ahead by the load on the one behind, and the other way round."""
     ring = ring_pair()[1].foundations[1]
     a, b = np.array([-0.35]), np.array([-0.42])
-    there = ring._scaled(ring._load(a), ring._arc(-0.07), ring._load(b))
-    back = ring._scaled(ring._load(b), ring._arc(0.07), ring._load(a))
+    there, back = ring.deflection(a, b, -0.07), ring.deflection(b, a, 0.07)
     np.testing.assert_allclose(there, back, rtol=1e-9)
 
 
