@@ -138,12 +138,10 @@ def state_of(
     free_gap_m : float
         Lead deviation that the load just closes.
     """
-    leaving, entering, lead = np.zeros(()), np.zeros(()), np.zeros(())
-    for offset, angle in zip(offsets, angles, strict=True):
-        turned = np.exp(1j * angle)
-        leaving = leaving + (offset.leaving * turned).real
-        entering = entering + (offset.entering * turned).real
-        lead = lead + (offset.lead_m * turned).real
+    leaving, entering, lead = sum(
+        np.multiply.outer([own.leaving, own.entering, own.lead_m], np.exp(1j * angle)).real
+        for own, angle in zip(offsets, angles, strict=True)
+    )
     return leaving, entering, carrying_share(np.abs(lead), free_gap_m)
 
 
@@ -259,11 +257,9 @@ class ContactFamily:
 
     def at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
         """Return the mesh stiffness [N/m] at phases with a contact each, shape (n,)."""
-        total = np.zeros(len(phase))
-        for low in range(0, len(phase), PHASES_PER_BLOCK):
-            block = slice(low, low + PHASES_PER_BLOCK)
-            total[block] = self._at(phase[block], leaving[block], entering[block])
-        return total
+        count = math.ceil(len(phase) / PHASES_PER_BLOCK) or 1
+        blocks = zip(*(np.array_split(x, count) for x in (phase, leaving, entering)), strict=True)
+        return np.concatenate([self._at(*block) for block in blocks])
 
     def _at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
         terms = self._terms(leaving + entering)
