@@ -331,10 +331,9 @@ def parse_fault(text: str) -> Fault:
     """
     where, words = _parts("fault", text, KINDS, SYNTAX)
     try:
-        size = _size(where["kind"], words)
+        return Fault(**where, **_size(where["kind"], words))
     except ArgumentError as error:
         raise ArgumentError(f"fault {text!r}: {error}; {SYNTAX}") from None
-    return Fault(**where, **size)
 
 
 def _size(kind: str, text: str) -> dict[str, Any]:

@@ -134,8 +134,7 @@ class _Frame:
         crack, tooth = damage.crack, self.tooth
         width, root = 1e3 * tooth.face_width_m, tooth.root_height_m
         if crack is not None:
-            height, half = tooth.crack_start
-            start, above = complex(half, height), 1e3 * (height - root)
+            start, above = tooth.crack_start, 1e3 * (tooth.crack_start.imag - root)
             # a crack along the middle of the tooth would run down it
             end = start - 1j * crack.depths[1] * cmath.exp(-1j * crack.angle_rad)
             section, extent = self.place(np.array([start, end])), width * crack.extent
@@ -194,8 +193,7 @@ def half_profile(tooth: Tooth) -> ComplexArray:
     flank, part = tooth.flank(np.linspace(tooth.start, tooth.tip, POINTS)), tooth.root_part
     if part is None:
         return flank
-    height, half = part.at(np.linspace(0, 1, POINTS))
-    return np.concatenate([half + 1j * height, flank])
+    return np.concatenate([part(np.linspace(0, 1, POINTS)), flank])
 
 
 def _between(one: ComplexArray, other: ComplexArray) -> ComplexArray:

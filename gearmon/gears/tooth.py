@@ -39,13 +39,13 @@ from scipy.optimize import brentq
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.geometry import USUAL_RIM, PairGeometry, Rack
-from gearmon.gears.pulses import Pulse, distinct, gauss, panel_nodes
-from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings, sections
+from gearmon.gears.pulses import POINTS, Pulse, distinct, gauss, panel_nodes
+from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings
 
 #: Tangent angle of the critical section of a fillet, ISO 6336-3 [rad].
 CRITICAL_TANGENT = math.radians(30)
-#: Maps parameters from 0 at the root circle to 1 at the involute to height and half thickness.
-Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+#: Maps parameters, 0 at the root circle and 1 at the involute, to half thickness + i height [m].
+Curve = Callable[[FloatArray], ComplexArray]
 
 
 #: Tangent angle of the critical section of a ring's fillet, ISO 6336-3 [rad].
@@ -80,53 +80,14 @@ Arm = Literal["axis", "contact"]
 ARC_TANGENT = math.radians(75)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RootPart:
-    """A curve from the root circle (parameter 0) to the involute (parameter 1).
-
-    Parameters
-    ----------
-    curve : callable
-        Maps parameters to height and half thickness [m].
-    crack_parameter : float
-        Parameter at which root cracks begin.
-    """
-
-    at: Curve
-    crack_parameter: float = 0.0
-
-    def points(self, edges: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return height, half thickness and slope of the height at the panel nodes of `edges`."""
-        height, half = self.at(panel_nodes(edges))
-        nodes, _, analysis = gauss(height.shape[1])
-        slope = legval(nodes, legder(analysis @ height.T))
-        return height, half, 2 * slope / np.diff(edges)[:, None]
-
-    def edges(self, levels: FloatArray) -> FloatArray:
-        """Return panel edges, with corners where the half thickness crosses `levels` [m]."""
-        found = crossings(lambda p: self.at(p)[1], 0.0, 1.0, levels)
-        return distinct([0.0, 1.0, *found], 1e-12)
-
-    @cached_property
-    def crack_start(self) -> tuple[float, float]:
-        """Height and half thickness [m] where a root crack begins."""
-        height, half = self.at(np.array([self.crack_parameter]))
-        return float(height[0]), float(half[0])
-
-
-def straight_root(base_radius: float, root_radius: float, half_angle: float) -> RootPart:
+def straight_root(base_radius: float, root_radius: float, half_angle: float) -> Curve:
     """Return a part of constant thickness from the root circle up to the base circle."""
     half = base_radius * math.sin(half_angle)
     low, high = math.sqrt(root_radius**2 - half**2), base_radius * math.cos(half_angle)
-
-    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        height = low + (high - low) * parameter
-        return height, np.full_like(height, half)
-
-    return RootPart(at=curve)
+    return lambda parameter: np.asarray(half + 1j * (low + (high - low) * parameter), complex)
 
 
-def fillet_root(rack: Rack, teeth: float, profile_shift: float, module_m: float) -> RootPart:
+def fillet_root(rack: Rack, teeth: float, profile_shift: float, module_m: float) -> Curve:
     """Return the fillet that a rack generates, up to where the involute begins.
 
     Parameters
@@ -141,36 +102,29 @@ def fillet_root(rack: Rack, teeth: float, profile_shift: float, module_m: float)
     if rack.least_shift(teeth) > profile_shift:
         upper = rack.undercut_end(teeth, profile_shift)
 
-    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def curve(parameter: FloatArray) -> ComplexArray:
         angles = math.pi / 2 + (upper - math.pi / 2) * parameter
         height, half = rack.fillet(teeth, profile_shift, angles)
-        return module_m * height, module_m * half
+        return np.asarray(module_m * (half + 1j * height), complex)
 
-    return RootPart(at=curve, crack_parameter=where_tangent(curve, CRITICAL_TANGENT))
+    return curve
 
 
-def where_tangent(curve: Curve, angle_rad: float) -> float:
-    """Return the parameter of a fillet at which its tangent makes an angle with the tooth's middle.
-
-    Parameters
-    ----------
-    curve : callable
-        See `RootPart`.
-    angle_rad : float
-    """
+def where_tangent(curve: Curve, angle_rad: float) -> complex:
+    """Return the point of a fillet at which its tangent makes an angle with the tooth's middle."""
     grid = np.linspace(0, 1, 129)
-    height, half = curve(grid)
-    tangent = np.arctan2(-np.gradient(half, grid), np.gradient(height, grid))
+    along = np.gradient(curve(grid), grid)
+    tangent = np.arctan2(-along.real, along.imag)
     # at the root circle the tangent lies across; towards the involute it stands up
     steep = np.flatnonzero(tangent <= angle_rad)
     if not len(steep) or steep[0] == 0:
-        return 0.0
+        return complex(curve(grid[:1])[0])
     i = int(steep[0])
     share = (tangent[i - 1] - angle_rad) / (tangent[i - 1] - tangent[i])
-    return float(grid[i - 1] + share * (grid[i] - grid[i - 1]))
+    return complex(curve(grid[i - 1 : i] + share * (grid[i] - grid[i - 1]))[0])
 
 
-def ring_root(end_m: complex, slope_rad: float, root_radius_m: float) -> RootPart:
+def ring_root(end_m: complex, slope_rad: float, root_radius_m: float) -> Curve:
     """Return the fillet of a ring's tooth.
 
     Parameters
@@ -193,11 +147,7 @@ def ring_root(end_m: complex, slope_rad: float, root_radius_m: float) -> RootPar
     # the beam begins where the arc is deepest; beyond that it rises with the root circle
     low, high = math.pi, math.atan2(-normal.real, -normal.imag) % (2 * math.pi)
 
-    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        angle = low + (high - low) * parameter
-        return centre.imag + radius * np.cos(angle), centre.real + radius * np.sin(angle)
-
-    return RootPart(at=curve, crack_parameter=where_tangent(curve, RING_TANGENT))
+    return lambda parameter: centre + 1j * radius * np.exp(-1j * (low + (high - low) * parameter))
 
 
 def arc_radius(end_radius_m: float, root_radius_m: float, roll_m: float) -> float:
@@ -390,8 +340,8 @@ class Tooth:
         return float(brentq(lambda t: float(self.height(t)) - height_m, low, high, xtol=1e-15))
 
     @cached_property
-    def root_part(self) -> RootPart | None:
-        """The beam below the involute."""
+    def root_part(self) -> Curve | None:
+        """The beam below the involute, if there is any."""
         if self.root == "fillet" and self.internal:
             end = complex(self.flank(self.start))
             return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
@@ -402,16 +352,17 @@ class Tooth:
         return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle_rad)
 
     @cached_property
-    def crack_start(self) -> tuple[float, float]:
-        """Height and half thickness [m] where a root crack begins.
+    def crack_start(self) -> complex:
+        """Half thickness + i height [m] where a root crack begins.
 
         On a fillet where its tangent makes 30 degrees with the middle of the tooth, in a ring 60,
         the section that ISO 6336-3 calls critical; else at the lower end of the beam.
         """
-        if self.root_part is not None:
-            return self.root_part.crack_start
-        start = complex(self.flank(self.start))
-        return start.imag, start.real
+        if self.root_part is None:
+            return complex(self.flank(self.start))
+        if self.root != "fillet":
+            return complex(self.root_part(np.zeros(1))[0])
+        return where_tangent(self.root_part, RING_TANGENT if self.internal else CRITICAL_TANGENT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -469,35 +420,29 @@ class ToothBeam:
         inner = [t for t in self.corners if tooth.start + 1e-12 < t < tooth.tip - 1e-12]
         edges = distinct([tooth.start, *splits, *inner, tooth.tip], 1e-12)
         t = panel_nodes(edges)
-        point, slope = tooth.flank(t), tooth.roll(t) * np.cos(t)
-        curves = self._integrands(point.imag, point.real, slope, np.cos(t))
+        curves = self._integrands(tooth.flank(t), tooth.roll(t) * np.cos(t), np.cos(t))
         return Pulse.through(edges, curves).running(self._root())
 
     def _root(self) -> FloatArray:
         part = self.tooth.root_part
         if part is None:
             return np.zeros(4)
-        edges = part.edges(self.damage.root_levels(self.tooth))
-        curves = self._integrands(*part.points(edges), None)
-        return Pulse.through(edges, curves).running().at(1.0)
+        levels = self.damage.root_levels(self.tooth)
+        corners = crossings(lambda x: part(x).real, 0.0, 1.0, levels)
+        edges = distinct([0.0, 1.0, *corners], 1e-12)
+        point, (nodes, _, analysis) = part(panel_nodes(edges)), gauss(POINTS)
+        slope = 2 * legval(nodes, legder(analysis @ point.imag.T)) / np.diff(edges)[:, None]
+        return Pulse.through(edges, self._integrands(point, slope)).running().at(1.0)
 
     def _integrands(
-        self, height: FloatArray, half: FloatArray, slope: FloatArray, cosine: FloatArray | None
+        self, point: ComplexArray, slope: FloatArray, cosine: FloatArray | None = None
     ) -> FloatArray:
-        area, inertia = sections(self.tooth, self.damage, height, half, cosine)
-        lever = height - self._reference
-        weight = slope / inertia
+        area, inertia = self.damage.sections(self.tooth, point, cosine)
+        lever, weight = point.imag - self._reference, slope / inertia
         return np.stack([slope / area, weight, weight * lever, weight * lever * lever], axis=-1)
 
 
-def tooth_of(
-    pair: PairGeometry,
-    index: int,
-    *,
-    bore_radius_m: float,
-    poisson_ratio: float = 0.3,
-    root: Root = "fillet",
-) -> Tooth:
+def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Root) -> Tooth:
     """Return the tooth of one gear of a pair.
 
     Parameters
@@ -505,9 +450,10 @@ def tooth_of(
     pair : PairGeometry
         With its face width.
     index : {0, 1}
-    bore_radius_m : float
+    held_m : float
         Radius on which the gear is held [m]; of a ring the outer one.
-    poisson_ratio : float
+    nu : float
+        Poisson's ratio.
     root : {"fillet", "straight", "base"}
 
     Raises
@@ -535,10 +481,10 @@ def tooth_of(
         root_radius_m=root_m,
         tip_radius_m=pair.tip_radii_m[index],
         form_roll_m=roll,
-        bore_radius_m=bore_radius_m,
+        bore_radius_m=held_m,
         face_width_m=pair.face_width_m,
         elastic_modulus_pa=gear.elastic_modulus_pa,
-        poisson_ratio=poisson_ratio,
+        poisson_ratio=nu,
         root=root,
         internal=pair.sign(index) < 0,
     )
@@ -787,10 +733,8 @@ class RingBody:
     def root_angle_rad(self) -> float:
         """Half the angle of the loaded arc on the root circle."""
         tooth, part = self.tooth, self.tooth.root_part
-        height, half = tooth.height(tooth.start), tooth.half_thickness(tooth.start)
-        if part is not None:
-            height, half = part.at(np.array(where_tangent(part.at, ARC_TANGENT)))
-        return math.atan2(float(half), -float(height))
+        end = tooth.flank(tooth.start) if part is None else where_tangent(part, ARC_TANGENT)
+        return math.atan2(end.real, -end.imag)
 
     @property
     def warnings(self) -> tuple[str, ...]:

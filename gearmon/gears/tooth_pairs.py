@@ -431,10 +431,7 @@ def tooth_pair(
     section = normal_section(geometry) if geometry.helix_angle_rad else geometry
     path = _path(section, ratio, geometry.transverse_contact_ratio)
     held = [_held_alike(geometry, section, i, bore) for i, bore in enumerate(bore_radii_m)]
-    one, two = (
-        tooth_of(section, i, bore_radius_m=own, poisson_ratio=poisson_ratio, root=form.root)
-        for i, own in enumerate(held)
-    )
+    one, two = (tooth_of(section, i, own, poisson_ratio, form.root) for i, own in enumerate(held))
     return ToothPair(
         first=one,
         second=two,
