@@ -324,8 +324,12 @@ class _Assembly:
             self.spring(part, turns, torsion, 0.0, 0.0, wave / (2 * math.pi))
             self.inertia(turns, polar * length * _SPREAD)
             if bends:
-                beam[across, across] += _beam(bend, shear, length)
-                mass[across, across] += heavy * _beam_mass(length)
+                # a Timoshenko beam between deflection and tilt at both ends
+                phi, lever = shear / length**2, np.array([1.0, length, 1.0, length])
+                arms = np.outer(lever, lever)
+                stiff = bend / (length**3 * (1 + phi)) * arms
+                beam[across, across] += stiff * (_BENT + phi * _SHEARED)
+                mass[across, across] += heavy * length / 420 * arms * _CARRIED
                 wave = (BEND_RESOLVED / length) ** 2 * math.sqrt(bend / heavy) if heavy else waves
                 waves = min(waves, wave)
             else:
@@ -359,7 +363,8 @@ class _Assembly:
         self.gear(pair, 0, first)
         self.gear(pair, 1, second)
         towards = math.radians(stage.axis_angle_deg) + sense * _push(pair)
-        vector = _mesh((first, towards), (second, towards), pair.base_radii_m, sense)
+        one, two = pair.base_radii_m
+        vector = _pushed(first, towards, sense * one) - _pushed(second, towards, -sense * two)
         self.mesh(pair, [vector], [0.0])
 
     def planetary(self, i: int, stage: PlanetaryStage, lines: Sequence[_Line], sense: int) -> None:
@@ -379,10 +384,10 @@ class _Assembly:
         suns, rings = [], []
         for psi, planet in zip(2 * math.pi * seats, planets, strict=True):
             push, pull = sense * _push(inner), sense * (math.pi - _push(outer))
-            (sun_r, planet_r), ring_r = inner.base_radii_m, outer.base_radii_m[1]
-            sun, ring = (rows["sun"], psi + push), (rows["ring"], psi + pull)
-            suns.append(_mesh(sun, (planet, push), (sun_r, planet_r), sense))
-            rings.append(_mesh(ring, (planet, pull), (ring_r, -planet_r), sense))
+            sun, own = (sense * radius for radius in inner.base_radii_m)
+            ring = sense * outer.base_radii_m[1]
+            suns.append(_pushed(rows["sun"], psi + push, sun) - _pushed(planet, push, -own))
+            rings.append(_pushed(rows["ring"], psi + pull, ring) - _pushed(planet, pull, own))
         self.mesh(inner, suns, -turn * stage.sun_teeth * seats)
         self.mesh(outer, rings, turn * stage.ring_teeth * seats - 0.5 * stage.planet_teeth)
 
@@ -419,11 +424,12 @@ class _Assembly:
     ) -> FloatArray:
         """Return how the planets of a set move, and add their inertia and pins."""
         inner = self.pairs[i][0]
-        cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
         radius = inner.geometry.centre_distance_m
-        radial = cos * carrier[0] + sin * carrier[1]
-        tangential = -sin * carrier[0] + cos * carrier[1] + radius * carrier[2]
-        pins = np.stack([radial, tangential], axis=1)
+        # radial and tangential
+        pins = [
+            (_pushed(carrier, psi, 0.0), _pushed(carrier, psi + 0.5 * math.pi, radius))
+            for psi in angles
+        ]
         on_pins = [own for own in self.machine.bearings if own.planet_stage == i + 1]
         force = self.forces[i]
         load = 2 * force * math.sin(_push(inner)) / max(1, len(on_pins)) if force else 0.0
@@ -476,17 +482,9 @@ def _push(pair: MeshPair) -> float:
     return 0.5 * math.pi - pair.geometry.working_pressure_angle_rad
 
 
-def _mesh(
-    first: tuple[FloatArray, float],
-    second: tuple[FloatArray, float],
-    radii_m: tuple[float, float],
-    sense: int,
-) -> FloatArray:
-    """Return the deflection of a mesh from its bodies, with the direction of push for each."""
-    (one, along), (two, across) = first, second
-    moved = math.cos(along) * one[0] + math.sin(along) * one[1]
-    moved = moved - math.cos(across) * two[0] - math.sin(across) * two[1]
-    return np.asarray(moved + sense * (radii_m[0] * one[2] + radii_m[1] * two[2]))
+def _pushed(rows: FloatArray, direction_rad: float, arm_m: float) -> FloatArray:
+    """Return how far a body moves in a direction, at an arm of its rotation."""
+    return np.array([math.cos(direction_rad), math.sin(direction_rad), arm_m]) @ rows
 
 
 def _section(own: ShaftSection) -> tuple[float, float, float, float, float]:
@@ -503,15 +501,3 @@ def _section(own: ShaftSection) -> tuple[float, float, float, float, float]:
     if own.bending_stiffness_nm2 is not None:
         bend, shear = own.bending_stiffness_nm2, 0.0
     return twist, bend, shear, own.density_kgm3 * area, 2 * own.density_kgm3 * second
-
-
-def _beam(bend: float, shear: float, length: float) -> FloatArray:
-    """Stiffness of a Timoshenko beam between deflection and tilt at both ends."""
-    phi, arms = shear / length**2, np.array([1.0, length, 1.0, length])
-    return bend / (length**3 * (1 + phi)) * np.outer(arms, arms) * (_BENT + phi * _SHEARED)
-
-
-def _beam_mass(length: float) -> FloatArray:
-    """Consistent mass of a beam of unit mass a length."""
-    arms = np.array([1.0, length, 1.0, length])
-    return np.asarray(length / 420 * np.outer(arms, arms) * _CARRIED)
