@@ -76,14 +76,12 @@ class MethodB:
     ----------
     theoretical : float
         c'_th, of one pair, from the polynomial [N/(mm um)].
-    correction, blank, rack : float
-        Factors C_M, C_R, C_B.
+    blank, rack : float
+        Factors C_R, C_B; C_M is 0.8.
     load : float
         Factor of the low-load branch; 1 from 100 N/mm on.
     single : float
         c': greatest stiffness of one pair [N/(mm um)].
-    contact_ratio : float
-        eps_alpha with which the next was made.
     mesh_alpha : float
         c_gamma_alpha: mean stiffness of the mesh [N/(mm um)].
     mesh_beta : float
@@ -95,12 +93,10 @@ class MethodB:
     """
 
     theoretical: float
-    correction: float
     blank: float
     rack: float
     load: float
     single: float
-    contact_ratio: float
     mesh_alpha: float
     mesh_beta: float
     virtual_teeth: tuple[float, float]
@@ -181,7 +177,10 @@ def method_b(
     angle = 1 - 0.02 * (20 - math.degrees(pressure_angle_rad))
     rack = 0.5 * sum((1 + 0.5 * (1.2 - gear.root_factor)) * angle for gear in (first, second))
     blank = 1.0 if web is None else web.factor
-    load = _load_factor(load_n_per_mm)
+    load = 1.0
+    if load_n_per_mm is not None:
+        low = check_positive("load_n_per_mm", load_n_per_mm, "N/mm") / LOW_LOAD_N_PER_MM
+        load = math.sqrt(math.sqrt(min(1.0, low)))
     moduli = first.elastic_modulus_pa, second.elastic_modulus_pa
     check_positive("elastic_modulus_pa", min(moduli), "Pa")
     modulus = 2 * math.prod(moduli) / sum(moduli) / MODULUS_STEEL_PA
@@ -192,12 +191,10 @@ def method_b(
     limits += web.limits if web else ()
     return MethodB(
         theoretical=theoretical,
-        correction=CORRECTION_MEASURED,
         blank=blank,
         rack=rack,
         load=load,
         single=single,
-        contact_ratio=contact_ratio,
         mesh_alpha=mesh,
         mesh_beta=0.85 * mesh,
         virtual_teeth=virtual,
@@ -229,13 +226,6 @@ def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, floa
             f"polynomial, -0.5 <= x1 + x2 <= 2"
         )
     return 1 / compliance
-
-
-def _load_factor(load_n_per_mm: float | None) -> float:
-    if load_n_per_mm is None:
-        return 1.0
-    load = check_positive("load_n_per_mm", load_n_per_mm, "N/mm")
-    return math.sqrt(math.sqrt(min(1.0, load / LOW_LOAD_N_PER_MM)))
 
 
 def _limits(
