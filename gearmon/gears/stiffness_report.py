@@ -23,7 +23,7 @@ from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth import Tooth
-from gearmon.gears.tooth_damage import Hole, ToothDamage, largest_size, tooth_damage
+from gearmon.gears.tooth_damage import Hole, largest_size, tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 from gearmon.result import Result, channel_rows
 
@@ -115,48 +115,44 @@ class _Frame:
     def drawn(self, faults: Sequence[Fault]) -> DrawnGear:
         """Return the gear with those faults whose sizes are no losses."""
         tooth, profile = self.tooth, half_profile(self.tooth)
-        pitch, tip = tooth.sign * 2 * math.pi / tooth.teeth, profile[-1].imag
+        pitch = tooth.sign * 2 * math.pi / tooth.teeth
         # teeth one after the other across the tooth in the middle
         turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
         row = [turn * _between(-profile.conj(), profile) for turn in turns]
         own = [fault for fault in faults if fault.gear == tooth.name and not fault.is_loss]
-        start, top = 1e3 * (np.array([tooth.height(tooth.start), tip]) - tooth.root_height_m)
         return DrawnGear(
             name=tooth.name,
             outline=self.place(np.concatenate(row)),
-            damage=(*self._hurt(tooth_damage(own, tooth)), *self._gone(own, top)),
+            damage=tuple(self._damage(own, profile)),
             face_width=1e3 * tooth.face_width_m,
-            flank_start=float(start),
-            tip=float(top),
+            flank_start=1e3 * float(tooth.height(tooth.start) - tooth.root_height_m),
+            tip=1e3 * (profile[-1].imag - tooth.root_height_m),
         )
 
-    def _hurt(self, damage: ToothDamage) -> Iterator[DrawnDamage]:
-        crack, tooth = damage.crack, self.tooth
-        width, root = 1e3 * tooth.face_width_m, tooth.root_height_m
-        if crack is not None:
-            start, above = tooth.crack_start, 1e3 * (tooth.crack_start.imag - root)
-            # a crack along the middle of the tooth would run down it
-            end = start - 1j * crack.depths[1] * cmath.exp(-1j * crack.angle_rad)
-            section, extent = self.place(np.array([start, end])), width * crack.extent
-            yield DrawnDamage("crack", section, width * crack.start, extent, above, above)
-        for hole in damage.holes:
-            kind, begin = ("pits", 0.0) if hole.round else ("spall", width * hole.start)
-            low, high = 1e3 * (hole.low_m - root), 1e3 * (hole.high_m - root)
-            section = self.place(_hole(hole, tooth))
-            yield DrawnDamage(kind, section, begin, 1e3 * hole.width_m, low, high)
+    def _damage(self, faults: Sequence[Fault], profile: ComplexArray) -> Iterator[DrawnDamage]:
+        tooth, damage = self.tooth, tooth_damage(faults, self.tooth)
+        width, root, tip = tooth.face_width_m, tooth.root_height_m, profile[-1].imag
 
-    def _gone(self, faults: Sequence[Fault], top: float) -> Iterator[DrawnDamage]:
+        def drawn(kind: str, section: ComplexArray, *where: float) -> DrawnDamage:
+            begin, part, low, high = (1e3 * x for x in where)
+            foot = 1e3 * root
+            return DrawnDamage(kind, self.place(section), begin, part, low - foot, high - foot)
+
+        if damage.crack is not None:
+            crack, start = damage.crack, tooth.crack_start
+            line = start - 1j * np.array([0, crack.depths[1]]) * cmath.exp(-1j * crack.angle_rad)
+            face = crack.start * width, crack.extent * width
+            yield drawn("crack", line, *face, start.imag, start.imag)
+        for hole in damage.holes:
+            kind, face = "pits" if hole.round else "spall", (hole.start * width, hole.width_m)
+            yield drawn(kind, _hole(hole, tooth), *face, hole.low_m, hole.high_m)
         for fault in faults:
             if fault.kind in ("breakage", "missing"):
-                profile, lost = half_profile(self.tooth), fault.height or top
-                if fault.height is not None:
-                    edge = self.tooth.sign * self.tooth.radius_below_tip(1e-3 * lost)
-                    profile = profile[profile.imag >= edge]
-                whole = 1e3 * self.tooth.face_width_m
-                width = whole if fault.kind == "missing" else fault.size
-                section = self.place(_between(-profile.conj(), profile))
-                begin = fault.start or 0.0
-                yield DrawnDamage(fault.kind, section, begin, width, top - lost, top)
+                low = root if fault.height is None else tip - 1e-3 * fault.height
+                lost = profile if fault.height is None else profile[profile.imag >= low]
+                part = width if fault.kind == "missing" else 1e-3 * fault.size
+                face = 1e-3 * (fault.start or 0.0), part
+                yield drawn(fault.kind, _between(-lost.conj(), lost), *face, low, tip)
 
 
 def teeth_picture(
@@ -190,10 +186,9 @@ def teeth_picture(
 
 def half_profile(tooth: Tooth) -> ComplexArray:
     """Return the loaded side from the root circle to the tip: half thickness + i height [m]."""
-    flank, part = tooth.flank(np.linspace(tooth.start, tooth.tip, POINTS)), tooth.root_part
-    if part is None:
-        return flank
-    return np.concatenate([part(np.linspace(0, 1, POINTS)), flank])
+    flank = tooth.flank(np.linspace(tooth.start, tooth.tip, POINTS))
+    root = [tooth.root_part(np.linspace(0, 1, POINTS))] if tooth.root_part else []
+    return np.concatenate([*root, flank])
 
 
 def _between(one: ComplexArray, other: ComplexArray) -> ComplexArray:
@@ -309,7 +304,6 @@ def compare_forms(
     stage: int = 1,
     *,
     forms: Iterable[tuple[str, AnyForm]] | None = None,
-    mesh_periods: int = 2,
     points_per_mesh: int = 200,
     harmonics: int = 20,
 ) -> FormComparison:
@@ -322,7 +316,6 @@ def compare_forms(
         Counted from 1; of a planetary stage its sun-planet mesh.
     forms : iterable of (str, form), optional
         Group and form of each curve; by default `FOUR_FORMS`.
-    mesh_periods : int, 1 to 100
     points_per_mesh : int, 2 to 100,000
     harmonics : int, 1 to 10,000
         Mesh harmonics of the spectra, exact and none aliased.
@@ -337,7 +330,6 @@ def compare_forms(
         If the machine lacks data, or a form or number has no meaning.
     """
     check_range("stage", stage, 1, len(machine.stages))
-    check_range("mesh_periods", mesh_periods, 1, 100)
     check_range("points_per_mesh", points_per_mesh, 2, 100_000)
     check_range("harmonics", harmonics, 1, 10_000)
     usual = [(group, name) for group, names in FOUR_FORMS.items() for name in names]
@@ -346,7 +338,7 @@ def compare_forms(
         raise ArgumentError("forms: at least one form must be given")
     pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0]
     force, hertz = _running(machine, stage)
-    phase = np.arange(mesh_periods * points_per_mesh + 1) / points_per_mesh
+    phase = np.arange(2 * points_per_mesh + 1) / points_per_mesh
 
     def curve(group: str, form: AnyForm) -> FormCurve:
         found = mesh_stiffness(pair, (), form, force_n=force)
