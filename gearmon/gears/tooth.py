@@ -38,7 +38,7 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.geometry import USUAL_RIM, PairGeometry, Rack
+from gearmon.gears.geometry import USUAL_RIM, PairGeometry, RackTooth
 from gearmon.gears.pulses import POINTS, Pulse, distinct, gauss, panel_nodes
 from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings
 
@@ -87,27 +87,12 @@ def straight_root(base_radius: float, root_radius: float, half_angle: float) -> 
     return lambda parameter: np.asarray(half + 1j * (low + (high - low) * parameter), complex)
 
 
-def fillet_root(rack: Rack, teeth: float, profile_shift: float, module_m: float) -> Curve:
-    """Return the fillet that a rack generates, up to where the involute begins.
-
-    Parameters
-    ----------
-    rack : Rack
-    teeth : int
-    profile_shift : float
-    module_m : float
-        Normal module [m].
-    """
+def fillet_root(rack: RackTooth, module_m: float) -> Curve:
+    """Return the fillet that a rack generates, up to where the involute begins."""
     upper = rack.pressure_angle_rad
-    if rack.least_shift(teeth) > profile_shift:
-        upper = rack.undercut_end(teeth, profile_shift)
-
-    def curve(parameter: FloatArray) -> ComplexArray:
-        angles = math.pi / 2 + (upper - math.pi / 2) * parameter
-        height, half = rack.fillet(teeth, profile_shift, angles)
-        return np.asarray(module_m * (half + 1j * height), complex)
-
-    return curve
+    if rack.least_shift > rack.profile_shift:
+        upper = rack.undercut_end
+    return lambda parameter: module_m * rack.fillet(math.pi / 2 + (upper - math.pi / 2) * parameter)
 
 
 def where_tangent(curve: Curve, angle_rad: float) -> complex:
@@ -207,8 +192,7 @@ class Tooth:
     name : str
     teeth : float
         Positive, for a ring too; of helical gears that of their normal section.
-    profile_shift : float
-    rack : Rack
+    rack : RackTooth
     module_m : float
         Normal module [m]; the rack is in such modules.
     base_radius_m, reference_radius_m, root_radius_m, tip_radius_m : float
@@ -231,8 +215,7 @@ class Tooth:
 
     name: str
     teeth: float
-    profile_shift: float
-    rack: Rack
+    rack: RackTooth
     module_m: float
     base_radius_m: float
     reference_radius_m: float
@@ -274,7 +257,7 @@ class Tooth:
     @cached_property
     def base_half_angle_rad(self) -> float:
         """Half the angle that the tooth takes on the base circle; of a ring that of its spaces."""
-        return self.rack.base_half_angle(self.sign * self.teeth, self.profile_shift)
+        return self.rack.base_half_angle
 
     @cached_property
     def start(self) -> float:
@@ -346,7 +329,7 @@ class Tooth:
             end = complex(self.flank(self.start))
             return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
         if self.root == "fillet":
-            return fillet_root(self.rack, self.teeth, self.profile_shift, self.module_m)
+            return fillet_root(self.rack, self.module_m)
         if self.root == "base" or self.internal or self.root_radius_m >= self.base_radius_m:
             return None
         return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle_rad)
@@ -468,12 +451,11 @@ def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Roo
     root_m = pair.root_radii_m[index]
     if pair.sign(index) < 0:
         # the involute of a ring does not end before a fillet has room in the space
-        half = pair.rack(index).base_half_angle(-gear.teeth, gear.profile_shift)
+        half = pair.rack(index).base_half_angle
         roll = roomy_roll(base, root_m, half, math.pi / gear.teeth, roll)
     return Tooth(
         name=gear.name,
         teeth=gear.teeth,
-        profile_shift=gear.profile_shift,
         rack=pair.rack(index),
         module_m=pair.normal_module_m,
         base_radius_m=base,
