@@ -14,10 +14,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, reduce
-from itertools import chain, pairwise, product
+from itertools import chain, combinations, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
@@ -149,11 +148,11 @@ class PairsInMesh(ABC):
         known: dict[tuple[PairState, ...], Pulse] = {}
         for low, high in _face_parts(one, two):
             first, second = _inside(one, low, high), _inside(two, low, high)
-            near = self._near(first, teeth[0]), self._near(second, teeth[1])
+            near, (z1, z2) = [self._near(first, teeth[0]), self._near(second, teeth[1])], teeth
             entries = near[0] | near[1]
             if one and two:
-                met = (meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near))
-                entries = {place for place in met if place is not None}
+                met = [n for entry in near[0] for n in range(entry, math.lcm(z1, z2), z1)]
+                entries = {n for n in met if n % z2 in near[1]}
             for entry in sorted(entries):
                 states = self._states(entry, first, second, teeth)
                 if states not in known:
@@ -292,25 +291,24 @@ class TeethInMesh(PairsInMesh):
     def _share(
         self, phase: FloatArray, states: Sequence[PairState], force: FloatArray | None
     ) -> FloatArray:
-        middle = phase.mean(axis=-1)
+        """Return C^-1 (1, 1, ...) of the pairs in contact, 0 of the others."""
+        middle, count = phase.mean(axis=-1), len(states)
         present = np.array([(middle > n) & (middle - n < self.length) for n in self._places])
-        total = np.full((len(states), *phase.shape), np.inf)
-        bodies = np.zeros((len(states), 2, *phase.shape))
+        # pairs that are not in contact stand by themselves and feel nothing
+        matrix = np.zeros((*phase.shape, count, count)) + np.eye(count)
+        bodies = np.zeros((count, 2, *phase.shape))
         for i, (n, here) in enumerate(zip(self._places, present, strict=True)):
-            if not here.any():
-                continue
-            own = phase[here] - n
-            own_force = None if force is None else force[i][here]
+            own, own_force = phase[here] - n, None if force is None else force[i][here]
             parts = self.pair.compliances(self.pair.roll(own), force_n=own_force)
-            total[i][here] = parts.total * self._ratio(states[i], own)
+            matrix[here, :, i, i] = parts.total * self._ratio(states[i], own)
             bodies[i][:, here] = parts.foundation
-        loads = np.zeros(total.shape)
-        for pattern in np.unique(present, axis=1).T:
-            rows = np.flatnonzero((present == pattern[:, None]).all(axis=0))
-            who = np.flatnonzero(pattern)
-            chosen = np.ix_(who, rows)
-            loads[chosen] = self._solve(phase[rows], total[chosen], bodies[who][:, :, rows], who)
-        return loads
+        for j, i in combinations(range(count), 2) if self.pair.form.is_coupled else ():
+            both = present[i] & present[j]
+            phases = phase[both] - self._places[j], phase[both] - self._places[i]
+            shared = self.pair.coupling(i - j, bodies[[j, i]][:, :, both], phases)
+            matrix[both, :, i, j] = matrix[both, :, j, i] = shared
+        felt = np.moveaxis(present[..., None] * np.ones((count, *phase.shape)), 0, -1)[..., None]
+        return np.moveaxis(np.asarray(np.linalg.solve(matrix, felt)[..., 0]), -1, 0)
 
     def _ratio(self, state: PairState, phase: FloatArray) -> FloatArray:
         """Return how many times more compliant a pair is than a sound one.
@@ -321,32 +319,6 @@ class TeethInMesh(PairsInMesh):
         for losses in filter(None, (*self.worn, *state)):
             total += 1 / np.maximum(1 - _lost_here(losses, phase), LEAST_LEFT) - 1
         return total
-
-    def _solve(
-        self, phase: FloatArray, total: FloatArray, bodies: FloatArray, who: NDArray[np.intp]
-    ) -> FloatArray:
-        """Return C^-1 (1, 1, ...) for the pairs in contact."""
-        if len(total) == 1 or not self.pair.form.is_coupled:
-            return np.asarray(1 / total)
-        own = [phase - (int(place) - self.reach) for place in who]
-        matrix = np.zeros((*phase.shape, len(who), len(who)))
-        for i in range(len(who)):
-            matrix[..., i, i] = total[i]
-            for j in range(i):
-                both = own[j], own[i]
-                shared = self.pair.coupling(int(who[i] - who[j]), bodies[[j, i]], both)
-                matrix[..., i, j] = matrix[..., j, i] = shared
-        ones = np.ones((*phase.shape, len(who), 1))
-        return np.moveaxis(np.linalg.solve(matrix, ones)[..., 0], -1, 0)
-
-
-def meeting(one: int, z1: int, two: int, z2: int) -> int | None:
-    """Return the mesh phase at which tooth phases `one` mod z1 and `two` mod z2 coincide."""
-    common = math.gcd(z1, z2)
-    if (two - one) % common:
-        return None
-    turns = (two - one) // common * pow(z1 // common, -1, z2 // common) % (z2 // common)
-    return one + z1 * turns
 
 
 def _lost_here(losses: Losses, phase: FloatArray) -> FloatArray:

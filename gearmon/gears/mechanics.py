@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -207,12 +208,10 @@ def load_share(machine: Machine, number: int) -> float:
     """
     loads = []
     for point in machine.operating:
-        try:
+        with suppress(ArgumentError):
             force = stage_mechanics(machine, number, point).force_n
-        except ArgumentError:
-            continue
-        load = _pair(machine, number, 0).specific_load(force)
-        loads.append(math.inf if load is None else load)
+            load = _pair(machine, number, 0).specific_load(force)
+            loads.append(math.inf if load is None else load)
     return max(loads, default=math.inf) / LOW_LOAD_N_PER_MM
 
 

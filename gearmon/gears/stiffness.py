@@ -517,55 +517,48 @@ def mesh_stiffness(
     _check_contact(pair)
     acting, notes = acting_faults(pair, faults)
     if isinstance(chosen, PotentialEnergy):
-        parts = _from_teeth(pair, acting, chosen, force_n)
+        pairs_of, factor, more = _from_teeth(pair, acting, chosen, force_n)
     else:
-        parts = _from_form(pair, acting, chosen, force_n)
+        pairs_of, factor, more = _from_form(pair, acting, chosen, force_n)
     # what wear that is given as a loss leaves
-    left = math.prod(1 - fault.loss for fault in acting if fault.kind == "wear" and fault.is_loss)
+    worn = [fault for fault in acting if fault.kind == "wear" and fault.is_loss]
+    factor *= math.prod(1 - fault.loss for fault in worn)
 
     def pulse(lost: float) -> Pulse:
         """Return the pulse [N/m] of a pair whose contact ratio is so much smaller."""
-        return parts.pairs(lost).healthy.scaled(left * parts.factor)
+        return pairs_of(lost).healthy.scaled(factor)
 
-    pairs, overlap, whole = parts.pairs(0.0), pair.overlap_ratio, pulse(0.0)
+    pairs, overlap, whole = pairs_of(0.0), pair.overlap_ratio, pulse(0.0)
+    teeth = pairs.pair if isinstance(pairs, TeethInMesh) else None
     local = [fault for fault in acting if fault.tooth is not None]
-    missing = pairs.trains(pair, gear_losses(pair, local, pairs.length, parts.teeth))
+    missing = pairs.trains(pair, gear_losses(pair, local, pairs.length, teeth))
     gap = 0.0 if force_n is None else 2 * abs(force_n) / whole.area
     modulations, told = modulation_trains(pair, errors, pulse, gap)
-    geometry = pair.geometry.warnings if pair.given("contact_ratio") is None else ()
+    if pair.given("contact_ratio") is None:
+        more = (*pair.geometry.warnings, *more)
     return MeshStiffness(
         healthy=PulseTrain.healthy(whole, overlap),
-        pulses=tuple(train.scaled(left * parts.factor) for train in missing),
+        pulses=tuple(train.scaled(factor) for train in missing),
         contact_ratio=pair.contact_ratio,
         overlap_ratio=overlap,
-        variation=_variation(whole, overlap) if parts.variation is None else parts.variation,
+        variation=_variation(whole, overlap) if teeth else mesh_variation(pair, chosen),
         form=chosen,
         modulations=modulations,
         free_gap_m=gap,
-        warnings=(*geometry, *parts.warnings, *notes, *told),
+        warnings=(*more, *notes, *told),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Parts:
-    """What a form says of a mesh.
-
-    `pairs` gives the pairs, sound or worn, of a contact ratio that is so much smaller, and `teeth`
-    the teeth behind them if the form has any; `factor` scales what they carry.
-    """
-
-    pairs: Callable[[float], PairsInMesh]
-    factor: float
-    teeth: ToothPair | None = None
-    variation: float | None = None
-    warnings: tuple[str, ...] = ()
+#: What a form says of a mesh: its pairs, sound or worn, by how much smaller their contact ratio is,
+#: what scales what they carry, and notes.
+_Said = tuple[Callable[[float], PairsInMesh], float, tuple[str, ...]]
 
 
 def _from_form(
     pair: MeshPair, acting: list[Fault], form: StiffnessForm, force_n: float | None
-) -> _Parts:
-    variation, mean = mesh_variation(pair, form), pair.given("mesh_stiffness_n_per_m")
-    notes: tuple[str, ...] = ()
+) -> _Said:
+    mesh_variation(pair, form)  # refuses one that cannot be imposed
+    mean, notes = pair.given("mesh_stiffness_n_per_m"), tuple[str, ...]()
     if mean is None:
         instead = "mesh_stiffness_n_per_m" if pair.is_main else ""
         width = 1e-3 * pair.need("face_width_mm", "mean stiffness", instead)
@@ -578,12 +571,12 @@ def _from_form(
         pulse = unit_pulse(pair, form, lost)
         return CurvePairs(pulse=pulse, worn=_worn(pair, acting, pulse.length))
 
-    return _Parts(pairs=pairs, factor=mean, variation=variation, warnings=notes)
+    return pairs, mean, notes
 
 
 def _from_teeth(
     pair: MeshPair, acting: list[Fault], form: PotentialEnergy, force_n: float | None
-) -> _Parts:
+) -> _Said:
     if pair.given("stiffness_variation") is not None:
         raise ArgumentError(
             f"{pair.where}: stiffness_variation cannot be imposed on the {form.name} form, whose "
@@ -603,7 +596,7 @@ def _from_teeth(
 
     imposed = pair.given("mesh_stiffness_n_per_m")
     factor = 1.0 if imposed is None else imposed / pairs(0.0, ()).healthy.area
-    return _Parts(pairs=pairs, factor=factor, teeth=teeth, warnings=teeth.warnings)
+    return pairs, factor, teeth.warnings
 
 
 def _worn(
