@@ -104,16 +104,25 @@ def drive_train(
     return _Assembly(machine, point or machine.operating[0], form).finished()
 
 
-#: Sections of a shaft, and where they begin and end [m].
-_Sections = tuple[list[ShaftSection], FloatArray]
-
-
 @dataclass(frozen=True, eq=False)
-class _Line:
-    """A shaft: where something sits on it [m], and how it moves there, shape (places, 3, width)."""
+class _Shaft:
+    """A shaft and what sits on it.
 
+    `ends` are where its sections begin and end [m], `at` the places that move by themselves [m],
+    and `rows` how they move, shape (places, 3, width).
+    """
+
+    number: int
+    sections: list[ShaftSection]
+    ends: FloatArray
+    bearings: list[tuple[float, Bearing]]
+    discs: list[tuple[float, Disc]]
     at: FloatArray
     rows: FloatArray
+
+    @property
+    def bends(self) -> bool:
+        return bool(self.sections) and all(_section(own)[1] for own in self.sections)
 
     def place(self, position_m: float) -> FloatArray:
         return np.asarray(self.rows[int(np.abs(self.at - position_m).argmin())])
@@ -125,9 +134,9 @@ class _Assembly:
     def __init__(self, machine: Machine, point: OperatingPoint, form: str) -> None:
         self.machine, self.form, self.notes = machine, form, [_LEFT_OUT, _DAMPED]
         self.pairs = [mesh_pairs(s, i, machine.path) for i, s in enumerate(machine.stages, 1)]
-        shafts = range(1, machine.shaft_count + 1)
+        found = [self.shaft(number) for number in range(1, machine.shaft_count + 1)]
         planets = sum(getattr(stage, "planets", 0) for stage in machine.stages)
-        width = 3 * (sum(len(self.places(i)) + 2 for i in shafts) + planets)
+        width = 3 * (sum(len(own.at) + 2 for own in found) + planets)
         self.names: list[str] = []
         self.turning: list[bool] = []
         self.mass = np.zeros((width, width))
@@ -137,7 +146,9 @@ class _Assembly:
         for (pair, *_), shaft in zip(self.pairs, kinematics(machine).shafts, strict=False):
             known = point.torque_nm or pair.stage.force_n
             self.forces.append(static_force(pair, point, shaft.order)[0] if known else None)
-        lines = [self.shaft(number) for number in shafts]
+        lines = [replace(own, rows=np.zeros((len(own.at), 3, width))) for own in found]
+        for line in lines:
+            self.moving(line)
         places = [line.rows[-1 if line is lines[-1] else 0, 2] for line in lines]
         self.torques = tuple(int(row.argmax()) for row in places)
         sense = 1
@@ -186,12 +197,40 @@ class _Assembly:
 
     # shafts
 
-    def sections(self, number: int) -> _Sections:
-        """Sections of a shaft, and where they begin and end [m]."""
-        found = [own for own in self.machine.sections if own.shaft == number]
-        if not found and len(self.gears(number)) == 2:
-            found = [self.usual_section(number)]
-        return found, 1e-3 * np.cumsum([0.0, *(own.length_mm for own in found)])
+    def shaft(self, number: int) -> _Shaft:
+        """Return a shaft, with usual places [m] for what tells none; nothing moves yet."""
+        sections = [own for own in self.machine.sections if own.shaft == number]
+        if not sections and len(self.gears(number)) == 2:
+            sections = [self.usual_section(number)]
+        ends = 1e-3 * np.cumsum([0.0, *(own.length_mm for own in sections)])
+        length = float(ends[-1])
+        bearings = [own for own in self.machine.bearings if own.shaft == number]
+        usual = np.linspace(0.0, length, len(bearings)).tolist()
+        end = {1: 0.0, self.machine.shaft_count: length}.get(number, 0.5 * length)
+        held = [(_told_m(own, place), own) for own, place in zip(bearings, usual, strict=True)]
+        discs = [(_told_m(own, end), own) for own in self.machine.discs if own.shaft == number]
+        gears = [self.position(*gear, length) for gear in self.gears(number)]
+        standing = [place for place, _ in (*held, *discs)]
+        at = np.unique(np.round([*ends, *standing, *gears], 9))
+        if any(own.diameter_mm for own in sections):
+            pieces = np.ceil(PIECES * np.diff(at) / length - 1e-6).astype(int)
+            gaps = zip(at[:-1], at[1:], pieces, strict=True)
+            between = [np.linspace(a, b, n, endpoint=False) for a, b, n in gaps]
+            at = np.concatenate([*between, at[-1:]])
+        return _Shaft(number, sections, ends, held, discs, at, np.zeros((len(at), 3, 0)))
+
+    def moving(self, line: _Shaft) -> None:
+        """Let a shaft move, with its bearings and discs."""
+        for place, row in zip(line.at, line.rows, strict=True):
+            row[2] = self.free(f"shaft {line.number} at {1e3 * place:g} mm: rotation", True)
+        self.held(line)
+        if line.sections:
+            self.twisted(line)
+        else:
+            self.notes.append(f"shaft {line.number} is rigid: it has no [[shaft]] section")
+        for place, disc in line.discs:
+            mass = disc.mass_kg or 0.0
+            self.inertia(line.place(place), (mass, mass, disc.inertia_kgm2))
 
     def usual_section(self, number: int) -> ShaftSection:
         """Return a section that lets two gears on a shaft twist against each other."""
@@ -214,39 +253,6 @@ class _Assembly:
         )
         return replace(bar, diameter_mm=None, torsional_stiffness_nm_per_rad=torsion)
 
-    def places(self, number: int) -> FloatArray:
-        """Places [m] along a shaft that move by themselves."""
-        sections, ends = self.sections(number)
-        length = float(ends[-1])
-        standing = [place for group in self.standing(number, length) for place, _ in group]
-        gears = [self.position(*gear, length) for gear in self.gears(number)]
-        at = np.unique(np.round([*ends, *standing, *gears], 9))
-        if not any(own.diameter_mm for own in sections):
-            return at
-        pieces = np.ceil(PIECES * np.diff(at) / length - 1e-6).astype(int)
-        gaps = zip(at[:-1], at[1:], pieces, strict=True)
-        between = [np.linspace(a, b, n, endpoint=False) for a, b, n in gaps]
-        return np.concatenate([*between, at[-1:]])
-
-    def shaft(self, number: int) -> _Line:
-        """Add a shaft with its bearings and discs; return how it moves."""
-        sections, ends = self.sections(number)
-        bearings, discs = self.standing(number, float(ends[-1]))
-        at = self.places(number)
-        bends = bool(sections) and all(_section(own)[1] for own in sections)
-        line = _Line(at, np.zeros((len(at), 3, len(self.mass))))
-        for place, row in zip(at, line.rows, strict=True):
-            row[2] = self.free(f"shaft {number} at {1e3 * place:g} mm: rotation", True)
-        self.held(number, line, bearings, bends)
-        if sections:
-            self.twisted(number, line, (sections, ends), bends)
-        else:
-            self.notes.append(f"shaft {number} is rigid: it has no [[shaft]] section")
-        for place, disc in discs:
-            mass = disc.mass_kg or 0.0
-            self.inertia(line.place(place), (mass, mass, disc.inertia_kgm2))
-        return line
-
     def gears(self, number: int) -> list[tuple[int, str]]:
         """Stages (from 0) and members that sit on a shaft, along the power flow."""
         around = ((number - 2, 1), (number - 1, 0))
@@ -261,21 +267,9 @@ class _Assembly:
         both = self.gears(stage + 1 + self.machine.stages[stage].on_shafts.index(member))
         return length * (both.index((stage, member)) + 1) / (len(both) + 1)
 
-    def standing(
-        self, number: int, length: float
-    ) -> tuple[list[tuple[float, Bearing]], list[tuple[float, Disc]]]:
-        """Bearings and discs of a shaft with their places [m], usual ones where none is told."""
-        bearings = [own for own in self.machine.bearings if own.shaft == number]
-        discs = [own for own in self.machine.discs if own.shaft == number]
-        usual = np.linspace(0.0, length, len(bearings)).tolist()
-        end = {1: 0.0, self.machine.shaft_count: length}.get(number, 0.5 * length)
-        places = [(_told_m(own, place), own) for own, place in zip(bearings, usual, strict=True)]
-        return places, [(_told_m(own, end), own) for own in discs]
-
-    def held(
-        self, number: int, line: _Line, bearings: list[tuple[float, Bearing]], bends: bool
-    ) -> None:
+    def held(self, line: _Shaft) -> None:
         """Let a shaft move across its axis, as far as its bearings let it."""
+        number, bearings, bends = line.number, line.bearings, line.bends
         meshing = [self.forces[i] for i, _ in self.gears(number) if len(self.pairs[i]) == 1]
         load = sum(abs(force) for force in meshing if force) / max(1, len(bearings))
         springs = [(at, own, self.bearing_stiffness(own, load)) for at, own in bearings]
@@ -310,13 +304,13 @@ class _Assembly:
         self.notes.append(f"bearing {bearing.name}: {found:.3g} N/m, {source}")
         return found
 
-    def twisted(self, number: int, line: _Line, along: _Sections, bends: bool) -> None:
+    def twisted(self, line: _Shaft) -> None:
         """Add the stiffness and mass of a shaft's sections."""
-        sections, ends = along
+        number, bends = line.number, line.bends
         beam, mass = np.zeros((2, 2 * len(line.at), 2 * len(line.at)))
         waves = math.inf
         for i, length in enumerate(np.diff(line.at)):
-            own = sections[int(np.searchsorted(ends, line.at[i] + 1e-9)) - 1]
+            own = line.sections[int(np.searchsorted(line.ends, line.at[i] + 1e-9)) - 1]
             twist, bend, shear, heavy, polar = _section(own)
             turns, across = line.rows[[i, i + 1], 2], slice(2 * i, 2 * i + 4)
             wave = TWIST_RESOLVED / length * math.sqrt(twist / polar) if polar else math.inf
@@ -346,7 +340,7 @@ class _Assembly:
 
     # gears
 
-    def on(self, lines: Sequence[_Line], stage: int, member: str) -> FloatArray:
+    def on(self, lines: Sequence[_Shaft], stage: int, member: str) -> FloatArray:
         """Return how a member of a stage moves that sits on a shaft."""
         line = lines[stage + self.machine.stages[stage].on_shafts.index(member)]
         return line.place(self.position(stage, member, float(line.at[-1])))
@@ -357,7 +351,7 @@ class _Assembly:
             mass, inertia = gear_disc(pair, index)
             self.inertia(rows, (mass, mass, inertia))
 
-    def parallel(self, i: int, stage: ParallelStage, lines: Sequence[_Line], sense: int) -> None:
+    def parallel(self, i: int, stage: ParallelStage, lines: Sequence[_Shaft], sense: int) -> None:
         (pair,) = self.pairs[i]
         first, second = (self.on(lines, i, member) for member in stage.on_shafts)
         self.gear(pair, 0, first)
@@ -367,7 +361,7 @@ class _Assembly:
         vector = _pushed(first, towards, sense * one) - _pushed(second, towards, -sense * two)
         self.mesh(pair, [vector], [0.0])
 
-    def planetary(self, i: int, stage: PlanetaryStage, lines: Sequence[_Line], sense: int) -> None:
+    def planetary(self, i: int, stage: PlanetaryStage, lines: Sequence[_Shaft], sense: int) -> None:
         inner, outer = self.pairs[i]
         rows = {member: self.on(lines, i, member) for member in stage.on_shafts}
         rows[stage.fixed] = self.fixed(i + 1, stage)
