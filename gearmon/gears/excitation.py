@@ -76,8 +76,6 @@ CONVERGED = 1e-10
 PHASES_PER_BLOCK = 16_384
 #: Of what does not move.
 NONE = 0j, 0j, 0j
-#: Errors that move the contact of all teeth of a gear as it turns.
-MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
 #: Gauss points on either side of where the neighbours of a missing tooth change over.
 GAP_POINTS = 32
 #: Most contacts of faulty teeth, each computed by itself, in a true period.
@@ -114,7 +112,7 @@ def contact_offsets(pair: MeshPair, errors: Sequence[GearError]) -> tuple[Contac
     pair : MeshPair
         With a module.
     errors : sequence of GearError
-        Of `MOVING_KINDS`.
+        Of whole gears.
     """
     found = []
     for index, member in enumerate(pair.members):
@@ -412,7 +410,7 @@ def modulation_trains(
     """
     moving, notes = [], []
     for error in errors:
-        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in pair.names:
+        if error.kind not in WHOLE_KINDS or not error.size_m or error.gear not in pair.names:
             continue
         missing = "the static tooth force is not known" if not free_gap_m else ""
         if error.kind != "misalignment":

@@ -261,17 +261,11 @@ def equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
         times = pair.planets if member.name == "sun" else 1
         inertia = gear_disc(pair, index, "equivalent mass", instead)[1]
         yielding += times * pair.base_radii_m[index] ** 2 / inertia
-        if not member.bore_m and not _told(pair, member.name)[1]:
+        if not member.bore_m and not getattr(pair.stage, f"inertia_{member.name}_kgm2"):
             solid.append(member.name)
     if solid:
         notes.append(f"{' and '.join(solid)} taken as solid discs: no bore diameter is given")
     return 1 / yielding
-
-
-def _told(pair: MeshPair, name: str) -> tuple[float | None, float | None]:
-    """Return mass [kg] and inertia [kg m2] of a member as the stage gives them."""
-    stage = pair.stage
-    return getattr(stage, f"mass_{name}_kg"), getattr(stage, f"inertia_{name}_kgm2")
 
 
 def gear_disc(
@@ -289,7 +283,9 @@ def gear_disc(
     purpose, instead : str
         For the message where data are missing, see `MeshPair.need`.
     """
-    mass, inertia = _told(pair, pair.members[index].name)
+    name = pair.members[index].name
+    mass: float | None = getattr(pair.stage, f"mass_{name}_kg")
+    inertia: float | None = getattr(pair.stage, f"inertia_{name}_kgm2")
     if mass is not None and inertia is not None:
         return mass, inertia
     width, density = disc_body(pair, purpose, instead)
