@@ -33,22 +33,22 @@ Examples
 >>> from gearmon.gears import FORM_NAMES, Excitation, GearError, GearTeeth, Kinematics, MeshPair
 >>> from gearmon.gears import MeshStiffness, MethodB, PairGeometry, PotentialEnergy, StageMechanics
 >>> from gearmon.gears import StiffnessReport, compare_forms, displacement_excitation, line_table
->>> from gearmon.gears import mesh_pairs, pair_resonance, parse_error, parse_fault_or_error
+>>> from gearmon.gears import mesh_pairs, parse_error, parse_fault_or_error
 >>> from gearmon.gears import stage_mechanics, teeth_of
 >>> from gearmon.gears.kinematics import kinematics
 >>> from gearmon.gears.stiffness_report import stiffness_report
 >>> turning = kinematics(machine)
 >>> isinstance(turning, Kinematics), turning.mesh(1).order, turning.coincidences()
 (True, 23.0, ())
->>> line_table(machine).rows[0].name
+>>> line_table(machine).rows[0]["name"]
 'input shaft'
 >>> (pair,) = mesh_pairs(machine.stages[0])
 >>> isinstance(pair, MeshPair), pair.teeth, round(pair.contact_ratio, 2)
 (True, (23, 57), 1.68)
 >>> isinstance(pair.geometry, PairGeometry), isinstance(pair.geometry.gears[0], GearTeeth)
 (True, True)
->>> isinstance(pair.method_b(), MethodB), round(pair_resonance(pair).speed_rpm, -3)
-(True, 19000.0)
+>>> isinstance(pair.method_b(), MethodB)
+True
 >>> found = mesh_stiffness(pair, form="potential-energy")
 >>> isinstance(found, MeshStiffness), isinstance(found.form, PotentialEnergy)
 (True, True)
@@ -81,7 +81,7 @@ _OFFERED = {
     "geometry": ("GearTeeth", "PairGeometry", "pair_geometry"),
     "kinematics": ("Kinematics", "line_table"),
     "mechanics": ("StageMechanics", "stage_mechanics"),
-    "pairs": ("MeshPair", "MethodB", "mesh_pairs", "method_b", "pair_resonance"),
+    "pairs": ("MeshPair", "MethodB", "mesh_pairs", "method_b"),
     "stiffness": ("FORM_NAMES", "MeshStiffness", "mesh_stiffness"),
     "stiffness_report": ("StiffnessReport", "compare_forms"),
     "tooth_pairs": ("PotentialEnergy", "teeth_of"),

@@ -122,16 +122,25 @@ def of_told_bearings(machine: Machine) -> Machine:
     return replace(machine, bearings=tuple(told))
 
 
-#: Sections of a shaft, and where they begin and end [m].
-_Sections = tuple[list[ShaftSection], FloatArray]
-
-
 @dataclass(frozen=True, eq=False)
-class _Line:
-    """A shaft: where something sits on it [m], and how it moves there, shape (places, 3, width)."""
+class _Shaft:
+    """A shaft and what sits on it.
 
+    `ends` are where its sections begin and end [m], `at` the places that move by themselves [m],
+    and `rows` how they move, shape (places, 3, width).
+    """
+
+    number: int
+    sections: list[ShaftSection]
+    ends: FloatArray
+    bearings: list[tuple[float, Bearing]]
+    discs: list[tuple[float, Disc]]
     at: FloatArray
     rows: FloatArray
+
+    @property
+    def bends(self) -> bool:
+        return bool(self.sections) and all(_section(own)[1] for own in self.sections)
 
     def place(self, position_m: float) -> FloatArray:
         return np.asarray(self.rows[int(np.abs(self.at - position_m).argmin())])
@@ -143,9 +152,9 @@ class _Assembly:
     def __init__(self, machine: Machine, point: OperatingPoint, form: str) -> None:
         self.machine, self.form, self.notes = machine, form, [_LEFT_OUT, _DAMPED]
         self.pairs = [mesh_pairs(s, i, machine.path) for i, s in enumerate(machine.stages, 1)]
-        shafts = range(1, machine.shaft_count + 1)
+        found = [self.shaft(number) for number in range(1, machine.shaft_count + 1)]
         planets = sum(getattr(stage, "planets", 0) for stage in machine.stages)
-        width = 3 * (sum(len(self.places(i)) + 2 for i in shafts) + planets)
+        width = 3 * (sum(len(own.at) + 2 for own in found) + planets)
         self.names: list[str] = []
         self.turning: list[bool] = []
         self.mass = np.zeros((width, width))
@@ -155,7 +164,9 @@ class _Assembly:
         for (pair, *_), shaft in zip(self.pairs, kinematics(machine).shafts, strict=False):
             known = point.torque_nm or pair.stage.force_n
             self.forces.append(static_force(pair, point, shaft.order)[0] if known else None)
-        lines = [self.shaft(number) for number in shafts]
+        lines = [replace(own, rows=np.zeros((len(own.at), 3, width))) for own in found]
+        for line in lines:
+            self.moving(line)
         places = [line.rows[-1 if line is lines[-1] else 0, 2] for line in lines]
         self.torques = tuple(int(row.argmax()) for row in places)
         sense = 1
@@ -204,12 +215,40 @@ class _Assembly:
 
     # shafts
 
-    def sections(self, number: int) -> _Sections:
-        """Sections of a shaft, and where they begin and end [m]."""
-        found = [own for own in self.machine.sections if own.shaft == number]
-        if not found and len(self.gears(number)) == 2:
-            found = [self.usual_section(number)]
-        return found, 1e-3 * np.cumsum([0.0, *(own.length_mm for own in found)])
+    def shaft(self, number: int) -> _Shaft:
+        """Return a shaft, with usual places [m] for what tells none; nothing moves yet."""
+        sections = [own for own in self.machine.sections if own.shaft == number]
+        if not sections and len(self.gears(number)) == 2:
+            sections = [self.usual_section(number)]
+        ends = 1e-3 * np.cumsum([0.0, *(own.length_mm for own in sections)])
+        length = float(ends[-1])
+        bearings = [own for own in self.machine.bearings if own.shaft == number]
+        usual = np.linspace(0.0, length, len(bearings)).tolist()
+        end = {1: 0.0, self.machine.shaft_count: length}.get(number, 0.5 * length)
+        held = [(_told_m(own, place), own) for own, place in zip(bearings, usual, strict=True)]
+        discs = [(_told_m(own, end), own) for own in self.machine.discs if own.shaft == number]
+        gears = [self.position(*gear, length) for gear in self.gears(number)]
+        standing = [place for place, _ in (*held, *discs)]
+        at = np.unique(np.round([*ends, *standing, *gears], 9))
+        if any(own.diameter_mm for own in sections):
+            pieces = np.ceil(PIECES * np.diff(at) / length - 1e-6).astype(int)
+            gaps = zip(at[:-1], at[1:], pieces, strict=True)
+            between = [np.linspace(a, b, n, endpoint=False) for a, b, n in gaps]
+            at = np.concatenate([*between, at[-1:]])
+        return _Shaft(number, sections, ends, held, discs, at, np.zeros((len(at), 3, 0)))
+
+    def moving(self, line: _Shaft) -> None:
+        """Let a shaft move, with its bearings and discs."""
+        for place, row in zip(line.at, line.rows, strict=True):
+            row[2] = self.free(f"shaft {line.number} at {1e3 * place:g} mm: rotation", True)
+        self.held(line)
+        if line.sections:
+            self.twisted(line)
+        else:
+            self.notes.append(f"shaft {line.number} is rigid: it has no [[shaft]] section")
+        for place, disc in line.discs:
+            mass = disc.mass_kg or 0.0
+            self.inertia(line.place(place), (mass, mass, disc.inertia_kgm2))
 
     def usual_section(self, number: int) -> ShaftSection:
         """Return a section that lets two gears on a shaft twist against each other."""
@@ -232,39 +271,6 @@ class _Assembly:
         )
         return replace(bar, diameter_mm=None, torsional_stiffness_nm_per_rad=torsion)
 
-    def places(self, number: int) -> FloatArray:
-        """Places [m] along a shaft that move by themselves."""
-        sections, ends = self.sections(number)
-        length = float(ends[-1])
-        standing = [place for group in self.standing(number, length) for place, _ in group]
-        gears = [self.position(*gear, length) for gear in self.gears(number)]
-        at = np.unique(np.round([*ends, *standing, *gears], 9))
-        if not any(own.diameter_mm for own in sections):
-            return at
-        pieces = np.ceil(PIECES * np.diff(at) / length - 1e-6).astype(int)
-        gaps = zip(at[:-1], at[1:], pieces, strict=True)
-        between = [np.linspace(a, b, n, endpoint=False) for a, b, n in gaps]
-        return np.concatenate([*between, at[-1:]])
-
-    def shaft(self, number: int) -> _Line:
-        """Add a shaft with its bearings and discs; return how it moves."""
-        sections, ends = self.sections(number)
-        bearings, discs = self.standing(number, float(ends[-1]))
-        at = self.places(number)
-        bends = bool(sections) and all(_section(own)[1] for own in sections)
-        line = _Line(at, np.zeros((len(at), 3, len(self.mass))))
-        for place, row in zip(at, line.rows, strict=True):
-            row[2] = self.free(f"shaft {number} at {1e3 * place:g} mm: rotation", True)
-        self.held(number, line, bearings, bends)
-        if sections:
-            self.twisted(number, line, (sections, ends), bends)
-        else:
-            self.notes.append(f"shaft {number} is rigid: it has no [[shaft]] section")
-        for place, disc in discs:
-            mass = disc.mass_kg or 0.0
-            self.inertia(line.place(place), (mass, mass, disc.inertia_kgm2))
-        return line
-
     def gears(self, number: int) -> list[tuple[int, str]]:
         """Stages (from 0) and members that sit on a shaft, along the power flow."""
         around = ((number - 2, 1), (number - 1, 0))
@@ -279,21 +285,9 @@ class _Assembly:
         both = self.gears(stage + 1 + self.machine.stages[stage].on_shafts.index(member))
         return length * (both.index((stage, member)) + 1) / (len(both) + 1)
 
-    def standing(
-        self, number: int, length: float
-    ) -> tuple[list[tuple[float, Bearing]], list[tuple[float, Disc]]]:
-        """Bearings and discs of a shaft with their places [m], usual ones where none is told."""
-        bearings = [own for own in self.machine.bearings if own.shaft == number]
-        discs = [own for own in self.machine.discs if own.shaft == number]
-        usual = np.linspace(0.0, length, len(bearings)).tolist()
-        end = {1: 0.0, self.machine.shaft_count: length}.get(number, 0.5 * length)
-        places = [(_told_m(own, place), own) for own, place in zip(bearings, usual, strict=True)]
-        return places, [(_told_m(own, end), own) for own in discs]
-
-    def held(
-        self, number: int, line: _Line, bearings: list[tuple[float, Bearing]], bends: bool
-    ) -> None:
+    def held(self, line: _Shaft) -> None:
         """Let a shaft move across its axis, as far as its bearings let it."""
+        number, bearings, bends = line.number, line.bearings, line.bends
         meshing = [self.forces[i] for i, _ in self.gears(number) if len(self.pairs[i]) == 1]
         load = sum(abs(force) for force in meshing if force) / max(1, len(bearings))
         springs = [(at, own, self.bearing_stiffness(own, load)) for at, own in bearings]
@@ -328,13 +322,13 @@ class _Assembly:
         self.notes.append(f"bearing {bearing.name}: {found:.3g} N/m, {source}")
         return found
 
-    def twisted(self, number: int, line: _Line, along: _Sections, bends: bool) -> None:
+    def twisted(self, line: _Shaft) -> None:
         """Add the stiffness and mass of a shaft's sections."""
-        sections, ends = along
+        number, bends = line.number, line.bends
         beam, mass = np.zeros((2, 2 * len(line.at), 2 * len(line.at)))
         waves = math.inf
         for i, length in enumerate(np.diff(line.at)):
-            own = sections[int(np.searchsorted(ends, line.at[i] + 1e-9)) - 1]
+            own = line.sections[int(np.searchsorted(line.ends, line.at[i] + 1e-9)) - 1]
             twist, bend, shear, heavy, polar = _section(own)
             turns, across = line.rows[[i, i + 1], 2], slice(2 * i, 2 * i + 4)
             wave = TWIST_RESOLVED / length * math.sqrt(twist / polar) if polar else math.inf
@@ -342,8 +336,12 @@ class _Assembly:
             self.spring(part, turns, torsion, 0.0, 0.0, wave / (2 * math.pi))
             self.inertia(turns, polar * length * _SPREAD)
             if bends:
-                beam[across, across] += _beam(bend, shear, length)
-                mass[across, across] += heavy * _beam_mass(length)
+                # a Timoshenko beam between deflection and tilt at both ends
+                phi, lever = shear / length**2, np.array([1.0, length, 1.0, length])
+                arms = np.outer(lever, lever)
+                stiff = bend / (length**3 * (1 + phi)) * arms
+                beam[across, across] += stiff * (_BENT + phi * _SHEARED)
+                mass[across, across] += heavy * length / 420 * arms * _CARRIED
                 wave = (BEND_RESOLVED / length) ** 2 * math.sqrt(bend / heavy) if heavy else waves
                 waves = min(waves, wave)
             else:
@@ -360,7 +358,7 @@ class _Assembly:
 
     # gears
 
-    def on(self, lines: Sequence[_Line], stage: int, member: str) -> FloatArray:
+    def on(self, lines: Sequence[_Shaft], stage: int, member: str) -> FloatArray:
         """Return how a member of a stage moves that sits on a shaft."""
         line = lines[stage + self.machine.stages[stage].on_shafts.index(member)]
         return line.place(self.position(stage, member, float(line.at[-1])))
@@ -371,16 +369,17 @@ class _Assembly:
             mass, inertia = gear_disc(pair, index)
             self.inertia(rows, (mass, mass, inertia))
 
-    def parallel(self, i: int, stage: ParallelStage, lines: Sequence[_Line], sense: int) -> None:
+    def parallel(self, i: int, stage: ParallelStage, lines: Sequence[_Shaft], sense: int) -> None:
         (pair,) = self.pairs[i]
         first, second = (self.on(lines, i, member) for member in stage.on_shafts)
         self.gear(pair, 0, first)
         self.gear(pair, 1, second)
         towards = math.radians(stage.axis_angle_deg) + sense * _push(pair)
-        vector = _mesh((first, towards), (second, towards), pair.base_radii_m, sense)
+        one, two = pair.base_radii_m
+        vector = _pushed(first, towards, sense * one) - _pushed(second, towards, -sense * two)
         self.mesh(pair, [vector], [0.0])
 
-    def planetary(self, i: int, stage: PlanetaryStage, lines: Sequence[_Line], sense: int) -> None:
+    def planetary(self, i: int, stage: PlanetaryStage, lines: Sequence[_Shaft], sense: int) -> None:
         inner, outer = self.pairs[i]
         rows = {member: self.on(lines, i, member) for member in stage.on_shafts}
         rows[stage.fixed] = self.fixed(i + 1, stage)
@@ -397,10 +396,10 @@ class _Assembly:
         suns, rings = [], []
         for psi, planet in zip(2 * math.pi * seats, planets, strict=True):
             push, pull = sense * _push(inner), sense * (math.pi - _push(outer))
-            (sun_r, planet_r), ring_r = inner.base_radii_m, outer.base_radii_m[1]
-            sun, ring = (rows["sun"], psi + push), (rows["ring"], psi + pull)
-            suns.append(_mesh(sun, (planet, push), (sun_r, planet_r), sense))
-            rings.append(_mesh(ring, (planet, pull), (ring_r, -planet_r), sense))
+            sun, own = (sense * radius for radius in inner.base_radii_m)
+            ring = sense * outer.base_radii_m[1]
+            suns.append(_pushed(rows["sun"], psi + push, sun) - _pushed(planet, push, -own))
+            rings.append(_pushed(rows["ring"], psi + pull, ring) - _pushed(planet, pull, own))
         self.mesh(inner, suns, -turn * stage.sun_teeth * seats)
         self.mesh(outer, rings, turn * stage.ring_teeth * seats - 0.5 * stage.planet_teeth)
 
@@ -437,11 +436,12 @@ class _Assembly:
     ) -> FloatArray:
         """Return how the planets of a set move, and add their inertia and pins."""
         inner = self.pairs[i][0]
-        cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
         radius = inner.geometry.centre_distance_m
-        radial = cos * carrier[0] + sin * carrier[1]
-        tangential = -sin * carrier[0] + cos * carrier[1] + radius * carrier[2]
-        pins = np.stack([radial, tangential], axis=1)
+        # radial and tangential
+        pins = [
+            (_pushed(carrier, psi, 0.0), _pushed(carrier, psi + 0.5 * math.pi, radius))
+            for psi in angles
+        ]
         on_pins = [own for own in self.machine.bearings if own.planet_stage == i + 1]
         force = self.forces[i]
         load = 2 * force * math.sin(_push(inner)) / max(1, len(on_pins)) if force else 0.0
@@ -494,17 +494,9 @@ def _push(pair: MeshPair) -> float:
     return 0.5 * math.pi - pair.geometry.working_pressure_angle_rad
 
 
-def _mesh(
-    first: tuple[FloatArray, float],
-    second: tuple[FloatArray, float],
-    radii_m: tuple[float, float],
-    sense: int,
-) -> FloatArray:
-    """Return the deflection of a mesh from its bodies, with the direction of push for each."""
-    (one, along), (two, across) = first, second
-    moved = math.cos(along) * one[0] + math.sin(along) * one[1]
-    moved = moved - math.cos(across) * two[0] - math.sin(across) * two[1]
-    return np.asarray(moved + sense * (radii_m[0] * one[2] + radii_m[1] * two[2]))
+def _pushed(rows: FloatArray, direction_rad: float, arm_m: float) -> FloatArray:
+    """Return how far a body moves in a direction, at an arm of its rotation."""
+    return np.array([math.cos(direction_rad), math.sin(direction_rad), arm_m]) @ rows
 
 
 def _section(own: ShaftSection) -> tuple[float, float, float, float, float]:
@@ -521,15 +513,3 @@ def _section(own: ShaftSection) -> tuple[float, float, float, float, float]:
     if own.bending_stiffness_nm2 is not None:
         bend, shear = own.bending_stiffness_nm2, 0.0
     return twist, bend, shear, own.density_kgm3 * area, 2 * own.density_kgm3 * second
-
-
-def _beam(bend: float, shear: float, length: float) -> FloatArray:
-    """Stiffness of a Timoshenko beam between deflection and tilt at both ends."""
-    phi, arms = shear / length**2, np.array([1.0, length, 1.0, length])
-    return bend / (length**3 * (1 + phi)) * np.outer(arms, arms) * (_BENT + phi * _SHEARED)
-
-
-def _beam_mass(length: float) -> FloatArray:
-    """Consistent mass of a beam of unit mass a length."""
-    arms = np.array([1.0, length, 1.0, length])
-    return np.asarray(length / 420 * np.outer(arms, arms) * _CARRIED)

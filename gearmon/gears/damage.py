@@ -14,10 +14,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, reduce
-from itertools import chain, pairwise, product
+from itertools import chain, combinations, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
@@ -42,12 +41,13 @@ from gearmon.gears.tooth_damage import (
     SOUND,
     Hole,
     ToothDamage,
+    face_part,
     largest_size,
     tooth_damage,
 )
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
-#: Losses of the teeth of a gear, by tooth number.
+#: Losses of the teeth of a gear, by tooth number; 0 for all of them.
 GearLosses = dict[int, Losses]
 #: What is lost at the two teeth of a pair.
 PairState = tuple[Losses, Losses]
@@ -132,18 +132,11 @@ class PairsInMesh(ABC):
             One for each gear with damaged teeth and, where damaged teeth of both gears meet, one
             for what the two miss there.
         """
-        (one, two), z = losses, pair.teeth
-        both = self._terms(one, two, z) if one and two else ()
-        parts = (
-            (pair.first.name, z[0], self._terms(one, {}, z)),
-            (pair.second.name, z[1], self._terms({}, two, z)),
-            (" and ".join(pair.names), math.lcm(*z), both),
-        )
-        return [
-            PulseTrain(gear=gear, period_mesh=period, overlap_ratio=pair.overlap_ratio, terms=terms)
-            for gear, period, terms in parts
-            if terms
-        ]
+        (one, two), z, overlap = losses, pair.teeth, pair.overlap_ratio
+        parts = [(pair.first.name, z[0], one, {}), (pair.second.name, z[1], {}, two)]
+        parts += [(" and ".join(pair.names), math.lcm(*z), one, two)] * bool(one and two)
+        found = [(gear, period, self._terms(a, b, z)) for gear, period, a, b in parts]
+        return [PulseTrain(gear, period, overlap, terms) for gear, period, terms in found if terms]
 
     def _terms(self, one: GearLosses, two: GearLosses, teeth: tuple[int, int]) -> Losses:
         """Return what damaged teeth take from the pairs near them.
@@ -155,11 +148,11 @@ class PairsInMesh(ABC):
         known: dict[tuple[PairState, ...], Pulse] = {}
         for low, high in _face_parts(one, two):
             first, second = _inside(one, low, high), _inside(two, low, high)
-            near = self._near(first, teeth[0]), self._near(second, teeth[1])
+            near, (z1, z2) = [self._near(first, teeth[0]), self._near(second, teeth[1])], teeth
             entries = near[0] | near[1]
             if one and two:
-                met = (meeting(a, teeth[0], b, teeth[1]) for a, b in product(*near))
-                entries = {place for place in met if place is not None}
+                met = [n for entry in near[0] for n in range(entry, math.lcm(z1, z2), z1)]
+                entries = {n for n in met if n % z2 in near[1]}
             for entry in sorted(entries):
                 states = self._states(entry, first, second, teeth)
                 if states not in known:
@@ -295,33 +288,27 @@ class TeethInMesh(PairsInMesh):
             force = self.force_n * np.maximum(loads / loads.sum(axis=0), 1e-6)
         return loads
 
-    def _near(self, losses: GearLosses, period: int) -> set[int]:
-        if self.pair.form.is_coupled:
-            return super()._near(losses, period)
-        return {tooth - 1 for tooth in losses}
-
     def _share(
         self, phase: FloatArray, states: Sequence[PairState], force: FloatArray | None
     ) -> FloatArray:
-        middle = phase.mean(axis=-1)
+        """Return C^-1 (1, 1, ...) of the pairs in contact, 0 of the others."""
+        middle, count = phase.mean(axis=-1), len(states)
         present = np.array([(middle > n) & (middle - n < self.length) for n in self._places])
-        total = np.full((len(states), *phase.shape), np.inf)
-        bodies = np.zeros((len(states), 2, *phase.shape))
+        # pairs that are not in contact stand by themselves and feel nothing
+        matrix = np.zeros((*phase.shape, count, count)) + np.eye(count)
+        bodies = np.zeros((count, 2, *phase.shape))
         for i, (n, here) in enumerate(zip(self._places, present, strict=True)):
-            if not here.any():
-                continue
-            own = phase[here] - n
-            own_force = None if force is None else force[i][here]
+            own, own_force = phase[here] - n, None if force is None else force[i][here]
             parts = self.pair.compliances(self.pair.roll(own), force_n=own_force)
-            total[i][here] = parts.total * self._ratio(states[i], own)
+            matrix[here, :, i, i] = parts.total * self._ratio(states[i], own)
             bodies[i][:, here] = parts.foundation
-        loads = np.zeros(total.shape)
-        for pattern in np.unique(present, axis=1).T:
-            rows = np.flatnonzero((present == pattern[:, None]).all(axis=0))
-            who = np.flatnonzero(pattern)
-            chosen = np.ix_(who, rows)
-            loads[chosen] = self._solve(phase[rows], total[chosen], bodies[who][:, :, rows], who)
-        return loads
+        for j, i in combinations(range(count), 2) if self.pair.form.is_coupled else ():
+            both = present[i] & present[j]
+            phases = phase[both] - self._places[j], phase[both] - self._places[i]
+            shared = self.pair.coupling(i - j, bodies[[j, i]][:, :, both], phases)
+            matrix[both, :, i, j] = matrix[both, :, j, i] = shared
+        felt = np.moveaxis(present[..., None] * np.ones((count, *phase.shape)), 0, -1)[..., None]
+        return np.moveaxis(np.asarray(np.linalg.solve(matrix, felt)[..., 0]), -1, 0)
 
     def _ratio(self, state: PairState, phase: FloatArray) -> FloatArray:
         """Return how many times more compliant a pair is than a sound one.
@@ -332,32 +319,6 @@ class TeethInMesh(PairsInMesh):
         for losses in filter(None, (*self.worn, *state)):
             total += 1 / np.maximum(1 - _lost_here(losses, phase), LEAST_LEFT) - 1
         return total
-
-    def _solve(
-        self, phase: FloatArray, total: FloatArray, bodies: FloatArray, who: NDArray[np.intp]
-    ) -> FloatArray:
-        """Return C^-1 (1, 1, ...) for the pairs in contact."""
-        if len(total) == 1 or not self.pair.form.is_coupled:
-            return np.asarray(1 / total)
-        own = [phase - (int(place) - self.reach) for place in who]
-        matrix = np.zeros((*phase.shape, len(who), len(who)))
-        for i in range(len(who)):
-            matrix[..., i, i] = total[i]
-            for j in range(i):
-                both = own[j], own[i]
-                shared = self.pair.coupling(int(who[i] - who[j]), bodies[[j, i]], both)
-                matrix[..., i, j] = matrix[..., j, i] = shared
-        ones = np.ones((*phase.shape, len(who), 1))
-        return np.moveaxis(np.linalg.solve(matrix, ones)[..., 0], -1, 0)
-
-
-def meeting(one: int, z1: int, two: int, z2: int) -> int | None:
-    """Return the mesh phase at which tooth phases `one` mod z1 and `two` mod z2 coincide."""
-    common = math.gcd(z1, z2)
-    if (two - one) % common:
-        return None
-    turns = (two - one) // common * pow(z1 // common, -1, z2 // common) % (z2 // common)
-    return one + z1 * turns
 
 
 def _lost_here(losses: Losses, phase: FloatArray) -> FloatArray:
@@ -462,8 +423,7 @@ def measured_losses(
     damage = tooth_damage(faults, pair.teeth[index])
     parts = [_broken(fault, pair, index) for fault in faults if fault.kind == "breakage"]
     parts += [_without_flank(hole, pair, index) for hole in damage.holes if not hole.round]
-    if not damage.is_none:
-        parts.append(_weaker_sections(damage, pair, index, is_helical))
+    parts.append(_weaker_sections(damage, pair, index, is_helical))
     losses: Losses = reduce(union, parts, ())
     nominal = pair.contact_ratio if length is None else length
     factor = nominal / pair.contact_ratio
@@ -489,20 +449,16 @@ def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
         losses = loss_in_contact(fault, pair.contact_ratio, 0.5 * pair.contact_ratio)
     else:
         losses = measured_losses([fault], pair, index)
-    mean, greatest = _mean_loss(losses, pair)
-    middle = lost_share(losses, np.array(0.5 * pair.contact_ratio))
-    return PairLoss(mean=mean, greatest=greatest, at_middle=float(middle))
-
-
-def _mean_loss(losses: Losses, pair: ToothPair) -> tuple[float, float]:
-    """Mean loss over the contact, weighted with the stiffness, and the greatest."""
     corners = [np.array([0.0, pair.contact_ratio]), *(p.pulse.edges for p in losses)]
     edges = distinct(np.clip(np.concatenate(corners), 0.0, pair.contact_ratio), 1e-12)
     phase = panel_nodes(edges)
-    stiffness = pair.compliances(pair.roll(phase)).stiffness
-    lost = lost_share(losses, phase)
+    lost, stiffness = lost_share(losses, phase), pair.compliances(pair.roll(phase)).stiffness
     weights = gauss(phase.shape[1])[1] * np.diff(edges)[:, None] * stiffness
-    return float((weights * lost).sum() / weights.sum()), float(lost.max())
+    return PairLoss(
+        mean=float((weights * lost).sum() / weights.sum()),
+        greatest=float(lost.max()),
+        at_middle=float(lost_share(losses, np.array(0.5 * pair.contact_ratio))),
+    )
 
 
 def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fault:
@@ -529,39 +485,30 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
     if not 0 <= loss < 1:
         raise ArgumentError(f"loss={loss:g} must lie in [0, 1)")
     most_size = largest_size(fault, pair.teeth[index])
-    most = _loss_of_size(fault, most_size, pair, index)
+    most = _loss_of_size(replace(fault, size=most_size), pair, index)
     if loss > most:
         raise ArgumentError(
             f"a {fault.kind} costs at most {100 * most:.3g} % of the stiffness of its pair, at "
             f"{most_size:.4g}{fault.unit}; loss={100 * loss:.3g} % is out of its reach"
         )
-    if loss in (0, most):
-        return replace(fault, size=most_size if loss else 0.0)
 
     def missed(size: float) -> float:
-        return _loss_of_size(fault, size, pair, index) - loss
+        return _loss_of_size(replace(fault, size=size), pair, index) - loss
 
     return replace(fault, size=brentq(missed, 0.0, most_size, rtol=1e-9))
 
 
 @lru_cache(maxsize=64)
-def _loss_of_size(fault: Fault, size: float, pair: ToothPair, index: int) -> float:
-    return _mean_loss(measured_losses([replace(fault, size=size)], pair, index), pair)[0]
+def _loss_of_size(fault: Fault, pair: ToothPair, index: int) -> float:
+    return stiffness_loss(fault, pair, index).mean
 
 
 def _broken(fault: Fault, pair: ToothPair, index: int) -> Losses:
     """Return the loss of a broken-off part of the tooth."""
     tooth, start, end = pair.teeth[index], 0.0, pair.contact_ratio
-    width = 1e3 * tooth.face_width_m
-    begin, share = (fault.shape.start or 0.0) / width, fault.size / width
-    if share > 0.99 or begin + share > 1 + 1e-9:
-        lost = "more than" if begin + share > 1 + 1e-9 else "all of"
-        raise ArgumentError(
-            f"fault {fault}: {lost} the face width of {width:g} mm is broken off; for a whole "
-            f"tooth write missing:{fault.stage}:{fault.gear}:{fault.tooth}"
-        )
-    if fault.shape.height is not None:
-        broken = tooth.radius_below_tip(1e-3 * fault.shape.height)
+    begin, share = face_part(fault, tooth)
+    if fault.height is not None:
+        broken = tooth.radius_below_tip(1e-3 * fault.height)
         angle = tooth.angle_at_radius(max(broken, tooth.base_radius_m))
         edge = pair.phase_of(index, angle)
         # the tip of the first gear leaves last, that of the second enters first
@@ -609,11 +556,10 @@ def _bridged(pair: ToothPair, length: float) -> Pulse:
 
 def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helical: bool) -> Losses:
     """Return the loss by weaker sections: over the whole face, or slice by slice."""
-    if not is_helical:
-        return (PulseTerm(_weaker(damage, pair, index)),)
     found = []
-    for low, high in pairwise(_face_edges(damage, pair)):
-        local = _slice(damage, low, high, pair.teeth[index].face_width_m)
+    for low, high in pairwise(_face_edges(damage, pair) if is_helical else (0.0, 1.0)):
+        width = pair.first.face_width_m
+        local = _slice(damage, low, high, width) if is_helical else damage
         if not local.is_none:
             found.append(PulseTerm(_weaker(local, pair, index), 1.0, 0.0, low, high))
     return tuple(found)
@@ -694,14 +640,14 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
 
 def gear_losses(
     pair: MeshPair, faults: Sequence[Fault], length: float, teeth: ToothPair | None = None
-) -> tuple[dict[int, Losses], dict[int, Losses]]:
-    """Return the loss of each damaged tooth of each gear, by its number.
+) -> tuple[GearLosses, GearLosses]:
+    """Return the loss of each damaged tooth of each gear, by its number, 0 for all teeth.
 
     Parameters
     ----------
     pair : MeshPair
     faults : sequence of Fault
-        Of this mesh; wear is left aside.
+        Of this mesh.
     length : float
         Length of the contact of a pair [mesh periods].
     teeth : ToothPair, optional
@@ -714,46 +660,21 @@ def gear_losses(
     """
     # the contact of the half-duty forms is a nominal one, on which the true one is laid
     pitch = pair.pitch_phase * length / pair.contact_ratio if _needs_pitch(faults) else 0.0
-    found: tuple[dict[int, Losses], dict[int, Losses]] = {}, {}
+    found: tuple[GearLosses, GearLosses] = {}, {}
     for index, (name, losses) in enumerate(zip(pair.names, found, strict=True)):
-        hurt = [fault for fault in faults if fault.gear == name and fault.tooth is not None]
-        for tooth in sorted({fault.tooth or 0 for fault in hurt}):
-            own = [fault for fault in hurt if fault.tooth == tooth]
+        hurt = [fault for fault in faults if fault.gear == name]
+        for tooth in {fault.tooth or 0 for fault in hurt}:
+            own = [fault for fault in hurt if (fault.tooth or 0) == tooth]
             parts = [loss_in_contact(fault, length, pitch) for fault in own if fault.is_loss]
             measured = [fault for fault in own if not fault.is_loss]
             if measured:
-                parts.append(_measured(pair, index, measured, length, teeth))
+                known, is_helical = teeth or teeth_of(pair), pair.overlap_ratio > 0
+                parts.append(measured_losses(measured, known, index, is_helical, length))
             lost: Losses = reduce(union, parts, ())
             if lost:
                 losses[tooth] = lost
     return found
 
 
-def worn_losses(
-    pair: MeshPair,
-    faults: Sequence[Fault],
-    length: float | None = None,
-    teeth: ToothPair | None = None,
-) -> tuple[Losses, Losses]:
-    """Return the loss by wear in mm of all teeth of each gear; see `gear_losses`."""
-    found = []
-    for index, name in enumerate(pair.names):
-        worn = [f for f in faults if f.kind == "wear" and f.gear == name and not f.is_loss]
-        found.append(_measured(pair, index, worn, length, teeth) if worn else ())
-    return found[0], found[1]
-
-
 def _needs_pitch(faults: Sequence[Fault]) -> bool:
     return any(fault.is_loss and fault.kind in BANDS for fault in faults)
-
-
-def _measured(
-    pair: MeshPair,
-    index: int,
-    faults: Sequence[Fault],
-    length: float | None,
-    teeth: ToothPair | None,
-) -> Losses:
-    """Return the loss that sizes in mm or shares of the flank mean, in a contact of this length."""
-    known = teeth_of(pair) if teeth is None else teeth
-    return measured_losses(faults, known, index, pair.overlap_ratio > 0, length)

@@ -76,8 +76,6 @@ CONVERGED = 1e-10
 PHASES_PER_BLOCK = 16_384
 #: Of what does not move.
 NONE = 0j, 0j, 0j
-#: Errors that move the contact of all teeth of a gear as it turns.
-MOVING_KINDS = ("eccentricity", "cumulative", "misalignment")
 #: Gauss points on either side of where the neighbours of a missing tooth change over.
 GAP_POINTS = 32
 #: Most contacts of faulty teeth, each computed by itself, in a true period.
@@ -114,7 +112,7 @@ def contact_offsets(pair: MeshPair, errors: Sequence[GearError]) -> tuple[Contac
     pair : MeshPair
         With a module.
     errors : sequence of GearError
-        Of `MOVING_KINDS`.
+        Of whole gears.
     """
     found = []
     for index, member in enumerate(pair.members):
@@ -138,12 +136,10 @@ def state_of(
     free_gap_m : float
         Lead deviation that the load just closes.
     """
-    leaving, entering, lead = np.zeros(()), np.zeros(()), np.zeros(())
-    for offset, angle in zip(offsets, angles, strict=True):
-        turned = np.exp(1j * angle)
-        leaving = leaving + (offset.leaving * turned).real
-        entering = entering + (offset.entering * turned).real
-        lead = lead + (offset.lead_m * turned).real
+    leaving, entering, lead = sum(
+        np.multiply.outer([own.leaving, own.entering, own.lead_m], np.exp(1j * angle)).real
+        for own, angle in zip(offsets, angles, strict=True)
+    )
     return leaving, entering, carrying_share(np.abs(lead), free_gap_m)
 
 
@@ -259,11 +255,9 @@ class ContactFamily:
 
     def at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
         """Return the mesh stiffness [N/m] at phases with a contact each, shape (n,)."""
-        total = np.zeros(len(phase))
-        for low in range(0, len(phase), PHASES_PER_BLOCK):
-            block = slice(low, low + PHASES_PER_BLOCK)
-            total[block] = self._at(phase[block], leaving[block], entering[block])
-        return total
+        count = math.ceil(len(phase) / PHASES_PER_BLOCK) or 1
+        blocks = zip(*(np.array_split(x, count) for x in (phase, leaving, entering)), strict=True)
+        return np.concatenate([self._at(*block) for block in blocks])
 
     def _at(self, phase: FloatArray, leaving: FloatArray, entering: FloatArray) -> FloatArray:
         terms = self._terms(leaving + entering)
@@ -416,7 +410,7 @@ def modulation_trains(
     """
     moving, notes = [], []
     for error in errors:
-        if error.kind not in MOVING_KINDS or not error.size_m or error.gear not in pair.names:
+        if error.kind not in WHOLE_KINDS or not error.size_m or error.gear not in pair.names:
             continue
         missing = "the static tooth force is not known" if not free_gap_m else ""
         if error.kind != "misalignment":
@@ -548,57 +542,41 @@ class FlankError:
         return 1 if self.tooth is None else self.teeth
 
 
-def error_of(
-    error: GearError, pair: MeshPair, index: int, free_gap_m: float = 0.0
-) -> TurningError | FlankError:
-    """Return what an error of a gear takes from the pairs of its mesh.
+def _moved_by(
+    wrong: GearError | Fault, pair: MeshPair, free_gap_m: float
+) -> TurningError | FlankError | None:
+    """Return what an error, wear, a through spall or a missing tooth takes from the pairs.
 
-    Parameters
-    ----------
-    error : GearError
-    pair : MeshPair
-    index : {0, 1}
-        Gear of the error.
-    free_gap_m : float
-        Lead deviation that the load just closes, see `TurningError`.
-
-    Raises
-    ------
-    ArgumentError
-        If the gear has no such tooth.
+    Even wear moves all pairs alike, which shifts the mean and makes no line.
     """
-    pair.check_tooth(f"error {error}", error.gear, error.tooth)
-    teeth, size, length = pair.teeth[index], error.size_m, pair.contact_ratio
-    if error.kind in WHOLE_KINDS:
-        return TurningError(error.gear, teeth, error.kind, size, error.phase_rad, free_gap_m)
-    power = 0 if error.kind == "pitch" else 2
-    # a contact that is nominal, as that of the half-duty forms, may be longer
-    edges = [0.0, math.ceil(length) + 1.0]
-    gap = Pulse.of(edges, lambda phase: size * (2 * phase / length - 1) ** power, 3)
-    return FlankError(error.gear, teeth, error.tooth, gap)
+    gear, index = wrong.gear, pair.names.index(wrong.gear)
+    teeth, gap = pair.teeth[index], None
+    if isinstance(wrong, Fault):
+        if wrong.kind == "wear" and wrong.size:
+            return TurningError(gear, teeth, "wear", 1e-3 * wrong.size)
+        if wrong.kind in ("spall", "missing"):
+            gap = _lost_profile(wrong, teeth_of(pair), index)
+    elif wrong.size_m:
+        size, length = wrong.size_m, pair.contact_ratio
+        if wrong.kind in WHOLE_KINDS:
+            return TurningError(gear, teeth, wrong.kind, size, wrong.phase_rad, free_gap_m)
+        power = 0 if wrong.kind == "pitch" else 2
+        # a contact that is nominal, as that of the half-duty forms, may be longer
+        edges = [0.0, math.ceil(length) + 1.0]
+        gap = Pulse.of(edges, lambda phase: size * (2 * phase / length - 1) ** power, 3)
+    return None if gap is None else FlankError(gear, teeth, wrong.tooth, gap)
 
 
-def profile_lost_by(fault: Fault, pair: MeshPair, index: int) -> list[TurningError | FlankError]:
-    """Return what damage takes from the profile: wear, through spalls and missing teeth.
-
-    A spall that leaves a part of the face width in contact moves nothing. Even wear moves all
-    pairs alike, which shifts the mean and makes no line.
-    """
-    gear, number = fault.gear, pair.teeth[index]
-    if fault.kind == "wear":
-        return [TurningError(gear, number, "wear", 1e-3 * fault.size)] if fault.size else []
-    if fault.kind not in ("spall", "missing"):
-        return []
-    teeth = teeth_of(pair)
+def _lost_profile(fault: Fault, teeth: ToothPair, index: int) -> Pulse | None:
+    """Return what a missing tooth or a spall takes; one that leaves a part of the face, nothing."""
     if fault.kind == "missing":
-        gap = _bridge(teeth)
-        return [FlankError(gear, number, fault.tooth, gap)] if gap else []
+        return _bridge(teeth)
     tooth = teeth.teeth[index]
     (hole,) = tooth_damage([fault], tooth).holes
     low, high = sorted(teeth.phase_of(index, angle) for angle in hole.angles(tooth))
     if hole.width_m < tooth.face_width_m * (1 - 1e-9) or low == high:
-        return []
-    return [FlankError(gear, number, fault.tooth, Pulse.constant(low, high, hole.depth_m))]
+        return None
+    return Pulse.constant(low, high, hole.depth_m)
 
 
 @lru_cache(maxsize=64)
@@ -717,17 +695,14 @@ def displacement_excitation(
     ArgumentError
         If a gear has no such tooth.
     """
-    names = pair.names
-    found: list[TurningError | FlankError] = []
-    notes: list[str] = []
+    found, notes = [], []
     for error in errors:
-        if error.gear not in names:
+        if error.gear in pair.names:
+            pair.check_tooth(f"error {error}", error.gear, error.tooth)
+            found.append(_moved_by(error, pair, stiffness.free_gap_m))
+        else:
             notes.append(f"error {error} does not act in the {pair.name} mesh")
-            continue
-        moved = error_of(error, pair, names.index(error.gear), stiffness.free_gap_m)
-        if error.size_m:
-            found.append(moved)
-    for fault in faults:
-        if fault.gear in names and not fault.is_loss:
-            found += profile_lost_by(fault, pair, names.index(fault.gear))
-    return Excitation(stiffness=stiffness, errors=tuple(found), warnings=tuple(notes))
+    measured = [own for own in faults if own.gear in pair.names and not own.is_loss]
+    found += [_moved_by(own, pair, stiffness.free_gap_m) for own in measured]
+    moved = tuple(own for own in found if own is not None)
+    return Excitation(stiffness=stiffness, errors=moved, warnings=tuple(notes))

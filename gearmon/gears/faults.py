@@ -13,15 +13,21 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Literal
+from typing import Any
 
-from gearmon.errors import ArgumentError, check_finite, check_range, check_word, nearest_name
+from gearmon.errors import (
+    ArgumentError,
+    check_finite,
+    check_positive,
+    check_range,
+    check_word,
+    nearest_name,
+)
 
 #: What material a crack leaves without load, by name.
 LIMITS = ("flat", "parabolic")
-Limit = Literal["flat", "parabolic"]
 #: Losses of pair stiffness, and what they are worth.
 LOSS_UNITS = {"": 1.0, "%": 0.01}
 #: Severity of pitting by share of the flank: lower and upper end of each level (ASM Handbook).
@@ -47,6 +53,9 @@ KIND_OPTIONS: dict[str, tuple[str, ...]] = {
     "pitting": ("radius", "depth"),
     "breakage": ("height", "from"),
 }
+#: Those that are lengths above 0, and all, as they are written.
+LENGTHS = ("width", "length", "depth", "radius", "height")
+DIMENSIONS = ("angle", "limit", "far", "from", "at", *LENGTHS)
 
 
 #: What each kind means, for help texts.
@@ -76,138 +85,6 @@ SYNTAX = "KIND:STAGE:GEAR:TOOTH:SIZE, such as crack:1:pinion:5:20% or crack:1:pi
 NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
 
-@dataclass(frozen=True, kw_only=True)
-class FaultShape:
-    """Dimensions of damage beyond its size; None where they are not given.
-
-    Parameters
-    ----------
-    angle : float, optional
-        Of a crack against the middle of the tooth [deg]; by default 60.
-    far : float, optional
-        Depth [mm] of a crack at its other end along the face; by default its size.
-    width : float, optional
-        Part of the face width that is cracked [mm]; by default all.
-    start : float, optional
-        Distance [mm] along the face at which the damage begins, from the side that enters contact
-        first; by default 0. Written ``from=``.
-    length, depth : float, optional
-        Of a spall, along the profile and into the tooth [mm]; depth of pits [mm].
-    at : float, optional
-        Middle of a spall above the pitch circle [mm], negative below; by default 0.
-    radius : float, optional
-        Of pits [mm]; by default a tenth of the module.
-    height : float, optional
-        Of a broken-off corner, from the tip down [mm]; by default the whole tooth.
-    limit : {"flat", "parabolic"}, optional
-        Line up to which a cracked section carries, see `tooth_damage.RootCrack`; by default flat.
-    """
-
-    angle: float | None = None
-    far: float | None = None
-    width: float | None = None
-    start: float | None = None
-    length: float | None = None
-    depth: float | None = None
-    at: float | None = None
-    radius: float | None = None
-    height: float | None = None
-    limit: str | None = None
-
-    def __post_init__(self) -> None:
-        for item in fields(self):
-            value = getattr(self, item.name)
-            if value is None:
-                continue
-            name = "from" if item.name == "start" else item.name
-            if name == "limit":
-                check_word("crack limit=", value, LIMITS)
-            elif name == "angle":
-                check_range("crack angle", value, 5, 90, "deg")
-            elif check_finite(name, value, "mm") < 0 and name in ("from", "far"):
-                raise ArgumentError(f"{name}={value:g} mm must be >= 0")
-            elif name in ("width", "length", "depth", "radius", "height") and value <= 0:
-                raise ArgumentError(f"{name}={value:g} mm must be > 0")
-
-    def options(self, kind: str) -> str:
-        """Return the dimensions as they are written after a size."""
-        given = [(key, getattr(self, _field(key))) for key in KIND_OPTIONS.get(kind, ())]
-        texts = [(key, own if isinstance(own, str | None) else f"{own:g}") for key, own in given]
-        return "".join(f",{key}={text}" for key, text in texts if text is not None)
-
-
-#: Nothing given beyond the size.
-PLAIN = FaultShape()
-
-
-def parse_size(kind: str, text: str) -> tuple[float, str, FaultShape]:
-    """Read a size: number, unit, and further dimensions.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the fault, which decides what the dimensions mean.
-    text : str
-
-    Returns
-    -------
-    size : float
-    unit : str
-    shape : FaultShape
-
-    Raises
-    ------
-    ArgumentError
-        If the text is no size.
-
-    Examples
-    --------
-    >>> parse_size("crack", "1.5mm,angle=70")[:2]
-    (1.5, 'mm')
-    """
-    head, *options = [part.strip() for part in text.split(",")]
-    shape: dict[str, Any] = dict(_option(kind, option) for option in options)
-    names = [name for name, _, _ in LEVELS.values()]
-    if kind == "pitting" and head in names:
-        return float(names.index(head) + 1), "level", FaultShape(**shape)
-    numbers, unit = _numbers(head)
-    if len(numbers) == 3 and kind == "spall":
-        shape |= {"length": numbers[1], "depth": numbers[2]}
-    elif len(numbers) != 1:
-        raise ArgumentError(f"SIZE {head!r} of a {kind} must be one number and its unit")
-    return numbers[0], unit, FaultShape(**shape)
-
-
-def size_text(kind: str, size: float, unit: str, shape: FaultShape) -> str:
-    """Return a size in the form that `parse_size` reads."""
-    if unit == "tooth":
-        return ""
-    head = f"{size:g}"
-    if kind == "spall" and unit == "mm":
-        head += f"x{shape.length:g}x{shape.depth:g}"
-    return f"{head}{unit}{shape.options(kind)}"
-
-
-def check_size(kind: str, size: float, unit: str, shape: FaultShape) -> None:
-    """Refuse a size that has no meaning for its kind.
-
-    Raises
-    ------
-    ArgumentError
-    """
-    if unit not in LOSS_UNITS and unit not in KIND_UNITS[kind]:
-        own = [u for u in KIND_UNITS[kind] if u != "tooth"]
-        others = f", or its size in {' or '.join(own)}" if own else ""
-        raise ArgumentError(
-            f"fault unit {unit!r} is not known for {kind}; give the loss of stiffness of the tooth "
-            f"pair as a fraction (0.2) or in per cent (20%){others}"
-        )
-    if unit in LOSS_UNITS:
-        _check_loss(kind, size, unit, shape)
-    elif unit != "tooth":
-        _check_physical(kind, size, unit, shape)
-
-
 def flank_share(size: float, unit: str) -> float:
     """Return the share of the flank that is pitted; of a level, the middle of its range."""
     if unit == "level":
@@ -227,69 +104,6 @@ def flank_level(share: float) -> int | None:
     (2, None)
     """
     return max((n for n, (_, low, _) in LEVELS.items() if share >= low), default=None)
-
-
-def _check_loss(kind: str, size: float, unit: str, shape: FaultShape) -> None:
-    if not (math.isfinite(size) and 0 <= size * LOSS_UNITS[unit] < 1):
-        top = "100 %" if unit == "%" else "1"
-        hint = f"; did you mean {size:g}%?" if unit == "" and 1 <= size < 100 else ""
-        raise ArgumentError(
-            f"fault size={size:g}{unit} must lie in [0, {top}): it is the loss of stiffness of "
-            f"the tooth pair{hint}"
-        )
-    if shape != PLAIN:
-        raise ArgumentError(
-            f"fault size={size:g}{unit} is a loss of stiffness, which has no dimensions; give "
-            f"the size in {' or '.join(KIND_UNITS[kind]) or 'no unit'} or leave them out"
-        )
-
-
-def _check_physical(kind: str, size: float, unit: str, shape: FaultShape) -> None:
-    check_finite("fault size", size, unit)
-    if unit == "level":
-        if size not in LEVELS:
-            names = ", ".join(f"{number} ({name})" for number, (name, _, _) in LEVELS.items())
-            raise ArgumentError(f"pitting level={size:g} must be one of {names}")
-        return
-    if size < 0:
-        raise ArgumentError(f"fault size={size:g}{unit} must be >= 0")
-    if kind == "pitting" and not flank_share(size, unit) <= 0.5:
-        top = "50%flank" if unit == "%flank" else "0.5flank"
-        raise ArgumentError(
-            f"fault size={size:g}{unit} must be at most {top}: beyond half of the flank the pits "
-            f"run into one another; give the loss of stiffness instead"
-        )
-    if kind == "spall" and (shape.length is None or shape.depth is None):
-        raise ArgumentError(
-            f"a spall of {size:g} mm needs its width along the face, its length along the profile "
-            f"and its depth: 4x1.5x0.5mm"
-        )
-
-
-def _numbers(text: str) -> tuple[list[float], str]:
-    match = re.fullmatch(rf"\s*({NUMBER}(?:\s*x\s*{NUMBER})*)\s*([%A-Za-z ]*)", text)
-    if match is None:
-        raise ArgumentError(f"SIZE {text!r} is not a number")
-    return [float(part) for part in match[1].split("x")], match[2].strip()
-
-
-def _option(kind: str, text: str) -> tuple[str, float | str]:
-    known = KIND_OPTIONS.get(kind, ())
-    key, equals, value = (part.strip() for part in text.partition("="))
-    if not equals or key not in known:
-        near = nearest_name(key, known)
-        hint = f"; did you mean {near}?" if near else ""
-        names = ", ".join(known) or "none"
-        raise ArgumentError(f"dimension {text!r} of a {kind} is not known: {names}{hint}")
-    try:
-        number = re.sub(r"(mm|deg)$", "", value).strip()
-        return _field(key), value if key == "limit" else float(number)
-    except ValueError:
-        raise ArgumentError(f"dimension {text!r} of a {kind} is not a number") from None
-
-
-def _field(key: str) -> str:
-    return "start" if key == "from" else key
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -338,8 +152,25 @@ class Fault(_OnGear):
         pitted.
     unit : {"", "%", "mm", "flank", "%flank", "level", "tooth"}
         "level" is the ASM level of pitting 1, 2, 3; "tooth" goes with a missing tooth.
-    shape : FaultShape
-        Further dimensions of a size that is no loss.
+    angle : float, optional
+        Of a crack against the middle of the tooth [deg]; by default 60.
+    far : float, optional
+        Depth [mm] of a crack at its other end along the face; by default its size.
+    width : float, optional
+        Part of the face width that is cracked [mm]; by default all.
+    start : float, optional
+        Distance [mm] along the face at which the damage begins, from the side that enters contact
+        first; by default 0. Written ``from=``.
+    length, depth : float, optional
+        Of a spall, along the profile and into the tooth [mm]; depth of pits [mm].
+    at : float, optional
+        Middle of a spall above the pitch circle [mm], negative below; by default 0.
+    radius : float, optional
+        Of pits [mm]; by default a tenth of the module.
+    height : float, optional
+        Of a broken-off corner, from the tip down [mm]; by default the whole tooth.
+    limit : {"flat", "parabolic"}, optional
+        Line up to which a cracked section carries, see `tooth_damage.RootCrack`; by default flat.
 
     Raises
     ------
@@ -354,14 +185,87 @@ class Fault(_OnGear):
 
     size: float
     unit: str = ""
-    shape: FaultShape = PLAIN
+    angle: float | None = None
+    far: float | None = None
+    width: float | None = None
+    start: float | None = None
+    length: float | None = None
+    depth: float | None = None
+    at: float | None = None
+    radius: float | None = None
+    height: float | None = None
+    limit: str | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.tooth is None) != (self.kind == "wear"):
             wanted = "'all'" if self.kind == "wear" else "one tooth number"
             raise ArgumentError(f"fault {self.kind}: TOOTH must be {wanted}")
-        check_size(self.kind, self.size, self.unit, self.shape)
+        for key, value in self._dimensions.items():
+            self._check_dimension(key, value)
+        if self.unit in LOSS_UNITS:
+            self._check_loss()
+        elif self.unit in KIND_UNITS[self.kind]:
+            self._check_measured()
+        else:
+            own = [unit for unit in KIND_UNITS[self.kind] if unit != "tooth"]
+            others = f", or its size in {' or '.join(own)}" if own else ""
+            raise ArgumentError(
+                f"fault unit {self.unit!r} is not known for {self.kind}; give the loss of "
+                f"stiffness of the tooth pair as a fraction (0.2) or in per cent (20%){others}"
+            )
+
+    @property
+    def _dimensions(self) -> dict[str, Any]:
+        """Further dimensions that are given, by the words that name them."""
+        every = {key: getattr(self, _field(key)) for key in DIMENSIONS}
+        return {key: value for key, value in every.items() if value is not None}
+
+    def _check_dimension(self, key: str, value: Any) -> None:
+        name = f"{self.kind} {key}"
+        if key == "limit":
+            check_word(f"{name}=", value, LIMITS)
+        elif key == "angle":
+            check_range(name, value, 5, 90, "deg")
+        elif key in LENGTHS:
+            check_positive(name, value, "mm")
+        elif check_finite(name, value, "mm") < 0 and key != "at":
+            raise ArgumentError(f"{name}={value:g} mm must be >= 0")
+
+    def _check_loss(self) -> None:
+        told = f"fault size={self.size:g}{self.unit}"
+        if not (math.isfinite(self.size) and 0 <= self.loss < 1):
+            top = "100 %" if self.unit == "%" else "1"
+            meant = not self.unit and 1 <= self.size < 100
+            raise ArgumentError(
+                f"{told} must lie in [0, {top}): it is the loss of stiffness of the tooth pair"
+                f"{f'; did you mean {self.size:g}%?' if meant else ''}"
+            )
+        if self._dimensions:
+            raise ArgumentError(
+                f"{told} is a loss of stiffness, which has no dimensions; give the size in "
+                f"{' or '.join(KIND_UNITS[self.kind]) or 'no unit'} or leave them out"
+            )
+
+    def _check_measured(self) -> None:
+        check_finite("fault size", self.size, self.unit)
+        told = f"fault size={self.size:g}{self.unit}"
+        if self.unit == "level" and self.size not in LEVELS:
+            names = ", ".join(f"{number} ({name})" for number, (name, _, _) in LEVELS.items())
+            raise ArgumentError(f"pitting level={self.size:g} must be one of {names}")
+        if self.size < 0:
+            raise ArgumentError(f"{told} must be >= 0")
+        if self.kind == "pitting" and flank_share(self.size, self.unit) > 0.5:
+            top = "50%flank" if self.unit == "%flank" else "0.5flank"
+            raise ArgumentError(
+                f"{told} must be at most {top}: beyond half of the flank the pits run into one "
+                f"another; give the loss of stiffness instead"
+            )
+        if self.kind == "spall" and (self.length is None or self.depth is None):
+            raise ArgumentError(
+                f"a spall of {self.size:g} mm needs its width along the face, its length along the "
+                f"profile and its depth: 4x1.5x0.5mm"
+            )
 
     @property
     def is_loss(self) -> bool:
@@ -384,10 +288,21 @@ class Fault(_OnGear):
             )
         return self.size * LOSS_UNITS[self.unit]
 
+    @property
+    def size_text(self) -> str:
+        """Size and further dimensions as they are written; "" of a missing tooth."""
+        if self.unit == "tooth":
+            return ""
+        is_box = self.kind == "spall" and not self.is_loss
+        sides = (self.size, self.length, self.depth) if is_box else (self.size,)
+        given, keys = self._dimensions, KIND_OPTIONS.get(self.kind, ())
+        options = [(key, given[key]) for key in keys if key in given]
+        told = [f",{key}={x if isinstance(x, str) else f'{x:g}'}" for key, x in options]
+        return "".join(["x".join(f"{side:g}" for side in sides), self.unit, *told])
+
     def __str__(self) -> str:
         """Return the fault in the form that `parse_fault` reads."""
-        size = size_text(self.kind, self.size, self.unit, self.shape)
-        return f"{self._place}:{size}" if size else self._place
+        return f"{self._place}:{self.size_text}".removesuffix(":")
 
 
 def parse_fault(text: str) -> Fault:
@@ -397,8 +312,8 @@ def parse_fault(text: str) -> Fault:
     ----------
     text : str
         SIZE is the loss of pair stiffness, ``0.2`` or ``20%``, or what is measured on the tooth:
-        ``crack:1:pinion:5:1.5mm``, ``spall:1:gear:3:4x1.5x0.5mm``, ``pitting:1:gear:3:12%flank``;
-        see `parse_size`. TOOTH is a number or ``all``. A missing tooth has no SIZE.
+        ``crack:1:pinion:5:1.5mm``, ``spall:1:gear:3:4x1.5x0.5mm``, ``pitting:1:gear:3:12%flank``.
+        TOOTH is a number or ``all``. A missing tooth has no SIZE.
 
     Returns
     -------
@@ -416,10 +331,46 @@ def parse_fault(text: str) -> Fault:
     """
     where, words = _parts("fault", text, KINDS, SYNTAX)
     try:
-        size, unit, shape = parse_size(where["kind"], words)
+        return Fault(**where, **_size(where["kind"], words))
     except ArgumentError as error:
         raise ArgumentError(f"fault {text!r}: {error}; {SYNTAX}") from None
-    return Fault(**where, size=size, unit=unit, shape=shape)
+
+
+def _size(kind: str, text: str) -> dict[str, Any]:
+    """Read size, unit and further dimensions."""
+    head, *options = [part.strip() for part in text.split(",")]
+    told = dict(_option(kind, option) for option in options)
+    names = [name for name, _, _ in LEVELS.values()]
+    if kind == "pitting" and head in names:
+        return told | {"size": names.index(head) + 1.0, "unit": "level"}
+    match = re.fullmatch(rf"({NUMBER}(?:\s*x\s*{NUMBER})*)\s*([%A-Za-z ]*)", head)
+    if match is None:
+        raise ArgumentError(f"SIZE {head!r} is not a number")
+    size, *others = [float(part) for part in match[1].split("x")]
+    if len(others) == 2 and kind == "spall":
+        told |= dict(zip(("length", "depth"), others, strict=True))
+    elif others:
+        raise ArgumentError(f"SIZE {head!r} of a {kind} must be one number and its unit")
+    return told | {"size": size, "unit": match[2]}
+
+
+def _option(kind: str, text: str) -> tuple[str, Any]:
+    known = KIND_OPTIONS.get(kind, ())
+    key, equals, value = (part.strip() for part in text.partition("="))
+    if not equals or key not in known:
+        near = nearest_name(key, known)
+        hint = f"; did you mean {near}?" if near else ""
+        names = ", ".join(known) or "none"
+        raise ArgumentError(f"dimension {text!r} of a {kind} is not known: {names}{hint}")
+    try:
+        number = re.sub(r"(mm|deg)$", "", value).strip()
+        return _field(key), value if key == "limit" else float(number)
+    except ValueError:
+        raise ArgumentError(f"dimension {text!r} of a {kind} is not a number") from None
+
+
+def _field(key: str) -> str:
+    return "start" if key == "from" else key
 
 
 def faults_of(given: object, *, errors: bool, stages: int | None = None) -> tuple[Any, ...]:

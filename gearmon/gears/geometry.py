@@ -17,10 +17,10 @@ from functools import cached_property
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import bisect, brentq
 
-from gearmon.arrays import FloatArray
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 
 #: Bottom clearance of ISO 53 racks; the rounding takes it up.
@@ -44,27 +44,36 @@ TOLERATED_UNDERCUT = 0.2
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rack:
-    """Basic rack of a gear.
+class RackTooth:
+    """A tooth as a basic rack generates it; lengths in normal modules.
 
     Parameters
     ----------
+    teeth : float
+        Of the gear.
+    profile_shift : float
     dedendum : float
         h_fP*, depth of the gear's root below the rack's datum line.
     pressure_angle_rad : float
         Normal pressure angle [rad].
     helix_angle_rad : float
         Helix angle at the reference circle [rad].
+    internal : bool
+        Whether it is the tooth of a ring, whose tool is no rack.
 
     Examples
     --------
-    >>> round(Rack(dedendum=1.25, pressure_angle_rad=math.radians(20)).rounding, 5)
+    >>> tooth = RackTooth(teeth=26, dedendum=1.25, pressure_angle_rad=math.radians(20))
+    >>> round(tooth.rounding, 5)
     0.37995
     """
 
+    teeth: float
     dedendum: float
     pressure_angle_rad: float
+    profile_shift: float = 0.0
     helix_angle_rad: float = 0.0
+    internal: bool = False
 
     @property
     def rounding(self) -> float:
@@ -93,62 +102,55 @@ class Rack:
         """alpha_t = atan(tan alpha_n/cos beta)."""
         return math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
 
-    def least_shift(self, teeth: float) -> float:
-        """Return the profile shift below which `teeth` are undercut."""
-        sine = math.sin(self.transverse_pressure_angle_rad)
-        return self.straight_depth - 0.5 * teeth / math.cos(self.helix_angle_rad) * sine**2
+    @property
+    def radius(self) -> float:
+        """Radius of the reference circle."""
+        return 0.5 * self.teeth / math.cos(self.helix_angle_rad)
 
-    def least_teeth(self, profile_shift: float) -> int:
-        """Return the number of teeth from which on there is no undercut."""
+    @property
+    def base(self) -> float:
+        """Radius of the base circle."""
+        return self.radius * math.cos(self.transverse_pressure_angle_rad)
+
+    @property
+    def least_shift(self) -> float:
+        """Profile shift below which so many teeth are undercut."""
+        return self.straight_depth - self.radius * math.sin(self.transverse_pressure_angle_rad) ** 2
+
+    @property
+    def least_teeth(self) -> int:
+        """Number of teeth from which on there is no undercut with this profile shift."""
         sine = math.sin(self.transverse_pressure_angle_rad)
-        depth = max(self.straight_depth - profile_shift, 0.0)
+        depth = max(self.straight_depth - self.profile_shift, 0.0)
         return math.ceil(2 * depth * math.cos(self.helix_angle_rad) / sine**2 - 1e-9)
 
-    def form_roll(self, teeth: float, profile_shift: float, *, internal: bool = False) -> float:
-        """Return the roll length at which the involute meets the fillet.
+    @property
+    def form_roll(self) -> float:
+        """Roll length at which the involute meets the fillet; above the undercut if there is one.
 
-        Parameters
-        ----------
-        teeth : int
-        profile_shift : float
-        internal : bool
-            For a ring the involute ends there; its tool is not a rack, so the circle that the
-            straight part of the rack would reach is taken.
-
-        Returns
-        -------
-        float
-            In normal modules; above the undercut where there is one.
+        The involute of a ring ends there; its tool is not a rack, so the circle that the straight
+        part of the rack would reach is taken.
         """
-        radius = 0.5 * teeth / math.cos(self.helix_angle_rad)
-        alpha = self.transverse_pressure_angle_rad
-        depth = self.straight_depth - profile_shift
-        if internal:
-            return math.sqrt(max((radius + depth) ** 2 - (radius * math.cos(alpha)) ** 2, 0.0))
-        roll = radius * math.sin(alpha) - depth / math.sin(alpha)
-        if roll >= 0:
+        alpha, depth = self.transverse_pressure_angle_rad, self.straight_depth - self.profile_shift
+        roll = self.radius * math.sin(alpha) - depth / math.sin(alpha)
+        if roll >= 0 and not self.internal:
             return roll
-        end = self.fillet(teeth, profile_shift, np.array(self.undercut_end(teeth, profile_shift)))
-        return math.sqrt(max(float(np.hypot(*end)) ** 2 - (radius * math.cos(alpha)) ** 2, 0.0))
+        end = self.radius + depth if self.internal else abs(complex(self.fillet(self.undercut_end)))
+        return math.sqrt(max(end**2 - self.base**2, 0.0))
 
-    def fillet(
-        self, teeth: float, profile_shift: float, angles_rad: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
+    def fillet(self, angles_rad: ArrayLike) -> ComplexArray:
         """Return points of the generated fillet of an external gear, in the transverse section.
 
         Parameters
         ----------
-        teeth : int
-        profile_shift : float
-        angles_rad : ndarray
+        angles_rad : array_like
             Angles of the rack-tip normal in the normal section, from alpha_n (where the involute
             begins) to pi/2 (root circle).
 
         Returns
         -------
-        height, half_thickness : ndarray
-            Distance from the gear's centre along the middle line of the tooth, and from that line,
-            in normal modules.
+        complex ndarray
+            Distance from the middle line of the tooth + i distance from the gear's centre along it.
 
         Notes
         -----
@@ -158,36 +160,33 @@ class Rack:
         """
         g, cosine = np.asarray(angles_rad, dtype=np.float64), math.cos(self.helix_angle_rad)
         alpha, rounding = self.pressure_angle_rad, self.rounding
-        depth = self.dedendum - rounding - profile_shift + rounding * np.sin(g)
+        depth = self.dedendum - rounding - self.profile_shift + rounding * np.sin(g)
         middle = math.pi / 4 + self.straight_depth * math.tan(alpha) + rounding * math.cos(alpha)
         across = (middle - rounding * np.cos(g)) / cosine
         # the transverse section is wider by 1/cos(beta), so its normals are flatter or steeper
         slope = np.arctan2(np.sin(g), np.cos(g) * cosine)
-        radius = 0.5 * teeth / cosine
-        rolled = (depth / np.tan(slope) + across) / radius
-        reach = depth / np.sin(slope)
-        height = radius * np.cos(rolled) - reach * np.sin(slope - rolled)
-        half = radius * np.sin(rolled) - reach * np.cos(slope - rolled)
-        return height, half
+        rolled = (depth / np.tan(slope) + across) / self.radius
+        turned = 1j * self.radius - depth / np.sin(slope) * np.exp(1j * slope)
+        return np.asarray(turned * np.exp(-1j * rolled), dtype=np.complex128)
 
-    def base_half_angle(self, teeth: float, profile_shift: float) -> float:
-        """Return half the angle that a tooth takes on the base circle [rad]."""
-        alpha = self.transverse_pressure_angle_rad
-        shift = 2 * profile_shift * math.tan(self.pressure_angle_rad)
-        return (math.pi / 2 + shift) / teeth + math.tan(alpha) - alpha
+    @property
+    def base_half_angle(self) -> float:
+        """Half the angle that a tooth takes on the base circle [rad]; of a ring that of a space."""
+        alpha, signed = self.transverse_pressure_angle_rad, -1 if self.internal else 1
+        shift = 2 * self.profile_shift * math.tan(self.pressure_angle_rad)
+        return signed * (math.pi / 2 + shift) / self.teeth + involute(alpha)
 
-    def undercut_end(self, teeth: float, profile_shift: float) -> float:
-        """Return the angle [rad] of the rack-tip normal at which a fillet cuts the involute."""
-        base = 0.5 * teeth / math.cos(self.helix_angle_rad)
-        base *= math.cos(self.transverse_pressure_angle_rad)
-        half_angle = self.base_half_angle(teeth, profile_shift)
+    @property
+    def undercut_end(self) -> float:
+        """Angle [rad] of the rack-tip normal at which the fillet cuts the involute, or alpha_n."""
+        base, half_angle = self.base, self.base_half_angle
 
         def beyond(angle: float) -> float:
-            height, half = self.fillet(teeth, profile_shift, np.array(angle))
-            rolled = math.sqrt(max((float(np.hypot(height, half)) / base) ** 2 - 1, 0.0))
+            point = complex(self.fillet(angle))
+            rolled = math.sqrt(max((abs(point) / base) ** 2 - 1, 0.0))
             # inside the base circle there is no involute to be cut
             flank = half_angle - (rolled - math.atan(rolled)) if rolled else math.pi
-            return math.atan2(float(half), float(height)) - flank
+            return math.atan2(point.real, point.imag) - flank
 
         first = self.pressure_angle_rad
         return float(bisect(beyond, first, math.pi / 2, xtol=1e-15)) if beyond(first) > 0 else first
@@ -372,12 +371,7 @@ class PairGeometry:
     @cached_property
     def form_rolls_m(self) -> Two:
         """Roll lengths [m] at which the involute begins above the fillet; for a ring, ends."""
-
-        def roll(i: int) -> float:
-            gear, internal = self.gears[i], self.sign(i) < 0
-            return self.rack(i).form_roll(gear.teeth, gear.profile_shift, internal=internal)
-
-        return _both(lambda i: roll(i) * self.normal_module_m)
+        return _both(lambda i: self.rack(i).form_roll * self.normal_module_m)
 
     @property
     def line_m(self) -> float:
@@ -447,24 +441,26 @@ class PairGeometry:
             If the circle lies inside the base circle, where there is no involute.
         """
         base = self.base_radii_m[index]
-        gear, sign = self.gears[index], self.sign(index)
         if radius_m < base * (1 - 1e-12):
-            told = f"radius_m={radius_m} of the {gear.name} must be >= base radius {base}"
-            raise ArgumentError(told)
-        half_angle = self.rack(index).base_half_angle(sign * gear.teeth, gear.profile_shift)
+            name = self.gears[index].name
+            raise ArgumentError(f"radius_m={radius_m} of the {name} must be >= base radius {base}")
         here = involute(math.acos(min(1.0, base / radius_m)))
-        return 2 * radius_m * sign * (half_angle - here)
+        return 2 * radius_m * self.sign(index) * (self.rack(index).base_half_angle - here)
 
     def sign(self, index: int) -> int:
         """Return -1 for the ring of an internal pair, else 1."""
         return -1 if self.internal and index == 1 else 1
 
-    def rack(self, index: int) -> Rack:
-        """Return the basic rack that generates a gear."""
-        return Rack(
-            dedendum=self.gears[index].root_factor,
+    def rack(self, index: int) -> RackTooth:
+        """Return the teeth of a gear as its basic rack generates them."""
+        gear = self.gears[index]
+        return RackTooth(
+            teeth=gear.teeth,
+            profile_shift=gear.profile_shift,
+            dedendum=gear.root_factor,
             pressure_angle_rad=self.normal_pressure_angle_rad,
             helix_angle_rad=self.helix_angle_rad,
+            internal=self.sign(index) < 0,
         )
 
 
@@ -762,10 +758,10 @@ def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:
     gear, mate, rack = pair.gears[index], pair.gears[1 - index], pair.rack(index)
     start = pair.path_m[0] if index == 0 else pair.line_m - pair.path_m[1]
     short = (pair.form_rolls_m[index] - start) / pair.normal_module_m
-    least, shift = rack.least_shift(gear.teeth), gear.profile_shift
+    least, shift = rack.least_shift, gear.profile_shift
     undercut, touched = shift < least - 1e-9, short > 1e-6
     given = f"profile_shift_{gear.name}={shift:g}"
-    cure = f"give at least {least:.4f}, or {rack.least_teeth(shift)} teeth"
+    cure = f"give at least {least:.4f}, or {rack.least_teeth} teeth"
     where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of the"
     if touched and undercut:
         raise ArgumentError(

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import combinations, pairwise
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
@@ -315,20 +315,6 @@ class Kinematics:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LineRow:
-    """A line at one operating point."""
-
-    operating: str
-    speed_rpm: float
-    stage: int | None
-    kind: str
-    name: str
-    shaft: int | None
-    order: float
-    frequency_hz: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class LineTable(Result):
     """The lines of a machine at its operating points.
 
@@ -336,20 +322,16 @@ class LineTable(Result):
     ----------
     machine : str
         Name of the machine.
-    rows : tuple of LineRow
+    rows : tuple of dict
+        Of each line at each operating point: operating, speed_rpm, stage, kind, name, shaft, order
+        and frequency_hz.
     notes : tuple of str
         Remarks on the machine file and on lines that coincide.
     """
 
     machine: str
-    rows: tuple[LineRow, ...]
+    rows: tuple[dict[str, Any], ...]
     notes: tuple[str, ...] = ()
-
-    def __iter__(self) -> Iterator[LineRow]:
-        return iter(self.rows)
-
-    def __len__(self) -> int:
-        return len(self.rows)
 
 
 def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
@@ -384,13 +366,12 @@ def kinematics(machine: Machine) -> Kinematics:
     orders, meshes = [Fraction(1)], []
     for number, stage in enumerate(machine.stages, start=1):
         if isinstance(stage, ParallelStage):
-            mesh = _parallel_mesh(number, stage, orders[-1])
-            orders.append(mesh.wheels[1].exact)
+            own = {"pinion": Fraction(1), "gear": Fraction(stage.pinion_teeth, stage.gear_teeth)}
         else:
-            speeds = {name: own * orders[-1] for name, own in planetary_speeds(stage).items()}
-            mesh = _planetary_mesh(number, stage, speeds)
-            orders.append(abs(speeds[stage.driven]))
-        meshes.append(mesh)
+            own = planetary_speeds(stage)
+        speeds = {name: speed * orders[-1] for name, speed in own.items()}
+        meshes.append(_mesh(number, stage, speeds))
+        orders.append(abs(speeds[stage.on_shafts[1]]))
     names = {len(orders): "output"} | {1: "input"}
     shafts = tuple(
         Shaft(number=number, name=names.get(number, "intermediate"), exact=order)
@@ -462,82 +443,64 @@ def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
     return speeds
 
 
-def _parallel_mesh(number: int, stage: ParallelStage, driving: Fraction) -> Mesh:
-    mesh = driving * stage.pinion_teeth
-    sides = (("pinion", stage.pinion_teeth, number), ("gear", stage.gear_teeth, number + 1))
-    wheels = tuple(
-        Wheel(gear=gear, teeth=z, shaft=shaft, exact=mesh / z, exact_relative=mesh / z)
-        for gear, z, shaft in sides
-    )
-    modulations = tuple(
-        Modulation(name=f"{w.gear} rotation", gear=w.gear, shaft=w.shaft, exact=w.exact)
-        for w in wheels
-    )
-    name = _mesh_name(stage.name, stage.pinion_teeth, stage.gear_teeth)
-    return Mesh(stage=number, name=name, exact=mesh, wheels=wheels, modulations=modulations)
-
-
-def _planetary_mesh(number: int, stage: PlanetaryStage, speeds: dict[str, Fraction]) -> Mesh:
-    carrier = speeds["carrier"]
-    shafts = {stage.driving: number, stage.driven: number + 1}
-    teeth = {"sun": stage.sun_teeth, "planet": stage.planet_teeth, "ring": stage.ring_teeth}
+def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, Fraction]) -> Mesh:
+    shafts = dict(zip(stage.on_shafts, (number, number + 1), strict=True))
+    carrier, planets = speeds.get("carrier", Fraction(0)), getattr(stage, "planets", 0)
     wheels = tuple(
         Wheel(
             gear=gear,
-            teeth=count,
+            teeth=getattr(stage, f"{gear}_teeth"),
             shaft=shafts.get(gear),
             exact=abs(speeds[gear]),
             exact_relative=abs(speeds[gear] - carrier),
         )
-        for gear, count in teeth.items()
+        for gear in (("sun", "planet", "ring") if planets else ("pinion", "gear"))
     )
-    forwards = (carrier - speeds["ring"]) * carrier > 0
-    families = _planetary_modulations(wheels, stage.planets, abs(carrier), shafts.get("carrier"))
+    forwards = (carrier - speeds.get("ring", 0)) * carrier > 0
+    teeth = "/".join(str(wheel.teeth) for wheel in wheels)
+    families = [(f"{w.gear} rotation", w.gear, w.shaft, w.exact) for w in wheels]
+    if planets:
+        families = _planetary_families(wheels, planets, abs(carrier), shafts.get("carrier"))
     return Mesh(
         stage=number,
-        name=_mesh_name(stage.name, *teeth.values()),
+        name=f"{stage.name}, {teeth}" if stage.name else teeth,
         exact=wheels[0].teeth * wheels[0].exact_relative,
         wheels=wheels,
-        modulations=families,
-        planets=stage.planets,
+        modulations=tuple(
+            Modulation(name=name, gear=gear, shaft=shaft, exact=order)
+            for name, gear, shaft, order in families
+            if order
+        ),
+        planets=planets,
         carrier=abs(carrier) if forwards else -abs(carrier),
-        equally_spaced=stage.equally_spaced,
+        equally_spaced=getattr(stage, "equally_spaced", True),
     )
 
 
-def _planetary_modulations(
+def _planetary_families(
     wheels: tuple[Wheel, ...], planets: int, carrier: Fraction, carrier_shaft: int | None
-) -> tuple[Modulation, ...]:
-    """Return the sideband families of a planetary set.
+) -> list[tuple[str, str, int | None, Fraction]]:
+    """Return the sideband families of a planetary set: name, gear, shaft and order.
 
     A local fault is met once for every planet that passes (sun, ring), a planet's twice in a turn
     on its carrier, once on the sun and once on the ring. A distributed fault, or an eccentricity,
-    repeats with every turn relative to the carrier. Orders of zero are left out, and so are turns
-    relative to a carrier that stands still, for they are the turns seen from the housing.
+    repeats with every turn relative to the carrier. Turns relative to a carrier that stands still
+    have the order 0, for they are the turns seen from the housing.
     """
     sun, planet, ring = wheels
-    families = [
+    relative = 1 if carrier else 0
+    return [
         ("carrier rotation", "carrier", carrier_shaft, carrier),
         ("planet pass", "carrier", None, planets * carrier),
         ("sun rotation", "sun", sun.shaft, sun.exact),
-        ("sun relative to carrier", "sun", None, sun.exact_relative if carrier else Fraction(0)),
+        ("sun relative to carrier", "sun", None, relative * sun.exact_relative),
         ("sun fault", "sun", None, planets * sun.exact_relative),
         ("planet spin", "planet", None, planet.exact_relative),
         ("planet fault", "planet", None, 2 * planet.exact_relative),
         ("ring rotation", "ring", ring.shaft, ring.exact),
-        ("ring relative to carrier", "ring", None, ring.exact_relative if carrier else Fraction(0)),
+        ("ring relative to carrier", "ring", None, relative * ring.exact_relative),
         ("ring fault", "ring", None, planets * ring.exact_relative),
     ]
-    return tuple(
-        Modulation(name=name, gear=gear, shaft=shaft, exact=order)
-        for name, gear, shaft, order in families
-        if order
-    )
-
-
-def _mesh_name(stage_name: str, *teeth: int) -> str:
-    pair = "/".join(map(str, teeth))
-    return f"{stage_name}, {pair}" if stage_name else pair
 
 
 def _mesh_lines(mesh: Mesh) -> list[Line]:
@@ -595,10 +558,10 @@ def _bearing_lines(
         yield Line("bearing", f"{bearing.name}: {name}", factor * turning, stage, bearing.shaft)
 
 
-def _row(line: Line, point: OperatingPoint) -> LineRow:
+def _row(line: Line, point: OperatingPoint) -> dict[str, Any]:
     hertz = line.order * point.shaft1_hz
     if isinstance(line.exact, Fraction):  # one rounding only: 500 Hz reads 500.0
         hertz = float(line.exact * Fraction(point.speed_rpm) / 60)
     known = {name: getattr(line, name) for name in ("stage", "kind", "name", "shaft", "order")}
-    name = point.name or f"{point.speed_rpm:g} rpm"
-    return LineRow(operating=name, speed_rpm=point.speed_rpm, frequency_hz=hertz, **known)
+    at = {"operating": point.name or f"{point.speed_rpm:g} rpm", "speed_rpm": point.speed_rpm}
+    return at | known | {"frequency_hz": hertz}

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -28,11 +29,7 @@ from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.geometry import USUAL_RIM
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.pairs import (
-    LOW_LOAD_N_PER_MM,
-    MeshPair,
-    mesh_pairs,
-)
+from gearmon.gears.pairs import LOW_LOAD_N_PER_MM, MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 
@@ -112,11 +109,6 @@ class StageMechanics:
     def period_s(self) -> float:
         """True period of the stiffness [s]: mesh period times `stiffness.period_mesh`."""
         return self.stiffness.period_mesh / self.mesh_frequency_hz
-
-    @property
-    def static_deflection_m(self) -> float:
-        """F/k with the mean stiffness of the healthy mesh [m]."""
-        return self.force_n / self.stiffness.healthy_mean_n_per_m
 
 
 def stage_mechanics(
@@ -216,12 +208,10 @@ def load_share(machine: Machine, number: int) -> float:
     """
     loads = []
     for point in machine.operating:
-        try:
+        with suppress(ArgumentError):
             force = stage_mechanics(machine, number, point).force_n
-        except ArgumentError:
-            continue
-        load = _pair(machine, number, 0).specific_load(force)
-        loads.append(math.inf if load is None else load)
+            load = _pair(machine, number, 0).specific_load(force)
+            loads.append(math.inf if load is None else load)
     return max(loads, default=math.inf) / LOW_LOAD_N_PER_MM
 
 
@@ -271,17 +261,11 @@ def equivalent_mass(pair: MeshPair, notes: list[str]) -> float:
         times = pair.planets if member.name == "sun" else 1
         inertia = gear_disc(pair, index, "equivalent mass", instead)[1]
         yielding += times * pair.base_radii_m[index] ** 2 / inertia
-        if not member.bore_m and not _told(pair, member.name)[1]:
+        if not member.bore_m and not getattr(pair.stage, f"inertia_{member.name}_kgm2"):
             solid.append(member.name)
     if solid:
         notes.append(f"{' and '.join(solid)} taken as solid discs: no bore diameter is given")
     return 1 / yielding
-
-
-def _told(pair: MeshPair, name: str) -> tuple[float | None, float | None]:
-    """Return mass [kg] and inertia [kg m2] of a member as the stage gives them."""
-    stage = pair.stage
-    return getattr(stage, f"mass_{name}_kg"), getattr(stage, f"inertia_{name}_kgm2")
 
 
 def gear_disc(
@@ -299,7 +283,9 @@ def gear_disc(
     purpose, instead : str
         For the message where data are missing, see `MeshPair.need`.
     """
-    mass, inertia = _told(pair, pair.members[index].name)
+    name = pair.members[index].name
+    mass: float | None = getattr(pair.stage, f"mass_{name}_kg")
+    inertia: float | None = getattr(pair.stage, f"inertia_{name}_kgm2")
     if mass is not None and inertia is not None:
         return mass, inertia
     width, density = disc_body(pair, purpose, instead)

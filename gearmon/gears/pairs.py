@@ -2,7 +2,7 @@
 
 A parallel stage has one pair. A planetary stage has two kinds of pair, each once per planet:
 sun and planet, planet and ring. Stages carry engineering units; from here on all is SI, but for the
-stiffness, reduced mass and resonance speed by ISO 6336-1 Method B, told in units of the standard.
+stiffness by ISO 6336-1 Method B, told in units of the standard.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
-from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.errors import ArgumentError, check_positive
 from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
 from gearmon.machine import ParallelStage, PlanetaryStage
 
@@ -69,28 +69,6 @@ class Body:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Resonance:
-    """Main resonance of a pair by ISO 6336-1 Method B.
-
-    Parameters
-    ----------
-    gear : str
-        Name of gear 1, the one with fewer teeth, whose speed is meant.
-    reduced_mass_kg_per_m : float
-        m_red, per face width.
-    speed_rpm : float
-        n_E1, the speed of gear 1 whose mesh frequency is the natural frequency.
-    margin : float
-        N_S: the main resonance range begins at this share of n_E1.
-    """
-
-    gear: str
-    reduced_mass_kg_per_m: float
-    speed_rpm: float
-    margin: float
-
-
-@dataclass(frozen=True, kw_only=True)
 class MethodB:
     """Result of ISO 6336-1 Method B; stiffnesses in N/(mm um) as in the standard.
 
@@ -98,14 +76,12 @@ class MethodB:
     ----------
     theoretical : float
         c'_th, of one pair, from the polynomial [N/(mm um)].
-    correction, blank, rack : float
-        Factors C_M, C_R, C_B.
+    blank, rack : float
+        Factors C_R, C_B; C_M is 0.8.
     load : float
         Factor of the low-load branch; 1 from 100 N/mm on.
     single : float
         c': greatest stiffness of one pair [N/(mm um)].
-    contact_ratio : float
-        eps_alpha with which the next was made.
     mesh_alpha : float
         c_gamma_alpha: mean stiffness of the mesh [N/(mm um)].
     mesh_beta : float
@@ -117,12 +93,10 @@ class MethodB:
     """
 
     theoretical: float
-    correction: float
     blank: float
     rack: float
     load: float
     single: float
-    contact_ratio: float
     mesh_alpha: float
     mesh_beta: float
     virtual_teeth: tuple[float, float]
@@ -203,7 +177,10 @@ def method_b(
     angle = 1 - 0.02 * (20 - math.degrees(pressure_angle_rad))
     rack = 0.5 * sum((1 + 0.5 * (1.2 - gear.root_factor)) * angle for gear in (first, second))
     blank = 1.0 if web is None else web.factor
-    load = _load_factor(load_n_per_mm)
+    load = 1.0
+    if load_n_per_mm is not None:
+        low = check_positive("load_n_per_mm", load_n_per_mm, "N/mm") / LOW_LOAD_N_PER_MM
+        load = math.sqrt(math.sqrt(min(1.0, low)))
     moduli = first.elastic_modulus_pa, second.elastic_modulus_pa
     check_positive("elastic_modulus_pa", min(moduli), "Pa")
     modulus = 2 * math.prod(moduli) / sum(moduli) / MODULUS_STEEL_PA
@@ -214,87 +191,15 @@ def method_b(
     limits += web.limits if web else ()
     return MethodB(
         theoretical=theoretical,
-        correction=CORRECTION_MEASURED,
         blank=blank,
         rack=rack,
         load=load,
         single=single,
-        contact_ratio=contact_ratio,
         mesh_alpha=mesh,
         mesh_beta=0.85 * mesh,
         virtual_teeth=virtual,
         warnings=tuple(f"{METHOD}: {note}" for note in limits),
     )
-
-
-def reduced_mass_per_width(
-    teeth: tuple[int, int],
-    mean_diameters_m: tuple[float, float],
-    base_diameter_m: float,
-    bores_m: tuple[float, float] = (0.0, 0.0),
-    densities_kgm3: tuple[float, float] = (7850.0, 7850.0),
-) -> float:
-    """Return m_red, the mass per face width [kg/m] of a pair reduced to the line of action.
-
-    Parameters
-    ----------
-    teeth : (int, int)
-        Fewer teeth first.
-    mean_diameters_m : (float, float)
-        d_m = (d_a + d_f)/2 [m].
-    base_diameter_m : float
-        d_b1, of gear 1 [m].
-    bores_m : (float, float)
-        Inner diameters d_i of rim or body [m].
-    densities_kgm3 : (float, float)
-        [kg/m3]
-
-    Notes
-    -----
-    ``m_red = (pi/8)(d_m1/d_b1)^2 d_m1^2/[1/((1-q1^4) rho1) + 1/((1-q2^4) rho2 u^2)]``,
-    q = d_i/d_m, u = z2/z1: the standard sets d_m2/d_m1 = u. 1 kg/mm = 1000 kg/m.
-    """
-    dm1, dm2 = mean_diameters_m
-    ratio = teeth[1] / teeth[0]
-    full = [1 - (bore / dm) ** 4 for bore, dm in zip(bores_m, (dm1, dm2), strict=True)]
-    for bore, share in zip(bores_m, full, strict=True):
-        if share <= 0:
-            raise ArgumentError(f"bore of {bore} m must be less than the mean diameter")
-    compliance = 1 / (full[0] * densities_kgm3[0]) + 1 / (full[1] * densities_kgm3[1] * ratio**2)
-    return math.pi / 8 * (dm1 / base_diameter_m) ** 2 * dm1**2 / compliance
-
-
-def resonance_speed_rpm(teeth: int, mesh_alpha: float, reduced_mass_kg_per_m: float) -> float:
-    """Return n_E1, the speed of gear 1 [1/min] whose mesh frequency is the natural frequency.
-
-    Parameters
-    ----------
-    teeth : int
-        Of gear 1.
-    mesh_alpha : float
-        c_gamma_alpha [N/(mm um)].
-    reduced_mass_kg_per_m : float
-        m_red per face width [kg/m].
-
-    Examples
-    --------
-    >>> round(resonance_speed_rpm(25, 17.21, 7.4))
-    18421
-    """
-    check_positive("reduced_mass_kg_per_m", reduced_mass_kg_per_m, "kg/m")
-    return 30 / (math.pi * teeth) * math.sqrt(mesh_alpha * N_PER_MM_UM / reduced_mass_kg_per_m)
-
-
-def resonance_margin(load_n_per_mm: float) -> float:
-    """Return N_S, the lower end of the main resonance range in units of the resonance speed.
-
-    Examples
-    --------
-    >>> resonance_margin(25.0), resonance_margin(150.0)
-    (0.675, 0.85)
-    """
-    check_range("load_n_per_mm", load_n_per_mm, 0, 1e9, "N/mm")
-    return 0.5 + 0.35 * math.sqrt(min(1.0, load_n_per_mm / LOW_LOAD_N_PER_MM))
 
 
 def _ordered(one: GearTeeth, other: GearTeeth) -> tuple[GearTeeth, GearTeeth]:
@@ -321,13 +226,6 @@ def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, floa
             f"polynomial, -0.5 <= x1 + x2 <= 2"
         )
     return 1 / compliance
-
-
-def _load_factor(load_n_per_mm: float | None) -> float:
-    if load_n_per_mm is None:
-        return 1.0
-    load = check_positive("load_n_per_mm", load_n_per_mm, "N/mm")
-    return math.sqrt(math.sqrt(min(1.0, load / LOW_LOAD_N_PER_MM)))
 
 
 def _limits(
@@ -658,55 +556,3 @@ def _root_factor(stage: Stage, name: str) -> float:
     reference /= math.cos(math.radians(stage.helix_angle_deg))
     depth = (reference - diameter) / (2 * stage.module_mm) * (-1 if name == "ring" else 1)
     return float(depth + getattr(stage, f"profile_shift_{name}"))
-
-
-def pair_resonance(pair: MeshPair, force_n: float | None = None) -> Resonance:
-    """Return reduced mass and resonance speed of a pair by ISO 6336-1 Method B.
-
-    Parameters
-    ----------
-    pair : MeshPair
-        An external pair with module; index 1 of the standard is its gear with fewer teeth.
-    force_n : float, optional
-        Static force on the line of action [N], for the low-load branches.
-
-    Returns
-    -------
-    Resonance
-
-    Raises
-    ------
-    ArgumentError
-        If data are missing, or the pair is one of planet and ring.
-
-    Notes
-    -----
-    The inner diameter of a gear is that of its rim where web and rim are given, else the bore.
-    """
-    if pair.second.internal:
-        raise ArgumentError(
-            f"{pair.where}: the resonance speed of the standard is that of two external gears; "
-            f"ask for the sun-planet mesh"
-        )
-    pair.need("module_mm", "reduced mass")
-    circles, members = pair.geometry, pair.members
-    one, two = sorted((0, 1), key=lambda index: members[index].teeth)
-    means = [a + b for a, b in zip(circles.tip_radii_m, circles.root_radii_m, strict=True)]
-    bores = [
-        member.bore_m if member.rim_m is None else 2 * (root - member.rim_m)
-        for member, root in zip(members, circles.root_radii_m, strict=True)
-    ]
-    mass = reduced_mass_per_width(
-        (members[one].teeth, members[two].teeth),
-        (means[one], means[two]),
-        2 * circles.base_radii_m[one],
-        (bores[one], bores[two]),
-        (pair.stage.density_kgm3, pair.stage.density_kgm3),
-    )
-    load, alpha = pair.specific_load(force_n), pair.method_b(force_n).mesh_alpha
-    return Resonance(
-        gear=members[one].name,
-        reduced_mass_kg_per_m=mass,
-        speed_rpm=resonance_speed_rpm(members[one].teeth, alpha, mass),
-        margin=resonance_margin(LOW_LOAD_N_PER_MM if load is None else load),
-    )

@@ -344,7 +344,7 @@ def lost_share(losses: Sequence[PulseTerm], phase: FloatArray) -> FloatArray:
     return total
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PulseTrain:
     """Pulses that repeat together: a part of the mesh stiffness with a period of its own.
 
@@ -368,8 +368,7 @@ class PulseTrain:
     @classmethod
     def healthy(cls, pulse: Pulse, overlap_ratio: float) -> PulseTrain:
         """Return the train of a pair that meets again after every mesh period."""
-        terms = (PulseTerm(pulse),)
-        return cls(gear="all teeth", period_mesh=1, overlap_ratio=overlap_ratio, terms=terms)
+        return cls("all teeth", 1, overlap_ratio, (PulseTerm(pulse),))
 
     def scaled(self, factor: float) -> PulseTrain:
         """Return the same train times `factor`, of the same pulses."""

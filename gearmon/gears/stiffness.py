@@ -28,15 +28,15 @@ from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.damage import (
     CurvePairs,
     PairsInMesh,
+    PairState,
     TeethInMesh,
     acting_faults,
     gear_losses,
-    worn_losses,
 )
 from gearmon.gears.excitation import ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import contact_zones
-from gearmon.gears.pairs import MeshPair, MethodB, Stage, mesh_pairs
+from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.pulses import POINTS, Pulse, PulseTrain
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
 
@@ -365,9 +365,6 @@ class MeshStiffness:
         Relative: eps of ``k = k_mean (1 + eps f)`` for the healthy mesh: half the peak to peak of
         k over its mean, so that f spans 2; with a symmetric square wave, f = +-1.
     form : StiffnessForm or PotentialEnergy
-    iso : MethodB or None
-        ISO 6336 stiffness behind the mean; None where the mean was given or follows from the
-        energy of the teeth.
     free_gap_m : float
         Lead deviation across the face that the static force just closes, 2 F/k [m]; 0 where the
         force is not known.
@@ -380,7 +377,6 @@ class MeshStiffness:
     overlap_ratio: float
     variation: float
     form: StiffnessForm | PotentialEnergy
-    iso: MethodB | None = None
     modulations: tuple[ModulationTrain, ...] = ()
     free_gap_m: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -521,75 +517,66 @@ def mesh_stiffness(
     _check_contact(pair)
     acting, notes = acting_faults(pair, faults)
     if isinstance(chosen, PotentialEnergy):
-        parts = _from_teeth(pair, acting, chosen, force_n)
+        pairs_of, factor, more = _from_teeth(pair, acting, chosen, force_n)
     else:
-        parts = _from_form(pair, acting, chosen, force_n)
+        pairs_of, factor, more = _from_form(pair, acting, chosen, force_n)
     # what wear that is given as a loss leaves
-    left = math.prod(1 - fault.loss for fault in acting if fault.kind == "wear" and fault.is_loss)
+    worn = [fault for fault in acting if fault.kind == "wear" and fault.is_loss]
+    factor *= math.prod(1 - fault.loss for fault in worn)
 
     def pulse(lost: float) -> Pulse:
         """Return the pulse [N/m] of a pair whose contact ratio is so much smaller."""
-        return parts.pairs(lost).healthy.scaled(left * parts.factor)
+        return pairs_of(lost).healthy.scaled(factor)
 
-    pairs, overlap, whole = parts.pairs(0.0), pair.overlap_ratio, pulse(0.0)
-    missing = pairs.trains(pair, gear_losses(pair, acting, pairs.length, parts.teeth))
+    pairs, overlap, whole = pairs_of(0.0), pair.overlap_ratio, pulse(0.0)
+    teeth = pairs.pair if isinstance(pairs, TeethInMesh) else None
+    local = [fault for fault in acting if fault.tooth is not None]
+    missing = pairs.trains(pair, gear_losses(pair, local, pairs.length, teeth))
     gap = 0.0 if force_n is None else 2 * abs(force_n) / whole.area
     modulations, told = modulation_trains(pair, errors, pulse, gap)
-    geometry = pair.geometry.warnings if pair.given("contact_ratio") is None else ()
+    if pair.given("contact_ratio") is None:
+        more = (*pair.geometry.warnings, *more)
     return MeshStiffness(
         healthy=PulseTrain.healthy(whole, overlap),
-        pulses=tuple(train.scaled(left * parts.factor) for train in missing),
+        pulses=tuple(train.scaled(factor) for train in missing),
         contact_ratio=pair.contact_ratio,
         overlap_ratio=overlap,
-        variation=_variation(whole, overlap) if parts.variation is None else parts.variation,
+        variation=_variation(whole, overlap) if teeth else mesh_variation(pair, chosen),
         form=chosen,
-        iso=parts.iso,
         modulations=modulations,
         free_gap_m=gap,
-        warnings=(*geometry, *parts.warnings, *notes, *told),
+        warnings=(*more, *notes, *told),
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Parts:
-    """What a form says of a mesh.
-
-    `pairs` gives the pairs, sound or worn, of a contact ratio that is so much smaller, and `teeth`
-    the teeth behind them if the form has any; `factor` scales what they carry.
-    """
-
-    pairs: Callable[[float], PairsInMesh]
-    factor: float
-    teeth: ToothPair | None = None
-    variation: float | None = None
-    iso: MethodB | None = None
-    warnings: tuple[str, ...] = ()
+#: What a form says of a mesh: its pairs, sound or worn, by how much smaller their contact ratio is,
+#: what scales what they carry, and notes.
+_Said = tuple[Callable[[float], PairsInMesh], float, tuple[str, ...]]
 
 
 def _from_form(
     pair: MeshPair, acting: list[Fault], form: StiffnessForm, force_n: float | None
-) -> _Parts:
-    variation, mean = mesh_variation(pair, form), pair.given("mesh_stiffness_n_per_m")
-    iso = None
+) -> _Said:
+    mesh_variation(pair, form)  # refuses one that cannot be imposed
+    mean, notes = pair.given("mesh_stiffness_n_per_m"), tuple[str, ...]()
     if mean is None:
         instead = "mesh_stiffness_n_per_m" if pair.is_main else ""
         width = 1e-3 * pair.need("face_width_mm", "mean stiffness", instead)
         iso = pair.method_b(force_n)
-        mean = iso.mean_n_per_m(width)
+        mean, notes = iso.mean_n_per_m(width), iso.warnings
         if form.normalisation == "maximum":
             mean = iso.single_n_per_m(width) * form.pulse(pair.contact_ratio).area
 
     def pairs(lost: float) -> CurvePairs:
         pulse = unit_pulse(pair, form, lost)
-        return CurvePairs(pulse=pulse, worn=worn_losses(pair, acting, pulse.length))
+        return CurvePairs(pulse=pulse, worn=_worn(pair, acting, pulse.length))
 
-    notes = iso.warnings if iso else ()
-    return _Parts(pairs=pairs, factor=mean, variation=variation, iso=iso, warnings=notes)
+    return pairs, mean, notes
 
 
 def _from_teeth(
     pair: MeshPair, acting: list[Fault], form: PotentialEnergy, force_n: float | None
-) -> _Parts:
+) -> _Said:
     if pair.given("stiffness_variation") is not None:
         raise ArgumentError(
             f"{pair.where}: stiffness_variation cannot be imposed on the {form.name} form, whose "
@@ -604,11 +591,21 @@ def _from_teeth(
 
     def pairs(lost: float, wear: Sequence[Fault] = acting) -> TeethInMesh:
         moved = teeth.parted(lost)
-        return TeethInMesh(pair=moved, worn=worn_losses(pair, wear, teeth=moved), force_n=force_n)
+        worn = _worn(pair, wear, moved.contact_ratio, moved)
+        return TeethInMesh(pair=moved, worn=worn, force_n=force_n)
 
     imposed = pair.given("mesh_stiffness_n_per_m")
     factor = 1.0 if imposed is None else imposed / pairs(0.0, ()).healthy.area
-    return _Parts(pairs=pairs, factor=factor, teeth=teeth, warnings=teeth.warnings)
+    return pairs, factor, teeth.warnings
+
+
+def _worn(
+    pair: MeshPair, faults: Sequence[Fault], length: float, teeth: ToothPair | None = None
+) -> PairState:
+    """Return the loss by wear in mm of all teeth of each gear."""
+    worn = [fault for fault in faults if fault.kind == "wear" and not fault.is_loss]
+    one, two = gear_losses(pair, worn, length, teeth)
+    return one.get(0, ()), two.get(0, ())
 
 
 def _chosen(form: AnyForm) -> StiffnessForm | PotentialEnergy:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,22 +18,17 @@ import numpy as np
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
-from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share, size_text
+from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth import Tooth
-from gearmon.gears.tooth_damage import ToothDamage, largest_size, tooth_damage
+from gearmon.gears.tooth_damage import Hole, largest_size, tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 from gearmon.result import Result, channel_rows
 
 #: Points of each curve of an outline.
 POINTS = 60
-
-
-_GONE = ("breakage", "missing")
-#: Half thickness and height.
-Curve = tuple[FloatArray, FloatArray]
 #: The four forms, each with its variants: the duty of the rectangle is eps_a - 1, or one half.
 FOUR_FORMS: dict[str, tuple[str, ...]] = {
     "parabolic": ("parabolic",),
@@ -48,81 +43,124 @@ MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "fla
 
 
 @dataclass(frozen=True, eq=False)
-class FlankMark:
-    """A damaged part of a flank, seen from the mate.
+class DrawnDamage:
+    """A damage of a tooth, in its section and on its flank as the mate sees it; lengths in mm.
 
     Parameters
     ----------
-    kind : str
-    face_start_mm, face_width_mm : float
+    kind : {"crack", "spall", "pits", "breakage", "missing"}
+    section : ndarray, shape (n, 2)
+        Outline of what is lost; of a crack its line.
+    face_start, face_width : float
         Along the face, from the side that enters contact first.
-    low_mm, high_mm : float
+    low, high : float
         Heights above the root circle.
     """
 
     kind: str
-    face_start_mm: float
-    face_width_mm: float
-    low_mm: float
-    high_mm: float
+    section: FloatArray
+    face_start: float
+    face_width: float
+    low: float
+    high: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TeethPicture:
-    """Two gears in contact, cut square to their flanks; all points in mm, shape (n, 2).
+@dataclass(frozen=True, eq=False)
+class DrawnGear:
+    """A gear in contact, cut square to its flanks; lengths in mm.
 
     Parameters
     ----------
-    names : (str, str)
-    outlines : (ndarray, ndarray)
-        Five teeth of each gear; the loaded ones in the middle.
-    contact : ndarray, shape (2,)
-    cracks : tuple of ndarray
-        Lines.
-    holes : tuple of ndarray
-        Outlines of missing material.
-    gone : tuple of ndarray
-        Outlines of broken-off or missing teeth.
-    marks : dict of str to tuple of FlankMark
-        Damage on the flank of each gear.
-    flank_sizes_mm : dict of str to (float, float, float)
-        Face width, height of the flank's lower end and of the tip above the root circle.
+    name : str
+    outline : ndarray, shape (n, 2)
+        Five teeth, the loaded one in the middle.
+    damage : tuple of DrawnDamage
+        Of the loaded tooth.
+    face_width, flank_start, tip : float
+        Width of the face, heights of the flank's lower end and of the tip above the root circle.
     """
 
-    names: tuple[str, str]
-    outlines: tuple[FloatArray, FloatArray]
+    name: str
+    outline: FloatArray
+    damage: tuple[DrawnDamage, ...]
+    face_width: float
+    flank_start: float
+    tip: float
+
+
+@dataclass(frozen=True, eq=False)
+class TeethPicture:
+    """Two gears in contact, and the point at which they touch, shape (2,) [mm]."""
+
+    gears: tuple[DrawnGear, DrawnGear]
     contact: FloatArray
-    cracks: tuple[FloatArray, ...]
-    holes: tuple[FloatArray, ...]
-    gone: tuple[FloatArray, ...]
-    marks: dict[str, tuple[FlankMark, ...]]
-    flank_sizes_mm: dict[str, tuple[float, float, float]]
 
 
 @dataclass(frozen=True)
 class _Frame:
-    """Where a tooth stands, as complex numbers: centre, and direction of its thickness.
+    """Where a tooth stands, as complex numbers [m]: centre, and direction of its thickness.
 
-    Its height points a quarter turn ahead of its thickness.
+    Points of a tooth are half thickness + i height.
     """
 
+    tooth: Tooth
     centre: complex
     across: complex
 
-    def place(self, half: FloatArray, height: FloatArray) -> FloatArray:
-        points = 1e3 * (self.centre + (half + 1j * height) * self.across)
-        return np.stack([points.real, points.imag], axis=-1)
+    def place(self, points: ComplexArray) -> FloatArray:
+        """Return points of the tooth in the plane [mm], shape (n, 2)."""
+        placed = 1e3 * (self.centre + points * self.across)
+        return np.stack([placed.real, placed.imag], axis=-1)
 
-    def between(self, one: Curve, other: Curve) -> FloatArray:
-        """Place the line along one curve and back along the other."""
-        half, height = (np.concatenate([a, b[::-1]]) for a, b in zip(one, other, strict=True))
-        return self.place(half, height)
+    def drawn(self, faults: Sequence[Fault]) -> DrawnGear:
+        """Return the gear with those faults whose sizes are no losses."""
+        tooth, profile = self.tooth, half_profile(self.tooth)
+        pitch = tooth.sign * 2 * math.pi / tooth.teeth
+        # teeth one after the other across the tooth in the middle
+        turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
+        row = [turn * _between(-profile.conj(), profile) for turn in turns]
+        own = [fault for fault in faults if fault.gear == tooth.name and not fault.is_loss]
+        return DrawnGear(
+            name=tooth.name,
+            outline=self.place(np.concatenate(row)),
+            damage=tuple(self._damage(own, profile)),
+            face_width=1e3 * tooth.face_width_m,
+            flank_start=1e3 * float(tooth.height(tooth.start) - tooth.root_height_m),
+            tip=1e3 * (profile[-1].imag - tooth.root_height_m),
+        )
+
+    def _damage(self, faults: Sequence[Fault], profile: ComplexArray) -> Iterator[DrawnDamage]:
+        tooth, damage = self.tooth, tooth_damage(faults, self.tooth)
+        width, root, tip = tooth.face_width_m, tooth.root_height_m, profile[-1].imag
+
+        def drawn(kind: str, section: ComplexArray, *where: float) -> DrawnDamage:
+            begin, part, low, high = (1e3 * x for x in where)
+            foot = 1e3 * root
+            return DrawnDamage(kind, self.place(section), begin, part, low - foot, high - foot)
+
+        if damage.crack is not None:
+            crack, start = damage.crack, tooth.crack_start
+            line = start - 1j * np.array([0, crack.depths[1]]) * cmath.exp(-1j * crack.angle_rad)
+            face = crack.start * width, crack.extent * width
+            yield drawn("crack", line, *face, start.imag, start.imag)
+        for hole in damage.holes:
+            kind, face = "pits" if hole.round else "spall", (hole.start * width, hole.width_m)
+            yield drawn(kind, _hole(hole, tooth), *face, hole.low_m, hole.high_m)
+        for fault in faults:
+            if fault.kind in ("breakage", "missing"):
+                low = root if fault.height is None else tip - 1e-3 * fault.height
+                lost = profile if fault.height is None else profile[profile.imag >= low]
+                part = width if fault.kind == "missing" else 1e-3 * fault.size
+                face = 1e-3 * (fault.start or 0.0), part
+                yield drawn(fault.kind, _between(-lost.conj(), lost), *face, low, tip)
 
 
 def teeth_picture(
     pair: ToothPair, faults: Sequence[Fault] = (), phase: float | None = None
 ) -> TeethPicture:
     """Return the picture of a pair of teeth in contact.
+
+    The second gear stands above the first, a ring around it with its centre below.
 
     Parameters
     ----------
@@ -132,122 +170,38 @@ def teeth_picture(
     phase : float, optional
         Contact phase [mesh periods]; by default the middle of the contact.
     """
-    roll = float(pair.roll(0.5 * pair.contact_ratio if phase is None else phase))
-    frames = _frames(pair, roll)
-    measured = [fault for fault in faults if not fault.is_loss]
-    cracks: list[FloatArray] = []
-    holes: list[FloatArray] = []
-    gone: list[FloatArray] = []
-    marks: dict[str, tuple[FlankMark, ...]] = {}
-    for tooth, frame in zip(pair.teeth, frames, strict=True):
-        own = [fault for fault in measured if fault.gear == tooth.name]
-        damage = tooth_damage([f for f in own if f.kind in ("crack", "spall", "pitting")], tooth)
-        cracks += _cracks(damage, tooth, frame)
-        holes += _holes(damage, tooth, frame)
-        gone += [_gone(fault, tooth, frame) for fault in own if fault.kind in _GONE]
-        marks[tooth.name] = tuple(_marks(damage, own, tooth))
-    angle = np.array([pair.first.angle(roll)])
-    touching = frames[0].place(pair.first.half_thickness(angle), pair.first.height(angle))
-    return TeethPicture(
-        names=(pair.first.name, pair.second.name),
-        outlines=(_outline(pair.first, frames[0]), _outline(pair.second, frames[1])),
-        contact=touching[0],
-        cracks=tuple(cracks),
-        holes=tuple(holes),
-        gone=tuple(gone),
-        marks=marks,
-        flank_sizes_mm={tooth.name: _flank_size(tooth) for tooth in pair.teeth},
-    )
-
-
-def half_profile(tooth: Tooth) -> Curve:
-    """Return half thickness and height [m] of the loaded side, from the root circle to the tip."""
-    t = np.linspace(tooth.start, tooth.tip, POINTS)
-    half, height = tooth.half_thickness(t), tooth.height(t)
-    part = tooth.root_part
-    if part is None:
-        return half, height
-    low_height, low_half = part.at(np.linspace(0, 1, POINTS))
-    return np.concatenate([low_half, half]), np.concatenate([low_height, height])
-
-
-def _frames(pair: ToothPair, roll: float) -> tuple[_Frame, _Frame]:
-    """Place both teeth so that their flanks touch at this roll length of the first.
-
-    The second gear stands above the first, a ring around it with its centre below.
-    """
+    roll = pair.roll(0.5 * pair.contact_ratio if phase is None else phase)
     centres, working = pair.centres_m
     # the normal of the flank turns into the line of action
     one, two = (
         cmath.exp(1j * (working - float(tooth.slope(tooth.angle(own)))))
-        for tooth, own in zip(pair.teeth, pair.rolls(np.array(roll)), strict=True)
+        for tooth, own in zip(pair.teeth, pair.rolls(roll), strict=True)
     )
-    return _Frame(0j, one), _Frame(1j * centres, -two)
+    frames = _Frame(pair.first, 0j, one), _Frame(pair.second, 1j * centres, -two)
+    touching = pair.first.flank(pair.first.angle(roll))
+    return TeethPicture(
+        gears=(frames[0].drawn(faults), frames[1].drawn(faults)), contact=frames[0].place(touching)
+    )
 
 
-def _outline(tooth: Tooth, frame: _Frame) -> FloatArray:
-    half, height = half_profile(tooth)
-    ends, pitch = ((-half, height), (half, height)), tooth.sign * 2 * math.pi / tooth.teeth
-    # teeth one after the other across the tooth in the middle
-    turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
-    placed = (replace(frame, across=frame.across * turn) for turn in turns)
-    return np.concatenate([own.between(*ends) for own in placed])
+def half_profile(tooth: Tooth) -> ComplexArray:
+    """Return the loaded side from the root circle to the tip: half thickness + i height [m]."""
+    flank = tooth.flank(np.linspace(tooth.start, tooth.tip, POINTS))
+    root = [tooth.root_part(np.linspace(0, 1, POINTS))] if tooth.root_part else []
+    return np.concatenate([*root, flank])
 
 
-def _cracks(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]:
-    if damage.crack is None:
-        return []
-    height, half = tooth.crack_start
-    depth, angle = damage.crack.depths[1], damage.crack.angle_rad
-    ends = np.array([half, half - depth * math.sin(angle)])
-    return [frame.place(ends, np.array([height, height - depth * math.cos(angle)]))]
+def _between(one: ComplexArray, other: ComplexArray) -> ComplexArray:
+    """Return the outline along one curve and back along the other."""
+    return np.concatenate([one, other[::-1]])
 
 
-def _holes(damage: ToothDamage, tooth: Tooth, frame: _Frame) -> list[FloatArray]:
-    found = []
-    for hole in damage.holes:
-        t = np.linspace(*hole.angles(tooth), POINTS)
-        half, height = tooth.half_thickness(t), tooth.height(t)
-        across = np.linspace(-1, 1, POINTS) if hole.round else np.zeros(POINTS)
-        depth = hole.depth_m * np.sqrt(1 - across**2)
-        slope = tooth.slope(t)
-        inner_half, inner_height = half - depth * np.cos(slope), height - depth * np.sin(slope)
-        found.append(frame.between((half, height), (inner_half, inner_height)))
-    return found
-
-
-def _gone(fault: Fault, tooth: Tooth, frame: _Frame) -> FloatArray:
-    half, height = half_profile(tooth)
-    if fault.kind == "breakage" and fault.shape.height is not None:
-        lowest = tooth.sign * tooth.radius_below_tip(1e-3 * fault.shape.height)
-        kept = height >= lowest
-        half, height = half[kept], height[kept]
-    return frame.between((-half, height), (half, height))
-
-
-def _marks(damage: ToothDamage, faults: Sequence[Fault], tooth: Tooth) -> list[FlankMark]:
-    width, root = 1e3 * tooth.face_width_m, 1e3 * tooth.root_height_m
-    crack, top = damage.crack, 1e3 * float(tooth.height(tooth.tip)) - root
-    found = []
-    if crack is not None:
-        start = 1e3 * tooth.crack_start[0] - root
-        found.append(FlankMark("crack", width * crack.start, width * crack.extent, start, start))
-    for hole in damage.holes:
-        kind, start = ("pits", 0.0) if hole.round else ("spall", width * hole.start)
-        low, high = 1e3 * hole.low_m - root, 1e3 * hole.high_m - root
-        found.append(FlankMark(kind, start, 1e3 * hole.width_m, low, high))
-    for fault in faults:
-        if fault.kind in _GONE:
-            share = width if fault.kind == "missing" else fault.size
-            lost = top if fault.shape.height is None else fault.shape.height
-            found.append(FlankMark(fault.kind, fault.shape.start or 0.0, share, top - lost, top))
-    return found
-
-
-def _flank_size(tooth: Tooth) -> tuple[float, float, float]:
-    root = tooth.root_height_m
-    low = float(tooth.height(tooth.start)) - root
-    return 1e3 * tooth.face_width_m, 1e3 * low, 1e3 * (float(tooth.height(tooth.tip)) - root)
+def _hole(hole: Hole, tooth: Tooth) -> ComplexArray:
+    """Return the outline of missing material at its deepest section."""
+    t = np.linspace(*hole.angles(tooth), POINTS)
+    across = np.linspace(-1, 1, POINTS) if hole.round else np.zeros(POINTS)
+    surface, depth = tooth.flank(t), hole.depth_m * np.sqrt(1 - across**2)
+    return _between(surface, surface - depth * np.exp(1j * tooth.slope(t)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -350,7 +304,6 @@ def compare_forms(
     stage: int = 1,
     *,
     forms: Iterable[tuple[str, AnyForm]] | None = None,
-    mesh_periods: int = 2,
     points_per_mesh: int = 200,
     harmonics: int = 20,
 ) -> FormComparison:
@@ -363,7 +316,6 @@ def compare_forms(
         Counted from 1; of a planetary stage its sun-planet mesh.
     forms : iterable of (str, form), optional
         Group and form of each curve; by default `FOUR_FORMS`.
-    mesh_periods : int, 1 to 100
     points_per_mesh : int, 2 to 100,000
     harmonics : int, 1 to 10,000
         Mesh harmonics of the spectra, exact and none aliased.
@@ -378,7 +330,6 @@ def compare_forms(
         If the machine lacks data, or a form or number has no meaning.
     """
     check_range("stage", stage, 1, len(machine.stages))
-    check_range("mesh_periods", mesh_periods, 1, 100)
     check_range("points_per_mesh", points_per_mesh, 2, 100_000)
     check_range("harmonics", harmonics, 1, 10_000)
     usual = [(group, name) for group, names in FOUR_FORMS.items() for name in names]
@@ -387,7 +338,7 @@ def compare_forms(
         raise ArgumentError("forms: at least one form must be given")
     pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0]
     force, hertz = _running(machine, stage)
-    phase = np.arange(mesh_periods * points_per_mesh + 1) / points_per_mesh
+    phase = np.arange(2 * points_per_mesh + 1) / points_per_mesh
 
     def curve(group: str, form: AnyForm) -> FormCurve:
         found = mesh_stiffness(pair, (), form, force_n=force)
@@ -455,22 +406,18 @@ class SizeCurve:
 
     Parameters
     ----------
-    kind, gear, unit : str
+    fault : Fault
+        With the size in hand, 0 where there is none.
     sizes : ndarray
-        In `unit`.
+        In the unit of the fault.
     mean_loss, greatest_loss : ndarray
         Shares of the stiffness of the pair.
-    marked : float or None
-        Size of the fault in hand.
     """
 
-    kind: str
-    gear: str
-    unit: str
+    fault: Fault
     sizes: FloatArray
     mean_loss: FloatArray
     greatest_loss: FloatArray
-    marked: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -624,7 +571,7 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
     sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), points)
     losses = [stiffness_loss(replace(fault, size=size), pair, index) for size in sizes.tolist()]
     mean, greatest = np.array([(loss.mean, loss.greatest) for loss in losses]).T
-    return SizeCurve(fault.kind, fault.gear, fault.unit, sizes, mean, greatest, fault.size)
+    return SizeCurve(fault, sizes, mean, greatest)
 
 
 def _mesh(
@@ -648,8 +595,8 @@ def _mesh(
         contact_phase=contact,
         shares=teeth.compliances(teeth.roll(contact)).shares if teeth else {},
         faults=losses,
-        curve=_curve(losses, pair, teeth),
-        picture=_picture(losses, teeth),
+        curve=_curve(losses, pair, teeth) if teeth else None,
+        picture=_picture(losses, teeth) if teeth else None,
         warnings=tuple(dict.fromkeys(notes)),
     )
 
@@ -675,13 +622,12 @@ def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultL
     if teeth is None:
         return FaultLoss(fault)
     index = pair.names.index(fault.gear)
-    loss = stiffness_loss(fault, teeth, index)
+    loss, told = stiffness_loss(fault, teeth, index), fault.size_text or "whole tooth"
+    if fault.unit == "level":
+        sized = replace(fault, unit="flank", size=flank_share(fault.size, fault.unit))
+        return FaultLoss(fault, loss, told, sized)
     if not fault.is_loss:
-        size = size_text(fault.kind, fault.size, fault.unit, fault.shape) or "whole tooth"
-        sized = None if fault.unit == "tooth" else fault
-        if fault.unit == "level":
-            sized = replace(fault, unit="flank", size=flank_share(fault.size, fault.unit))
-        return FaultLoss(fault, loss, size, sized)
+        return FaultLoss(fault, loss, told, None if fault.unit == "tooth" else fault)
     if fault.kind not in MEASURED_UNITS:
         return FaultLoss(fault, loss)
     try:
@@ -692,26 +638,18 @@ def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultL
     return FaultLoss(fault, loss, f"{found.size:.3g}{found.unit}", found)
 
 
-def _curve(
-    losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair | None
-) -> SizeCurve | None:
+def _curve(losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair) -> SizeCurve | None:
     """Return the curve of the first fault that has a size; without faults that of a root crack."""
-    fault = next((entry.sized for entry in losses if entry.sized is not None), None)
-    if teeth is None or (losses and fault is None):
-        return None
-    if fault is not None:
-        return size_curve(fault, teeth, pair.names.index(fault.gear))
-    gear, number = pair.first.name, pair.number or 1
-    crack = Fault(kind="crack", stage=number, gear=gear, tooth=1, size=0.0, unit="mm")
-    return replace(size_curve(crack, teeth, 0), marked=None)
+    sized = [entry.sized for entry in losses if entry.sized is not None]
+    if not losses:
+        gear, stage = pair.first.name, pair.number or 1
+        sized = [Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.0, unit="mm")]
+    return size_curve(sized[0], teeth, pair.names.index(sized[0].gear)) if sized else None
 
 
-def _picture(losses: tuple[FaultLoss, ...], teeth: ToothPair | None) -> TeethPicture | None:
-    if teeth is None:
-        return None
+def _picture(losses: tuple[FaultLoss, ...], teeth: ToothPair) -> TeethPicture:
     told = (entry.sized if entry.fault.is_loss else entry.fault for entry in losses)
     drawn = [fault for fault in told if fault is not None]
     seen: dict[str, int | None] = {}
     # one tooth of each gear is drawn: the first that is damaged
-    chosen = [f for f in drawn if seen.setdefault(f.gear, f.tooth) == f.tooth]
-    return teeth_picture(teeth, chosen)
+    return teeth_picture(teeth, [f for f in drawn if seen.setdefault(f.gear, f.tooth) == f.tooth])

@@ -24,6 +24,7 @@ Muskhelishvili, Some Basic Problems of the Mathematical Theory of Elasticity (19
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -37,14 +38,14 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.geometry import USUAL_RIM, PairGeometry, Rack
-from gearmon.gears.pulses import Pulse, distinct, gauss, panel_nodes
-from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings, sections
+from gearmon.gears.geometry import USUAL_RIM, PairGeometry, RackTooth
+from gearmon.gears.pulses import POINTS, Pulse, distinct, gauss, panel_nodes
+from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings
 
 #: Tangent angle of the critical section of a fillet, ISO 6336-3 [rad].
 CRITICAL_TANGENT = math.radians(30)
-#: Maps parameters from 0 at the root circle to 1 at the involute to height and half thickness.
-Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+#: Maps parameters, 0 at the root circle and 1 at the involute, to half thickness + i height [m].
+Curve = Callable[[FloatArray], ComplexArray]
 
 
 #: Tangent angle of the critical section of a ring's fillet, ISO 6336-3 [rad].
@@ -79,109 +80,42 @@ Arm = Literal["axis", "contact"]
 ARC_TANGENT = math.radians(75)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class RootPart:
-    """A curve from the root circle (parameter 0) to the involute (parameter 1).
-
-    Parameters
-    ----------
-    curve : callable
-        Maps parameters to height and half thickness [m].
-    crack_parameter : float
-        Parameter at which root cracks begin.
-    """
-
-    at: Curve
-    crack_parameter: float = 0.0
-
-    def points(self, edges: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return height, half thickness and slope of the height at the panel nodes of `edges`."""
-        height, half = self.at(panel_nodes(edges))
-        slope = 2 * (height @ _differentiation(height.shape[1]).T) / np.diff(edges)[:, None]
-        return height, half, slope
-
-    def edges(self, levels: FloatArray) -> FloatArray:
-        """Return panel edges, with corners where the half thickness crosses `levels` [m]."""
-        found = crossings(lambda p: self.at(p)[1], 0.0, 1.0, levels)
-        return distinct([0.0, 1.0, *found], 1e-12)
-
-    @cached_property
-    def crack_start(self) -> tuple[float, float]:
-        """Height and half thickness [m] where a root crack begins."""
-        height, half = self.at(np.array([self.crack_parameter]))
-        return float(height[0]), float(half[0])
-
-
-def straight_root(base_radius: float, root_radius: float, half_angle: float) -> RootPart:
+def straight_root(base_radius: float, root_radius: float, half_angle: float) -> Curve:
     """Return a part of constant thickness from the root circle up to the base circle."""
     half = base_radius * math.sin(half_angle)
     low, high = math.sqrt(root_radius**2 - half**2), base_radius * math.cos(half_angle)
-
-    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        height = low + (high - low) * parameter
-        return height, np.full_like(height, half)
-
-    return RootPart(at=curve)
+    return lambda parameter: np.asarray(half + 1j * (low + (high - low) * parameter), complex)
 
 
-def fillet_root(rack: Rack, teeth: float, profile_shift: float, module_m: float) -> RootPart:
-    """Return the fillet that a rack generates, up to where the involute begins.
-
-    Parameters
-    ----------
-    rack : Rack
-    teeth : int
-    profile_shift : float
-    module_m : float
-        Normal module [m].
-    """
+def fillet_root(rack: RackTooth, module_m: float) -> Curve:
+    """Return the fillet that a rack generates, up to where the involute begins."""
     upper = rack.pressure_angle_rad
-    if rack.least_shift(teeth) > profile_shift:
-        upper = rack.undercut_end(teeth, profile_shift)
-
-    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        angles = math.pi / 2 + (upper - math.pi / 2) * parameter
-        height, half = rack.fillet(teeth, profile_shift, angles)
-        return module_m * height, module_m * half
-
-    return RootPart(at=curve, crack_parameter=where_tangent(curve, CRITICAL_TANGENT))
+    if rack.least_shift > rack.profile_shift:
+        upper = rack.undercut_end
+    return lambda parameter: module_m * rack.fillet(math.pi / 2 + (upper - math.pi / 2) * parameter)
 
 
-def where_tangent(curve: Curve, angle_rad: float) -> float:
-    """Return the parameter of a fillet at which its tangent makes an angle with the tooth's middle.
-
-    Parameters
-    ----------
-    curve : callable
-        See `RootPart`.
-    angle_rad : float
-    """
+def where_tangent(curve: Curve, angle_rad: float) -> complex:
+    """Return the point of a fillet at which its tangent makes an angle with the tooth's middle."""
     grid = np.linspace(0, 1, 129)
-    height, half = curve(grid)
-    tangent = np.arctan2(-np.gradient(half, grid), np.gradient(height, grid))
+    along = np.gradient(curve(grid), grid)
+    tangent = np.arctan2(-along.real, along.imag)
     # at the root circle the tangent lies across; towards the involute it stands up
     steep = np.flatnonzero(tangent <= angle_rad)
     if not len(steep) or steep[0] == 0:
-        return 0.0
+        return complex(curve(grid[:1])[0])
     i = int(steep[0])
     share = (tangent[i - 1] - angle_rad) / (tangent[i - 1] - tangent[i])
-    return float(grid[i - 1] + share * (grid[i] - grid[i - 1]))
+    return complex(curve(grid[i - 1 : i] + share * (grid[i] - grid[i - 1]))[0])
 
 
-@lru_cache(maxsize=8)
-def _differentiation(points: int) -> FloatArray:
-    """Return the matrix from values at Gauss points to slopes there."""
-    nodes, _, analysis = gauss(points)
-    return np.asarray(legval(nodes, legder(np.eye(points))).T @ analysis)
-
-
-def ring_root(end_m: tuple[float, float], slope_rad: float, root_radius_m: float) -> RootPart:
+def ring_root(end_m: complex, slope_rad: float, root_radius_m: float) -> Curve:
     """Return the fillet of a ring's tooth.
 
     Parameters
     ----------
-    end_m : (float, float)
-        Half thickness and height [m] of the tooth where its involute ends; heights of a ring are
+    end_m : complex
+        Half thickness + i height [m] of the tooth where its involute ends; heights of a ring are
         negative.
     slope_rad : float
         Angle of the flank against the middle of the tooth there.
@@ -192,18 +126,13 @@ def ring_root(end_m: tuple[float, float], slope_rad: float, root_radius_m: float
     With the end P of the involute and the normal n into the space, the arc about P + rho n touches
     the root circle if ``rho = (R_f^2 - |P|^2)/(2 (R_f + P n))``.
     """
-    half, height = end_m
-    normal = math.cos(slope_rad), math.sin(slope_rad)
-    radius = arc_radius(math.hypot(*end_m), root_radius_m, -half * normal[0] - height * normal[1])
-    centre = half + radius * normal[0], height + radius * normal[1]
+    normal = cmath.exp(1j * slope_rad)
+    radius = arc_radius(abs(end_m), root_radius_m, -(end_m * normal.conjugate()).real)
+    centre = end_m + radius * normal
     # the beam begins where the arc is deepest; beyond that it rises with the root circle
-    low, high = math.pi, math.atan2(-normal[0], -normal[1]) % (2 * math.pi)
+    low, high = math.pi, math.atan2(-normal.real, -normal.imag) % (2 * math.pi)
 
-    def curve(parameter: FloatArray) -> tuple[FloatArray, FloatArray]:
-        angle = low + (high - low) * parameter
-        return centre[1] + radius * np.cos(angle), centre[0] + radius * np.sin(angle)
-
-    return RootPart(at=curve, crack_parameter=where_tangent(curve, RING_TANGENT))
+    return lambda parameter: centre + 1j * radius * np.exp(-1j * (low + (high - low) * parameter))
 
 
 def arc_radius(end_radius_m: float, root_radius_m: float, roll_m: float) -> float:
@@ -263,8 +192,7 @@ class Tooth:
     name : str
     teeth : float
         Positive, for a ring too; of helical gears that of their normal section.
-    profile_shift : float
-    rack : Rack
+    rack : RackTooth
     module_m : float
         Normal module [m]; the rack is in such modules.
     base_radius_m, reference_radius_m, root_radius_m, tip_radius_m : float
@@ -287,8 +215,7 @@ class Tooth:
 
     name: str
     teeth: float
-    profile_shift: float
-    rack: Rack
+    rack: RackTooth
     module_m: float
     base_radius_m: float
     reference_radius_m: float
@@ -330,7 +257,7 @@ class Tooth:
     @cached_property
     def base_half_angle_rad(self) -> float:
         """Half the angle that the tooth takes on the base circle; of a ring that of its spaces."""
-        return self.rack.base_half_angle(self.sign * self.teeth, self.profile_shift)
+        return self.rack.base_half_angle
 
     @cached_property
     def start(self) -> float:
@@ -351,7 +278,7 @@ class Tooth:
 
     def roll(self, angle: ArrayLike) -> FloatArray:
         """Return the roll length [m] of profile angles t [rad]; the inverse of `angle`."""
-        return np.asarray(self.base_radius_m * self._rolled(angle))
+        return self.base_radius_m * (self.slope(angle) + self.base_half_angle_rad)
 
     def slope(self, angle: ArrayLike) -> FloatArray:
         """Return the angle [rad] by which the force on the flank points into the tooth's root.
@@ -374,20 +301,19 @@ class Tooth:
         """Height [m] of the root circle in the middle of the tooth."""
         return self.sign * self.root_radius_m
 
+    def flank(self, angle: ArrayLike) -> ComplexArray:
+        """Return points of the loaded side: half thickness + i height [m], from the centre."""
+        slope = self.slope(angle)
+        along = np.exp(1j * slope) * (slope + self.base_half_angle_rad + 1j)
+        return np.asarray(self.sign * self.base_radius_m * along)
+
     def height(self, angle: ArrayLike) -> FloatArray:
         """Return heights [m] of the profile along the middle of the tooth, from the centre."""
-        t = np.asarray(angle, dtype=np.float64)
-        along = np.cos(t) + self._rolled(t) * np.sin(self.slope(t))
-        return np.asarray(self.sign * self.base_radius_m * along)
+        return np.asarray(self.flank(angle).imag)
 
     def half_thickness(self, angle: ArrayLike) -> FloatArray:
         """Return distances [m] of the profile from the middle of the tooth."""
-        t = np.asarray(angle, dtype=np.float64)
-        across = self._rolled(t) * np.cos(t) - np.sin(self.slope(t))
-        return np.asarray(self.sign * self.base_radius_m * across)
-
-    def _rolled(self, angle: ArrayLike) -> FloatArray:
-        return np.asarray(self.slope(angle) + self.base_half_angle_rad)
+        return np.asarray(self.flank(angle).real)
 
     def angle_at_height(self, height_m: float) -> float:
         """Return the profile angle t of a height on the involute, clipped to its ends."""
@@ -397,27 +323,29 @@ class Tooth:
         return float(brentq(lambda t: float(self.height(t)) - height_m, low, high, xtol=1e-15))
 
     @cached_property
-    def root_part(self) -> RootPart | None:
-        """The beam below the involute."""
+    def root_part(self) -> Curve | None:
+        """The beam below the involute, if there is any."""
         if self.root == "fillet" and self.internal:
-            end = float(self.half_thickness(self.start)), float(self.height(self.start))
+            end = complex(self.flank(self.start))
             return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
         if self.root == "fillet":
-            return fillet_root(self.rack, self.teeth, self.profile_shift, self.module_m)
+            return fillet_root(self.rack, self.module_m)
         if self.root == "base" or self.internal or self.root_radius_m >= self.base_radius_m:
             return None
         return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle_rad)
 
     @cached_property
-    def crack_start(self) -> tuple[float, float]:
-        """Height and half thickness [m] where a root crack begins.
+    def crack_start(self) -> complex:
+        """Half thickness + i height [m] where a root crack begins.
 
         On a fillet where its tangent makes 30 degrees with the middle of the tooth, in a ring 60,
         the section that ISO 6336-3 calls critical; else at the lower end of the beam.
         """
-        if self.root_part is not None:
-            return self.root_part.crack_start
-        return float(self.height(self.start)), float(self.half_thickness(self.start))
+        if self.root_part is None:
+            return complex(self.flank(self.start))
+        if self.root != "fillet":
+            return complex(self.root_part(np.zeros(1))[0])
+        return where_tangent(self.root_part, RING_TANGENT if self.internal else CRITICAL_TANGENT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -449,12 +377,9 @@ class ToothBeam:
         """
         tooth = self.tooth
         area, zeroth, first, second = self._integrals.at(angle)
-        slope = tooth.sign * angle
+        slope, point = tooth.slope(angle), tooth.flank(angle)
         cosine, sine = np.cos(slope), np.sin(slope)
-        rolled, radius = slope + tooth.base_half_angle_rad, tooth.sign * tooth.base_radius_m
-        height = radius * (cosine + rolled * sine) - self._reference
-        half = radius * (rolled * cosine - sine)
-        lever = height * cosine - half * sine
+        lever = (point.imag - self._reference) * cosine - point.real * sine
         bending = (lever * zeroth - 2 * cosine * first) * lever + cosine * cosine * second
         shear = SHEAR_FACTOR / tooth.shear_modulus_pa * cosine * cosine * area
         axial = sine * sine * area / tooth.elastic_modulus_pa
@@ -478,36 +403,29 @@ class ToothBeam:
         inner = [t for t in self.corners if tooth.start + 1e-12 < t < tooth.tip - 1e-12]
         edges = distinct([tooth.start, *splits, *inner, tooth.tip], 1e-12)
         t = panel_nodes(edges)
-        height, half = tooth.height(t), tooth.half_thickness(t)
-        slope = tooth.roll(t) * np.cos(t)
-        curves = self._integrands(height, half, slope, np.cos(t))
+        curves = self._integrands(tooth.flank(t), tooth.roll(t) * np.cos(t), np.cos(t))
         return Pulse.through(edges, curves).running(self._root())
 
     def _root(self) -> FloatArray:
         part = self.tooth.root_part
         if part is None:
             return np.zeros(4)
-        edges = part.edges(self.damage.root_levels(self.tooth))
-        curves = self._integrands(*part.points(edges), None)
-        return Pulse.through(edges, curves).running().at(1.0)
+        levels = self.damage.root_levels(self.tooth)
+        corners = crossings(lambda x: part(x).real, 0.0, 1.0, levels)
+        edges = distinct([0.0, 1.0, *corners], 1e-12)
+        point, (nodes, _, analysis) = part(panel_nodes(edges)), gauss(POINTS)
+        slope = 2 * legval(nodes, legder(analysis @ point.imag.T)) / np.diff(edges)[:, None]
+        return Pulse.through(edges, self._integrands(point, slope)).running().at(1.0)
 
     def _integrands(
-        self, height: FloatArray, half: FloatArray, slope: FloatArray, cosine: FloatArray | None
+        self, point: ComplexArray, slope: FloatArray, cosine: FloatArray | None = None
     ) -> FloatArray:
-        area, inertia = sections(self.tooth, self.damage, height, half, cosine)
-        lever = height - self._reference
-        weight = slope / inertia
+        area, inertia = self.damage.sections(self.tooth, point, cosine)
+        lever, weight = point.imag - self._reference, slope / inertia
         return np.stack([slope / area, weight, weight * lever, weight * lever * lever], axis=-1)
 
 
-def tooth_of(
-    pair: PairGeometry,
-    index: int,
-    *,
-    bore_radius_m: float,
-    poisson_ratio: float = 0.3,
-    root: Root = "fillet",
-) -> Tooth:
+def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Root) -> Tooth:
     """Return the tooth of one gear of a pair.
 
     Parameters
@@ -515,9 +433,10 @@ def tooth_of(
     pair : PairGeometry
         With its face width.
     index : {0, 1}
-    bore_radius_m : float
+    held_m : float
         Radius on which the gear is held [m]; of a ring the outer one.
-    poisson_ratio : float
+    nu : float
+        Poisson's ratio.
     root : {"fillet", "straight", "base"}
 
     Raises
@@ -532,12 +451,11 @@ def tooth_of(
     root_m = pair.root_radii_m[index]
     if pair.sign(index) < 0:
         # the involute of a ring does not end before a fillet has room in the space
-        half = pair.rack(index).base_half_angle(-gear.teeth, gear.profile_shift)
+        half = pair.rack(index).base_half_angle
         roll = roomy_roll(base, root_m, half, math.pi / gear.teeth, roll)
     return Tooth(
         name=gear.name,
         teeth=gear.teeth,
-        profile_shift=gear.profile_shift,
         rack=pair.rack(index),
         module_m=pair.normal_module_m,
         base_radius_m=base,
@@ -545,10 +463,10 @@ def tooth_of(
         root_radius_m=root_m,
         tip_radius_m=pair.tip_radii_m[index],
         form_roll_m=roll,
-        bore_radius_m=bore_radius_m,
+        bore_radius_m=held_m,
         face_width_m=pair.face_width_m,
         elastic_modulus_pa=gear.elastic_modulus_pa,
-        poisson_ratio=poisson_ratio,
+        poisson_ratio=nu,
         root=root,
         internal=pair.sign(index) < 0,
     )
@@ -716,14 +634,10 @@ class Foundation:
         return (across + 2 * rounding / math.cos(alpha)) / self.tooth.teeth
 
     @property
-    def radius_ratio(self) -> float:
-        """R_f over bore radius."""
-        return self.tooth.root_radius_m / self.tooth.bore_radius_m
-
-    @property
     def warnings(self) -> tuple[str, ...]:
         """What lies outside the range of the fit."""
-        ratio, angle, name = self.radius_ratio, self.root_angle_rad, self.tooth.name
+        ratio = self.tooth.root_radius_m / self.tooth.bore_radius_m
+        angle, name = self.root_angle_rad, self.tooth.name
         body = f"body of the {name} has R_f/r_bore = {ratio:.3g}"
         teeth = f"teeth of the {name} have a half root angle of {angle:.4f} rad"
         told = (body, ratio, RADIUS_RATIOS), (teeth, angle, ROOT_ANGLES)
@@ -741,7 +655,8 @@ class Foundation:
         ``1/k_f = cos^2 a/(E b) [L (u/S)^2 + M u/S + P (1 + Q tan^2 a)]``, ``S = 2 R_f theta_f``.
         """
         tooth = self.tooth
-        lower, middle, upper, slope = sainsot(self.radius_ratio, self.root_angle_rad)
+        ratio = tooth.root_radius_m / tooth.bore_radius_m
+        lower, middle, upper, slope = sainsot(ratio, self.root_angle_rad)
         cosine = np.cos(angle)
         point = tooth.base_radius_m / cosine if self.arm == "axis" else tooth.height(angle)
         u = (point - tooth.root_radius_m) / (2 * tooth.root_radius_m * self.root_angle_rad)
@@ -800,59 +715,59 @@ class RingBody:
     def root_angle_rad(self) -> float:
         """Half the angle of the loaded arc on the root circle."""
         tooth, part = self.tooth, self.tooth.root_part
-        height, half = tooth.height(tooth.start), tooth.half_thickness(tooth.start)
-        if part is not None:
-            height, half = part.at(np.array(where_tangent(part.at, ARC_TANGENT)))
-        return math.atan2(float(half), -float(height))
-
-    @property
-    def rim_modules(self) -> float:
-        """Thickness of the rim in modules."""
-        return (self.tooth.bore_radius_m - self.tooth.root_radius_m) / self.tooth.module_m
+        end = tooth.flank(tooth.start) if part is None else where_tangent(part, ARC_TANGENT)
+        return math.atan2(end.real, -end.imag)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is taken for granted of the body."""
-        name = self.tooth.name
+        name, tooth = self.tooth.name, self.tooth
+        rim = (tooth.bore_radius_m - tooth.root_radius_m) / tooth.module_m
         held = (
             f"the {name} is taken as held all round its outer diameter of "
-            f"{2e3 * self.tooth.bore_radius_m:.5g} mm: one that floats or stands on few bolts "
+            f"{2e3 * tooth.bore_radius_m:.5g} mm: one that floats or stands on few bolts "
             f"yields more"
         )
         thin = (
-            f"the rim of the {name} is {self.rim_modules:.3g} modules thick, below {USUAL_RIM:g}: "
+            f"the rim of the {name} is {rim:.3g} modules thick, below {USUAL_RIM:g}: "
             f"how the ring is held matters much"
         )
-        return (held, thin) if self.rim_modules < USUAL_RIM - 1e-9 else (held,)
+        return (held, thin) if rim < USUAL_RIM - 1e-9 else (held,)
 
     def compliance(self, angle: FloatArray) -> FloatArray:
         """Return the compliance [m/N] for contacts at profile angles `angle`."""
-        load = self._load(angle)
-        return self._scaled(load, self._arc(0.0), load)
+        return self.deflection(angle, angle)
 
-    def coupling(
-        self, apart: int = 1, ahead: FloatArray | None = None, behind: FloatArray | None = None
-    ) -> FloatArray | float:
+    def coupling(self, apart: int, ahead: FloatArray, behind: FloatArray) -> FloatArray:
         """Return how far a tooth gives way when another one is loaded [m/N].
 
         Parameters
         ----------
         apart : int, >= 1
             Distance of the two teeth [teeth].
-        ahead, behind : ndarray, optional
-            Profile angles of the contacts of the tooth that entered first and of the other; by
-            default halfway up.
+        ahead, behind : ndarray
+            Profile angles of the contacts of the tooth that entered first and of the other.
         """
-        middle = np.array([0.5 * (self.tooth.start + self.tooth.tip)])
-        first, second = (self._load(middle if a is None else a) for a in (ahead, behind))
         away = -2 * math.pi * apart / self.tooth.teeth
-        found = np.maximum(self._scaled(first, self._arc(away), second), 0.0)
-        return found if ahead is not None else float(found[0])
+        return np.maximum(self.deflection(ahead, behind, away), 0.0)
 
-    def _arc(self, apart_rad: float) -> FloatArray:
+    def deflection(
+        self, felt: FloatArray, loaded: FloatArray, apart_rad: float = 0.0
+    ) -> FloatArray:
+        """Return how far a contact gives way under a unit force on another [m/N].
+
+        Parameters
+        ----------
+        felt, loaded : ndarray
+            Their profile angles.
+        apart_rad : float
+            Angle from the one to the other tooth, see `arc_compliance`.
+        """
         tooth = self.tooth
         ratio = tooth.bore_radius_m / tooth.root_radius_m
-        return arc_compliance(ratio, self.root_angle_rad, tooth.poisson_ratio, apart_rad)
+        arc = arc_compliance(ratio, self.root_angle_rad, tooth.poisson_ratio, apart_rad)
+        moved = np.einsum("i...,ij,j...->...", self._load(felt), arc, self._load(loaded))
+        return np.asarray(moved / (tooth.elastic_modulus_pa * tooth.face_width_m))
 
     def _load(self, angle: FloatArray) -> FloatArray:
         """Return moment, shear and push at the root per unit force, for unit root radius."""
@@ -860,7 +775,3 @@ class RingBody:
         cosine = np.cos(angle)
         arm = 1 - tooth.base_radius_m / (tooth.root_radius_m * cosine)
         return np.stack([arm * cosine, cosine, np.sin(tooth.slope(angle))])
-
-    def _scaled(self, first: FloatArray, arc: FloatArray, second: FloatArray) -> FloatArray:
-        stiff = self.tooth.elastic_modulus_pa * self.tooth.face_width_m
-        return np.asarray(np.einsum("i...,ij,j...->...", first, arc, second) / stiff)

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from gearmon.arrays import FloatArray
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError
-from gearmon.gears.faults import Fault, Limit, flank_share
+from gearmon.gears.faults import Fault, flank_share
 
 if TYPE_CHECKING:
     from gearmon.gears.tooth import Tooth
@@ -87,7 +87,7 @@ class RootCrack:
     far_depth_m: float | None = None
     extent: float = 1.0
     start: float = 0.0
-    limit: Limit = "flat"
+    limit: str = "flat"
 
     @property
     def depths(self) -> tuple[float, float]:
@@ -105,33 +105,38 @@ class RootCrack:
         inside = (along >= 0) & (along <= 1)
         return np.where(inside, np.sqrt(np.maximum(square, 0.0)), 0.0)
 
+    @property
+    def slices(self) -> FloatArray:
+        """Depths [m] of slices of the cracked part of the face."""
+        low, high = self.depths
+        count = 1 if high - low < 1e-9 * high else WIDTH_SLICES
+        return self.at(self.start + self.extent * (np.arange(count) + 0.5) / count)
+
     def limits_m(self, tooth: Tooth) -> FloatArray:
         """Return the limit lines h_cr of the least and of the greatest depth [m]."""
-        return tooth.crack_start[1] - np.array(self.depths) * math.sin(self.angle_rad)
+        return tooth.crack_start.real - np.array(self.depths) * math.sin(self.angle_rad)
 
-    def carrying(
-        self, tooth: Tooth, height: FloatArray, half: FloatArray, depth: FloatArray | float
-    ) -> FloatArray:
+    def carrying(self, tooth: Tooth, point: ComplexArray, depth: FloatArray | float) -> FloatArray:
         """Return the half thickness [m] up to which sections carry where the crack is so deep.
 
         Parameters
         ----------
         tooth : Tooth
-        height, half : ndarray
-            Height and half thickness of the sound sections [m].
+        point : complex ndarray
+            Half thickness + i height of the sound sections [m].
         depth : array_like
             [m]
         """
-        kept = half - self._line(tooth, height, 0.0) - FLARE * np.asarray(depth)
-        return np.asarray(self._line(tooth, height, depth) + np.maximum(kept, 0.0))
+        kept = point.real - self._line(tooth, point.imag, 0.0) - FLARE * np.asarray(depth)
+        return np.asarray(self._line(tooth, point.imag, depth) + np.maximum(kept, 0.0))
 
     def _line(self, tooth: Tooth, height: FloatArray, depth: FloatArray | float) -> FloatArray:
         """Return the limit line [m] of a crack so deep."""
-        cut = tooth.crack_start[1] - np.asarray(depth) * math.sin(self.angle_rad)
+        cut = tooth.crack_start.real - np.asarray(depth) * math.sin(self.angle_rad)
         if self.limit == "flat":
             return np.asarray(cut + np.zeros_like(height))
         top, tip = float(tooth.height(tooth.tip)), float(tooth.half_thickness(tooth.tip))
-        low = np.clip((top - height) / (top - tooth.crack_start[0]), 0.0, 1.0)
+        low = np.clip((top - height) / (top - tooth.crack_start.imag), 0.0, 1.0)
         # past the middle of the tooth the parabola hangs from the crack itself
         base = np.minimum(cut, 0.0)
         square = np.maximum(cut, 0.0) ** 2 * low + (tip - base) ** 2 * (1 - low)
@@ -250,7 +255,7 @@ class ToothDamage:
         if self.crack is None:
             return np.zeros(0)
         # the line begins where the crack does, and below it ends in what is left of the fillet
-        start = tooth.crack_start[1]
+        start = tooth.crack_start.real
         kept = start + FLARE * np.array(self.crack.depths)
         return np.array([start, *kept, *self.crack.limits_m(tooth)])
 
@@ -259,14 +264,54 @@ class ToothDamage:
         widths = (hole.width(height) for hole in self.holes if hole.is_touched)
         return np.asarray(sum(widths, np.zeros(height.shape)))
 
+    def sections(
+        self, tooth: Tooth, point: ComplexArray, cosine: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return area [m2] and second moment [m4] of sections across a tooth.
+
+        Parameters
+        ----------
+        tooth : Tooth
+        point : complex ndarray
+            Half thickness + i height of the sound tooth [m].
+        cosine : ndarray, optional
+            Cosine of the profile angle, on the involute; not in the root, which neither wears nor
+            has holes.
+
+        Notes
+        -----
+        ``A = b (h + h_lim)``, ``I = b (h + h_lim)^3/12`` averaged over the face width, its sound
+        part and slices of the crack; less the holes, with the composite section about its own
+        centroid.
+        """
+        half, holes = point.real, () if cosine is None else self.holes
+        loaded = half if cosine is None else half - self.wear_m / cosine
+        width, thickness = tooth.face_width_m, half + loaded
+        linear, cubic = thickness, thickness**3
+        if self.crack is not None:
+            crack, share = self.crack, self.crack.extent
+            depths = crack.slices.reshape(-1, *[1] * half.ndim)
+            cut = half + np.minimum(loaded, crack.carrying(tooth, point, depths))
+            linear = share * cut.mean(axis=0) + (1 - share) * linear
+            cubic = share * (cut**3).mean(axis=0) + (1 - share) * cubic
+        area, inertia = width * linear, width * cubic / 12
+        whole = area
+        for depth in sorted({hole.depth_m for hole in holes}):
+            widths = [hole.width(point.imag) for hole in holes if hole.depth_m == depth]
+            lost = np.minimum(np.sum(widths, axis=0), LARGEST_WIDTH * width)
+            removed, arm = lost * depth, 0.5 * whole / width - 0.5 * depth
+            inertia = inertia - lost * depth**3 / 12 - area * removed * arm**2 / (area - removed)
+            area = area - removed
+        return area, inertia
+
     def _crack_corners(self, tooth: Tooth, crack: RootCrack) -> list[float]:
         found: list[float] = []
         for depth in sorted({0.0, *crack.depths}):
 
             def beyond(t: FloatArray, depth: float = depth) -> FloatArray:
-                half = tooth.half_thickness(t)
-                loaded = half - self.wear_m / np.cos(t)
-                return np.asarray(loaded - crack.carrying(tooth, tooth.height(t), half, depth))
+                point = tooth.flank(t)
+                loaded = point.real - self.wear_m / np.cos(t)
+                return np.asarray(loaded - crack.carrying(tooth, point, depth))
 
             found += crossings(beyond, tooth.start, tooth.tip, np.zeros(1)).tolist()
         return found
@@ -276,78 +321,11 @@ class ToothDamage:
 SOUND = ToothDamage()
 
 
-def sections(
-    tooth: Tooth,
-    damage: ToothDamage,
-    height: FloatArray,
-    half: FloatArray,
-    cosine: FloatArray | None,
-) -> tuple[FloatArray, FloatArray]:
-    """Return area [m2] and second moment [m4] of sections across a tooth.
-
-    Parameters
-    ----------
-    tooth : Tooth
-    damage : ToothDamage
-    height, half : ndarray
-        Height and half thickness of the sound tooth [m].
-    cosine : ndarray or None
-        Cosine of the profile angle, on the involute; None in the root, which does not wear.
-
-    Notes
-    -----
-    ``A = b (h + h_lim)``, ``I = b (h + h_lim)^3/12`` averaged over the face width; less the holes,
-    with the composite section about its own centroid.
-    """
-    width, loaded = tooth.face_width_m, half
-    if damage.wear_m and cosine is not None:
-        loaded = half - damage.wear_m / cosine
-    thickness = half + loaded
-    area, inertia = width * thickness, width * thickness**3 / 12
-    if damage.crack is not None:
-        area, inertia = _cracked(tooth, damage.crack, height, half, loaded)
-    if cosine is None or not damage.holes:
-        return area, inertia
-    return _holed(tooth, damage, height, area, inertia)
-
-
-def _cracked(
-    tooth: Tooth, crack: RootCrack, height: FloatArray, half: FloatArray, loaded: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Average the sections over the face width: its sound part, and slices of the crack."""
-    low, high = crack.depths
-    count = 1 if high - low < 1e-9 * high else WIDTH_SLICES
-    depths = crack.at(crack.start + crack.extent * (np.arange(count) + 0.5) / count)
-    cut = crack.carrying(tooth, height, half, depths.reshape(-1, *[1] * height.ndim))
-    cut, full = half + np.minimum(loaded, cut), half + loaded
-    share, width = crack.extent, tooth.face_width_m
-    area = width * (share * cut.mean(axis=0) + (1 - share) * full)
-    return area, width * (share * (cut**3).mean(axis=0) + (1 - share) * full**3) / 12
-
-
-def _holed(
-    tooth: Tooth, damage: ToothDamage, height: FloatArray, area: FloatArray, inertia: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    whole = area
-    for depth in sorted({hole.depth_m for hole in damage.holes}):
-        widths = [hole.width(height) for hole in damage.holes if hole.depth_m == depth]
-        lost = np.minimum(np.sum(widths, axis=0), LARGEST_WIDTH * tooth.face_width_m)
-        removed = lost * depth
-        arm = 0.5 * whole / tooth.face_width_m - 0.5 * depth
-        inertia = inertia - lost * depth**3 / 12 - area * removed * arm**2 / (area - removed)
-        area = area - removed
-    return area, inertia
-
-
 def crossings(
-    curve: Callable[[FloatArray], FloatArray],
-    low: float,
-    high: float,
-    levels: FloatArray,
-    samples: int = 65,
+    curve: Callable[[FloatArray], FloatArray], low: float, high: float, levels: FloatArray
 ) -> FloatArray:
     """Return where a smooth curve crosses any of `levels` between `low` and `high`."""
-    grid = np.linspace(low, high, samples)
+    grid = np.linspace(low, high, 65)
     above = curve(grid)[None, :] > levels[:, None]
 
     def crossing(level: float, left: float, right: float) -> float:
@@ -381,8 +359,7 @@ def largest_size(fault: Fault, tooth: Tooth) -> float:
     """Return the largest size of a kind of damage on a tooth, in the unit of the fault."""
     width = 1e3 * tooth.face_width_m
     if fault.kind in ("spall", "breakage"):
-        start = fault.shape.start or 0.0
-        return 0.98 * (width - start)
+        return 0.98 * (width - (fault.start or 0.0))
     if fault.kind == "pitting":
         return 0.5 if fault.unit == "flank" else 50.0
     if fault.kind == "wear":
@@ -392,59 +369,65 @@ def largest_size(fault: Fault, tooth: Tooth) -> float:
 
 def deepest_crack(tooth: Tooth, angle_rad: float) -> float:
     """Return the depth [m] at which a root crack has cut the tooth off."""
-    root = tooth.crack_start[1]
+    root = tooth.crack_start.real
     return min(root + float(tooth.half_thickness(tooth.tip)), 2 * root) / math.sin(angle_rad)
 
 
 def _crack_angle(fault: Fault) -> float:
-    return math.radians(60 if fault.shape.angle is None else fault.shape.angle)
+    return math.radians(60 if fault.angle is None else fault.angle)
+
+
+def face_part(fault: Fault, tooth: Tooth) -> tuple[float, float]:
+    """Return where along the face a damage begins, and how far it reaches, in face widths.
+
+    Raises
+    ------
+    ArgumentError
+        If it reaches over the face, or the whole face is broken off.
+    """
+    whole = 1e3 * tooth.face_width_m
+    width = fault.width or whole if fault.kind == "crack" else fault.size
+    start, share = (fault.start or 0.0) / whole, width / whole
+    broken = fault.kind == "breakage"
+    if start + share > 1 + 1e-9 or (broken and share > 0.99):
+        gone = f"; for a whole tooth write missing:{fault.stage}:{fault.gear}:{fault.tooth}"
+        raise ArgumentError(
+            f"fault {fault}: the {fault.kind} reaches over the face width of {whole:g} mm; width "
+            f"and from must add up to less{gone if broken else ''}"
+        )
+    return start, share
 
 
 def _crack(fault: Fault, tooth: Tooth) -> RootCrack:
-    shape, width = fault.shape, 1e3 * tooth.face_width_m
-    extent = (shape.width or width) / width
-    start = (shape.start or 0.0) / width
-    if start + extent > 1 + 1e-9:
-        raise ArgumentError(
-            f"fault {fault}: the crack reaches over the face width of {width:g} mm; width and from "
-            f"must add up to less"
-        )
+    start, extent = face_part(fault, tooth)
     return RootCrack(
         depth_m=1e-3 * fault.size,
         angle_rad=_crack_angle(fault),
-        far_depth_m=None if shape.far is None else 1e-3 * shape.far,
+        far_depth_m=None if fault.far is None else 1e-3 * fault.far,
         extent=extent,
         start=start,
-        limit="parabolic" if shape.limit == "parabolic" else "flat",
+        limit=fault.limit or "flat",
     )
 
 
 def _spall(fault: Fault, tooth: Tooth) -> list[Hole]:
-    shape = fault.shape
-    assert shape.length is not None  # no fault is made without
-    assert shape.depth is not None
-    width, start = 1e-3 * fault.size, 1e-3 * (shape.start or 0.0)
-    if start + width > tooth.face_width_m * (1 + 1e-9):
-        raise ArgumentError(
-            f"fault {fault}: the spall reaches over the face width of "
-            f"{1e3 * tooth.face_width_m:g} mm; width and from must add up to less"
-        )
-    middle = _pitch_height(tooth) + 1e-3 * (shape.at or 0.0)
-    half = 0.5e-3 * shape.length
+    start, _ = face_part(fault, tooth)
+    middle = _pitch_height(tooth) + 1e-3 * (fault.at or 0.0)
+    # no spall in mm is made without length and depth
+    half, depth = 0.5e-3 * (fault.length or 0.0), 1e-3 * (fault.depth or 0.0)
     if not tooth.height(tooth.start) < middle < tooth.height(tooth.tip):
-        raise ArgumentError(f"fault {fault}: at={shape.at:g} mm lies outside the flank")
-    low, high, begin = middle - half, middle + half, start / tooth.face_width_m
-    flat = Hole(low_m=low, high_m=high, width_m=width, depth_m=1e-3 * shape.depth, start=begin)
-    return [replace(flat, is_touched=False)]
+        raise ArgumentError(f"fault {fault}: at={fault.at:g} mm lies outside the flank")
+    flat = Hole(low_m=middle - half, high_m=middle + half, width_m=1e-3 * fault.size, depth_m=depth)
+    return [replace(flat, start=start, is_touched=False)]
 
 
 def _pits(fault: Fault, tooth: Tooth) -> list[Hole]:
     """Return rows of staggered round pits about the pitch line, more rows for a larger share."""
-    shape, share = fault.shape, flank_share(fault.size, fault.unit)
+    share = flank_share(fault.size, fault.unit)
     if share == 0:
         return []
-    radius = 1e-3 * shape.radius if shape.radius else PIT_RADIUS * tooth.module_m
-    depth = 1e-3 * shape.depth if shape.depth else PIT_DEPTH * tooth.module_m
+    radius = 1e-3 * fault.radius if fault.radius else PIT_RADIUS * tooth.module_m
+    depth = 1e-3 * fault.depth if fault.depth else PIT_DEPTH * tooth.module_m
     low, high = float(tooth.height(tooth.start)), float(tooth.height(tooth.tip))
     rows = _rows(_pitch_height(tooth), low, high, radius)
     # area of a row that fills the face width to the part f: f b pi r/2

@@ -149,27 +149,27 @@ USUAL = PotentialEnergy()
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PairCompliance:
-    """Compliances of a pair of teeth [m/N], each of shape (n,) for n contacts.
+    """Compliances of a pair of teeth [m/N], for any number of contacts.
 
     Parameters
     ----------
-    bending, shear, axial, foundation : (ndarray, ndarray)
+    bending, shear, axial, foundation : ndarray, shape (2, ...)
         Of both teeth.
-    hertz : ndarray
+    hertz : ndarray, shape (...)
         Of their contact.
     """
 
-    bending: tuple[FloatArray, FloatArray]
-    shear: tuple[FloatArray, FloatArray]
-    axial: tuple[FloatArray, FloatArray]
-    foundation: tuple[FloatArray, FloatArray]
+    bending: FloatArray
+    shear: FloatArray
+    axial: FloatArray
+    foundation: FloatArray
     hertz: FloatArray
 
     @property
     def total(self) -> FloatArray:
         """Compliance of the pair by itself [m/N]."""
-        teeth = (*self.bending, *self.shear, *self.axial, *self.foundation)
-        return np.asarray(sum(teeth, self.hertz))
+        teeth = self.bending + self.shear + self.axial + self.foundation
+        return np.asarray(teeth.sum(axis=0) + self.hertz)
 
     @property
     def stiffness(self) -> FloatArray:
@@ -179,10 +179,9 @@ class PairCompliance:
     @property
     def shares(self) -> dict[str, FloatArray]:
         """Share of each cause in the compliance of the pair; they add up to 1."""
-        total = self.total
         causes = ("bending", "shear", "axial", "foundation")
-        shares = {name: np.asarray(sum(getattr(self, name)) / total) for name in causes}
-        return shares | {"contact": np.asarray(self.hertz / total)}
+        parts = {name: getattr(self, name).sum(axis=0) for name in causes}
+        return {name: part / self.total for name, part in (parts | {"contact": self.hertz}).items()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -319,15 +318,21 @@ class ToothPair:
         both = self.sound if beams is None else beams
         angles = [tooth.angle(own) for tooth, own in zip(self.teeth, rolls, strict=True)]
         parts = [beam.compliances(angle) for beam, angle in zip(both, angles, strict=True)]
-        bending, shear, axial = (
-            (one * self.oblique, two * self.oblique) for one, two in zip(*parts, strict=True)
-        )
+        bending, shear, axial = self.oblique * np.swapaxes(parts, 0, 1)
+        bodies = [body.compliance(own) for body, own in zip(self.foundations, angles, strict=True)]
+        missing = [
+            beam.damage.missing_width_m(beam.tooth.height(angle))
+            for beam, angle in zip(both, angles, strict=True)
+            if beam.damage.holes
+        ]
+        whole = self.first.face_width_m
+        width = whole - np.minimum(sum(missing), LARGEST_WIDTH * whole)
         return PairCompliance(
             bending=bending,
             shear=shear,
             axial=axial,
-            foundation=self._foundation(angles),
-            hertz=self._hertz(both, rolls, angles, force_n),
+            foundation=self.oblique * self.form.has_foundation * np.array(bodies),
+            hertz=self.oblique * self._hertz(width, rolls, angles, force_n),
         )
 
     def coupling(
@@ -344,16 +349,14 @@ class ToothPair:
         phases : (ndarray, ndarray)
             Contact phases of the pair that entered first and of the other one [mesh periods].
         """
-        total = np.zeros(bodies.shape[2:])
-        if not self.form.has_foundation:
-            return total
         ahead, behind = (self.angles(phase) for phase in phases)
-        least = bodies.min(axis=0)
-        for index, body in enumerate(self.foundations):
-            shared = self.oblique * body.coupling(apart, ahead[index], behind[index])
-            # no more can be shared than each of them has
-            total += np.minimum(shared, least[index])
-        return total
+        shared = [
+            self.oblique * body.coupling(apart, ahead[index], behind[index])
+            for index, body in enumerate(self.foundations)
+        ]
+        # no more can be shared than each of them has
+        least = zip(shared, bodies.min(axis=0), strict=True)
+        return np.asarray(sum(np.minimum(own, most) for own, most in least))
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -363,40 +366,25 @@ class ToothPair:
         one, two = self.foundations
         return (*self.notes, *one.warnings, *two.warnings)
 
-    def _foundation(self, angles: list[FloatArray]) -> tuple[FloatArray, FloatArray]:
-        if not self.form.has_foundation:
-            return np.zeros_like(angles[0]), np.zeros_like(angles[1])
-        one, two = self.foundations
-        return one.compliance(angles[0]) * self.oblique, two.compliance(angles[1]) * self.oblique
-
     def _hertz(
         self,
-        beams: Beams,
+        width: FloatArray | float,
         rolls: tuple[FloatArray, FloatArray],
         angles: list[FloatArray],
         force_n: ArrayLike | None,
     ) -> FloatArray:
         moduli = (self.first.elastic_modulus_pa, self.second.elastic_modulus_pa)
         nu = self.first.poisson_ratio
-        width = self._touching(beams, angles)
         if self.form.contact == "constant" or force_n is None:
-            return self.oblique * hertz_compliance(width, moduli, nu)
+            return hertz_compliance(width, moduli, nu)
         one, two = (
             tooth.half_thickness(angle) / np.cos(angle)
             for tooth, angle in zip(self.teeth, angles, strict=True)
         )
-        force = np.asarray(force_n, dtype=np.float64)
         # the flank of a ring is hollow: its curvature counts against that of the mate
         radius = rolls[0] * rolls[1] / (rolls[1] + self.second.sign * rolls[0])
-        flattening = weber_banaschek_compliance(force, width, radius, (one, two), moduli, nu)
-        return self.oblique * flattening
-
-    def _touching(self, beams: Beams, angles: list[FloatArray]) -> FloatArray | float:
-        """Return the length of the line of contact: the face width less pits [m]."""
-        width = self.first.face_width_m
-        pitted = [both for both in zip(beams, angles, strict=True) if both[0].damage.holes]
-        missing = sum(own.damage.missing_width_m(own.tooth.height(angle)) for own, angle in pitted)
-        return width - np.minimum(missing, LARGEST_WIDTH * width)
+        force = np.asarray(force_n, dtype=np.float64)
+        return weber_banaschek_compliance(force, width, radius, (one, two), moduli, nu)
 
 
 def tooth_pair(
@@ -443,10 +431,7 @@ def tooth_pair(
     section = normal_section(geometry) if geometry.helix_angle_rad else geometry
     path = _path(section, ratio, geometry.transverse_contact_ratio)
     held = [_held_alike(geometry, section, i, bore) for i, bore in enumerate(bore_radii_m)]
-    one, two = (
-        tooth_of(section, i, bore_radius_m=own, poisson_ratio=poisson_ratio, root=form.root)
-        for i, own in enumerate(held)
-    )
+    one, two = (tooth_of(section, i, own, poisson_ratio, form.root) for i, own in enumerate(held))
     return ToothPair(
         first=one,
         second=two,

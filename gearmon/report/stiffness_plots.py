@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from gearmon.gears.stiffness_report import (
+    DrawnGear,
     FormComparison,
     SizeCurve,
     StageStiffness,
@@ -83,9 +84,9 @@ def stiffness_figure(stage: StageStiffness) -> Picture:
     grid = figure.add_gridspec(3, 2, height_ratios=(1.0, 0.55, 1.0))
     if stage.picture is not None:
         _plot_teeth(stage.picture, figure.add_subplot(grid[0:2, 0]))
-        names = stage.picture.names
-        gear = next((name for name in names if stage.picture.marks[name]), names[0])
-        _plot_flank(stage.picture, gear, figure.add_subplot(grid[1, 1]))
+        gears = stage.picture.gears
+        hurt = next((gear for gear in gears if gear.damage), gears[0])
+        _plot_flank(hurt, figure.add_subplot(grid[1, 1]))
     _plot_stiffness(stage, figure.add_subplot(grid[0, 1]))
     if stage.shares:
         # without a curve of losses the shares take its place too
@@ -101,20 +102,20 @@ def stiffness_figure(stage: StageStiffness) -> Picture:
 def _plot_teeth(picture: TeethPicture, ax: Axes) -> None:
     """Draw the pair of teeth, cut square to their flanks, to scale."""
     # the body of the first gear lies below its teeth, that of the second above, a ring's too
-    for outline, colour, name, side in zip(
-        picture.outlines, (BLUE, GREEN), picture.names, (-1, 1), strict=True
-    ):
-        ax.fill(*_with_body(outline, side).T, facecolor=colour, alpha=0.18, linewidth=0)
-        ax.plot(*outline.T, color=colour, linewidth=1.2, label=name)
-    for parts, looks in ((picture.holes, _HOLE), (picture.gone, _GONE)):
-        for part in parts:
-            ax.add_patch(Polygon(part, closed=True, **looks))
-    for crack in picture.cracks:
-        ax.plot(*crack.T, color=RED, linewidth=2.2, solid_capstyle="round", label="crack")
+    for gear, colour, side in zip(picture.gears, (BLUE, GREEN), (-1, 1), strict=True):
+        body = _with_body(gear.outline, side)
+        ax.fill(*body.T, facecolor=colour, alpha=0.18, linewidth=0)
+        ax.plot(*gear.outline.T, color=colour, linewidth=1.2, label=gear.name)
+    for damage in picture.gears[0].damage + picture.gears[1].damage:
+        if damage.kind == "crack":
+            ax.plot(*damage.section.T, color=RED, linewidth=2.2, label="crack")
+        else:
+            looks = _HOLE if damage.kind in ("spall", "pits") else _GONE
+            ax.add_patch(Polygon(damage.section, closed=True, **looks))
     x, y = picture.contact
     plot_marks(ax, x, y, "o", 4, "black", label="contact")
     # the loaded teeth with their roots and no more
-    reach = 1.7 * max(high for _, _, high in picture.flank_sizes_mm.values())
+    reach = 1.7 * max(gear.tip for gear in picture.gears)
     ax.set(xlim=(x - reach, x + reach), ylim=(y - 0.95 * reach, y + 0.95 * reach), aspect="equal")
     ax.set(xlabel="across the line of centres in mm", ylabel="along the line of centres in mm")
     ax.legend(loc="upper right", fontsize=8)
@@ -128,23 +129,23 @@ def _with_body(outline: NDArray[np.float64], side: int) -> NDArray[np.float64]:
     return np.concatenate([outline, corners])
 
 
-def _plot_flank(picture: TeethPicture, gear: str, ax: Axes) -> None:
+def _plot_flank(gear: DrawnGear, ax: Axes) -> None:
     """Draw the loaded flank of a gear as its mate sees it, with its damage to scale."""
-    width, low, high = picture.flank_sizes_mm[gear]
+    width, low, high = gear.face_width, gear.flank_start, gear.tip
     ax.add_patch(Rectangle((0, 0), width, low, facecolor=_GREY, alpha=0.25, linewidth=0))
     ax.add_patch(Rectangle((0, low), width, high - low, facecolor=BLUE, alpha=0.15, linewidth=0))
     ax.add_patch(Rectangle((0, 0), width, high, fill=False, edgecolor="black", linewidth=1.0))
-    for mark in picture.marks[gear]:
-        place, size = (mark.face_start_mm, mark.low_mm), mark.high_mm - mark.low_mm
-        if mark.kind == "crack":
-            ax.plot([place[0], place[0] + mark.face_width_mm], [place[1]] * 2, color=RED, lw=2.5)
-        elif mark.kind == "pits":
-            _plot_pits(ax, width, mark.face_width_mm, place[1] + size / 2, size / 2)
+    for own in gear.damage:
+        begin, size = own.face_start, own.high - own.low
+        if own.kind == "crack":
+            ax.plot([begin, begin + own.face_width], [own.low] * 2, color=RED, linewidth=2.5)
+        elif own.kind == "pits":
+            _plot_pits(ax, width, own.face_width, own.low + size / 2, size / 2)
         else:
-            ax.add_patch(Rectangle(place, mark.face_width_mm, size, **_GONE))
+            ax.add_patch(Rectangle((begin, own.low), own.face_width, size, **_GONE))
     ax.set(xlim=(-0.03 * width, 1.03 * width), ylim=(-0.08 * high, 1.12 * high), aspect="equal")
     ax.set(xlabel="along the face in mm", ylabel="above root in mm")
-    ax.set_title(f"loaded flank of the {gear} (fillet grey)", fontsize=9)
+    ax.set_title(f"loaded flank of the {gear.name} (fillet grey)", fontsize=9)
 
 
 def _plot_pits(ax: Axes, face: float, width: float, middle: float, radius: float) -> None:
@@ -193,15 +194,15 @@ def _plot_compliance_shares(stage: StageStiffness, ax: Axes) -> None:
 
 def _plot_size_curve(curve: SizeCurve, ax: Axes) -> None:
     """Draw the loss of pair stiffness against the size of the damage."""
-    unit = _UNITS[curve.unit]
+    fault, unit = curve.fault, _UNITS[curve.fault.unit]
     ax.plot(curve.sizes, 100 * curve.greatest_loss, color=ORANGE, label="greatest in the contact")
     ax.plot(curve.sizes, 100 * curve.mean_loss, color=BLUE, label="mean over the contact")
-    if curve.marked:
-        loss = 100 * float(np.interp(curve.marked, curve.sizes, curve.mean_loss))
-        ax.plot(curve.marked, loss, "o", color=RED, label=f"{curve.marked:.3g} {unit}")
+    if fault.size:
+        loss = 100 * float(np.interp(fault.size, curve.sizes, curve.mean_loss))
+        ax.plot(fault.size, loss, "o", color=RED, label=f"{fault.size:.3g} {unit}")
     ax.set_xlim(0, curve.sizes[-1])
     ax.set_ylim(bottom=0)
-    ax.set_xlabel(f"{_SIZES[curve.kind]} ({curve.gear}) in {unit}")
+    ax.set_xlabel(f"{_SIZES[fault.kind]} ({fault.gear}) in {unit}")
     ax.set_ylabel("loss of pair stiffness in %")
     ax.legend(fontsize=8, loc="upper left")
 

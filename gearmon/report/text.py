@@ -158,18 +158,18 @@ def line_table_text(lines: LineTable) -> str:
     str
         Of several lines.
     """
-    several = len({row.operating for row in lines}) > 1
+    several = len({row["operating"] for row in lines.rows}) > 1
     rows = [
-        ({"operating": row.operating} if several else {})
+        ({"operating": row["operating"]} if several else {})
         | {
-            "stage": "–" if row.stage is None else str(row.stage),
-            "kind": row.kind,
-            "line": row.name,
-            "shaft": "–" if row.shaft is None else str(row.shaft),
-            "order": f"{row.order:.5f}",
-            "Hz": f"{row.frequency_hz:.3f}",
+            "stage": "–" if row["stage"] is None else str(row["stage"]),
+            "kind": row["kind"],
+            "line": row["name"],
+            "shaft": "–" if row["shaft"] is None else str(row["shaft"]),
+            "order": f"{row['order']:.5f}",
+            "Hz": f"{row['frequency_hz']:.3f}",
         }
-        for row in lines
+        for row in lines.rows
     ]
     table = table_lines(rows, "l" * several + "rllrrr")
     notes = [f"note: {note}" for note in lines.notes]

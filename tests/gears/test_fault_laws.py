@@ -80,10 +80,10 @@ def test_written_read_and_of_no_size(gear, text):
     assert parse_fault(str(fault)) == fault
     if fault.unit == "level":
         return
-    shape = replace(fault.shape, far=0.0) if fault.shape.far else fault.shape
+    nothing = replace(fault, size=0.0, far=0.0 if fault.far else fault.far)
     for form in FORMS:
         _, healthy = mesh_of(gear, [], form)
-        _, zero = mesh_of(gear, [str(replace(fault, size=0.0, shape=shape))], form)
+        _, zero = mesh_of(gear, [str(nothing)], form)
         x = np.linspace(0, 9, 200)
         assert zero.period_mesh == 1
         np.testing.assert_array_equal(zero.at(x), healthy.at(x))
@@ -159,7 +159,7 @@ def test_true_periods():
         ("spall:1:ring:4:25x1x0.2mm", "over the face width of 20 mm"),
         ("spall:1:gear:4:5x1x9mm", "it must be below"),
         ("pitting:1:planet:4:60%flank", "must be at most 50%flank"),
-        ("breakage:1:sun:4:21mm", "more than the face width of 20 mm"),
+        ("breakage:1:sun:4:21mm", "over the face width of 20 mm"),
         ("wear:1:pinion:all:5mm", "it must be below"),
         ("crack:1:pinion:4:100%", r"must lie in \[0, 100 %\)"),
         ("crack:1:pinion:27:1mm", "the pinion of .* has 26 teeth"),

@@ -52,7 +52,7 @@ def test_crack_table(q, limit, single, highest, tip, entering, leaving, change, 
     """Gears of Tian, and Wu, Zuo & Parey: 70 degrees, flat limit line."""
     damage = crack(q)
     eps = TIAN.contact_ratio
-    root = TIAN.first.crack_start[1]
+    root = TIAN.first.crack_start.real
     assert root == pytest.approx(2.761310e-3, rel=1e-6)
     assert damage.crack.limits_m(TIAN.first)[1] / root == pytest.approx(limit, abs=6e-4)
     found = at(TIAN, [eps / 2, 1.0, eps], damage)
@@ -200,12 +200,12 @@ def test_round_pit_against_the_slow_version():
 def test_parabolic_line_runs_from_the_crack_to_the_corner_of_the_tip():
     tooth = PAPER.first
     damage = crack(1.0, 60.0, limit="parabolic").crack
-    start, top = tooth.crack_start[0], float(tooth.height(tooth.tip))
+    start, top = tooth.crack_start.imag, float(tooth.height(tooth.tip))
     tip, cut = float(tooth.half_thickness(tooth.tip)), damage.limits_m(tooth)[1]
-    ends = damage.carrying(tooth, np.array([start - 1e-4, start, top]), np.zeros(3), 1e-3)
+    ends = damage.carrying(tooth, 1j * np.array([start - 1e-4, start, top]), 1e-3)
     np.testing.assert_allclose(ends, [cut, cut, tip], rtol=1e-12)
     # a parabola along the tooth: the square is linear in the height
-    middle = damage.carrying(tooth, np.array([0.5 * (start + top)]), np.zeros(1), 1e-3)
+    middle = damage.carrying(tooth, 1j * np.array([0.5 * (start + top)]), 1e-3)
     assert middle[0] ** 2 == pytest.approx(0.5 * (cut**2 + tip**2), rel=1e-12)
 
 
@@ -221,16 +221,19 @@ def test_parabolic_line_against_sums_of_thin_slices(depth):
     }
     edges = np.linspace(tooth.start, angle, 400_001)
     t = 0.5 * (edges[1:] + edges[:-1])
-    low = np.linspace(tooth.crack_start[0], float(tooth.height(tooth.start)), 100_001)
+    low = np.linspace(tooth.crack_start.imag, float(tooth.height(tooth.start)), 100_001)
     y = np.concatenate([0.5 * (low[1:] + low[:-1]), tooth.height(t)])
-    h = np.concatenate([np.full(100_000, tooth.crack_start[1]), tooth.half_thickness(t)])
+    h = np.concatenate([np.full(100_000, tooth.crack_start.real), tooth.half_thickness(t)])
     dy = np.concatenate([np.diff(low), np.diff(tooth.height(edges))])
     arm = (tooth.height(angle) - y) * math.cos(angle) - tooth.half_thickness(angle) * math.sin(
         angle
     )
     root, top = tooth.crack_start, float(tooth.height(tooth.tip))
-    cut, tip = root[1] - depth * math.sin(math.radians(60)), float(tooth.half_thickness(tooth.tip))
-    share = (top - y) / (top - root[0])
+    cut, tip = (
+        root.real - depth * math.sin(math.radians(60)),
+        float(tooth.half_thickness(tooth.tip)),
+    )
+    share = (top - y) / (top - root.imag)
     parabola = np.sqrt(max(cut, 0.0) ** 2 * share + tip**2 * (1 - share))
     if cut < 0:
         parabola = cut + (tip - cut) * np.sqrt(1 - share)

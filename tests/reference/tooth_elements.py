@@ -70,7 +70,8 @@ def tooth_compliance(tooth, rolls_m):
 
 def _tooth_rows(tooth):
     """Rows of points across the tooth from its root to its tip, and the angles on the involute."""
-    height, half = tooth.root_part.at(np.linspace(0, 1, 2 * FILLET + 1))
+    root = tooth.root_part(np.linspace(0, 1, 2 * FILLET + 1))
+    height, half = root.imag, root.real
     angles = np.linspace(tooth.start, tooth.tip, 2 * FLANK + 1)
     half = np.concatenate([half[:-1], tooth.half_thickness(angles)])
     along = tooth.sign * np.concatenate([height[:-1], tooth.height(angles)])

@@ -60,7 +60,7 @@ def tooth_compliance(tooth, angle, damage=None, slices=400):
             h,
             width,
             crack,
-            tooth.crack_start[1],
+            tooth.crack_start.real,
             loaded,
             holes if on_flank else (),
             x,
@@ -101,11 +101,10 @@ def _root(tooth, energies, points=1500):
     if tooth.root_part is None:
         return np.zeros(3)
     edges = np.linspace(0, 1, points + 1)
-    height, _ = tooth.root_part.at(edges)
-    middle_height, middle_half = tooth.root_part.at(0.5 * (edges[1:] + edges[:-1]))
+    height, middle = tooth.root_part(edges).imag, tooth.root_part(0.5 * (edges[1:] + edges[:-1]))
     terms = [
         energies(x, h, h, False) * step
-        for x, h, step in zip(middle_height, middle_half, np.diff(height), strict=True)
+        for x, h, step in zip(middle.imag, middle.real, np.diff(height), strict=True)
     ]
     return np.sum(terms, axis=0)
 

@@ -32,7 +32,9 @@ def test_one_stage_is_its_equivalent_mass_on_its_spring():
     train = build_train(machine)
     mechanics = stage_mechanics(machine, 1)
     assert train.system.rows**2 == pytest.approx(np.array([[1 / 0.28]]))
-    assert deflections(train) == pytest.approx([mechanics.static_deflection_m])
+    assert deflections(train) == pytest.approx(
+        [mechanics.force_n / mechanics.stiffness.mean_n_per_m]
+    )
     assert train.system.natural_frequencies_hz() == pytest.approx([mechanics.natural_frequency_hz])
 
 
