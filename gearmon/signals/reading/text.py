@@ -10,6 +10,7 @@ where. Rows with dates are read line by line as well.
 from __future__ import annotations
 
 import codecs
+import csv
 import io
 import re
 from collections import deque
@@ -27,6 +28,7 @@ from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Table
 from gearmon.signals.reading.layout import Dialect, counted, find_layout
 from gearmon.signals.reading.source import (
+    MISSING,
     Block,
     Source,
     count_of,
@@ -44,8 +46,13 @@ _FORTRAN_EXPONENTS = bytes.maketrans(b"dD", b"ee")
 # The sign stands first here: it is rare, and looked for ten times as fast as blanks are.
 _BLANK_AND_PLUS = re.compile(rb"\+(?<=[ \t\v\f]\+)")
 _BLANK_LINES = re.compile(rb"\n{2,}")
-# Words and infinities are told by the line: which it is, and where.
-_NO_VALUES = ["", "nan", "NaN"]
+# Infinities are told by the line: which it is, and where.
+_NO_VALUES = [
+    spelling
+    for word in ("", *sorted(MISSING))
+    if "inf" not in word
+    for spelling in {word, word.upper(), word.capitalize(), word.replace("n", "N")}
+]
 # Rows whose last fields are compared to see whether the very last one is cut off.
 _ENOUGH_ROWS, _MOST_ROWS = 50, 200
 _CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD][+-]?)?|[+-]?[.,]")
@@ -85,11 +92,17 @@ def parse_rows(text: bytes, dialect: Dialect) -> FloatArray | None:
     # perhaps a row of empty fields only
     empty = dialect.trailing and (text.startswith(separator) or b"\n" + separator in text)
     # pandas passes over quotes and zero bytes within numbers, and over a mark of the order of bytes
-    doubtful = b'"' in text or b"\0" in text or text.startswith(codecs.BOM_UTF8)
+    edges = b"\n" + (b" \t" if separator == b" " else re.escape(separator))
+    joined = b'"' in text and re.search(rb'[^%b]"[^%b]' % (edges, edges), text)
+    doubtful = joined or b"\0" in text or text.startswith(codecs.BOM_UTF8)
     if empty or doubtful or dialect.stamp is not None:
         return None
     if separator != b" " and _BLANK_AND_PLUS.search(text):
-        return None
+        if b'"' in text:
+            return None
+        blanks = rb"[ \v\f]+" if separator == b"\t" else rb"[ \t\v\f]+"
+        begins = rb"(?m)(^|%b)%b(?=\+)" % (re.escape(separator or b"\n"), blanks)
+        text = re.sub(begins, rb"\1", text)
     if b"d" in text or b"D" in text:
         text = text.translate(_FORTRAN_EXPONENTS)
     while dialect.trailing and separator + b"\n" in text:
@@ -124,7 +137,7 @@ def _parsed(text: bytes, dialect: Dialect) -> FloatArray | None:
             dtype=float,
             na_values=_NO_VALUES,
             keep_default_na=False,
-            quoting=3,  # csv.QUOTE_NONE
+            quoting=csv.QUOTE_MINIMAL if b'"' in text else csv.QUOTE_NONE,
             skip_blank_lines=False,
             low_memory=False,
         )
