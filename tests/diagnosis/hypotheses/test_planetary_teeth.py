@@ -1,5 +1,7 @@
 """Damaged teeth of planetary sets are told by how often they are heard in a turn of the carrier."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from reference.gear_departures import complex_noise
