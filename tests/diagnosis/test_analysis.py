@@ -347,6 +347,20 @@ def test_order_of_the_references_does_not_matter():
     )
 
 
+def test_a_loss_is_told_at_the_speed_that_was_recorded():
+    """Whichever operating point of the machine file comes first."""
+    (own,) = machine().operating
+    slow = replace(own, speed_rpm=0.4 * own.speed_rpm, share=0.5)
+    points = slow, replace(own, share=0.5)
+    told = [
+        analyse(recording(CRACK), replace(machine(), operating=order), reference()).flags[0]
+        for order in (points, points[::-1])
+    ]
+    assert (
+        told[0].stiffness_loss == told[1].stiffness_loss == analysis(CRACK).flags[0].stiffness_loss
+    )
+
+
 def test_a_channel_the_reference_lacks_is_left_out_and_said_so():
     only = learn([recording(load=0.85, seed=1).select(["a1", "tacho"])], machine())
     told = analyse(recording(), machine(), only)

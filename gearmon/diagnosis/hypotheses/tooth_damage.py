@@ -220,6 +220,9 @@ def find_tooth(
     ToothFinding or None
         None if no gear was resolved.
     """
+    # what the teeth make of a loss is told at the speed that comes nearest
+    near = min(machine.operating, key=lambda point: abs(point.shaft1_hz - own.speed_hz))
+    machine = replace(machine, operating=(replace(near, share=1.0),))
     searched = tuple(_searched(own, deviation, machine))
     if not searched:
         return None
