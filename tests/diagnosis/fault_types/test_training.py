@@ -233,7 +233,9 @@ def test_a_judgement_names_gear_and_reasons():
 
 
 def test_a_classifier_of_other_features_is_refused():
-    other = KindClassifier().fit([[0.0], [1.0], [0.1], [1.1]], ["wear", NONE, "wear", NONE])
+    other = KindClassifier().fit(
+        np.arange(12.0)[:, None], np.repeat(["looseness", "wear", NONE], 4)
+    )
     with pytest.raises(ArgumentError, match="trained on 1 features"):
         judge_kind(drawn(2, ASKED)[0].features, other)
 
