@@ -9,18 +9,15 @@ import pytest
 from reference.simulated_machines import one_pair, two_stages
 from reference.small_gearbox import machine
 
-from gearmon.diagnosis.fault_types import (
-    KINDS,
-    NAMES,
-    NONE,
-    KindClassifier,
+from gearmon.diagnosis.fault_types import KINDS, NAMES, NONE, KindClassifier
+from gearmon.diagnosis.fault_types.judgement import judge_kind, rule_probabilities
+from gearmon.diagnosis.fault_types.training import (
     draw_example,
     examples,
     machine_lines,
     train_kinds,
     training_table,
 )
-from gearmon.diagnosis.fault_types.judgement import judge_kind, rule_probabilities
 from gearmon.diagnosis.hypotheses.own_teeth import departure_energy
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
