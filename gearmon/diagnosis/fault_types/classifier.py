@@ -66,10 +66,9 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     Examples
     --------
     >>> import numpy as np
-    >>> x = np.array([[0.0, 0.1, 0.2, 0.3], [5.0, 5.1, 5.2, 5.3], [9.0, 9.1, 9.2, 9.3]])
-    >>> kinds = np.repeat(["a", "b", "c"], 4)
-    >>> trained = KindClassifier(random_state=0).fit(x.reshape(-1, 1), kinds)
-    >>> trained.predict([[0.05], [5.05]]).tolist()
+    >>> x, kinds = np.linspace(0.0, 9.0, 90), np.repeat(["a", "b", "c"], 30)
+    >>> trained = KindClassifier(random_state=0).fit(x[:, None], kinds)
+    >>> trained.predict([[0.5], [4.5]]).tolist()
     ['a', 'b']
     """
 
