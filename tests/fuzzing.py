@@ -419,7 +419,7 @@ def targets(folder: Path) -> dict[str, Target]:
     add("reference", folder / "a.ref", used_reference, hostile_archive, sure=True)
     random = np.random.default_rng(0)
     rows = random.normal(size=(60, 5)) + np.repeat([[0.0], [3.0], [6.0]], 20, axis=0)
-    trained = KindClassifier(hidden=4, folds=2, max_iter=20, random_state=0)
+    trained = KindClassifier(random_state=0)
     trained.fit(rows, np.repeat(["crack", "wear", "none"], 20))
     write_kinds(trained, folder / "a.kinds")
     add("kinds", folder / "a.kinds", lambda p: used_kinds(p, rows), hostile_archive, sure=True)

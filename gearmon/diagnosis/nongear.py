@@ -202,7 +202,7 @@ def compare_lines(
     lines: NonGearLines,
     healthy: Sequence[NonGearLines],
     train: Kinematics,
-    gain_db: FloatArray | None = None,
+    gain_db: FloatArray | float = 0.0,
     channel_names: Sequence[str] = (),
 ) -> tuple[NonGearFinding, ...]:
     """Find the lines that are new or have grown, and say what they may be.
@@ -235,12 +235,8 @@ def compare_lines(
     which have to come out of the noise first, and two just below it), and plus the peaks of mere
     noise that are as high, it gives the number of such changes to expect of a healthy machine.
     """
-    gains = np.zeros(len(lines.in_time_db)) if gain_db is None else np.asarray(gain_db)
-    changes = [
-        change
-        for change in _Comparison(lines, healthy, train, gains).changes()
-        if change.log10_probability < np.log10(_STRIKING)
-    ]
+    compared = _Comparison(lines, healthy, train, gain_db).changes()
+    changes = [one for one in compared if one.log10_probability < np.log10(_STRIKING)]
     grid, findings = lines.grid("spectrum"), []
     for series in name_lines([change.line for change in changes], train, grid.width, grid.top):
         order = sorted(series.labels, key=lambda i: changes[i].log10_probability)
@@ -339,7 +335,7 @@ class _Comparison(NamedTuple):
     lines: NonGearLines
     healthy: Sequence[NonGearLines]
     train: Kinematics
-    gain_db: FloatArray
+    gain_db: FloatArray | float
 
     def changes(self) -> list[_LineChange]:
         """Return the change of every line that the healthy recordings can be asked for."""
@@ -706,8 +702,5 @@ def _of_hunting_tooth(line: NonGearLine, train: Kinematics, width: float) -> boo
     bool
     """
     hunting = (x.order for x in train.lines if x.kind == "hunting tooth" and x.order >= 4 * width)
-    return any(
-        round(line.order / order) > 0
-        and abs(line.order - round(line.order / order) * order) <= 0.5 * width
-        for order in hunting
-    )
+    nearest = (order * max(1, round(line.order / order)) for order in hunting)
+    return any(abs(line.order - order) <= 0.5 * width for order in nearest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -125,7 +126,7 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
     rows = range(len(reference.channel_names))
     loads = np.exp(HealthyMachine.of(reference, rows, machine).states[:, 0])
     recordings: list[CheckedRecording] = []
-    heard: dict[tuple[int, str], list[float | None]] = {}
+    heard: dict[tuple[int, str], float] = {}
     for number, own in enumerate(reference.profiles):
         others = (*reference.profiles[:number], *reference.profiles[number + 1 :])
         law = HealthyMachine.of(replace(reference, profiles=others or (own,)), rows, machine)
@@ -142,20 +143,16 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
             )
         )
         for gear in finding.searched if finding is not None else ():
-            heard.setdefault(gear.key, []).append(noticed_from(gear))
+            loss = noticed_from(gear)
+            heard[gear.key] = max(heard.get(gear.key, 0.0), math.inf if loss is None else loss)
     gears = tuple(
-        CheckedGear(stage=stage, gear=gear, noticed_from=_worst(losses))
-        for (stage, gear), losses in heard.items()
+        CheckedGear(stage=stage, gear=gear, noticed_from=loss if math.isfinite(loss) else None)
+        for (stage, gear), loss in heard.items()
     )
     advice = (*_odd(recordings), *_missing_loads(recordings), *_deaf(gears))
     return ReferenceCheck(
         machine=reference.machine, recordings=tuple(recordings), gears=gears, advice=advice
     )
-
-
-def _worst(losses: list[float | None]) -> float | None:
-    told = [loss for loss in losses if loss is not None]
-    return max(told) if len(told) == len(losses) else None
 
 
 def _odd(recordings: list[CheckedRecording]) -> list[str]:

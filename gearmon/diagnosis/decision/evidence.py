@@ -79,13 +79,12 @@ class Evidence:
     @cached_property
     def strengths(self) -> dict[str, float]:
         """Strength of every test, by its name."""
-        deviation = self.deviation
-        levels = levels_strength(deviation.levels, deviation.broadband)
-        told = {
-            # a shorter recording has shorter blocks, which part lines from their neighbours less
-            "levels": levels * deviation.length,
-            "path": path_strength(self.path) * deviation.length,
-        }
+        deviation, offset = self.deviation, LIMITS.levels_offset
+        levels = LIMITS.lines_weight * (deviation.levels.mean_square() - offset)
+        levels += broadband_strength(deviation.broadband)
+        path = LIMITS.bands_weight * (self.path.together - offset)
+        # a shorter recording has shorter blocks, which part lines from their neighbours less
+        told = {"levels": levels * deviation.length, "path": path * deviation.length}
         # at another speed lines have moved across the modes of the path, knocks are as loud as
         # they are, in a lost angle they are smeared: all of it may change levels by any amount
         astray = deviation.speed_off > 1.0 or self.knocks > LIMITS.knocks or self.lost
@@ -149,21 +148,10 @@ def tooth_strength(evidence: float) -> float:
     return (evidence - LIMITS.tooth_offset) / LIMITS.tooth_scale
 
 
-def levels_strength(families: LevelDeviation, broadband: LevelDeviation | None) -> float:
-    """Strength of changed levels: families of lines and the broadband spectrum together."""
-    told = LIMITS.lines_weight * (families.mean_square() - LIMITS.levels_offset)
+def broadband_strength(broadband: LevelDeviation | None) -> float:
+    """Share of the broadband spectrum in the strength of changed levels; 0 without one."""
     if broadband is None:
-        return told
-    return told + broadband_strength(broadband)
-
-
-def path_strength(path: PathChange) -> float:
-    """Strength of levels that changed band by band."""
-    return LIMITS.bands_weight * (path.together - LIMITS.levels_offset)
-
-
-def broadband_strength(broadband: LevelDeviation) -> float:
-    """Share of the broadband spectrum in that strength."""
+        return 0.0
     return LIMITS.broadband_weight * (broadband.mean_square() - LIMITS.levels_offset)
 
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.decision.evidence import (
-    Evidence,
-    noise_rose,
-    rare_strength,
-)
+from gearmon.diagnosis.decision.evidence import Evidence, noise_rose, rare_strength
 from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
 from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
 from gearmon.diagnosis.fault_types.judgement import KindJudgement, judge_kind
@@ -78,29 +76,40 @@ class Flagging:
         strengths = self.evidence.strengths
         return max(strengths["levels"], strengths["path"])
 
-    def _probability(self, strength: float) -> float:
-        evidence = self.evidence
-        return false_alarm_probability(strength, evidence.references, evidence.deviation.gap)
+    def _flag(
+        self,
+        kind: str,
+        strength: float,
+        told: Iterable[str],
+        stage: int | None = None,
+        gear: str | None = None,
+        **more: Any,
+    ) -> Flag:
+        """Return a flag of a kind, with the probability of its strength on a healthy machine."""
+        whole = self.evidence
+        chance = false_alarm_probability(strength, whole.references, whole.deviation.gap)
+        place: dict[str, Any] = {"stage": stage, "gear": gear or None} | more
+        return Flag(kind=kind, false_alarm_probability=chance, evidence=tuple(told), **place)
 
     def _of_finding(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag the departure that the search found: of one tooth, or of another kind."""
-        best = finding.best
+        best, loss = finding.best, finding.loss
         spread = departure_spread(best.search) if best.search is not None else None
-        probability = self._probability(strength)
         around = best.deviation.peak < LIMITS.all_around * best.deviation.misfit
         if spread is not None:
             # an event that rings on around a small pinion is still one tooth's
             around = around and spread.explained < LIMITS.one_event
             around = around or spread.one_tooth < self._least_sure(best)
         if around:
-            return self._spread_flag(finding, spread, probability)
+            return self._spread_flag(finding, spread, strength)
         stage, gear = best.key
         evidence = [
             f"the {gear} of stage {stage} departs from its healthy pattern at tooth "
             f"{finding.tooth}: {best.deviation.peak:.1f} times the energy elsewhere in its turn"
         ]
-        loss = finding.loss
+        sizes = {}
         if loss is not None:
+            sizes = {"": loss.loss, "_low": loss.low, "_high": loss.high}
             evidence.append(
                 f"as a loss of {100 * loss.loss:.0f} % ({100 * loss.low:.0f} to "
                 f"{100 * loss.high:.0f} %) of the stiffness of that tooth's pair would make it"
@@ -114,16 +123,9 @@ class Flagging:
             for name, number, lead in finding.rivals
         ]
         evidence += _size(self.machine, finding)
-        return Flag(
-            kind="tooth damage",
-            stage=stage,
-            gear=gear,
-            tooth=finding.tooth,
-            stiffness_loss=loss.loss if loss is not None else None,
-            stiffness_loss_low=loss.low if loss is not None else None,
-            stiffness_loss_high=loss.high if loss is not None else None,
-            false_alarm_probability=probability,
-            evidence=tuple(evidence),
+        more = {f"stiffness_loss{end}": size for end, size in sizes.items()}
+        return self._flag(
+            "tooth damage", strength, evidence, stage, gear, tooth=finding.tooth, **more
         )
 
     def _least_sure(self, best: GearEvidence) -> float:
@@ -136,42 +138,43 @@ class Flagging:
         return _ONE_TOOTH_AND_RUNOUT if first - others > _RUNOUT_DB else _ONE_TOOTH
 
     def _spread_flag(
-        self, finding: ToothFinding, spread: DepartureSpread | None, probability: float
+        self, finding: ToothFinding, spread: DepartureSpread | None, strength: float
     ) -> Flag:
         """Flag a departure that one tooth does not explain, by its kind where one is clear."""
-        stage, name = finding.best.key
-        gear: str | None = name
-        kind = _UNCLEAR
+        stage, gear = finding.best.key
         evidence = [f"the {gear} of stage {stage} departs from its healthy pattern around its turn"]
         if spread is not None:
             evidence += [_explained(spread), *_second_told(spread)]
         judged = self._judged_departure(finding)
-        if judged is not None:
-            kind, stage, gear = judged.kind, judged.stage or stage, judged.gear
-            evidence += _told(judged)
-        return _flag(kind, stage, gear, probability, evidence)
+        if judged is None:
+            return self._flag(_UNCLEAR, strength, evidence, stage, gear)
+        told = (*evidence, *_told(judged))
+        return self._flag(judged.kind, strength, told, judged.stage or stage, judged.gear)
 
     def _judged_departure(self, finding: ToothFinding) -> KindJudgement | None:
         """Judge the kind of a departure that one tooth does not explain; None if none is clear."""
-        features = self.features
-        if features is None or not features.gears:
-            return None
-        best = finding.best
-        gear = features.gears[features.focus]
-        focused = finding.of(*gear)
+        best, focus = finding.best, self._focus
+        focused = finding.of(*focus) if focus is not None else None
         order = best.deviation.order
         if focused is None or abs(focused.deviation.order - order) > 1e-9 * order:
-            gear = best.key
-        return self._clear(gear) if gear in features.gears else None
+            focus = best.key
+        return self._clear(focus)
 
-    def _clear(self, gear: tuple[int, str]) -> KindJudgement | None:
+    @property
+    def _focus(self) -> tuple[int, str] | None:
+        """The gear that changed most."""
+        features = self.features
+        return features.gears[features.focus] if features is not None else None
+
+    def _clear(self, gear: tuple[int, str] | None) -> KindJudgement | None:
         """Judge the kind of a fault of one gear; None where no kind but one tooth is clear."""
-        finding = self.evidence.finding
+        features, finding = self.features, self.evidence.finding
+        if features is None or gear is None or gear not in features.gears:
+            return None
         own = finding.of(*gear) if finding is not None else None
         searched = own.search if own is not None else None
         spread = departure_spread(searched) if searched is not None else None
-        assert self.features is not None
-        judged = judge_kind(self.features, stage=gear[0], gear=gear[1], spread=spread)
+        judged = judge_kind(features, stage=gear[0], gear=gear[1], spread=spread)
         clear = judged.kind not in (NONE, "tooth damage") and judged.probability >= _NAMED
         return judged if clear else None
 
@@ -191,29 +194,23 @@ class Flagging:
             gear = growth.stage, growth.gear
             if strength < LIMITS.fault or gear in flagged:
                 continue
-            known = self.features is not None and gear in self.features.gears
-            judged = self._clear(gear) if known else None
+            judged = self._clear(gear)
             kind = growth.kind if judged is None else judged.kind
             evidence = [*growth.evidence, *(_told(judged) if judged is not None else ())]
-            found.append(
-                _flag(kind, growth.stage, growth.gear, self._probability(strength), evidence)
-            )
+            found.append(self._flag(kind, strength, evidence, *gear))
         return found
 
-    def _nongear(self) -> tuple[Flag, ...]:
+    def _nongear(self) -> list[Flag]:
         """Flag lines that belong to no gear, and blame none."""
-        found = []
-        for finding in self.evidence.nongear:
-            strength = rare_strength([finding.log10_probability])
-            if strength >= LIMITS.fault:
-                told = (finding.name, *finding.evidence)
-                found.append(_flag(finding.kind, None, None, self._probability(strength), told))
-        return tuple(found)
+        return [
+            self._flag(finding.kind, strength, (finding.name, *finding.evidence))
+            for finding in self.evidence.nongear
+            if (strength := rare_strength([finding.log10_probability])) >= LIMITS.fault
+        ]
 
     def _levels(self, nongear: bool) -> list[Flag]:
         """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
-        strongest = sentences(self.changes)
-        probability = self._probability(self._changed)
+        strongest, strength = sentences(self.changes), self._changed
         if noise_rose(self.evidence.deviation):
             if nongear:
                 return []
@@ -222,7 +219,7 @@ class Flagging:
                 "bearing, a loose part, or another machine",
                 *strongest[:1],
             )
-            return [_flag("broadband rise", None, None, probability, told)]
+            return [self._flag("broadband rise", strength, told)]
         if self.evidence.path.likely:
             common = 100 * self.evidence.path.common
             told = (
@@ -231,47 +228,18 @@ class Flagging:
                 "moved or fixed anew, or a gearbox that was opened",
                 *strongest,
             )
-            return [_flag("path changed", None, None, probability, told)]
+            return [self._flag("path changed", strength, told)]
         first = max(self.changes, key=lambda c: abs(c.standardised), default=None)
         if first is None:
-            return [_flag("broadband change", None, None, probability, ("no line moved with it",))]
-        own = [
-            change
-            for change in self.changes
-            if (change.kind, change.stage, change.gear) == (first.kind, first.stage, first.gear)
-        ]
-        flag = _flag(
-            f"changed {first.kind}", first.stage, first.gear or None, probability, sentences(own)
-        )
-        return [self._named(flag)]
-
-    def _named(self, flag: Flag) -> Flag:
-        """Name changed levels after the kind of fault that they are most like."""
-        features = self.features
-        if features is None or not features.gears:
-            return flag
-        judged = self._clear(features.gears[features.focus])
+            return [self._flag("broadband change", strength, ("no line moved with it",))]
+        group = attrgetter("kind", "stage", "gear")
+        own = sentences([change for change in self.changes if group(change) == group(first)])
+        # the kind of fault that they are most like
+        judged = self._clear(self._focus)
         if judged is None:
-            return flag
-        return replace(
-            flag,
-            kind=judged.kind,
-            stage=judged.stage,
-            gear=judged.gear,
-            evidence=(*_told(judged), *flag.evidence),
-        )
-
-
-def _flag(
-    kind: str, stage: int | None, gear: str | None, probability: float, evidence: Sequence[str]
-) -> Flag:
-    return Flag(
-        kind=kind,
-        stage=stage,
-        gear=gear or None,
-        false_alarm_probability=probability,
-        evidence=tuple(evidence),
-    )
+            return [self._flag(f"changed {first.kind}", strength, own, first.stage, first.gear)]
+        told = (*_told(judged), *own)
+        return [self._flag(judged.kind, strength, told, judged.stage, judged.gear)]
 
 
 def _counting(finding: ToothFinding) -> str:
@@ -387,14 +355,11 @@ def own_teeth_flags(profiles: Sequence[ToothProfile], below: float) -> tuple[Fla
     ]
     if not alone:
         evidence.append("gears on one shaft turn together: it may be either of them")
-    flag = _flag(
-        "tooth damage",
-        first.stage if alone else None,
-        first.gear if alone else None,
-        float(10.0 ** min(0.0, first.log10_probability + looked_at)),
-        evidence,
-    )
-    return (replace(flag, tooth=first.tooth if alone else None),)
+    place: dict[str, Any] = {"stage": first.stage, "gear": first.gear, "tooth": first.tooth}
+    chance = float(10.0 ** min(0.0, first.log10_probability + looked_at))
+    told = tuple(evidence)
+    own = Flag(kind="tooth damage", false_alarm_probability=chance, evidence=told, **place)
+    return (own if alone else replace(own, stage=None, gear=None, tooth=None),)
 
 
 def sentences(changes: Sequence[Change]) -> tuple[str, ...]:

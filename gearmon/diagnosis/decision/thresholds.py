@@ -9,7 +9,7 @@ for each unit of strength, which is what strength means where the tests' own law
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
@@ -120,8 +120,6 @@ class Limits:
 LIMITS = Limits()
 
 
-#: Shares of healthy pairs at which the table gives the strength.
-SHARES = (0.9, 0.7, 0.5, 0.3, 0.2, 0.1, 0.05, 0.02, 0.01)
 #: Distance of states [nepers of load] from which a recording counts as far from its references.
 FAR = 0.25
 _DECADE = 1.0
@@ -171,28 +169,6 @@ def probability_of(strength: float, known: Sequence[float], shares: Sequence[flo
         beyond = logs[-1] - (strength - known[-1]) / _DECADE
         return float(10.0 ** max(beyond, _LEAST))
     return float(10.0 ** np.interp(strength, known, logs))
-
-
-def table_of(strengths: Mapping[str, Sequence[float]], origin: str) -> dict[str, Any]:
-    """Make the table from strengths of healthy pairs, by situation.
-
-    Parameters
-    ----------
-    strengths : mapping of str to sequence of float
-        Situation, see `situation`, to the strengths seen.
-    origin : str
-        How they were made.
-    """
-    entries = {}
-    for name, values in strengths.items():
-        levels = np.quantile(np.asarray(values), 1.0 - np.asarray(SHARES))
-        levels = np.maximum.accumulate(levels + 1e-6 * np.arange(len(SHARES)))
-        entries[name] = {
-            "pairs": len(values),
-            "share": list(SHARES),
-            "strength": [round(float(level), 6) for level in levels],
-        }
-    return {"format": "gearmon calibration 1", "origin": origin, "situations": entries}
 
 
 @lru_cache(maxsize=1)

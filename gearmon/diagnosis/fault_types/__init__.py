@@ -1,9 +1,9 @@
 """Which type of fault it is: features that no sensor decides, and a classifier trained on physics.
 
 `kind_features` condenses an analysis to numbers that tell one type from another. `train_kinds`
-draws machines with every type of fault, superposed from the order lines of one machine file
-(`machine_lines`), and trains a `KindClassifier` on them, so that no recording of a fault is needed;
-`write_kinds` and `read_kinds` keep it in a file. `kind_of_analysis` judges an analysis. ::
+draws machines with every type of fault, superposed from the order lines of one machine file, and
+trains a `KindClassifier` on them, so that no recording of a fault is needed; `write_kinds` and
+`read_kinds` keep it in a file. `kind_of_analysis` judges an analysis. ::
 
     classifier = train_kinds(machine)
     print(kind_of_analysis(analysis, reference, classifier).probabilities)
@@ -17,14 +17,7 @@ _OFFERED = {
     "classifier": ("KindClassifier", "read_kinds", "write_kinds"),
     "features": ("FEATURES", "KINDS", "NAMES", "NONE", "FeatureVector", "kind_features"),
     "judgement": ("analysis_features", "kind_of_analysis"),
-    "training": (
-        "EXAMPLES_BETWEEN",
-        "draw_example",
-        "examples",
-        "machine_lines",
-        "train_kinds",
-        "training_table",
-    ),
+    "training": ("train_kinds",),
 }
 
 __all__ = sorted(name for names in _OFFERED.values() for name in names)

@@ -26,7 +26,6 @@ from sklearn.exceptions import ConvergenceWarning
 from sklearn.model_selection import StratifiedKFold
 from sklearn.neural_network import MLPClassifier
 from sklearn.utils import check_random_state
-from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from gearmon.arrays import FloatArray
@@ -35,6 +34,8 @@ from gearmon.errors import ArgumentError
 from gearmon.files import reading_archive, write_archive
 
 FORMAT = "gearmon kind classifier 1"
+#: Folds of the training data, and networks; neurons, L2 penalty and steps of each.
+_FOLDS, _NEURONS, _DECAY, _STEPS = 4, 40, 10.0, 250
 #: Standard deviations at which a feature is cut.
 _CUT = 6.0
 #: Share of training examples nearer than the distance at which novelty begins.
@@ -48,55 +49,30 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
     Parameters
     ----------
-    hidden : int, >= 1
-        Neurons of each network.
-    decay : float, >= 0
-        L2 penalty of the weights.
-    folds : int, >= 2
-        Folds of the training data, and networks.
-    other : object
-        The class that takes what is like nothing seen; no class of this name, no such escape.
-    max_iter : int, >= 1
-        Steps of the optimiser.
     random_state : int, RandomState or None
         Of folds and initial weights.
 
     Attributes
     ----------
     classes_ : ndarray
-        Classes, sorted.
+        Classes, sorted. That of everything else, `features.NONE`, takes what is like nothing seen.
     temperature_ : float
         By which the logits are divided.
     n_features_in_ : int
         Features.
-    n_iter_ : int
-        Steps that the slowest network took.
     machine_ : str
         Teeth of the machine that it was trained for; "" if nobody told.
 
     Examples
     --------
     >>> import numpy as np
-    >>> x = np.array([[0.0], [0.1], [0.2], [5.0], [5.1], [5.2]])
-    >>> trained = KindClassifier(decay=0.1, random_state=0).fit(x, ["a"] * 3 + ["b"] * 3)
-    >>> trained.predict([[0.05], [5.05]]).tolist()
+    >>> x, kinds = np.linspace(0.0, 9.0, 90), np.repeat(["a", "b", "c"], 30)
+    >>> trained = KindClassifier(random_state=0).fit(x[:, None], kinds)
+    >>> trained.predict([[0.5], [4.5]]).tolist()
     ['a', 'b']
     """
 
-    def __init__(
-        self,
-        hidden: int = 40,
-        decay: float = 10.0,
-        folds: int = 4,
-        other: Any = NONE,
-        max_iter: int = 250,
-        random_state: Any = None,
-    ) -> None:
-        self.hidden = hidden
-        self.decay = decay
-        self.folds = folds
-        self.other = other
-        self.max_iter = max_iter
+    def __init__(self, random_state: Any = None) -> None:
         self.random_state = random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> Self:
@@ -107,7 +83,7 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         X : array_like of float, shape (examples, features)
             Features.
         y : array_like, shape (examples,)
-            Kinds.
+            Kinds: three or more, of four examples each at least.
 
         Returns
         -------
@@ -120,15 +96,11 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
             If the data are not what scikit-learn asks of training data.
         """
         rows, labels = validate_data(self, X, y, dtype=np.float64)
-        check_classification_targets(labels)
         self.classes_, codes = np.unique(labels, return_inverse=True)
         self.mean_, spread = rows.mean(axis=0), rows.std(axis=0)
         self.scale_ = np.where(spread > 1e-9 * np.maximum(np.abs(self.mean_), 1.0), spread, 1.0)
-        scaled = self._scaled(rows)
-        self.networks_: list[list[FloatArray]] = []
-        self.temperature_, self.n_iter_, self.machine_ = 1.0, 1, ""
-        if len(self.classes_) > 1:
-            self._train(scaled, codes, check_random_state(self.random_state))
+        scaled, self.machine_ = self._scaled(rows), ""
+        self._train(scaled, codes)
         centres = [scaled[codes == code].mean(axis=0) for code in range(len(self.classes_))]
         self.centres_ = np.array(centres)
         inner = LedoitWolf(assume_centered=True).fit(scaled - self.centres_[codes]).covariance_
@@ -151,18 +123,18 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         """
         check_is_fitted(self)
         rows = validate_data(self, X, dtype=np.float64, reset=False)
-        probability = softmax(self._logits(self._scaled(rows)) / self.temperature_, axis=1)
-        escape = np.flatnonzero(self.classes_ == self.other)
-        if len(escape):
-            strange = expit(_SHARPNESS * (self.novelty(rows) / _HALF_BEYOND - 1.0))
-            probability *= 1.0 - strange[:, None]
-            probability[:, escape[0]] += strange
+        logits = self._logits(self._scaled(rows)).mean(axis=0)
+        probability = softmax(logits / self.temperature_, axis=1)
+        other = self.classes_ == NONE
+        if other.any():
+            strange = expit(_SHARPNESS * (self.novelty(rows) / _HALF_BEYOND - 1.0))[:, None]
+            probability = probability * (1.0 - strange) + strange * other
         return np.asarray(probability)
 
     def predict(self, X: ArrayLike) -> NDArray[Any]:
         """Return the most probable class of each row."""
-        check_is_fitted(self)
-        return np.asarray(self.classes_[np.argmax(self.predict_proba(X), axis=1)])
+        best = np.argmax(self.predict_proba(X), axis=1)
+        return np.asarray(self.classes_[best])
 
     def novelty(self, rows: FloatArray) -> FloatArray:
         """Return how far rows are from the nearest class, 1 where training examples end.
@@ -182,55 +154,41 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     def _scaled(self, rows: FloatArray) -> FloatArray:
         return np.asarray(np.clip((rows - self.mean_) / self.scale_, -_CUT, _CUT))
 
-    def _train(self, rows: FloatArray, codes: NDArray[np.intp], random: Any) -> None:
+    def _train(self, rows: FloatArray, codes: NDArray[np.intp]) -> None:
         """Fit one network a fold, and the temperature on what each has not seen."""
-        folds = min(self.folds, int(np.bincount(codes).min()))
-        if folds < 2:  # a class of one example cannot be held out
-            self.networks_ = [self._network(rows, codes, random)]
-            return
-        splits = StratifiedKFold(n_splits=folds, shuffle=True, random_state=random)
-        unseen = np.zeros((len(rows), len(self.classes_)))
-        for kept, held in splits.split(rows, codes):
-            self.networks_.append(self._network(rows[kept], codes[kept], random))
-            unseen[held] = _forward(self.networks_[-1], rows[held])
+        random, each = check_random_state(self.random_state), np.arange(len(rows))
+        folds = StratifiedKFold(n_splits=_FOLDS, shuffle=True, random_state=random)
+        unseen_by, networks = np.empty(len(rows), dtype=np.intp), []
+        for fold, (kept, held) in enumerate(folds.split(rows, codes)):
+            unseen_by[held] = fold
+            networks.append(_network(rows[kept], codes[kept], random.randint(2**31 - 1)))
+        self.networks_ = [np.stack(part) for part in zip(*networks, strict=True)]
+        unseen = self._logits(rows)[unseen_by, each]
 
         def entropy(log_temperature: float) -> float:
             told = log_softmax(unseen / np.exp(log_temperature), axis=1)
-            return -float(np.mean(told[np.arange(len(codes)), codes]))
+            return -float(np.mean(told[each, codes]))
 
         # between 1/20 and 20
         best = minimize_scalar(entropy, bounds=(-3.0, 3.0), method="bounded")
         self.temperature_ = float(np.exp(best.x))
 
-    def _network(self, rows: FloatArray, codes: NDArray[np.intp], random: Any) -> list[FloatArray]:
-        network = MLPClassifier(
-            hidden_layer_sizes=(self.hidden,),
-            activation="tanh",
-            solver="lbfgs",
-            alpha=self.decay,
-            max_iter=self.max_iter,
-            random_state=random.randint(2**31 - 1),
-        )
-        with warnings.catch_warnings():
-            # stopping early is a choice: the temperature corrects what it costs
-            warnings.simplefilter("ignore", ConvergenceWarning)
-            network.fit(rows, codes)
-        self.n_iter_ = max(self.n_iter_, int(network.n_iter_))
-        (first, second), (bias, end) = network.coefs_, network.intercepts_
-        if second.shape[1] == 1:  # two classes share one logit
-            second = np.hstack([-0.5 * second, 0.5 * second])
-            end = np.concatenate([-0.5 * end, 0.5 * end])
-        return [np.asarray(part, dtype=np.float64) for part in (first, bias, second, end)]
-
     def _logits(self, scaled: FloatArray) -> FloatArray:
-        if not self.networks_:  # one class only
-            return np.zeros((len(scaled), len(self.classes_)))
-        return np.asarray(np.mean([_forward(net, scaled) for net in self.networks_], axis=0))
+        """Return what each network says, shape (networks, rows, classes)."""
+        first, bias, second, end = self.networks_
+        return np.asarray(np.tanh(scaled @ first + bias[:, None]) @ second + end[:, None])
 
 
-def _forward(network: list[FloatArray], rows: FloatArray) -> FloatArray:
-    first, bias, second, end = network
-    return np.asarray(np.tanh(rows @ first + bias) @ second + end)
+def _network(rows: FloatArray, codes: NDArray[np.intp], seed: int) -> list[FloatArray]:
+    """Return weights and biases of both layers of a trained network."""
+    size = {"hidden_layer_sizes": (_NEURONS,), "alpha": _DECAY, "max_iter": _STEPS}
+    network = MLPClassifier(activation="tanh", solver="lbfgs", random_state=seed, **size)
+    with warnings.catch_warnings():
+        # stopping early is a choice: the temperature corrects what it costs
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        network.fit(rows, codes)
+    (first, second), (bias, end) = network.coefs_, network.intercepts_
+    return [first, bias, second, end]
 
 
 _ARRAYS = ("classes_", "mean_", "scale_", "centres_", "whitener_")
@@ -258,13 +216,13 @@ def write_kinds(classifier: KindClassifier, path: str | Path) -> None:
         "settings": classifier.get_params(),
         "temperature": classifier.temperature_,
         "reach": classifier.reach_,
-        "networks": len(classifier.networks_),
+        "networks": len(classifier.networks_[0]),
         "machine": classifier.machine_,
     }
     arrays = {name: np.asarray(getattr(classifier, name)) for name in _ARRAYS}
     arrays["classes_"] = arrays["classes_"].astype(str)
-    for row, network in enumerate(classifier.networks_):
-        arrays |= {f"{row}/{part}": values for part, values in enumerate(network)}
+    for part, stacked in enumerate(classifier.networks_):
+        arrays |= {f"{row}/{part}": values for row, values in enumerate(stacked)}
     write_archive(path, header, arrays)
 
 
@@ -283,11 +241,12 @@ def read_kinds(path: str | Path) -> KindClassifier:
     """
     told_of = "kind classifier", "train it", "train a classifier and store it"
     with reading_archive(path, (FORMAT,), *told_of) as (header, arrays):
-        classifier = KindClassifier(**header["settings"])
+        classifier = KindClassifier(header["settings"]["random_state"])
         for name in _ARRAYS:
             setattr(classifier, name, arrays[name])
+        rows = range(header["networks"])
         classifier.networks_ = [
-            [arrays[f"{row}/{part}"] for part in range(4)] for row in range(header["networks"])
+            np.stack([arrays[f"{row}/{part}"] for row in rows]) for part in range(4)
         ]
         classifier.temperature_ = float(header["temperature"])
         classifier.reach_ = float(header["reach"])
@@ -299,17 +258,15 @@ def read_kinds(path: str | Path) -> KindClassifier:
 
 def _check(classifier: KindClassifier) -> None:
     """Refuse what no training gives: a file may be damaged and still be an archive."""
-    classes, networks = classifier.classes_, classifier.networks_
-    parts = [getattr(classifier, name) for name in _ARRAYS[1:]]
-    parts += [part for network in networks for part in network]
+    classes, scales = classifier.classes_, [classifier.reach_, classifier.temperature_]
+    parts = [getattr(classifier, name) for name in _ARRAYS[1:]] + classifier.networks_
     if not all(part.dtype.kind == "f" and np.isfinite(part).all() for part in parts):
         raise ValueError("its numbers are none")
-    scales = np.array([*classifier.scale_, classifier.reach_, classifier.temperature_])
-    if not (np.isfinite(scales) & (scales > 0)).all():
+    if not np.isfinite(scales).all() or min(*scales, *classifier.scale_) <= 0:
         raise ValueError("its scales cannot be")
-    if classes.dtype.kind != "U" or not 0 < classes.size == len(set(classes.ravel().tolist())):
+    if classes.dtype.kind != "U" or not 0 < classes.size == len(set(classes.tolist())):
         raise ValueError("its kinds cannot be")
     # what does not fit together cannot be multiplied
     shares = classifier.predict_proba(np.zeros((1, classifier.n_features_in_)))
-    if shares.shape != (1, len(classes)) or len(networks) < min(len(classes) - 1, 1):
+    if shares.shape != (1, len(classes)):
         raise ValueError("its numbers do not fit together")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from gearmon.diagnosis.hypotheses.runout import turn_changes
 from gearmon.diagnosis.law.machine import same_gear
 from gearmon.diagnosis.results import Analysis
 from gearmon.errors import ArgumentError, check_type
+from gearmon.result import Result
 from gearmon.signatures.measured.reference import Profile, Reference
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ _OF_A_MESH = ("wear",)
 
 
 @dataclass(frozen=True, kw_only=True)
-class KindJudgement:
+class KindJudgement(Result):
     """What kind of fault the evidence is most like.
 
     Parameters
@@ -78,11 +79,6 @@ class KindJudgement:
     probabilities: Mapping[str, float]
     method: str
     evidence: tuple[str, ...]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
-        lists = {"probabilities": dict(self.probabilities), "evidence": list(self.evidence)}
-        return vars(self) | lists
 
 
 def judge_kind(

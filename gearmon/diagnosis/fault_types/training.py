@@ -16,10 +16,10 @@ recordings.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,6 @@ from gearmon.diagnosis.results import Change
 from gearmon.errors import check_range
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signatures.expected.baseline import faulty_lines
 from gearmon.signatures.expected.mesh import MeshPlace, operating_point
@@ -53,8 +52,8 @@ if TYPE_CHECKING:
 LOSS = 0.1
 #: Size at which the lines of errors are computed, in modules: 20 um at 2 mm.
 SIZE = 0.01
-#: A wobble that the load closes shows nothing; it is made larger up to this size, in modules.
-LARGEST_WOBBLE = 0.3
+#: A wobble that the load closes shows nothing; it is made larger, in modules.
+_WOBBLES = (SIZE, 3 * SIZE, 9 * SIZE, 27 * SIZE)
 _USUAL_MODULE_MM = 2.0
 _TOLERANCE = 1e-2
 # Lines are followed up to this multiple of the mesh.
@@ -226,30 +225,21 @@ class GearLines:
         The gear and its place in the plan.
     distance : ndarray of int, shape (lines,)
         Turns of the gear from the nearest mesh harmonic.
-    crack, pitting : ndarray of complex, shape (lines,)
-        Acceleration lines per whole loss of stiffness of tooth 1 [m/s2].
-    pitch : ndarray of complex, shape (lines,)
-        The same for tooth 1 standing back; a pattern over the teeth of unit variance has unit
-        effect.
-    eccentricity, wobble, profile : ndarray of complex, shape (lines,)
-        The same for the whole gear, of unit effect.
-    wear : ndarray of complex, shape (lines,)
-        Per whole loss of stiffness of all teeth.
+    added : mapping of str to ndarray of complex, shape (lines,)
+        Acceleration lines by what is wrong [m/s2]: "crack" and "pitting" of tooth 1 and "wear" of
+        all teeth per whole loss of stiffness; "eccentricity", "misalignment" and "profile" of the
+        whole gear, of unit effect; "pitch" of tooth 1 standing back, of which a pattern over the
+        teeth of unit variance has unit effect.
     """
 
     wheel: WheelLines
     distance: IntArray
-    crack: ComplexArray
-    pitting: ComplexArray
-    pitch: ComplexArray
-    eccentricity: ComplexArray
-    wobble: ComplexArray
-    profile: ComplexArray
-    wear: ComplexArray
+    added: Mapping[str, ComplexArray]
 
-    def by_tooth(self, line: ComplexArray, weight: FloatArray) -> ComplexArray:
+    def by_tooth(self, kind: str, weight: FloatArray) -> ComplexArray:
         """Return the lines of a pattern over the teeth, from those of tooth 1."""
-        return np.asarray(line * np.fft.fft(weight)[self.distance % self.wheel.teeth])
+        around = np.fft.fft(weight)[self.distance % self.wheel.teeth]
+        return np.asarray(self.added[kind] * around)
 
     def multiple(self, number: int, share: float, angle_rad: float) -> ComplexArray:
         """Return the lines of an error that repeats once or twice per turn, of unit effect.
@@ -264,14 +254,11 @@ class GearLines:
         angle_rad : float
             Of the gear.
         """
-        whole = self.eccentricity if number == 1 else self.wobble
+        whole = self.added["eccentricity" if number == 1 else "misalignment"]
         tooth = 2 * np.pi * np.arange(self.wheel.teeth) / self.wheel.teeth
-        moved = self.by_tooth(self.pitch, np.sqrt(2.0) * np.cos(number * tooth))
-        return self.turned(share * whole + (1 - share) * moved, angle_rad)
-
-    def turned(self, line: ComplexArray, angle_rad: float) -> ComplexArray:
-        """Return the lines of a whole gear's error, turned by an angle."""
-        return np.asarray(line * np.exp(1j * self.distance * angle_rad))
+        moved = self.by_tooth("pitch", np.sqrt(2.0) * np.cos(number * tooth))
+        turned = np.exp(1j * self.distance * angle_rad)
+        return np.asarray((share * whole + (1 - share) * moved) * turned)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -348,41 +335,24 @@ class _Mesh:
         own, shaft1_hz = machine.stages[stage - 1], operating_point(machine, operating).shaft1_hz
         self.max_hz = _TOP * kinematics(machine).mesh(stage).order * shaft1_hz
         self.module_m = 1e-3 * (_USUAL_MODULE_MM if own.module_mm is None else own.module_mm)
-        # the first gear of a stage is in its main mesh
-        first = mesh_pairs(own, stage, machine.path)[0].members[0].name
-        self.sound = self._lines("", first)
+        self.sound = self._lines([])
         self.rms = float(np.linalg.norm(self.sound))
-        profile, worn = (self._lines(kind, first) - self.sound for kind in ("profile", "wear"))
-        self.profile, self.wear = self._unit(profile), worn / LOSS
 
     def gear(self, wheel: WheelLines) -> GearLines:
         """Return what can be wrong with a gear."""
-        half, number = wheel.teeth // 2, wheel.number
-        distance = (number + half) % wheel.teeth - half
-        pitch = self._added("pitch", wheel)
+        added = {kind: self._added(kind, wheel) / LOSS for kind in ("crack", "pitting", "wear")}
+        for kind in ("pitch", "eccentricity", "profile"):
+            added[kind] = self._unit(self._added(kind, wheel))
         # summed over z random teeth, z times the power of one
-        scale = np.sqrt(wheel.teeth) * float(np.linalg.norm(pitch))
-        mesh = (distance == 0) & (wheel.gear != "ring")
-        common = number // wheel.teeth
-        return GearLines(
-            wheel=wheel,
-            distance=distance,
-            crack=self._added("crack", wheel) / LOSS,
-            pitting=self._added("pitting", wheel) / LOSS,
-            pitch=pitch * (self.rms / scale if scale else 0.0),
-            eccentricity=self._unit(self._added("eccentricity", wheel)),
-            wobble=self._wobble(wheel),
-            profile=np.where(mesh, _on(self.profile, common), 0.0),
-            wear=np.where(mesh, _on(self.wear, common), 0.0),
-        )
-
-    def _wobble(self, wheel: WheelLines) -> ComplexArray:
-        size = SIZE
-        lines = self._added("misalignment", wheel, size)
-        while np.linalg.norm(lines) <= 0.05 * self.rms and 3 * size <= LARGEST_WOBBLE:
-            size *= 3
-            lines = self._added("misalignment", wheel, size)
-        return self._unit(lines)
+        added["pitch"] /= np.sqrt(wheel.teeth)
+        for size in _WOBBLES:
+            wobble = self._added("misalignment", wheel, size)
+            if np.linalg.norm(wobble) > 0.05 * self.rms:
+                break
+        added["misalignment"] = self._unit(wobble)
+        half = wheel.teeth // 2
+        distance = (wheel.number + half) % wheel.teeth - half
+        return GearLines(wheel=wheel, distance=distance, added=added)
 
     def _unit(self, lines: ComplexArray) -> ComplexArray:
         size = float(np.linalg.norm(lines))
@@ -390,28 +360,25 @@ class _Mesh:
         return np.asarray(lines * (self.rms / size if size > 1e-6 * self.rms else 0.0))
 
     def _added(self, kind: str, wheel: WheelLines, size: float = SIZE) -> ComplexArray:
-        lines = self._lines(kind, wheel.gear, wheel.teeth, size)
+        own: dict[str, Any] = {"kind": kind, "stage": self.stage, "gear": wheel.gear}
+        own["tooth"] = 1 if kind in ("crack", "pitting", "pitch") else None
+        wrong = (
+            Fault(**own, size=LOSS)
+            if kind in ("crack", "pitting", "wear")
+            else GearError(**own, size_m=size * self.module_m)
+        )
+        lines = self._lines([wrong], wheel.teeth, mesh=int(wheel.gear == "ring"))
         common = lines[:: wheel.teeth]
         common -= common if wheel.gear == "ring" else self.sound[: len(common)]
         return _on(lines, wheel.number)
 
-    def _lines(self, kind: str, gear: str, teeth: int = 1, size: float = SIZE) -> ComplexArray:
+    def _lines(self, wrong: list[Fault | GearError], teeth: int = 1, mesh: int = 0) -> ComplexArray:
         """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
-        mesh = 1 if gear == "ring" else 0
         place = MeshPlace(self.machine, self.stage, self.operating, mesh=mesh)
-        wrong = [self._wrong(kind, gear, size)] if kind else []
-        healthy, faulty = place.alone(), place.alone(wrong)
-        (solved,) = faulty_lines(healthy, [faulty], self.max_hz, _TOLERANCE)
+        (solved,) = faulty_lines(place.alone(), [place.alone(wrong)], self.max_hz, _TOLERANCE)
         lines = np.zeros(int(np.ceil(_TOP * teeth)) + 1, dtype=np.complex128)
         lines[solved.number * (teeth // solved.period)] = 2 * solved.acceleration
         return lines
-
-    def _wrong(self, kind: str, gear: str, size: float) -> Fault | GearError:
-        tooth = 1 if kind in ("crack", "pitting", "pitch") else None
-        if kind in ("crack", "pitting", "wear"):
-            return Fault(kind=kind, stage=self.stage, gear=gear, tooth=tooth, size=LOSS)
-        moved = size * self.module_m
-        return GearError(kind=kind, stage=self.stage, gear=gear, tooth=tooth, size_m=moved)
 
 
 def _on(lines: ComplexArray, number: IntArray) -> ComplexArray:
@@ -429,9 +396,9 @@ def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[Comple
         weight = generator.normal(0, 1, gear.wheel.teeth)
         angle, other = generator.uniform(0, 2 * np.pi, 2)
         total[gear.wheel.stage - 1, gear.wheel.lines] += (
-            pitch * gear.by_tooth(gear.pitch, weight - weight.mean())
+            pitch * gear.by_tooth("pitch", weight - weight.mean())
             + runout * gear.multiple(1, generator.uniform(), angle)
-            + wobble * gear.turned(gear.wobble, other) * (gear.distance != 0)
+            + wobble * gear.multiple(2, 1.0, other) * (gear.distance != 0)
         )
         spread[index] = np.hypot(pitch, runout)
     return total, spread
@@ -485,8 +452,8 @@ def _teeth(gear: GearLines, spread: float, rng: np.random.Generator, most: int =
         weight[tooth] = size * (1.0 if step == 0 else rng.uniform(0.6, 1.0))
         if rng.uniform() < 0.3:
             bent[tooth] = spread * rng.uniform(0, 8) * size
-    kind = gear.crack if rng.uniform() < 0.65 else gear.pitting
-    return _Added(size, gear.by_tooth(gear.pitch, bent), gear.by_tooth(kind, weight))
+    kind = "crack" if rng.uniform() < 0.65 else "pitting"
+    return _Added(size, gear.by_tooth("pitch", bent), gear.by_tooth(kind, weight))
 
 
 def _pitted(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
@@ -495,7 +462,7 @@ def _pitted(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
     weight = size * np.exp(rng.normal(0, rng.uniform(0.2, 0.7), teeth))
     weight = np.minimum(weight, 0.8) * (rng.uniform(size=teeth) < rng.uniform(0.4, 1.0))
     rough = rng.normal(0, spread * rng.uniform(0, 0.5), teeth)
-    return _Added(size, gear.by_tooth(gear.pitch, rough), gear.by_tooth(gear.pitting, weight))
+    return _Added(size, gear.by_tooth("pitch", rough), gear.by_tooth("pitting", weight))
 
 
 def _worn(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
@@ -504,8 +471,8 @@ def _worn(gear: GearLines, spread: float, rng: np.random.Generator) -> _Added:
     uneven = loss * rng.normal(0, rng.uniform(0.0, 0.1), teeth)
     profile = log_uniform(rng, 0.1, 1.5)
     rough = rng.normal(0, 0.1 * spread * rng.uniform(), teeth)
-    moved = profile * gear.profile + gear.by_tooth(gear.pitch, rough)
-    lost = loss * gear.wear + gear.by_tooth(gear.crack, uneven - uneven.mean())
+    moved = profile * gear.added["profile"] + gear.by_tooth("pitch", rough)
+    lost = loss * gear.added["wear"] + gear.by_tooth("crack", uneven - uneven.mean())
     return _Added(profile, moved, lost)
 
 
@@ -519,7 +486,7 @@ def _misaligned(gear: GearLines, spread: float, rng: np.random.Generator) -> _Ad
     size = min(log_uniform(rng, 0.08, 2.0) + 0.5 * spread, 5.0)
     lines = size * gear.multiple(2, rng.uniform(), rng.uniform(0, 2 * np.pi))
     askew = rng.uniform(0, 0.15) if rng.uniform() < 0.5 else 0.0
-    return _Added(size, lines, askew * gear.wear)
+    return _Added(size, lines, askew * gear.added["wear"])
 
 
 _DRAWN: dict[str, Callable[[GearLines, float, np.random.Generator], _Added]] = {
@@ -552,7 +519,7 @@ def _loose(
         turn = 2 * np.pi * np.arange(gear.wheel.teeth) / gear.wheel.teeth
         weight = np.cos(np.outer(turn, multiple) + phase) @ share
         weight *= min(size, 5.0) * rng.uniform(0.4, 1.0) / np.std(weight)
-        found.append((gear.wheel, _Added(size, gear.by_tooth(gear.pitch, weight))))
+        found.append((gear.wheel, _Added(size, gear.by_tooth("pitch", weight))))
     return found
 
 
@@ -583,8 +550,8 @@ class _Sensors:
 
     def measured(self, lines: ComplexArray, noise_db: float = 0.0) -> _Measured:
         """Measure lines of the meshes, shape (stages, orders)."""
-        level = (self.variance * 10 ** (noise_db / 10))[:, None]
-        variance = np.repeat(level, self.path.shape[1], axis=1)
+        level = self.variance * 10 ** (noise_db / 10)
+        variance = np.broadcast_to(level[:, None], self.path.shape)
         random = self.rng.normal(0, np.sqrt(0.5), (2, 2, *self.path.shape))
         first, second = random[:, 0] + 1j * random[:, 1]
         amplitude = self.path * (self.loudness @ lines) * (1 + self.departure * first)
@@ -641,13 +608,10 @@ class _Sensors:
         return shapes, turn_changes(after, rows, [[old for old, _ in pairs]], rows)
 
     def _pattern(self, wheel: WheelLines, measured: _Measured) -> WheelPattern:
-        inside = wheel.number * wheel.order < self.top
+        inside, same = wheel.number * wheel.order < self.top, ("stage", "gear", "teeth", "order")
         place = wheel.lines[inside]
         return WheelPattern(
-            stage=wheel.stage,
-            gear=wheel.gear,
-            teeth=wheel.teeth,
-            order=wheel.order,
+            **{name: getattr(wheel, name) for name in same},
             number=wheel.number[inside],
             mesh=wheel.mesh[inside],
             amplitude=measured.amplitude[:, place],

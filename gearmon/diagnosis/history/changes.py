@@ -29,11 +29,10 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
-from scipy.special import betainc, stdtrit
+from scipy.special import betainc
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.diagnosis.history.entries import time_text
-from gearmon.errors import ArgumentError, check_range
 
 #: Fewest recordings on which a change is looked for, and that must bear one: one that stands out is
 #: not yet a change.
@@ -207,44 +206,24 @@ class ChangePoint:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Series:
-    """Values over time with their standard deviations.
+    """Values over time with their standard deviations; histories have checked them.
 
     Parameters
     ----------
     time_s : ndarray of float, shape (n,)
-        Strictly increasing [s].
+        Strictly increasing [s], at least one.
     value : ndarray of float, shape (n,)
     sigma : ndarray of float, shape (n,)
         Standard deviations, > 0.
     sigma_known : bool
         Whether they are known in size and not only relative to one another: noise is then never
         held to be smaller, whatever the scatter.
-
-    Raises
-    ------
-    ArgumentError
-        If shapes, order or values are wrong.
     """
 
     time_s: FloatArray
     value: FloatArray
     sigma: FloatArray
     sigma_known: bool = True
-
-    def __post_init__(self) -> None:
-        """Check and freeze the arrays."""
-        for name in ("time_s", "value", "sigma"):
-            own = np.array(getattr(self, name), dtype=float)
-            if own.ndim != 1 or len(own) != len(self.time_s) or not np.isfinite(own).all():
-                raise ArgumentError(
-                    f"{name}: must be a row of finite numbers, as many as times; shape {own.shape}"
-                )
-            own.flags.writeable = False
-            object.__setattr__(self, name, own)
-        if np.any(np.diff(self.time_s) <= 0):
-            raise ArgumentError("time_s: times must increase strictly")
-        if np.any(self.sigma <= 0):
-            raise ArgumentError("sigma: standard deviations must be > 0")
 
     def __len__(self) -> int:
         """Return the number of values."""
@@ -301,11 +280,6 @@ def find_changes(
     tuple of ChangePoint
         In the order of time.
 
-    Raises
-    ------
-    ArgumentError
-        If a level is out of its range.
-
     Notes
     -----
     With the mean (and the changes already found) projected out, Gaussian noise points into a
@@ -316,16 +290,11 @@ def find_changes(
     known, a change also has to be larger than noise of that size would make it: values that scatter
     less than they are said to be sure of tell nothing below that.
     """
-    check_range("below", below, 0.0, 0.5)
-    check_range("level", level, 0.0, 1.0)
-    enough = len(series) >= FEWEST and most > 1
-    found = _repaired(series, _PAIR_SHARE * below) if enough else []
+    found = _repaired(series, _PAIR_SHARE * below) if most > 1 else []
     while len(found) < most and len(series) >= FEWEST + 2 * len(found):
         best = _search(series, found)
         allowed = below if found else (1.0 - _PAIR_SHARE) * below
-        if best is None or best.false_alarm_probability >= allowed:
-            break
-        if not _borne(series, found, best):
+        if best.false_alarm_probability >= allowed or not _borne(series, found, best):
             break
         found = _refined(series, [*found, _bent(series, best, found)], below)
     placed = sorted(
@@ -349,8 +318,7 @@ def change_probability(series: Series) -> float:
     float
         In [0, 1]; 1 for series too short to bear a change.
     """
-    best = _search(series, []) if len(series) >= FEWEST else None
-    return 1.0 if best is None else best.false_alarm_probability
+    return _search(series, []).false_alarm_probability if len(series) >= FEWEST else 1.0
 
 
 def permuted_probability(series: Series, *, permutations: int = 4999, seed: int = 0) -> float:
@@ -359,7 +327,7 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
     Parameters
     ----------
     series : Series
-        Its standard deviations must be equal.
+        Its standard deviations must be equal, or the order has a meaning.
     permutations : int, > 0
         Random orders.
     seed : int
@@ -371,14 +339,7 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
         ``(1 + orders at least as clear) / (1 + permutations)``: exact whatever the law of the
         values, if their order has no meaning; never below ``1 / (1 + permutations)``. 1 for a
         series too short or without any variation.
-
-    Raises
-    ------
-    ArgumentError
-        If the standard deviations differ.
     """
-    if len(series) and np.ptp(series.sigma) > 0:
-        raise ArgumentError("sigma: must be equal, or the order has a meaning")
     if len(series) < FEWEST or np.ptp(series.value) <= 1e-12 * np.abs(series.value).max():
         return 1.0
     paths, _, rest = Fits.of(series, ()).freed
@@ -411,9 +372,9 @@ def _repaired(series: Series, below: float) -> list[ChangePoint]:
     fits, end = Fits.of(series, ()), float(series.time_s[-1])
     places = fits.places[fits.courses == 0].tolist()
     steps = [ChangePoint(growth=STEP, time_s=place, end_s=end) for place in places]
-    pairs = [[step, other] for step in steps if (other := _search(series, [step])) is not None]
-    best = min(pairs, key=lambda pair: pair[1].false_alarm_probability, default=None)
-    if best is None or best[1].false_alarm_probability * len(places) >= below:
+    pairs = [[step, _search(series, [step])] for step in steps]
+    best = min(pairs, key=lambda pair: pair[1].false_alarm_probability)
+    if best[1].false_alarm_probability * len(places) >= below:
         return []
     return _refined(series, best, below) if _borne(series, best[:1], best[1]) else []
 
@@ -428,29 +389,29 @@ def _borne(series: Series, known: Sequence[ChangePoint], change: ChangePoint) ->
     (path,), _, rest = fits.freed
     kept = np.arange(len(series)) != np.argmax(path * rest * np.sign(path @ rest))
     parts = {name: getattr(series, name)[kept] for name in ("time_s", "value", "sigma")}
-    without = _search(replace(series, **parts), known)
-    return without is not None and without.false_alarm_probability < WITHOUT_ONE
+    return _search(replace(series, **parts), known).false_alarm_probability < WITHOUT_ONE
 
 
 def _refined(series: Series, found: list[ChangePoint], below: float) -> list[ChangePoint]:
     """Place each change anew while the others stand, and drop what noise then explains."""
     for _ in range(3 if len(found) > 1 else 0):
         for number, change in enumerate(found):
-            better = _search(series, _others(found, change))
-            if better is not None:
-                found[number] = _bent(series, better, _others(found, change))
+            others = _others(found, change)
+            better = _search(series, others)
+            if better.time_s < better.end_s:
+                found[number] = _bent(series, better, others)
     return [change for change in found if change.false_alarm_probability < below]
 
 
-def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
-    """Return the clearest change beside those known."""
-    fits = Fits.of(series, tuple(known))
+def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint:
+    """Return the clearest change beside those known; where there is none, one at the end."""
+    fits, end = Fits.of(series, tuple(known)), float(series.time_s[-1])
     paths, sizes, rest = fits.freed
     left, size = len(series) - fits.base.shape[1], float(np.linalg.norm(rest))
-    if left < 3 or size <= 1e-12 * np.linalg.norm(series.value / series.sigma):
-        return None
-    if series.sigma_known and 2.0 * known_noise_bound(size, 0.0) >= 1.0:
-        return None  # whatever the shape, the probability of the two families is 1
+    # less than known noise leaves: whatever the shape, the probability of the two families is 1
+    quiet = series.sigma_known and 2.0 * known_noise_bound(size, 0.0) >= 1.0
+    if quiet or left < 3 or size <= 1e-12 * np.linalg.norm(series.value / series.sigma):
+        return ChangePoint(growth=STRAIGHT, time_s=end, end_s=end)
     lengths = []
     for course in (0, 1):
         path = paths[(fits.courses == course) & (sizes > 0)]
@@ -466,7 +427,7 @@ def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint | None:
     return ChangePoint(
         growth=COURSES[fits.courses[best]],
         time_s=float(fits.places[best]),
-        end_s=float(series.time_s[-1]),
+        end_s=end,
         false_alarm_probability=min(1.0, probability) if lengths else 1.0,
     )
 
@@ -722,8 +683,3 @@ def known_noise_bound(gain: float, length: float) -> float:
     """
     end = math.erfc(gain / math.sqrt(2.0))
     return min(1.0, length / math.pi * math.exp(-0.5 * gain**2) + end)
-
-
-def kink_quantile(level: float, freedom: int) -> float:
-    """Return the square of Student's t that a two-sided interval at `level` takes."""
-    return float(stdtrit(freedom, 0.5 + 0.5 * level)) ** 2

@@ -23,7 +23,7 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.special import bdtrc, ndtri, ndtri_exp
+from scipy.special import bdtrc, ndtri, ndtri_exp, stdtrit
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.diagnosis.history.changes import (
@@ -35,11 +35,10 @@ from gearmon.diagnosis.history.changes import (
     Series,
     change_probability,
     find_changes,
-    kink_quantile,
     permuted_probability,
 )
 from gearmon.diagnosis.history.entries import HALF_OF_90, History, Place, time_text
-from gearmon.errors import ArgumentError, check_finite, check_range
+from gearmon.errors import check_range
 from gearmon.result import Result
 
 SECONDS_PER_DAY = 86400.0
@@ -171,7 +170,6 @@ class Trend:
         which the limit lies within what the data allow. It takes growth to go on in its course,
         straight or faster and faster.
         """
-        check_finite("limit", limit)
         value, low, _ = (float(x[0]) for x in self.at(self.series.time_s[-1:]))
         times = self.series.time_s
         time, early, late = self._when(limit, float(times[0 if value >= limit else -1]))
@@ -262,7 +260,7 @@ class Trend:
         which = np.concatenate([np.flatnonzero(own), np.flatnonzero(kept & ~own)])
         if fits.freedom < 1:
             return fits, which, np.full(len(which), math.inf)
-        most = fits.variance * kink_quantile(self.level, fits.freedom)
+        most = fits.variance * float(stdtrit(fits.freedom, 0.5 + 0.5 * self.level)) ** 2
         room = most - (fits.left[which] - fits.left[which].min())
         allowed = room >= 0
         allowed[0] = True
@@ -287,15 +285,7 @@ def fit_trend(
     Returns
     -------
     Trend
-
-    Raises
-    ------
-    ArgumentError
-        If the series is empty or a level is out of its range.
     """
-    check_range("level", level, 0.0, 1.0)
-    if not len(series):
-        raise ArgumentError("series: is empty; a trend needs at least one value")
     changes = find_changes(series, below=below, level=level, most=most)
     return Trend(series=series, changes=changes, level=level)
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,17 +12,17 @@ from hypothesis import strategies as st
 
 from gearmon.diagnosis.decision.thresholds import (
     FAR,
-    SHARES,
     false_alarm_probability,
     probability_of,
     situation,
-    table_of,
 )
+
+CALIBRATION = runpy.run_path(str(Path(__file__).parents[3] / ".ci" / "calibration"))
 
 
 def test_the_table_holds_for_the_law_it_was_made_from():
     rng = np.random.default_rng(6)
-    table = table_of({"one, near": rng.normal(size=40_000).tolist()}, "a test")
+    table = CALIBRATION["table_of"]({"one, near": rng.normal(size=40_000).tolist()}, "a test")
     entry = table["situations"]["one, near"]
     new = rng.normal(size=20_000)
     told = np.array([probability_of(s, entry["strength"], entry["share"]) for s in new])
@@ -44,7 +47,8 @@ def test_a_fault_is_improbable_on_every_kind_of_healthy_machine():
 def test_situations_tell_one_reference_from_several_and_near_from_far():
     names = {situation(n, gap) for n in (1, 2, 5) for gap in (0.0, 2 * FAR)}
     assert names == {"one, near", "one, far", "several, near", "several, far"}
-    assert list(SHARES) == sorted(SHARES, reverse=True)
+    shares = CALIBRATION["SHARES"]
+    assert list(shares) == sorted(shares, reverse=True)
 
 
 def test_however_strong_the_evidence_a_probability_is_above_zero():

@@ -9,18 +9,15 @@ import pytest
 from reference.simulated_machines import one_pair, two_stages
 from reference.small_gearbox import machine
 
-from gearmon.diagnosis.fault_types import (
-    KINDS,
-    NAMES,
-    NONE,
-    KindClassifier,
+from gearmon.diagnosis.fault_types import KINDS, NAMES, NONE, KindClassifier
+from gearmon.diagnosis.fault_types.judgement import judge_kind, rule_probabilities
+from gearmon.diagnosis.fault_types.training import (
     draw_example,
     examples,
     machine_lines,
     train_kinds,
     training_table,
 )
-from gearmon.diagnosis.fault_types.judgement import judge_kind, rule_probabilities
 from gearmon.diagnosis.hypotheses.own_teeth import departure_energy
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
@@ -71,7 +68,7 @@ def test_lines_of_a_tooth_are_those_of_the_expected_signature():
     gear = next(g for g in lines().gears if g.wheel.gear == "pinion")
     weight = np.zeros(23)
     weight[4] = 0.1
-    ours = gear.by_tooth(gear.crack, weight)
+    ours = gear.by_tooth("crack", weight)
     signature = expected_signature(
         machine(), ["crack:1:pinion:5:10%"], tolerance=1e-6, max_hz=8.6 * 23 * 2960 / 60
     )
@@ -88,16 +85,16 @@ def test_lines_of_several_teeth_add_to_first_order():
     gear = next(g for g in lines().gears if g.wheel.gear == "gear")
     one, two = np.zeros(57), np.zeros(57)
     one[3], two[40] = 0.1, 0.2
-    both = gear.by_tooth(gear.pitting, one + two)
-    apart = gear.by_tooth(gear.pitting, one) + gear.by_tooth(gear.pitting, two)
+    both = gear.by_tooth("pitting", one + two)
+    apart = gear.by_tooth("pitting", one) + gear.by_tooth("pitting", two)
     assert np.allclose(both, apart)
 
 
 def test_unit_effects_have_the_rms_of_the_sound_mesh():
     sound = np.linalg.norm(lines().healthy)
     for gear in lines().gears:
-        for line in (gear.eccentricity, gear.wobble, gear.profile):
-            assert np.linalg.norm(line) == pytest.approx(sound, rel=1e-3)
+        for kind in ("eccentricity", "misalignment", "profile"):
+            assert np.linalg.norm(gear.added[kind]) == pytest.approx(sound, rel=1e-3)
 
 
 def test_the_same_seed_draws_the_same_examples():
@@ -132,7 +129,7 @@ def test_the_departure_of_one_tooth_is_found_at_that_tooth():
     sound = random.normal(size=len(gear.distance)) * np.exp(
         2j * np.pi * random.uniform(size=len(gear.distance))
     )
-    crack = gear.by_tooth(gear.crack, weight)
+    crack = gear.by_tooth("crack", weight)
     hurt = sound + 3 * crack / np.abs(crack[gear.distance != 0]).max()
     energy = departure_energy(pattern(hurt), pattern(sound), 0)
     assert abs(int(np.argmax(energy)) - 9) <= 1
@@ -233,7 +230,9 @@ def test_a_judgement_names_gear_and_reasons():
 
 
 def test_a_classifier_of_other_features_is_refused():
-    other = KindClassifier().fit([[0.0], [1.0], [0.1], [1.1]], ["wear", NONE, "wear", NONE])
+    other = KindClassifier().fit(
+        np.arange(12.0)[:, None], np.repeat(["looseness", "wear", NONE], 4)
+    )
     with pytest.raises(ArgumentError, match="trained on 1 features"):
         judge_kind(drawn(2, ASKED)[0].features, other)
 
