@@ -100,9 +100,9 @@ def loss_estimate(gear: SearchedGear, machine: Machine, speed_hz: float) -> Loss
     steps, fine = np.log(LOSSES), np.log(_FINE)
     likely = _blurred(gear.match.log_likelihood[:, gear.match.best], steps, _SEARCHED)
     total = np.interp(fine, steps, np.log(likely))
-    own = gear.response
     # of a set, whose planets bring every line together, the search has to do
-    if gear.difference.mesh_lines is not None and own.gear in ("pinion", "gear"):
+    if gear.difference.mesh_lines is not None and gear.difference.gear in ("pinion", "gear"):
+        own = gear.response
         expected = grown_lines(machine, own.stage, own.gear, len(own.lines) - 1)
         grid = np.log(GROWN)
         for apart, variance in _at_harmonics(gear, *expected, speed_hz):
