@@ -62,6 +62,15 @@ def test_tables():
     json.dumps(found.to_dict())
 
 
+def test_amplitudes_of_the_spectrum_are_those_of_the_curve():
+    found = compare_forms(box(), points_per_mesh=400, harmonics=4)
+    for curve in found.curves:
+        one = curve.stiffness_n_per_m[:400]
+        slow = 2 * np.abs(np.fft.rfft(one)[1:5]) / len(one)
+        # a step may lie anywhere between two points
+        np.testing.assert_allclose(curve.amplitudes_n_per_m, slow, atol=np.ptp(one) * 2 / 400)
+
+
 def test_curve_is_the_sum_of_its_lines():
     found = compare_forms(box(), harmonics=60, points_per_mesh=64)
     (curve,) = [c for c in found.curves if c.name == "fourier"]

@@ -160,6 +160,18 @@ def test_teeth_touch_and_do_not_overlap():
         assert beyond.max() == pytest.approx(1e3 * pair.second.tip_radius_m, rel=1e-3)
 
 
+def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circle():
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    for gear, tooth, centre in zip(teeth_picture(pair).gears, pair.teeth, (0.0, 79.0), strict=True):
+        points = gear.outline @ [1, 1j] - 1j * centre
+        radius, angle = np.abs(points), np.unwrap(np.angle(points))
+        over = radius - 1e3 * tooth.reference_radius_m
+        last = np.flatnonzero(np.diff(over > 0))
+        share = over[last] / (over[last] - over[last + 1])
+        crossed = angle[last] + share * (angle[last + 1] - angle[last])
+        assert np.abs(np.diff(crossed)) == pytest.approx(np.full(9, np.pi / tooth.teeth), rel=1e-3)
+
+
 def test_profile_runs_from_root_to_tip():
     tooth = teeth_of(mesh_pairs(STAGE)[0]).first
     radius = np.abs(half_profile(tooth))
@@ -174,6 +186,18 @@ def test_crack_is_drawn_to_scale():
     (crack,) = picture.gears[0].damage
     assert np.hypot(*np.diff(crack.section, axis=0).T) == pytest.approx(1.5)
     assert (crack.face_start, crack.face_width) == pytest.approx((3.0, 8.0))
+    for deepest in ("1mm,far=1.5", "1.5mm,far=1"):
+        (crack,) = teeth_picture(pair, [parse_fault(f"crack:1:gear:5:{deepest}")]).gears[1].damage
+        assert np.hypot(*np.diff(crack.section, axis=0).T) == pytest.approx(1.5)
+
+
+def test_a_broken_tip_is_drawn_down_from_the_tip():
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    for height in (0.5, 1.5):
+        fault = parse_fault(f"breakage:1:pinion:5:6mm,height={height}")
+        gear = teeth_picture(pair, [fault]).gears[0]
+        (gone,) = gear.damage
+        assert (gone.low, gone.high) == pytest.approx((gear.tip - height, gear.tip))
 
 
 def test_spall_is_drawn_to_scale():
@@ -182,3 +206,9 @@ def test_spall_is_drawn_to_scale():
     (spall,) = picture.gears[1].damage
     assert (spall.face_start, spall.face_width) == pytest.approx((2.0, 6.0))
     assert spall.high - spall.low == pytest.approx(1.5)
+    # the middle of its floor lies half a millimetre inside the tooth: the outline goes round it
+    surface, floor = spall.section[[30, -31]] @ [1, 1j]
+    assert abs(surface - floor) == pytest.approx(0.5)
+    around = picture.gears[1].outline @ [1, 1j] - floor
+    turns = np.angle(np.roll(around, -1) / around).sum() / (2 * np.pi)
+    assert abs(turns) == pytest.approx(1.0)

@@ -364,6 +364,14 @@ def test_deeper_wear_is_softer():
     assert all((b < a).all() for a, b in pairwise(levels))
 
 
+@pytest.mark.parametrize("tooth", [*PAPER.teeth, teeth(18, 31, 4, 20, (20, 30)).first])
+def test_a_root_crack_begins_at_the_critical_section(tooth):
+    """Where the tangent of the fillet makes 30 degrees with the middle of the tooth, ISO 6336-3."""
+    fillet = tooth.root_part(np.linspace(0, 1, 100_001))
+    along = np.gradient(fillet)[np.abs(fillet - tooth.crack_start).argmin()]
+    assert math.degrees(math.atan(abs(along.real / along.imag))) == pytest.approx(30, abs=0.05)
+
+
 # --- refusals ------------------------------------------------------------------------------------
 
 
@@ -381,3 +389,12 @@ def test_deeper_wear_is_softer():
 def test_damage_that_leaves_nothing_is_refused(damage, match):
     with pytest.raises(ArgumentError, match=match):
         PAPER.beams(damage, SOUND)
+
+
+def test_wear_leaves_a_tip():
+    """What is worn square to the flank takes more than that across the tooth."""
+    tooth = PAPER.first
+    whole = 2 * float(tooth.half_thickness(tooth.tip)) * math.cos(tooth.tip)
+    PAPER.beams(ToothDamage(wear_m=0.89 * whole), SOUND)
+    with pytest.raises(ArgumentError, match="consumes the tip"):
+        PAPER.beams(ToothDamage(wear_m=0.99 * whole), SOUND)

@@ -129,6 +129,21 @@ def test_harmonics_that_planets_cancel_tell_nothing_of_the_path():
     assert np.abs(in_turn[[0, 1, 3, 4]]).min() > 0
 
 
+def test_a_harmonic_tells_of_the_path_from_a_fifth_of_what_a_planet_brings_without_stiffness():
+    """Slowly: all its pairs without stiffness, by the strongest line of each multiple about it."""
+    train = full(18, 27, 72, 3)
+    known, heard = gearmon.loss_response(train, 1, "planet", max_order=100.0), []
+    of_mesh = known.number % 27 == 0
+    for k in range(1, 6):
+        multiples = range(27 * k - 13, 27 * k + 13)
+        lines = [np.abs(known.acceleration[known.number == n]).max(initial=0) for n in multiples]
+        whole = 27 * np.sqrt(np.mean(np.square(lines)))
+        own = of_mesh & (known.number == 27 * k)
+        heard.append(np.linalg.norm(known.mesh_acceleration[own]) > 0.2 * whole)
+    assert len(set(heard)) == 2
+    assert (tooth_response(train, 1, "planet", 100.0).mesh[1:6] != 0).tolist() == heard
+
+
 def test_damage_of_sun_and_planet_is_found_in_a_simulated_set():
     train = full(18, 27, 72, 3)
     given = {"duration_s": 12.0, "sampling_rate_hz": 8000.0, "channels": 1, "machine_seed": 5}

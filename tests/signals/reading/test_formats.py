@@ -243,6 +243,10 @@ class TestSeveralArrays:
         assert found.sampling_rate_hz == 5000.0
         assert "the file says" not in " ".join(found.notes)
 
+    def test_what_is_called_a_counter_does_not_come_along(self, tmp_path):
+        path = self.saved(tmp_path / "a.npz", acc=X[0], n=X[1], speed=X[2], fs=5000.0)
+        assert read_recording(path).channel_names == ("acc", "speed")
+
     def test_rate_and_time_must_agree(self, tmp_path):
         time = np.arange(400) / 5000.0
         path = self.saved(tmp_path / "a.npz", time_s=time, acc=X[0], fs=4000.0)

@@ -99,6 +99,14 @@ class TestHdf5:
         assert np.array_equal(found.samples[:3], X * 9.80665)
         assert read_recording(path, channels="right").columns == (2, 4)
 
+    def test_the_rate_of_an_array_goes_before_that_of_the_file(self, tmp_path):
+        h5py = pytest.importorskip("h5py")
+        path = tmp_path / "a.h5"
+        with h5py.File(path, "w") as file:
+            file.create_dataset("acc", data=X[0]).attrs["sampling_rate"] = 25_600
+            file.attrs["sampling_rate"] = 51_200
+        assert read_recording(path).sampling_rate_hz == 25_600.0
+
     def test_matlab_7_3(self, tmp_path):
         h5py = pytest.importorskip("h5py")
         path = tmp_path / "a.mat"
@@ -173,6 +181,13 @@ class TestTdms:
         later = {"wf_increment": 1e-3, "wf_start_offset": 0.01}
         path = self.written(tmp_path / "a.tdms", [("g", "a", X[0], begin), ("g", "b", X[1], later)])
         assert "'a' and 'b' do not start at the same time" in refused(path)
+
+    def test_an_offset_counts_from_the_start_of_its_wave(self, tmp_path):
+        begin = np.datetime64("2024-03-12T10:11:12", "us")
+        early = {"wf_increment": 1e-3, "wf_start_time": begin, "wf_start_offset": 0.01}
+        late = early | {"wf_start_time": begin + 10_000, "wf_start_offset": 0.0}
+        path = self.written(tmp_path / "a.tdms", [("g", "a", X[0], early), ("g", "b", X[1], late)])
+        assert read_recording(path).channel_names == ("a", "b")
 
     def test_a_file_cut_off(self, tmp_path):
         path = self.written(tmp_path / "a.tdms", [("g", "a", X[0], {"wf_increment": 1e-3})])

@@ -177,6 +177,19 @@ def test_sensors_tell_unit_sensitivity_and_kind(write):
     assert any("'d' of the machine file is not in the recording" in n for n in recording.notes)
 
 
+def test_a_sensitivity_without_unit_leaves_none(write):
+    path = write("a (mV),b")
+    raw = np.loadtxt(path, delimiter=",", skiprows=1).T
+    recording = read_recording(path, 100, sensors=[Sensor("a", sensitivity=100.0), Sensor("b")])
+    assert recording.units == (None, None)
+    assert np.array_equal(recording.samples[0], raw[0] * (1 / 100.0))
+
+
+def test_samples_that_a_sensitivity_makes_too_large_are_refused(write):
+    with pytest.raises(RecordingError, match="no finite numbers, or above 1e30"):
+        read_recording(write("a,b"), 100, sensors=[Sensor("b", sensitivity=1e-40)])
+
+
 def test_a_bad_channel_is_left_out_unless_it_is_asked_for(write):
     path = write("a,b,c", {1: 3.0})
     recording = read_recording(path, 100)

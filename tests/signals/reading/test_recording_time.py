@@ -114,6 +114,22 @@ def test_a_time_without_unit_is_seconds_unless_that_cannot_be(write):
     assert any("it is in ms" in note for note in recording.notes)
 
 
+@pytest.mark.parametrize("unit", ["s", "ms", "us", "ns", "min"])
+def test_a_given_rate_tells_the_unit_of_the_time(write, unit):
+    seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}[unit]
+    path = write([f"{index / 2000 / seconds:.12g}" for index in range(COUNT)], name="time")
+    recording = read_recording(path, 2000.0)
+    assert recording.sampling_rate_hz == 2000.0
+    assert any(note.endswith(f"by the given rate it is in {unit}") for note in recording.notes)
+
+
+def test_a_time_in_whole_seconds_is_no_counter(write):
+    recording = read_recording(write(range(COUNT), name="time"), 1000.0)
+    assert any("counts samples" in note for note in recording.notes)
+    with pytest.raises(RecordingError, match="stamps say 1 Hz, but 1000 Hz was given"):
+        read_recording(write(range(COUNT), name="time_s"), 1000.0)
+
+
 @pytest.mark.parametrize("rate_hz", [0.0, -1.0, float("nan")])
 def test_a_rate_must_be_positive(write, rate_hz):
     with pytest.raises(ArgumentError, match="sampling_rate_hz"):
@@ -156,6 +172,16 @@ def test_stamps_coarser_than_the_interval_ask_for_the_rate(write):
     assert read_recording(path, RATE_HZ).sampling_rate_hz == RATE_HZ
     with pytest.raises(RecordingError, match="but 5000 Hz was given"):
         read_recording(path, 5000.0)
+
+
+def test_rounded_stamps_are_wrong_by_no_more_than_their_uncertainty(tmp_path):
+    for rate_hz in np.geomspace(1300.0, 9000.0, 9).tolist():
+        stamps = np.round(np.arange(60) / rate_hz, 3)
+        found = spacing(stamps)
+        assert 0 < abs(found.step * rate_hz - 1) <= found.uncertainty <= 0.2
+        path = tmp_path / "few.csv"
+        path.write_text("time_s,a1\n" + "".join(f"{t:.3f},{t * t % 0.7}\n" for t in stamps))
+        assert read_recording(path, rate_hz).sampling_rate_hz == rate_hz
 
 
 def test_a_lost_sample_shows_behind_any_rounding_finer_than_the_interval():
