@@ -100,9 +100,9 @@ def _run(argv: Sequence[str] | None, arguments: argparse.Namespace) -> int:
         arguments.recording = recordings_named(arguments.recording)
     check_names(arguments)
     cores()  # refuses a wrong number of them before any work
-    line = nullcontext() if arguments.waits else progress_line(arguments.command)
+    line = nullcontext() if arguments.asked.waits else progress_line(arguments.command)
     with outputs_claimed(arguments), line as arguments.progress:
-        code: int = arguments.run(arguments)
+        code: int = arguments.asked.run(arguments)
     return code
 
 

@@ -409,7 +409,7 @@ def test_bad_references_get_one_line(run, kind):
 
 
 BAD_LEARNING = {
-    "no output": (["healthy-0.csv"], "-o REFERENCE"),
+    "no output": (["healthy-0.csv"], "-o PATH is missing; write the reference"),
     "no mesh": (["noise.csv", "-o", "x.ref"], r"noise\.csv: no mesh found"),
     "one missing": (["healthy-0.csv", "missing.csv", "-o", "x.ref"], r"missing\.csv"),
     "other channels": (["healthy-0.csv", "no-time.csv", "-o", "x.ref"], "sampling"),

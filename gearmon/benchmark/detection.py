@@ -104,7 +104,6 @@ def run_detection(
     seed: int = 0,
     quick: bool = False,
     progress: Progress | None = None,
-    first: int = 0,
 ) -> list[Row]:
     """Judge the detector and its rivals on random machines.
 
@@ -117,8 +116,6 @@ def run_detection(
         Two machines, few and short recordings: figures that show only that all works.
     progress : callable, optional
         Called with the share done, 0 to 1.
-    first : int, >= 0
-        Number of the first machine: long runs can be made in parts.
 
     Returns
     -------
@@ -134,7 +131,7 @@ def run_detection(
     check_range("seed", seed, 0, 2**63 - 1)
     if quick:
         count = min(count, QUICK_MACHINES)
-    numbers = followed(range(first, first + count), count, progress)
+    numbers = followed(range(count), count, progress)
     outcomes = [one for number in numbers for one in machine_trials(number, seed, quick)]
     return with_learning(outcomes, seed)
 

@@ -22,7 +22,7 @@ import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import HillProblem, steady_state
-from gearmon.errors import ArgumentError, check_word
+from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import StageMechanics, stage_mechanics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signals.recording import Recording
@@ -330,7 +330,6 @@ FINENESS = 16
 SOUND_BEARING = (0.01, 0.08)
 #: First order of each shaft over the vibration of the gears: unbalance.
 UNBALANCE = 0.02
-CONDITIONS = ("healthy", "tooth", "eccentricity", "misalignment", "bearing", "pitting", "wear")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -340,7 +339,7 @@ class Condition:
     Parameters
     ----------
     kind : str
-        One of `CONDITIONS`.
+        "healthy", "tooth", "eccentricity", "misalignment", "bearing", "pitting" or "wear".
     stage : int
         Stage, from 1; 0 where there is none to name.
     gear : str
@@ -361,9 +360,6 @@ class Condition:
     tooth: int | None = None
     size: float = 0.0
     seed: int = 0
-
-    def __post_init__(self) -> None:
-        check_word("condition ", self.kind, CONDITIONS)
 
 
 @dataclass(frozen=True, kw_only=True)

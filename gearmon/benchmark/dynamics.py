@@ -22,20 +22,30 @@ corners of the stiffness, where it jumps.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark import equations, rivals
-from gearmon.benchmark.equations import CASES, Case, Motion, as_lines, named_case, solve_reference
-from gearmon.benchmark.rivals import TARGET, Contender, Rival, measured, with_ratios
+from gearmon.benchmark.equations import CASES, Case, Motion, Reference, as_lines, solve_reference
+from gearmon.benchmark.rivals import (
+    TARGET,
+    Contender,
+    Judge,
+    Rival,
+    about,
+    against,
+    measured,
+    with_ratios,
+)
 from gearmon.benchmark.timing import Row, Task
-from gearmon.dynamics import HillProblem, stability_chart, steady_state
+from gearmon.dynamics import HillProblem, Response, stability_chart, steady_state
 from gearmon.dynamics.stability import FourierShape
+from gearmon.dynamics.sweep import Sweep
 from gearmon.dynamics.sweep import sweep as solve_sets
 from gearmon.machine import Machine, OperatingPoint
 from gearmon.signatures.expected.baseline import contact_grid
@@ -78,11 +88,7 @@ TAKEN, FINEST = 15, 800
 
 
 def run_dynamics(
-    quick: bool = False,
-    cases: Sequence[str] | None = None,
-    seed: int = 0,
-    count: int = 10_000,
-    progress: Progress | None = None,
+    quick: bool = False, seed: int = 0, count: int = 10_000, progress: Progress | None = None
 ) -> list[Row]:
     """Time all methods on named cases, on many parameter sets, and over growing sizes.
 
@@ -90,9 +96,6 @@ def run_dynamics(
     ----------
     quick : bool
         Few cases, settings and repeats: seconds in place of minutes. The figures are then rough.
-    cases : sequence of str, optional
-        Names of cases, "parameter sets", "stability chart", "fault family" or "cost growth"; all by
-        default.
     seed : int
         Of the parameter sets.
     count : int, >= 1
@@ -109,84 +112,82 @@ def run_dynamics(
         `times_ours_fastest` the same of the fastest runs, which a busy machine disturbs less;
         `at_target` marks each method's cheapest row with an error within 1e-6. `exponent` is, of
         the growing sizes, that of a power of the unknowns fitted to the run times of a method.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no such case.
     """
     jobs: dict[str, Callable[[bool], list[Row]]] = {
+        **{name: partial(case_rows, CASES[name]) for name in (equations.QUICK if quick else CASES)},
         SWEEP: partial(sweep_rows, 200 if quick else count, seed),
         "stability chart": chart_rows,
         "fault family": family_rows,
         GROWTH: growth_rows,
     }
-    names = list(cases) if cases is not None else [*(equations.QUICK if quick else CASES), *jobs]
-    return [
-        {"case": name, **row}
-        for name in followed(names, len(names), progress)
-        for row in (jobs[name](quick) if name in jobs else case_rows(named_case(name), quick))
-    ]
+    steps = followed(jobs.items(), len(jobs), progress)
+    return [{"case": name, **row} for name, job in steps for row in job(quick)]
 
 
-def case_rows(case: Case, quick: bool = False) -> list[Row]:
+def case_rows(made: Callable[[], Case], quick: bool = False) -> list[Row]:
     """Time all methods on one case; see `run_dynamics`.
 
     Parameters
     ----------
-    case : Case
+    made : callable
+        Gives the case.
     quick : bool
         Two errors wanted, three repeats.
     """
-    reference, wanted = solve_reference(case), (1e-3, TARGET) if quick else WANTED
-    listed = [*(_for_rectangle(case) if case.rectangle else _own(case, wanted))]
+    case, wanted = made(), (1e-3, TARGET) if quick else WANTED
+    reference = solve_reference(case)
+    judge = against(reference, as_lines)
+    listed = [*(_for_rectangle(case, judge) if case.rectangle else _own(case, judge, wanted))]
     for rival in _rivals(case):
         # of a hunting period runs are long
         errors = (TARGET,) if rival.note or case.meshes > 100 else wanted
-        listed += [rival.tuned(error, reference.error) for error in errors]
-    return with_ratios(measured(listed, 3 if quick else 31, 0.05 if quick else 0.6, reference))
+        listed += [rival.tuned(error, against(reference)) for error in errors]
+    return with_ratios(measured(listed, 3 if quick else 31, 0.05 if quick else 0.6))
 
 
-def _own(case: Case, wanted: tuple[float, ...]) -> Iterator[Contender]:
+def _own(case: Case, judge: Judge, wanted: tuple[float, ...]) -> Iterator[Contender]:
     p, long = case.problem, case.meshes > 100
     for tolerance in wanted:
         setting = f"tolerance {tolerance:.0e}"
-        yield Contender(OURS, setting, tolerance, partial(steady_state, p, tolerance), as_lines)
+        yield Contender(OURS, setting, tolerance, partial(steady_state, p, tolerance), judge)
         if not long:
             run = partial(steady_state, p, tolerance, "harmonic balance")
-            yield Contender("harmonic balance", setting, tolerance, run, as_lines)
+            yield Contender("harmonic balance", setting, tolerance, run, judge)
     # a tolerance of 1 keeps a fixed order from being judged more closely than by its residual
     for order in (1, 2, 3) if long else (1, 2, 3, 4, 6, 8):
         run, method = partial(steady_state, p, 1.0, "msm", order), "multiple scales, plain sum"
-        yield Contender(method, f"order {order}", None, run, as_lines)
+        yield Contender(method, f"order {order}", None, run, judge)
     for order in (2, 4, 8) if long else (1, 2, 3, 4, 6, 8, 12, 16):
         run = partial(steady_state, p, 1e-8, "msm least residual", order)
-        yield Contender("multiple scales, least residual", f"order {order}", None, run, as_lines)
+        yield Contender("multiple scales, least residual", f"order {order}", None, run, judge)
 
 
-def _for_rectangle(case: Case) -> Iterator[Contender]:
+def _for_rectangle(case: Case, judge: Judge) -> Iterator[Contender]:
     """Fourier sums of growing length against the true rectangle."""
-    assert case.rectangle is not None
+    told = {"note": "the error is that against the true jumps; a bound would be that of the sum"}
     for count in (10, 30, 100, 300, 1000):
         kept = case.problem.stiffness_harmonics[:count]
         p, setting = replace(case.problem, stiffness_harmonics=kept), f"{count} stiffness harmonics"
         run, of_sum = partial(steady_state, p, TARGET), "steady_state of the Fourier sum"
-        yield Contender(of_sum, setting, None, run, as_lines, rivals.CUT_OFF)
+        yield Contender(
+            of_sum, setting, None, run, lambda own: judge(own) | {"error_bound": None} | told
+        )
 
 
 def _rivals(case: Case) -> Iterator[Rival]:
     """Yield the strong rivals of a case; of jumps only the one that can step between."""
     p, ratio, words = case.problem, case.problem.frequency_ratio, "{:.0f} steps a period"
     # multiples of four: the jumps of a rectangle fall between steps
-    first, ready = 24 * ratio + 48, partial(_compiled, case)
-    yield Rival(COMPILED, words, first, 4, ready, rivals.numba_is_missing())
+    steps, ready = about(24 * ratio + 48, 4), partial(_compiled, case)
+    yield Rival(COMPILED, words, steps, ready, rivals.numba_is_missing())
     if case.rectangle is None:
-        yield Rival(rivals.ODEINT, "{:.1f} digits a step", 6.0, 0, partial(rivals.shooter, case))
+        digits = np.linspace(2.0, 13.0, 111).tolist()
+        yield Rival(rivals.ODEINT, "{:.1f} digits a step", digits, partial(rivals.shooter, case))
         highest = math.ceil(ratio) + equations.MESH_HARMONICS
         needed = rivals.banded_bytes(len(p.stiffness_harmonics), highest)
         note = f"not run: the matrix needs over {needed / 1e9:.0f} GB"
         note = note if needed > rivals.BYTES_ALLOWED else ""
-        yield Rival(BANDED, "{:.0f} harmonics", highest, 1, partial(_banded, p), note)
+        yield Rival(BANDED, "{:.0f} harmonics", about(highest, 1), partial(_banded, p), note)
 
 
 def _compiled(case: Case, steps: float) -> Task:
@@ -201,33 +202,18 @@ def _of(p: HillProblem) -> tuple[float, float]:
     return p.frequency_ratio, p.damping_ratio
 
 
-class Sweep(NamedTuple):
-    """Parameter sets and the accurate motions of the first of them."""
-
-    problems: tuple[HillProblem, ...]
-    references: tuple[equations.Reference, ...]
-
-    def largest_error(self, motions: Sequence[Motion]) -> float:
-        """Largest relative error of the acceleration over the sets with a reference."""
-        return max(known.error(own) for known, own in zip(self.references, motions, strict=False))
-
-
-def draw_sweep(count: int, seed: int, probes: int = PROBES) -> Sweep:
+def draw_sweep(count: int, seed: int) -> list[HillProblem]:
     """Draw parameter sets, log-uniformly in mass, damping and mean stiffness.
 
     Parameters
     ----------
     count : int, >= 1
     seed : int
-    probes : int
-        How many of them get a reference.
     """
     ranges, harmonics = np.log(SWEPT), equations.square_wave(10)
     drawn = np.exp(np.random.default_rng(seed).uniform(ranges[:, :1], ranges[:, 1:], (3, count)))
     known = harmonics, equations.PERIOD_S, equations.FORCE_N
-    problems = tuple(HillProblem(m, c, k, *known) for m, c, k in drawn.T.tolist())
-    references = tuple(solve_reference(Case(problem=own)) for own in problems[:probes])
-    return Sweep(problems=problems, references=references)
+    return [HillProblem(m, c, k, *known) for m, c, k in drawn.T.tolist()]
 
 
 def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
@@ -241,11 +227,15 @@ def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
     quick : bool
         Few sets and repeats.
     """
-    sweep = draw_sweep(count, seed, 6 if quick else PROBES)
+    problems = draw_sweep(count, seed)
+    known = [solve_reference(Case(problem=own)) for own in problems[: 6 if quick else PROBES]]
     # all sets have the period and the relative stiffness of this case
-    case, many = Case(problem=sweep.problems[0]), sweep.problems[:MANY]
+    case, many = Case(problem=problems[0]), problems[:MANY]
     bands = lru_cache(maxsize=64)(partial(rivals.band, case.problem.stiffness_harmonics))
     steps = lru_cache(maxsize=64)(partial(rivals.equal_steps, case))
+
+    def error_of(motions: Iterable[Motion]) -> Row:
+        return {"error": max(k.error(own) for k, own in zip(known, motions, strict=False))}
 
     def banded(p: HillProblem, factor: float) -> Task:
         highest = math.ceil(factor * (p.frequency_ratio + 10))
@@ -260,12 +250,11 @@ def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
 
     loop, note = "in a loop, {:.2f} (w0/w + ", rivals.numba_is_missing()
     listed = [
-        Rival(BANDED, loop + "10) harmonics", 1.0, 0, partial(ready, banded)),
-        Rival(COMPILED, loop + "3) steps a period", 30.0, 0, partial(ready, compiled), note),
+        Rival(BANDED, loop + "10) harmonics", about(1.0), partial(ready, banded)),
+        Rival(COMPILED, loop + "3) steps a period", about(30.0), partial(ready, compiled), note),
     ]
-    known: dict[str, Any] = {"error_of": sweep.largest_error, "sets": len(many)}
-    loops = [rival.tuned(TARGET, **known) for rival in listed]
-    own = [_together(sweep), _own_loop(sweep)]
+    loops = [rival.tuned(TARGET, error_of, len(many)) for rival in listed]
+    own = [_together(problems, known), _own_loop(problems[:FEW], error_of)]
     return with_ratios(measured([*own, *loops], 2 if quick else 9, 0.1 if quick else 3.0))
 
 
@@ -273,27 +262,29 @@ def _one_by_one(tasks: Sequence[Task]) -> list[Any]:
     return [task() for task in tasks]
 
 
-def _together(sweep: Sweep) -> Contender:
+def _together(problems: Sequence[HillProblem], known: Sequence[Reference]) -> Contender:
     """All sets at once, nothing kept from an earlier call."""
-    columns = [(p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m) for p in sweep.problems]
-    common = sweep.problems[0].stiffness_harmonics, equations.PERIOD_S, equations.FORCE_N
+    columns = [(p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m) for p in problems]
+    common = problems[0].stiffness_harmonics, equations.PERIOD_S, equations.FORCE_N
     mass, damping, stiffness = np.array(columns).T
     run = partial(solve_sets, mass, damping, stiffness, *common, tolerance=TARGET)
-    found, references = run(), enumerate(sweep.references)
-    refused = int((~found.met).sum())
-    errors = [own.error(as_lines(found.response(i))) for i, own in references if found.met[i]]
-    known: dict[str, Any] = {"sets": len(sweep.problems), "error": max(errors, default=None)}
-    known["note"] = f"{refused} sets refused" if refused else ""
-    known["error_bound"] = float(found.error_bound[found.met].max()) if found.met.any() else None
-    return Contender(rivals.SETS_AT_ONCE, "all at once", TARGET, run, **known)
+
+    def judge(found: Sweep) -> Row:
+        met, refused = np.flatnonzero(found.met).tolist(), int((~found.met).sum())
+        errors = [known[i].error(as_lines(found.response(i))) for i in met if i < len(known)]
+        bound = max(found.error_bound[found.met].tolist(), default=None)
+        row = {"error": max(errors, default=None), "error_bound": bound}
+        return row | {"note": f"{refused} sets refused" if refused else ""}
+
+    return Contender(rivals.SETS_AT_ONCE, "all at once", TARGET, run, judge, sets=len(problems))
 
 
-def _own_loop(sweep: Sweep) -> Contender:
-    run = partial(_one_by_one, [partial(steady_state, p, TARGET) for p in sweep.problems[:FEW]])
-    found = run()
-    error, bound = sweep.largest_error([*map(as_lines, found)]), max(r.error_bound for r in found)
-    known: dict[str, Any] = {"sets": len(found), "error": error, "error_bound": bound}
-    return Contender(OURS, "in a loop", TARGET, run, **known)
+def _own_loop(problems: Sequence[HillProblem], error_of: Judge) -> Contender:
+    def judge(found: Sequence[Response]) -> Row:
+        return error_of(map(as_lines, found)) | {"error_bound": max(r.error_bound for r in found)}
+
+    run = partial(_one_by_one, [partial(steady_state, p, TARGET) for p in problems])
+    return Contender(OURS, "in a loop", TARGET, run, judge, sets=len(problems))
 
 
 def growth_rows(quick: bool = False) -> list[Row]:
@@ -320,10 +311,10 @@ def _of_size(meshes: int) -> Iterator[Contender]:
     p, setting = equations.growing_turn(meshes), f"{meshes} meshes"
     run = partial(steady_state, p, TARGET)
     found = run()
-    count, bound = len(found.displacement), found.error_bound
-    yield Contender(OURS, setting, TARGET, run, error_bound=bound, unknowns=count)
-    if rivals.banded_bytes(len(p.stiffness_harmonics), count) < GROWING_BYTES:
-        yield Contender(BANDED, setting, None, _banded(p, count - 1), unknowns=count)
+    row: Row = {"unknowns": len(found.displacement)}
+    yield Contender(OURS, setting, TARGET, run, lambda _: row | {"error_bound": found.error_bound})
+    if rivals.banded_bytes(len(p.stiffness_harmonics), row["unknowns"]) < GROWING_BYTES:
+        yield Contender(BANDED, setting, None, _banded(p, row["unknowns"] - 1), lambda _: row)
 
 
 def fitted_exponent(rows: Sequence[Row], least: int = FIRST_FITTED) -> float | None:
@@ -357,18 +348,16 @@ def chart_rows(quick: bool = False) -> list[Row]:
         [_growth(1 / speeds[i], variations[j]) for i, j in zip(row, column, strict=True)]
     )
 
-    def error_of(growth: FloatArray) -> float:
-        return float(np.abs(growth[column, row] - exact).max())
+    def judge(growth: FloatArray) -> Row:
+        error = float(np.abs(growth[column, row] - exact).max())
+        return {"error": error, "unknowns": points**2}
 
     run = partial(stability_chart, SHAPE, speeds, variations, ZETA, CHART_TOLERANCE)
-    known: dict[str, Any] = {"unknowns": points**2}
-    error, setting = error_of(run().growth), f"tolerance {CHART_TOLERANCE:.0e}"
     words, ready = "{:.0f} steps, all cores", partial(_chart, *np.meshgrid(1 / speeds, variations))
-    rival = Rival(COMPILED, words, 300, 1, ready, rivals.numba_is_missing())
-    listed = [
-        Contender(rivals.CHART, setting, TARGET, run, error=error, **known),
-        rival.tuned(TARGET, error_of, **known),
-    ]
+    rival = Rival(COMPILED, words, about(300, 1), ready, rivals.numba_is_missing())
+    setting = f"tolerance {CHART_TOLERANCE:.0e}"
+    own = Contender(rivals.CHART, setting, TARGET, run, lambda found: judge(found.growth))
+    listed = [own, rival.tuned(TARGET, judge)]
     return with_ratios(measured(listed, 3 if quick else 15, 0.1 if quick else 3.0))
 
 
@@ -380,8 +369,10 @@ def _growth(ratio: float, variation: float) -> float:
 
 def _chart(ratios: FloatArray, variations: FloatArray, steps: float) -> Task:
     """Growth a period at every point, by so many steps of two motions."""
+    from gearmon.benchmark import compiled  # numba is slow to load
+
     values = equations.folded(np.concatenate([[0.0 + 0j], SHAPE.harmonics]), 2 * int(steps))
-    return partial(rivals.chart(), ratios, variations, ZETA, np.append(values, values[0]))
+    return partial(compiled.growth, ratios, variations, ZETA, np.append(values, values[0]))
 
 
 def family_rows(quick: bool = False) -> list[Row]:
@@ -399,8 +390,9 @@ def family_rows(quick: bool = False) -> list[Row]:
     def from_tables(steps: float) -> Task:
         return partial(_one_by_one, [turn.marched(int(steps)) for turn in turns])
 
-    def error_of(marched: list[tuple[FloatArray, FloatArray]]) -> float:
-        return max(turn.error(turn.lines(*own)) for turn, own in zip(turns, marched, strict=True))
+    def judge(marched: list[tuple[FloatArray, FloatArray]]) -> Row:
+        pairs = zip(turns, marched, strict=True)
+        return {"error": max(turn.error(turn.lines(*own)) for turn, own in pairs)}
 
     note, words = rivals.numba_is_missing(), "{:.0f} steps a panel"
     ways = {
@@ -409,10 +401,11 @@ def family_rows(quick: bool = False) -> list[Row]:
     }
     # an estimate, where there is no RK4 to tell
     errors = [turn.member.lines.error if note else turn.own_error for turn in turns]
-    listed = [Contender(rivals.FAMILY, "", TARGET, run, sets=len(family), error=max(errors))]
+    known = {"error": max(errors)}
+    listed = [Contender(rivals.FAMILY, "", TARGET, run, lambda _: known, sets=len(family))]
     for name, ready in ways.items():
-        rival = Rival(name, words, 200, 2, ready, note)
-        listed.append(rival.tuned(TARGET, error_of, sets=len(turns)))
+        rival = Rival(name, words, about(200, 2), ready, note)
+        listed.append(rival.tuned(TARGET, judge, len(turns)))
     return with_ratios(measured(listed, 2 if quick else 9, 0.1 if quick else 4.0))
 
 
@@ -435,6 +428,8 @@ class _Turn:
 
     def marched(self, steps: int) -> Task:
         """Return the march with its tables made; it gives lengths of the steps and velocities."""
+        from gearmon.benchmark import compiled
+
         h = np.repeat(np.diff(self.edges) / steps, steps)
         begin = self.edges[:-1].repeat(steps) + np.tile(np.arange(steps), len(self.edges) - 1) * h
         # just inside of each step: what jumps belongs to the next
@@ -442,7 +437,7 @@ class _Turn:
         stiffness, around = self.posed.mechanics.stiffness, self.posed.around
         tables = [stiffness.at(place) * self.posed.scale for place in places]
         known = *tables, 1.0, float(around.damping[0, 0]), float(around.force[0])
-        return lambda: (h, rivals.shooting()(h, *known)[0])
+        return lambda: (h, compiled.shoot(h, *known)[0])
 
     def lines(self, h: FloatArray, velocity: FloatArray) -> ComplexArray:
         """Acceleration lines of the turn [m/s2], by Simpson's rule on every panel."""

@@ -23,7 +23,6 @@ from numpy.polynomial.legendre import legint, legval, legvander
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import HillProblem, Response
-from gearmon.errors import ArgumentError
 from gearmon.gears.pulses import gauss
 from gearmon.machine import ParallelStage
 
@@ -143,19 +142,6 @@ CASES: dict[str, Callable[[], Case]] = {
     "hunting period": partial(_cracked, CRACK, GEAR_CRACK),
 }
 QUICK = ("pair", "resonance w", "rectangle")
-
-
-def named_case(name: str) -> Case:
-    """Return the case of this name.
-
-    Raises
-    ------
-    ArgumentError
-        If there is none.
-    """
-    if name not in CASES:
-        raise ArgumentError(f"case {name!r} must be one of: {', '.join(CASES)}")
-    return CASES[name]()
 
 
 def growing_turn(meshes: int, zeta: float = 0.07) -> HillProblem:

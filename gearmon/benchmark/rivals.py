@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import math
 from array import array
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any
 
@@ -33,10 +33,8 @@ OURS, SETS_AT_ONCE, CHART, FAMILY = "steady_state", "sweep", "stability_chart", 
 ODEINT, COMPILED, BANDED = "SciPy odeint", "compiled RK4", "solve_banded"
 #: What others are compared with: the first row of these.
 BASES = (SETS_AT_ONCE, OURS, CHART, FAMILY)
-CUT_OFF = "the error is that against the true jumps; a bound would be that of the sum"
 BYTES_ALLOWED = 1e9
-#: Beyond so many steps or harmonics a search ends.
-LARGEST_SETTING = 1e14
+Judge = Callable[[Any], Row]
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,31 +51,37 @@ class Contender:
         Relative error aimed at, where the setting was made for one.
     run : callable or None
         What is timed; None if it cannot run, for the reason in `note`.
-    motion : callable
-        Takes what `run` returned and gives what its error is measured on; not timed.
+    judge : callable
+        Takes what `run` returned and gives the columns error, error_bound, unknowns or note, as
+        far as they are known; not timed.
     note : str
     sets : int
         How many solutions one run makes.
-    error, error_bound, unknowns : float, float, int or None
-        Where they are known before the run.
     """
 
     method: str
     setting: str = ""
     wanted: float | None = None
     run: Callable[[], Any] | None = None
-    motion: Callable[[Any], Motion] = lambda found: found
+    judge: Judge = lambda _: {}
     note: str = ""
     sets: int = 1
-    error: float | None = None
-    error_bound: float | None = None
-    unknowns: int | None = None
 
 
-def measured(
-    listed: Sequence[Contender], most: int, budget_s: float, reference: Reference | None = None
-) -> list[Row]:
-    """Run contenders in turn; one row each, with the errors against a reference if there is one.
+def against(reference: Reference, motion: Callable[[Any], Motion] = lambda found: found) -> Judge:
+    """Return what judges an answer, of which `motion` gives the motion, by an accurate motion."""
+
+    def judge(found: Any) -> Row:
+        own, bound = motion(found), getattr(found, "error_bound", math.inf)
+        # an endless bound is no number in JSON
+        row: Row = {"error_bound": bound if math.isfinite(bound) else None}
+        return row | {"error": reference.error(own), "unknowns": len(own[0])}
+
+    return judge
+
+
+def measured(listed: Sequence[Contender], most: int, budget_s: float) -> list[Row]:
+    """Run contenders in turn; one row each.
 
     Parameters
     ----------
@@ -86,31 +90,22 @@ def measured(
         Runs of each at most.
     budget_s : float
         Time for each [s].
-    reference : Reference, optional
     """
-    running = [one for one in listed if one.run is not None]
-    timings = interleaved([one.run for one in running if one.run is not None], most, budget_s)
-    timed = dict(zip(map(id, running), timings, strict=True))
-    return [_row(one, timed.get(id(one)), reference) for one in listed]
+    tasks = {place: one.run for place, one in enumerate(listed) if one.run is not None}
+    timed = dict(zip(tasks, interleaved(list(tasks.values()), most, budget_s), strict=True))
+    return [_row(one, timed.get(place)) for place, one in enumerate(listed)]
 
 
-def _row(one: Contender, timing: Timing | None, reference: Reference | None) -> Row:
-    known = ("method", "setting", "wanted", "error", "error_bound", "unknowns", "sets", "note")
-    row: Row = {name: getattr(one, name) for name in known}
-    row |= {
-        "median_s": timing.median_s / one.sets if timing else None,
-        "fastest_s": timing.fastest_s / one.sets if timing else None,
-        "repeats": timing.repeats if timing else 0,
-        "exponent": None,
-    }
-    if timing is None or reference is None:
+def _row(one: Contender, timing: Timing | None) -> Row:
+    row: Row = {"method": one.method, "setting": one.setting, "wanted": one.wanted}
+    row |= dict.fromkeys(("error", "error_bound", "unknowns"))
+    row |= {"sets": one.sets, "note": one.note, "median_s": None, "fastest_s": None}
+    row |= {"repeats": 0, "exponent": None}
+    if timing is None:
         return row
-    motion = one.motion(timing.result)
-    values = motion.displacement if isinstance(motion, Lines) else motion.share
-    bound = getattr(timing.result, "error_bound", None)
-    if one.note == CUT_OFF or bound is None or math.isinf(bound):
-        bound = None  # an endless bound is no number in JSON
-    return row | {"error": reference.error(motion), "error_bound": bound, "unknowns": len(values)}
+    each = timing.median_s / one.sets, timing.fastest_s / one.sets
+    row |= {"median_s": each[0], "fastest_s": each[1], "repeats": timing.repeats}
+    return row | one.judge(timing.result)
 
 
 def with_ratios(rows: list[Row]) -> list[Row]:
@@ -142,8 +137,8 @@ class Rival:
     ----------
     method, words : str
         Its name, and the setting in words.
-    first, whole : float, int
-        Setting to begin with; settings are multiples of `whole`, of 0 any number.
+    settings : sequence of float
+        What may be set, ascending.
     ready : callable
         Takes a setting and gives the task, with all made that may be made beforehand.
     note : str
@@ -152,51 +147,38 @@ class Rival:
 
     method: str
     words: str
-    first: float
-    whole: int
+    settings: Sequence[float]
     ready: Callable[[float], Callable[[], Any]]
     note: str = ""
 
-    def tuned(self, wanted: float, error_of: Callable[[Any], float], **known: Any) -> Contender:
+    def tuned(self, wanted: float, judge: Judge, sets: int = 1) -> Contender:
         """Return the contender with the least setting whose error is within `wanted`."""
         if self.note:
-            return Contender(self.method, wanted=wanted, note=self.note, **known)
-        setting = least_within(wanted, self.first, lambda n: error_of(self.ready(n)()), self.whole)
-        task, words = self.ready(setting), self.words.format(setting)
-        return Contender(self.method, words, wanted, task, error=error_of(task()), **known)
+            return Contender(self.method, wanted=wanted, note=self.note, sets=sets)
+
+        def within(setting: float) -> bool:
+            return bool(judge(self.ready(setting)())["error"] <= wanted)
+
+        setting = self.settings[bisect_left(self.settings[:-1], True, key=within)]
+        words, task = self.words.format(setting), self.ready(setting)
+        return Contender(self.method, words, wanted, task, judge, sets=sets)
 
 
-def least_within(
-    wanted: float, first: float, error_at: Callable[[float], float], whole: int = 0
-) -> float:
-    """Least setting, to three per cent of it, whose error is within `wanted`.
+def about(first: float, whole: int = 0) -> list[float]:
+    """Return settings three per cent apart, from a twentieth of one to twenty times it.
 
     Parameters
     ----------
-    wanted : float
-        Relative error.
     first : float, > 0
-        Setting to begin with.
-    error_at : callable
-        Error at a setting; falls as the setting grows.
+        What a search begins with.
     whole : int
         Settings are multiples of this; 0: any number.
     """
-
-    def allowed(setting: float) -> float:
-        return whole * math.ceil(setting / whole) if whole else setting
-
-    low, high = 0.0, allowed(first)
-    while error_at(high) > wanted and high < LARGEST_SETTING:
-        low, high = high, allowed(1.4 * high)
-    while low == 0.0 and (less := max(whole, min(allowed(high / 1.4), high - whole))) < high:
-        low, high = (less, high) if error_at(less) > wanted else (low, less)
-    while high - low > max(whole, 0.03 * high):
-        middle = allowed(math.sqrt(low * high))
-        if middle >= high:
-            break
-        low, high = (middle, high) if error_at(middle) > wanted else (low, middle)
-    return high
+    settings = first * 1.03 ** np.arange(-102.0, 103.0)
+    found: list[float] = (
+        np.unique(whole * np.ceil(settings / whole)) if whole else settings
+    ).tolist()
+    return found
 
 
 Read = Callable[[float], float]
@@ -309,126 +291,25 @@ def numba_is_missing() -> str:
     return "" if find_spec("numba") else "numba is not installed"
 
 
-@dataclass(frozen=True, eq=False)
-class Steps:
-    """Steps through a period.
-
-    Attributes
-    ----------
-    length : ndarray
-        Of every step.
-    begin, middle, end : ndarray
-        Stiffness there; what jumps between two steps has two values.
-    """
-
-    length: FloatArray
-    begin: FloatArray
-    middle: FloatArray
-    end: FloatArray
+#: Begin and length of steps through a period, in shares of it, and the stiffness at the begin, in
+#: the middle and at the end of each; what jumps between two steps has two values.
+Steps = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 
 
 def equal_steps(case: Case, count: int) -> Steps:
-    """Return equal steps [shares of the period]; of a rectangle their number is divisible by 4."""
-    length = np.full(count, 1.0 / count)
+    """Return equal steps; of a rectangle their number is divisible by 4."""
+    share, length = np.arange(count) / count, np.full(count, 1.0 / count)
     if case.rectangle is not None:
-        level = case.level((np.arange(count) + 0.5) / count)
-        return Steps(length, level, level, level)
+        level = case.level(share + 0.5 / count)
+        return share, length, level, level, level
     both = folded(case.half, 2 * count)
     begin = both[::2].copy()
-    return Steps(length, begin, both[1::2].copy(), np.roll(begin, -1))
+    return share, length, begin, both[1::2].copy(), np.roll(begin, -1)
 
 
 def march_compiled(steps: Steps, ratio: float, zeta: float) -> Samples:
     """Return the periodic motion; `ratio` and `zeta` are w0/w and the damping ratio."""
-    known = steps.length, steps.begin, steps.middle, steps.end
-    _, out = shooting()(*known, 2 * math.pi * ratio, 2 * zeta, 1.0)
-    return Samples(_shares(len(out)), out)
+    from gearmon.benchmark import compiled  # numba is slow to load
 
-
-@lru_cache(maxsize=64)
-def _shares(count: int) -> FloatArray:
-    return np.arange(count) / count
-
-
-@lru_cache(maxsize=1)
-def rk4_step() -> Callable[..., Any]:
-    """Compile one step of a motion; it is written out, so that nothing is called within."""
-    from numba import njit  # type: ignore[import-not-found,import-untyped,unused-ignore]
-
-    @njit(fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-    def move(z, v, force, k1, k2, k3, damping, h):  # type: ignore[no-untyped-def]
-        a1 = force - damping * v - k1 * z
-        v2 = v + 0.5 * h * a1
-        a2 = force - damping * v2 - k2 * (z + 0.5 * h * v)
-        v3 = v + 0.5 * h * a2
-        a3 = force - damping * v3 - k2 * (z + 0.5 * h * v2)
-        v4 = v + h * a3
-        a4 = force - damping * v4 - k3 * (z + h * v3)
-        sixth = h / 6
-        return z + sixth * (v + 2 * (v2 + v3) + v4), v + sixth * (a1 + 2 * (a2 + a3) + a4)
-
-    return move  # type: ignore[no-any-return,unused-ignore]
-
-
-@lru_cache(maxsize=1)
-def shooting() -> Callable[..., tuple[FloatArray, FloatArray]]:
-    """Compile the loop over steps; it gives velocity and acceleration at the begin of each."""
-    from numba import njit  # type: ignore[import-not-found,import-untyped,unused-ignore]
-
-    move = rk4_step()
-
-    @njit(fastmath=True)  # type: ignore[untyped-decorator,unused-ignore]
-    def shoot(length, begin, middle, end, unit, damping, force):  # type: ignore[no-untyped-def]
-        count = len(begin)
-        kept, velocity, acceleration = np.empty((count, 6)), np.empty(count), np.empty(count)
-        a, b, c, d, z, v = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
-        for i in range(count):
-            h, k1, k2, k3 = unit * length[i], begin[i], middle[i], end[i]
-            row = kept[i]
-            row[0], row[1], row[2], row[3], row[4], row[5] = a, b, c, d, z, v
-            a, b = move(a, b, 0.0, k1, k2, k3, damping, h)
-            c, d = move(c, d, 0.0, k1, k2, k3, damping, h)
-            z, v = move(z, v, force, k1, k2, k3, damping, h)
-            if i % 256 == 255 and abs(a) + abs(b) + abs(c) + abs(d) < 1e-40:
-                # numbers below the smallest normal one would slow every step down
-                a = b = c = d = 0.0
-        scale = (1 - a) * (1 - d) - b * c
-        one, two = ((1 - d) * z + c * v) / scale, (b * z + (1 - a) * v) / scale
-        for i in range(count):
-            row = kept[i]
-            velocity[i] = one * row[1] + two * row[3] + row[5]
-            deflection = one * row[0] + two * row[2] + row[4]
-            acceleration[i] = force - damping * velocity[i] - begin[i] * deflection
-        return velocity, acceleration
-
-    return shoot  # type: ignore[no-any-return,unused-ignore]
-
-
-@lru_cache(maxsize=1)
-def chart() -> Callable[..., FloatArray]:
-    """Compile the loop over the points of a chart; it gives the growth a period of each."""
-    from numba import njit, prange  # type: ignore[import-not-found,import-untyped,unused-ignore]
-
-    move = rk4_step()
-
-    @njit(fastmath=True, parallel=True)  # type: ignore[untyped-decorator,unused-ignore]
-    def growth(ratios, variations, zeta, values):  # type: ignore[no-untyped-def]
-        steps, found = (len(values) - 1) // 2, np.empty(ratios.shape)
-        for i in prange(ratios.shape[0]):
-            for j in range(ratios.shape[1]):
-                eps, h = variations[i, j], 2 * math.pi * ratios[i, j] / steps
-                a, b, c, d = 1.0, 0.0, 0.0, 1.0
-                for n in range(steps):
-                    k1, k2 = 1 + eps * values[2 * n], 1 + eps * values[2 * n + 1]
-                    k3 = 1 + eps * values[2 * n + 2]
-                    a, b = move(a, b, 0.0, k1, k2, k3, 2 * zeta, h)
-                    c, d = move(c, d, 0.0, k1, k2, k3, 2 * zeta, h)
-                half, product = abs(a + d) / 2, a * d - b * c
-                root = half * half - product
-                if root > 0:
-                    found[i, j] = math.log(half + math.sqrt(root))
-                else:
-                    found[i, j] = math.log(product) / 2
-        return found
-
-    return growth  # type: ignore[no-any-return,unused-ignore]
+    share, *tables = steps
+    return Samples(share, compiled.shoot(*tables, 2 * math.pi * ratio, 2 * zeta, 1.0)[1])

@@ -105,11 +105,7 @@ def instability_limit(ratio: float, zeta: float, shape: ComplexArray) -> float:
 
 
 def run_stress(
-    count: int = 5000,
-    seed: int = 0,
-    quick: bool = False,
-    tolerances: Sequence[float] = TOLERANCES,
-    progress: Progress | None = None,
+    count: int = 5000, seed: int = 0, quick: bool = False, progress: Progress | None = None
 ) -> list[Row]:
     """Judge `steady_state` on random systems.
 
@@ -120,8 +116,6 @@ def run_stress(
     seed : int
     quick : bool
         40 systems at most.
-    tolerances : sequence of float
-        Asked for in turn.
     progress : callable, optional
         Called with the share done, 0 to 1.
 
@@ -143,17 +137,16 @@ def run_stress(
     return [
         {"system": number, **row}
         for number in followed(range(count), count, progress)
-        for row in judged(draw_system(rng), tolerances)
+        for row in judged(draw_system(rng))
     ]
 
 
-def judged(system: System, tolerances: Sequence[float]) -> list[Row]:
-    """Judge the answers for one system.
+def judged(system: System) -> list[Row]:
+    """Judge the answers for one system, to every tolerance.
 
     Parameters
     ----------
     system : System
-    tolerances : sequence of float
     """
     p = system.problem
     reference, doubt = reference_and_doubt(p)
@@ -166,7 +159,7 @@ def judged(system: System, tolerances: Sequence[float]) -> list[Row]:
         "log_multiplier": -reference.decay_rate * 2 * math.pi * p.frequency_ratio,
         "reference_uncertainty": doubt,
     }
-    return [facts | _verdict(p, reference, tolerance, facts) for tolerance in tolerances]
+    return [facts | _verdict(p, reference, tolerance, facts) for tolerance in TOLERANCES]
 
 
 def _verdict(problem: HillProblem, reference: Reference, tolerance: float, facts: Row) -> Row:

@@ -495,7 +495,7 @@ def _row(case: str, rival: str, pairs: Sequence[Sequence[Timing]]) -> Row:
 
 
 def _pairs_row(sample: int) -> Row:
-    problems = draw_sweep(sample, 0, 0).problems
+    problems = draw_sweep(sample, 0)
     tasks = [[partial(of, own) for of in (_tuned_power, _integrated)] for own in problems]
     timed = [interleaved(own, REPEATS) for own in tasks]
     rival = "time integration of pair and harvester (SciPy LSODA, exact steps)"

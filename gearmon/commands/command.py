@@ -54,7 +54,7 @@ class Command:
     endings : tuple of str
         Endings that the name of the output may have; empty: any.
     output : str
-        What is written under that name.
+        What is written under that name; "...; needed" where it has to be given.
     beside : tuple of str
         What is written beside the output: patterns of names, in which {} stands for its name
         without the ending.
@@ -87,9 +87,7 @@ class Command:
             epilog=self._epilog(),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        own = {"output_endings": self.endings, "beside": self.beside, "folder": self.folder}
-        own |= {"waits": self.waits}
-        parser.set_defaults(run=self.run, **own)
+        parser.set_defaults(asked=self)
         option = parser.add_argument
         option("--json", action="store_true", help="print one JSON object")
         endings = f" ({', '.join(self.endings)})" if self.endings else ""
@@ -127,8 +125,13 @@ def command(*arguments: Argument, **said: Any) -> Callable[[Run], Command]:
     return made
 
 
+def channel_of(text: str) -> str | int:
+    """Return the name of a channel, or its column if the text is a number."""
+    return int(text) if text.isdecimal() else text
+
+
 #: What stands behind an option; any other word is text.
-NUMBERS: dict[str, type] = {"N": int} | dict.fromkeys(
+KINDS: dict[str, Any] = {"N": int, "NAME|N": channel_of} | dict.fromkeys(
     ("DB", "F", "G", "HZ", "LO", "MM", "MS2", "NM", "RPM", "S", "X"), float
 )
 
@@ -164,7 +167,7 @@ def argument(usage: str, told: str, default: Any = None, **more: Any) -> Argumen
         return (name.lower(),), settings | more
     if not words:
         return (name,), {"help": told, "action": "store_true"} | more
-    settings |= {"metavar": words[0], "type": NUMBERS.get(words[0], str)}
+    settings |= {"metavar": words[0], "type": KINDS.get(words[0], str)}
     if several:
         settings |= {"action": "append", "default": [], "help": f"{told}; repeatable"}
     if len(words) > 1:
@@ -230,13 +233,13 @@ Rows = Callable[[], list[dict[str, Any]]]
 DONE, FLAGGED, BAD_INPUT, UNJUDGED, OWN_FAULT, STOPPED = 0, 1, 2, 3, 70, 130
 
 
-def judged(entries: Sequence[Mapping[str, Any]], *, flagged: bool) -> int:
-    """Return the exit code of recordings that were judged.
+def judged(entries: Sequence[Mapping[str, Any]], *, flagged: bool = False) -> int:
+    """Return the exit code of recordings.
 
     Parameters
     ----------
     entries : sequence of mapping
-        With a "verdict", or an "error" of a recording that could not be used.
+        Of those that were judged with a "verdict", and an "error" of one that could not be used.
     flagged : bool
         Whether anything was flagged.
     """
@@ -244,7 +247,7 @@ def judged(entries: Sequence[Mapping[str, Any]], *, flagged: bool) -> int:
         return BAD_INPUT
     if flagged:
         return FLAGGED
-    open_ = any(entry["verdict"] in ("cannot tell", "no mesh found") for entry in entries)
+    open_ = any(entry.get("verdict") in ("cannot tell", "no mesh found") for entry in entries)
     return UNJUDGED if open_ else DONE
 
 
@@ -307,6 +310,7 @@ def finish(
     figures: Callable[[], Mapping[str, Any]] | None = None,
     *,
     rows_in_json: bool = False,
+    write: Callable[[str], Any] | None = None,
 ) -> int:
     """Write a result under the name given, pictures beside it, and show it.
 
@@ -324,27 +328,31 @@ def finish(
         Figures by what is added to the name.
     rows_in_json : bool
         Whether a JSON file holds the rows beside the result; one of a further table holds but rows.
+    write : callable, optional
+        Writes the table in the place of rows; takes its name.
     """
     if isinstance(found, dict):
         result = found
     else:
         result, rows = found.to_dict(), rows or found.frame_rows
         figures = found.figures if found.picture else None
-    if arguments.output:
-        target = Path(arguments.output)
-        if rows is not None:
-            tables, written = rows if isinstance(rows, Mapping) else {"": rows}, []
-            # the name of a picture is that of no table
-            for added, own in tables.items() if target.suffix.lower() != ".png" else ():
-                path = str(target.with_name(f"{target.stem}{added}{target.suffix}"))
-                listed = own()
-                more = {"rows": listed} if added or rows_in_json else {}
-                write_table(path, ({} if added else result) | more, listed)
-                written.append(path)
-            result["tables"] = written
-        if figures is not None:
-            pictures = report.save_all(figures(), target.with_suffix(".png"))
-            result["pictures"] = [str(path) for path in pictures]
+    target, written = Path(arguments.output or ""), []
+    if arguments.output and write is not None:
+        write(arguments.output)
+        written.append(arguments.output)
+    elif arguments.output and rows is not None:
+        tables = rows if isinstance(rows, Mapping) else {"": rows}
+        # the name of a picture is that of no table
+        for added, own in tables.items() if target.suffix.lower() != ".png" else ():
+            path, listed = str(target.with_name(f"{target.stem}{added}{target.suffix}")), own()
+            more = {"rows": listed} if added or rows_in_json else {}
+            write_table(path, ({} if added else result) | more, listed)
+            written.append(path)
+    if arguments.output and (write is not None or rows is not None):
+        result["tables"] = written
+    if arguments.output and figures is not None:
+        pictures = report.save_all(figures(), target.with_suffix(".png"))
+        result["pictures"] = [str(path) for path in pictures]
     files = [path for key in ("tables", "pictures") for path in result.get(key, ())]
     return show(arguments, result, lambda: [*lines(), *(f"wrote {path}" for path in files)])
 

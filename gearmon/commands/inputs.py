@@ -46,12 +46,12 @@ def check_names(arguments: Namespace) -> None:
     Parameters
     ----------
     arguments : Namespace
-        Parsed arguments; `output_endings` holds the endings that the output may have, if not any.
+        Parsed arguments; `asked` is the command, which knows the endings of its output.
 
     Raises
     ------
     ArgumentError
-        If a name is empty, has the wrong ending, or stands for two files.
+        If a name is empty, missing, has the wrong ending, or stands for two files.
     """
     given = vars(arguments)
     for name in ("output", "report", "tacho", *_READ, *_KEPT):
@@ -59,7 +59,10 @@ def check_names(arguments: Namespace) -> None:
             raise ArgumentError(f"--{name}: the name is empty")
     if given.get("report") and Path(given["report"]).suffix.lower() not in (".html", ".htm"):
         raise ArgumentError(f"{given['report']}: the name of a report must end in .html")
-    endings = arguments.output_endings
+    told, endings = arguments.asked.output, arguments.asked.endings
+    if told.endswith("; needed") and not given.get("output"):
+        lacking = f"{arguments.command}: -o PATH is missing"
+        raise ArgumentError(f"{lacking}; {told.removesuffix('; needed')}")
     if given.get("output") and endings and Path(given["output"]).suffix.lower() not in endings:
         listed = ", ".join(endings)
         raise ArgumentError(f"{given['output']}: the name must end in one of {listed}")
@@ -97,11 +100,11 @@ def output_files(arguments: Namespace) -> list[Path]:
         Parsed arguments.
     """
     found: list[Path] = []
-    named = ((arguments.output, arguments.beside), (vars(arguments).get("report"), _PICTURES))
+    named = ((arguments.output, arguments.asked.beside), (vars(arguments).get("report"), _PICTURES))
     for path, beside in [(Path(name), beside) for name, beside in named if name]:
         stem = glob.escape(path.stem)
         found += [path, *(p for name in beside for p in path.parent.glob(name.format(stem)))]
-    return [] if arguments.folder else found
+    return [] if arguments.asked.folder else found
 
 
 def machine_of(path: str, speed_hint_rpm: float | None = None) -> gearmon.Machine:
@@ -153,15 +156,10 @@ def _read(path: str, arguments: Namespace, machine: gearmon.Machine | None) -> g
     return gearmon.read_recording(
         path,
         sampling_rate_hz=arguments.sampling_rate,
-        channels=[channel_of(text) for text in arguments.channel] if arguments.channel else None,
-        tacho=channel_of(arguments.tacho) if arguments.tacho else None,
+        channels=arguments.channel or None,
+        tacho=arguments.tacho,
         sensors=machine.sensors if machine is not None else (),
     )
-
-
-def channel_of(text: str) -> str | int:
-    """Return the name of a channel, or its column if the text is a number."""
-    return int(text) if text.isdecimal() else text
 
 
 def each_of(

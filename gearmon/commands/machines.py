@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import gearmon
@@ -33,12 +34,14 @@ MOST_RATIO_SEARCHED, MOST_RATIO_DRAWN = 50.0, 15.0
 CHART_POINTS = (120, 48)
 #: What the terminal does not show of each member of a family.
 HIDDEN_OF_FAMILY = {"teeth", "lines", "method"}
-MOST_ROWS, MOST_MEETINGS, MOST_LINES = 60, 20, 30
+MOST_MODES, MOST_MEETINGS, MOST_LINES = 60, 20, 30
 #: What it shows of each stage of a signature.
 _STAGE_SHOWN = (
     *("stage", "mesh_frequency_hz", "mean_stiffness_n_per_m", "stiffness_variation"),
     *("contact_ratio", "natural_frequency_hz", "damping_ratio", "error_bound", "error_estimate"),
 )
+#: What is told of each stage's equation beside its stability.
+_PROBLEM_SHOWN = ("natural_frequency_hz", "frequency_ratio", "damping_ratio")
 #: What is assumed of expected lines, and known of recordings.
 ASSUMED = ("path_gain", "wander", "wander_time_s")
 #: Settings of a simulation.
@@ -101,14 +104,14 @@ def stiffness(arguments: Namespace) -> int:
         forms = compare_forms(machine, stage=arguments.stage or 1)
         return finish(arguments, forms, lambda: table_lines(forms.line_rows()))
     report = stiffness_report(machine, faults, form=arguments.form, stage=arguments.stage)
-    return finish(arguments, report, lambda: _stiffness_lines(report.rows()))
+    return finish(arguments, report, lambda: _thinned(report.rows(), "rows"))
 
 
-def _stiffness_lines(rows: list[dict[str, Any]]) -> list[str]:
-    """Show some forty of the rows: the file holds them all."""
+def _thinned(rows: list[dict[str, Any]], what: str) -> list[str]:
+    """Show some forty of the rows, evenly taken: a file holds them all."""
     shown = rows[:: max(1, len(rows) // 40)]
-    told = f"({len(shown)} of {len(rows)} rows; -o FILE.csv writes them all, and a picture)"
-    return [*table_lines(shown), told]
+    told = f"({len(shown)} of {len(rows)} {what}; --json or -o FILE gives them all)"
+    return [*table_lines(shown), *([told] if len(shown) < len(rows) else [])]
 
 
 @command(
@@ -126,11 +129,9 @@ def baseline(arguments: Namespace) -> int:
     machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
     settings = given(arguments, "tolerance", "max_hz")
     signature = gearmon.expected_signature(machine, faults, **settings)
-    result = signature.to_dict()
-    if arguments.output:
-        gearmon.write_signature(signature, arguments.output)
-        result["tables"] = [arguments.output]
-    return finish(arguments, result, lambda: _baseline_lines(signature), figures=signature.figures)
+    lines, write = partial(_baseline_lines, signature), partial(gearmon.write_signature, signature)
+    figures = signature.figures
+    return finish(arguments, signature.to_dict(), lines, figures=figures, write=write)
 
 
 def _baseline_lines(signature: gearmon.Signature) -> list[str]:
@@ -179,23 +180,21 @@ def family(arguments: Namespace) -> int:
     if not len(family):
         raise ArgumentError("no fault is left: " + "; ".join(family.notes))
     result = family.to_dict()
-    if arguments.output:
+
+    def write(path: str) -> None:
         table = family.table(arguments.mesh_harmonics, arguments.sidebands)
-        gearmon.write_signature(table, arguments.output)
-        result["tables"] = [arguments.output]
-    return finish(arguments, result, lambda: _family_lines(result), figures=family.figures)
+        gearmon.write_signature(table, path)
+
+    lines, figures = partial(_family_lines, result), family.figures
+    return finish(arguments, result, lines, figures=figures, write=write)
 
 
 def _family_lines(result: dict[str, Any]) -> list[str]:
-    rows = result["rows"]
-    step = max(1, -(-len(rows) // MOST_ROWS))
-    shown = rows[::step]
-    lines = table_lines(
-        [{name: row[name] for name in row if name not in HIDDEN_OF_FAMILY} for row in shown]
-    )
-    if step > 1:
-        lines.append(f"({len(shown)} of {len(rows)} members; --json or -o FILE gives them all)")
-    return lines + [f"note: {note}" for note in result["notes"]]
+    rows = [
+        {name: row[name] for name in row if name not in HIDDEN_OF_FAMILY} for row in result["rows"]
+    ]
+    notes = (f"note: {note}" for note in result["notes"])
+    return [*_thinned(rows, "members"), *notes]
 
 
 @command(
@@ -214,37 +213,25 @@ def stability(arguments: Namespace) -> int:
 
     machine = machine_of(arguments.machine)
     stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)
-    problems, rows = {}, []
-    for stage in stages:
-        problem = mesh_problem(machine, stage, **given(arguments, "form", "harmonics"))
-        problems[stage] = problem
-        margin = stability_margin(problem, search=problem.frequency_ratio <= MOST_RATIO_SEARCHED)
+    named, rows = given(arguments, "form", "harmonics"), []
+    problems = {stage: mesh_problem(machine, stage, **named) for stage in stages}
+    for stage, p in problems.items():
+        margin = stability_margin(p, search=p.frequency_ratio <= MOST_RATIO_SEARCHED)
         factor = margin.variation_factor
-        rows.append(
-            {
-                "stage": stage,
-                "mesh_frequency_hz": 1 / problem.period_s,
-                "natural_frequency_hz": problem.natural_frequency_hz,
-                "frequency_ratio": problem.frequency_ratio,
-                "damping_ratio": problem.damping_ratio,
-                "stable": margin.stable,
-                "largest_multiplier": abs(margin.multipliers[0]),
-                "unstable_at_variation_times": factor if math.isfinite(factor) else None,
-                "says": margin.message,
-            }
-        )
+        row = {"stage": stage, "mesh_frequency_hz": 1 / p.period_s}
+        row |= {name: getattr(p, name) for name in _PROBLEM_SHOWN}
+        row |= {"stable": margin.stable, "largest_multiplier": abs(margin.multipliers[0])}
+        row["unstable_at_variation_times"] = factor if math.isfinite(factor) else None
+        rows.append(row | {"says": margin.message})
     result: dict[str, Any] = {"machine": machine.name, "rows": rows}
 
     def charts() -> dict[str, Any]:
         from gearmon.dynamics.tongues import stability_map_of
 
         drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
-        return {
-            f"-stage{stage}": report.stability_figure(
-                stability_map_of(problem, points=CHART_POINTS)
-            )
-            for stage, problem in followed(drawn.items(), len(drawn), arguments.progress)
-        }
+        steps = followed(drawn.items(), len(drawn), arguments.progress)
+        maps = ((stage, stability_map_of(problem, points=CHART_POINTS)) for stage, problem in steps)
+        return {f"-stage{stage}": report.stability_figure(own) for stage, own in maps}
 
     return finish(arguments, result, lambda: table_lines(rows), lambda: rows, charts)
 
@@ -278,7 +265,7 @@ def _modes_lines(found: Modes) -> list[str]:
             "type": mode.type,
             "strain energy": mode.strained(),
         }
-        for mode in found.rows[:MOST_ROWS]
+        for mode in found.rows[:MOST_MODES]
     ]
     met = [own for own in found.campbell if own.drives]
     near = sorted(met, key=lambda own: abs(math.log(own.speed_rpm / found.speeds_rpm[0])))
@@ -308,14 +295,9 @@ def simulate(arguments: Namespace) -> int:
     """Run `gearmon simulate`."""
     from gearmon.simulation import write_simulation
 
-    if not arguments.output:
-        raise ArgumentError("simulate: -o PATH is missing; name the CSV file to write")
-    machine = machine_of(arguments.machine)
-    settings = {name: vars(arguments)[name] for name in _SETTINGS}
-    tacho, progress = 1 if arguments.tacho else None, arguments.progress
-    recording = gearmon.simulate(
-        machine, arguments.fault, **settings, tacho_shaft=tacho, progress=progress
-    )
+    machine, settings = machine_of(arguments.machine), given(arguments, *_SETTINGS, "progress")
+    settings["tacho_shaft"] = 1 if arguments.tacho else None
+    recording = gearmon.simulate(machine, arguments.fault, **settings)
     files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
     result = {"recording": str(files[0]), "truth": str(files[1])}
     return show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
@@ -378,20 +360,13 @@ def harvest(arguments: Namespace) -> int:
 
 def _refuse_mixed(arguments: Namespace) -> None:
     """Refuse options of expected lines beside recordings, and of recordings without any."""
-    if not arguments.recording:
-        for name in ("shares", "share_error", "degraded", "channel", "sampling_rate"):
-            if getattr(arguments, name):
-                option = name.removesuffix("s").replace("_", "-")
-                told = "only beside recordings; name them after the machine"
-                raise ArgumentError(f"--{option}: {told}")
-        return
-    if arguments.fault:
-        raise ArgumentError(
-            "--fault: only for expected lines; give --degraded RECORDING beside recordings"
-        )
-    for name in ASSUMED:
-        if getattr(arguments, name) is not None:
-            option = name.removesuffix("_s").replace("_", "-")
-            raise ArgumentError(f"--{option}: only for expected lines; recordings hold their own")
-    if arguments.share_error is not None and not arguments.shares:
-        raise ArgumentError("--share-error: only beside --share")
+    of_recordings = ("shares", "share_error", "degraded", "channel", "sampling_rate")
+    wrong = dict.fromkeys(of_recordings, "only beside recordings; name them after the machine")
+    if arguments.recording:
+        wrong = dict.fromkeys(ASSUMED, "only for expected lines; recordings hold their own")
+        wrong["fault"] = "only for expected lines; give --degraded RECORDING beside recordings"
+        if not arguments.shares:
+            wrong["share_error"] = "only beside --share"
+    for name in given(arguments, *wrong):
+        option = name.removesuffix("_s").removesuffix("s").replace("_", "-")
+        raise ArgumentError(f"--{option}: {wrong[name]}")

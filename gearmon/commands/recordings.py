@@ -49,8 +49,6 @@ def learn(arguments: Namespace) -> int:
     """Run `gearmon learn`."""
     from gearmon.diagnosis.analysis import learned
 
-    if not arguments.output:
-        raise ArgumentError("learn: -o REFERENCE is missing; name the reference file to write")
     machine = machine_of(arguments.machine, arguments.speed_hint)
     signatures = [
         gearmon.measure_signature(recording_of(path, arguments, machine), machine)
@@ -106,7 +104,7 @@ def analyse(arguments: Namespace) -> int:
     reported = part_of(arguments.progress, share, 1.0 - share)
     analysed = part_of(arguments.progress, 0.0, share)
     # what goes to other processes
-    kept_here = {"progress": None, "recording": (), "run": None}
+    kept_here = {"progress": None, "recording": (), "asked": None}
     alone = Namespace(**vars(arguments) | kept_here)
     known: dict[str, Any] = {"machine": machine, "reference": reference}
     task = partial(_analysed, arguments=alone, must_notice=must_notice, **known)
@@ -233,16 +231,13 @@ def _classifier(arguments: Namespace, machine: gearmon.Machine) -> tuple[KindCla
     path = arguments.trained
     if path and Path(path).exists():
         classifier = read_kinds(path)
-        if classifier.machine_ != tooth_counts(machine):
-            raise ArgumentError(
-                f"{path}: was trained for teeth {classifier.machine_ or 'not told'}, the machine "
-                f"file has {tooth_counts(machine)}; name another file to train one"
-            )
-        if classifier.n_features_in_ != len(NAMES):
-            raise ArgumentError(
-                f"{path}: knows {classifier.n_features_in_} features, there are {len(NAMES)}; name "
-                "another file to train one"
-            )
+        teeth, known, wrong = tooth_counts(machine), classifier.machine_ or "not told", ""
+        if known != teeth:
+            wrong = f"was trained for teeth {known}, the machine file has {teeth}"
+        elif classifier.n_features_in_ != len(NAMES):
+            wrong = f"knows {classifier.n_features_in_} features, there are {len(NAMES)}"
+        if wrong:
+            raise ArgumentError(f"{path}: {wrong}; name another file to train one")
         return classifier, False
     check_range("--examples", arguments.examples, *EXAMPLES_BETWEEN)
     check_range("--seed", arguments.seed, 0, 2**63 - 1)

@@ -61,8 +61,6 @@ def init(arguments: Namespace) -> int:
     from gearmon.gears.kinematics import kinematics
     from gearmon.report.wording import template
 
-    if not arguments.output:
-        raise ArgumentError("init: -o MACHINE is missing; name the machine file to write")
     teeth = arguments.teeth or [_asked("teeth", "teeth of the first stage, driver/driven: ")]
     stages = [_stage(text) for text in teeth]
     rpm = _rpm(arguments.speed or _asked("speed", "speed of shaft 1, such as 1480rpm or 24.7hz: "))

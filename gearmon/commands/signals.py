@@ -11,20 +11,19 @@ from typing import TYPE_CHECKING, Any
 import gearmon
 from gearmon import report
 from gearmon.commands.command import (
-    BAD_INPUT,
-    DONE,
-    FLAGGED,
     SAMPLING_RATE,
     TACHO,
     Rows,
     argument,
+    channel_of,
     command,
     fault,
     finish,
     given,
+    judged,
     recordings,
 )
-from gearmon.commands.inputs import channel_of, each_of, machine_of, recording_of
+from gearmon.commands.inputs import each_of, machine_of, recording_of
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 
@@ -95,7 +94,7 @@ def indicators(arguments: Namespace) -> int:
 
     lines = partial(_indicator_lines, result, tables)
     finish(arguments, result, lines, rows if tables else None, figures, rows_in_json=True)
-    return BAD_INPUT if any("error" in entry for entry in entries) else DONE
+    return judged(entries)
 
 
 def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> list[str]:
@@ -269,9 +268,7 @@ def exposure(arguments: Namespace) -> int:
         result["report"] = str(report.write_exposure_report(told, arguments.report))
     rows, figures = partial(_exposure_rows, told), partial(_exposure_figures, told)
     finish(arguments, result, lambda: _exposure_lines(told, result), rows, figures)
-    if any("error" in entry for entry in entries):
-        return BAD_INPUT
-    return FLAGGED if day is not None and day.flagged else DONE
+    return judged(entries, flagged=day is not None and day.flagged)
 
 
 def _check_exposure(arguments: Namespace) -> None:
@@ -293,11 +290,9 @@ def _felt(path: str, arguments: Namespace, machine: gearmon.Machine | None) -> I
         floor = gearmon.vibration_exposure(arguments.floor, arguments.position, axes, **reading)
         yield gearmon.seat_factor(exposure, floor)
     if machine is not None:
-        tacho = channel_of(arguments.tacho) if arguments.tacho else None
+        rate, tacho = arguments.sampling_rate, arguments.tacho
         named = [axis.channel for axis in exposure.axes]
-        recording = gearmon.open_recording(
-            path, arguments.sampling_rate, named, tacho, machine.sensors
-        )
+        recording = gearmon.open_recording(path, rate, named, tacho, machine.sensors)
         yield gearmon.gear_share(recording, exposure, machine, arguments.fault)
 
 
@@ -331,10 +326,7 @@ def _exposure_lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:
 
 def _exposure_rows(told: list[Told]) -> list[dict[str, Any]]:
     """Return a row an axis of each recording, else one a job of the day."""
-    from gearmon.exposure import DayExposure
-
-    rows = [row for own in told if isinstance(own, gearmon.Exposure) for row in own.frame_rows()]
-    return rows or [row for own in told if isinstance(own, DayExposure) for row in own.frame_rows()]
+    return [row for own in told if type(own) is type(told[0]) for row in own.frame_rows()]
 
 
 def _exposure_figures(told: list[Told]) -> dict[str, Any]:

@@ -7,11 +7,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module, resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from gearmon.errors import ArgumentError
 from gearmon.files import made_folder, write_atomically
@@ -20,6 +20,7 @@ from gearmon.terminal import Progress
 if TYPE_CHECKING:
     from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
+    from gearmon.study.report import StudyReport
 
 #: Name of a demo -> its function, as "module:function".
 DEMOS = {
@@ -32,16 +33,6 @@ DEMOS = {
     "fleet": "gearmon.demos.fleet:fleet_demo",
     "study": "gearmon.study.report:write_study",
 }
-
-
-class Told(Protocol):
-    """What a demo did."""
-
-    def lines(self) -> list[str]:
-        """Tell it on a terminal."""
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return built-in types, ready for JSON."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +62,7 @@ class Demo:
         return {what: str(path) for what, path in self.files.items()} | self.facts
 
 
-def run_demo(name: str, folder: Path, progress: Progress | None = None) -> Told:
+def run_demo(name: str, folder: Path, progress: Progress | None = None) -> Demo | StudyReport:
     """Run a demo in a folder of its own.
 
     Parameters
@@ -94,7 +85,7 @@ def run_demo(name: str, folder: Path, progress: Progress | None = None) -> Told:
         raise ArgumentError(f"demo={name!r} must be one of {', '.join(DEMOS)}")
     made_folder(folder)
     module, _, function = DEMOS[name].partition(":")
-    done: Told = getattr(import_module(module), function)(folder, progress)
+    done: Demo | StudyReport = getattr(import_module(module), function)(folder, progress)
     return done
 
 
@@ -105,9 +96,7 @@ def given_file(name: str, folder: Path, as_name: str, **values: Any) -> Path:
     return folder / as_name
 
 
-def recorded(
-    path: Path, machine: Machine, faults: Sequence[str], duration_s: float, **settings: Any
-) -> Recording:
+def recorded(path: Path, machine: Machine, **settings: Any) -> Recording:
     """Simulate a recording, write it and read it back: a demo sees what a user's files would hold.
 
     Parameters
@@ -115,15 +104,13 @@ def recorded(
     path : Path
         Of the file.
     machine : Machine
-    faults : sequence of str
-    duration_s : float
     **settings
         See `gearmon.simulate`.
     """
     from gearmon.signals.recording import read_recording
     from gearmon.simulation import simulate, write_simulation
 
-    write_simulation(simulate(machine, faults, duration_s, **settings), path)
+    write_simulation(simulate(machine, **settings), path)
     return read_recording(path, sensors=machine.sensors)
 
 

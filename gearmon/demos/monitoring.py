@@ -1,15 +1,15 @@
 """Demos of monitoring: a crack found and one that grows, kinds of faults told apart, a whole day.
 
-All but the first are of one conveyor drive, see `Conveyor`: learned sound at several loads, then
-judged in recordings that differ from demo to demo.
+A machine is learned sound at several loads, then judged in recordings that differ from demo to
+demo, see `_monitored`. All but the first are of one conveyor drive.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
-from itertools import product
+from itertools import islice, product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -40,92 +40,63 @@ if TYPE_CHECKING:
 DURATION_S, RATE_HZ = 5.0, 10_240.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Conveyor:
-    """Always the same conveyor drive, learned sound in the folder of a demo.
+#: A recording and what is concluded from it.
+Judged = tuple[gearmon.Recording, gearmon.Analysis]
+
+
+def _monitored(
+    folder: Path,
+    machine: gearmon.Machine,
+    made: Callable[..., gearmon.Recording],
+    learned: Sequence[dict[str, Any]],
+    new: Sequence[dict[str, Any]],
+    progress: Progress | None,
+) -> tuple[list[gearmon.Recording], gearmon.Reference, list[Judged]]:
+    """Record a machine, learn from the first recordings, and judge the others.
 
     Parameters
     ----------
+    folder : Path
+        Where the reference is kept.
     machine : Machine
-    healthy : list of Recording
-        What was learned from.
-    reference : Reference
+    made : callable
+        Makes a recording; takes the machine and what `learned` and `new` tell of it.
+    learned, new : sequence of dict
     progress : callable or None
-        Told of what is judged.
     """
-
-    machine: gearmon.Machine
-    healthy: list[gearmon.Recording]
-    reference: gearmon.Reference
-    progress: Progress | None
-
-    @classmethod
-    def learned(
-        cls,
-        folder: Path,
-        progress: Progress | None,
-        further: int,
-        seed: int,
-        settings: Sequence[dict[str, Any]],
-        name: str = "healthy-{load:.2f}",
-    ) -> Conveyor:
-        """Write its machine file, record it at several settings, and keep the reference.
-
-        Parameters
-        ----------
-        folder : Path
-        progress : callable or None
-        further : int
-            Steps after the learning.
-        seed : int
-            Of the first recording.
-        settings : sequence of dict
-            Of each recording: load, slip.
-        name : str
-            Of each recording.
-        """
-        machine = gearmon.load_machine(given_file("conveyor.toml", folder, "machine.toml"))
-        learned, total, healthy = len(settings), len(settings) + further, []
-        for number, own in enumerate(followed(settings, total, progress), start=seed):
-            healthy.append(_recorded(machine, name.format(**own), number, **own))
-        reference = _kept(machine, healthy, folder)
-        rest = part_of(progress, learned / total, further / total)
-        return cls(machine=machine, healthy=healthy, reference=reference, progress=rest)
-
-    def judged(
-        self, name: str, seed: int, faults: Sequence[str] = (), **settings: Any
-    ) -> tuple[gearmon.Recording, gearmon.Analysis]:
-        """Record it anew, and judge the recording."""
-        recording = _recorded(self.machine, name, seed, faults, **settings)
-        return recording, gearmon.analyse(recording, self.machine, self.reference)
+    total = len(learned) + len(new)
+    recordings = followed((made(machine, **own) for own in (*learned, *new)), total, progress)
+    healthy = list(islice(recordings, len(learned)))
+    reference = gearmon.learn(healthy, machine)
+    gearmon.write_reference(reference, folder / "healthy.ref")
+    return healthy, reference, [(o, gearmon.analyse(o, machine, reference)) for o in recordings]
 
 
-def _recorded(
-    machine: gearmon.Machine, name: str, seed: int, faults: Sequence[str] = (), **settings: Any
-) -> gearmon.Recording:
-    """Simulate two accelerometers and a tachometer; seed is what differs between recordings."""
-    settings = {"machine_seed": 1, "channels": 2, "tacho_shaft": 1} | settings
-    made = gearmon.simulate(machine, faults, DURATION_S, RATE_HZ, recording_seed=seed, **settings)
+def _conveyor(folder: Path) -> gearmon.Machine:
+    """Write the file of the conveyor drive and load it."""
+    return gearmon.load_machine(given_file("conveyor.toml", folder, "machine.toml"))
+
+
+def _heard(machine: gearmon.Machine, name: str, **settings: Any) -> gearmon.Recording:
+    """Simulate two accelerometers and a tachometer of the drive."""
+    known: dict[str, Any] = {"machine_seed": 1, "channels": 2, "tacho_shaft": 1}
+    known |= {"duration_s": DURATION_S, "sampling_rate_hz": RATE_HZ}
+    made = gearmon.simulate(machine, **known | settings)
     return replace(gearmon.read_recording(made), origin=name)
 
 
-def _kept(
-    machine: gearmon.Machine, healthy: Sequence[gearmon.Recording], folder: Path
-) -> gearmon.Reference:
-    """Learn from healthy recordings, and keep the reference in the folder."""
-    reference = gearmon.learn(healthy, machine)
-    gearmon.write_reference(reference, folder / "healthy.ref")
-    return reference
+def _plan(seed: int, **told: Sequence[Any]) -> list[dict[str, Any]]:
+    """Return what tells of each recording: columns as rows, with seeds counted from the first."""
+    rows = [dict(zip(told, own, strict=True)) for own in zip(*told.values(), strict=True)]
+    return [row | {"recording_seed": seed + number} for number, row in enumerate(rows)]
 
 
 FAULT = "crack:1:pinion:7:30%"
 # Healthy recordings at three loads, then a healthy and a cracked one at a load in between.
-PLAN: dict[str, tuple[Any, ...]] = {
-    "healthy-60": (0.6,),
-    "healthy-80": (0.8,),
-    "healthy-100": (1.0,),
-    "new-healthy": (0.9,),
-    "new-cracked": (0.9, FAULT),
+PLAN: dict[str, Sequence[Any]] = {
+    "name": ("healthy-60", "healthy-80", "healthy-100", "new-healthy", "new-cracked"),
+    "load": (0.6, 0.8, 1.0, 0.9, 0.9),
+    "faults": ([], [], [], [], [FAULT]),
 }
 
 
@@ -140,14 +111,15 @@ def crack_demo(folder: Path, progress: Progress | None = None) -> Demo:
         Called with the share done, 0 to 1.
     """
     write_atomically(folder / "machine.toml", example_machine())
-    machine, recordings = gearmon.load_machine(folder / "machine.toml"), []
-    kept: dict[str, Any] = {"channels": 2, "tacho_shaft": 1, "sampling_rate_hz": RATE_HZ}
-    steps = followed(PLAN.items(), len(PLAN) + 1, progress)
-    for number, (name, (load, *faults)) in enumerate(steps):
-        own = kept | {"machine_seed": 1, "recording_seed": number, "load": load}
-        recordings.append(recorded(folder / f"{name}.csv", machine, faults, 6.0, **own))
-    reference, new = _kept(machine, recordings[:3], folder), recordings[3:]
-    analyses = [gearmon.analyse(recording, machine, reference) for recording in new]
+    machine = gearmon.load_machine(folder / "machine.toml")
+
+    def made(machine: gearmon.Machine, name: str, **own: Any) -> gearmon.Recording:
+        kept = {"machine_seed": 1, "channels": 2, "tacho_shaft": 1, "sampling_rate_hz": RATE_HZ}
+        return recorded(folder / f"{name}.csv", machine, duration_s=6.0, **kept, **own)
+
+    plan = _plan(0, **PLAN)
+    _, reference, judged = _monitored(folder, machine, made, plan[:3], plan[3:], progress)
+    new, analyses = zip(*judged, strict=True)
     written = gearmon.write_report(analyses, new, reference, machine, folder / "report.html")
     return Demo(
         story=tuple(line for found in analyses for line in (report.analysis_text(found), "")),
@@ -182,36 +154,31 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
-    loads = [{"load": load} for load in GROWTH_LOADS]
-    drive = Conveyor.learned(folder, progress, RECORDINGS, 100, loads)
     losses = [true_loss(number) for number in range(RECORDINGS)]
-    loaded = np.random.default_rng(7).uniform(0.7, 1.0, RECORDINGS).tolist()
-    history = histories.History(machine=drive.machine.name)
-    weeks = followed(zip(loaded, losses, strict=True), RECORDINGS, drive.progress)
-    for number, (load, loss) in enumerate(weeks):
-        faults = [f"crack:1:pinion:{TOOTH}:{loss!r}"] if loss else []
-        _, analysis = drive.judged(f"week-{number + 1:02d}", number, faults, load=load)
+    loads = np.random.default_rng(7).uniform(0.7, 1.0, RECORDINGS).tolist()
+    faults = [[f"crack:1:pinion:{TOOTH}:{loss!r}"] if loss else [] for loss in losses]
+    names = [f"week-{number + 1:02d}" for number in range(RECORDINGS)]
+    learned = _plan(100, name=[f"healthy-{own:.2f}" for own in GROWTH_LOADS], load=GROWTH_LOADS)
+    machine, weeks = _conveyor(folder), _plan(0, name=names, load=loads, faults=faults)
+    *_, judged = _monitored(folder, machine, _heard, learned, weeks, progress)
+    history = histories.History(machine=machine.name)
+    for number, (_, analysis) in enumerate(judged):
         history = history.with_entry(histories.entry_of(analysis, START + number * WEEK))
     store = folder / "history.db"
     # a second run of the demo is the same history
     histories.append(store, history.entries, replace=True)
     found = histories.history_trends(histories.read_history(store, history.machine), limit=LIMIT)
-    flagged = _first_flagged(found)
-    first = None if flagged is None else flagged + 1
+    sound = [n for n, entry in enumerate(found.history.entries) if entry.verdict != "fault"]
+    # from here on all are flagged
+    flagged = sound[-1] + 1 if sound else 0
+    first = flagged + 1 if flagged < RECORDINGS else None
     facts = {"true_loss": losses, "first_flagged": first, "history": found.to_dict()}
     figure = report.history_figure(found, losses)
     return told(folder, "growth", figure, _growth_story(found, losses, flagged), facts)
 
 
-def _first_flagged(found: histories.HistoryTrends) -> int | None:
-    """Return the number of the first recording, from 0, from which on all are flagged."""
-    sound = [n for n, entry in enumerate(found.history.entries) if entry.verdict != "fault"]
-    first = sound[-1] + 1 if sound else 0
-    return first if first < len(found.history.entries) else None
-
-
 def _growth_story(
-    found: histories.HistoryTrends, losses: Sequence[float], flagged: int | None
+    found: histories.HistoryTrends, losses: Sequence[float], flagged: int
 ) -> Iterator[str]:
     """Tell the story."""
     entries = found.history.entries
@@ -224,7 +191,7 @@ def _growth_story(
     )
     wrong = sum(bool(entry.findings) for entry in entries[:since])
     yield f"Flags in the {since} sound recordings: {wrong}."
-    if flagged is None:
+    if flagged == len(entries):
         yield "The last recording is not flagged: this crack was not found."
     else:
         entry = entries[flagged]
@@ -292,18 +259,18 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
     progress : callable, optional
         Called with the share done, 0 to 1.
     """
-    loads = [{"load": load} for load in KIND_LOADS]
-    further = 1 + len(STATES) * len(NEW_LOADS)
-    drive = Conveyor.learned(folder, progress, further, 100, loads, "{load:.0%} load")
-    training = part_of(drive.progress, 0.0, 1 / further)
-    classifier = gearmon.train_kinds(drive.machine, count=EXAMPLES, progress=training)
-    judged: list[dict[str, Any]] = []
-    judging = part_of(drive.progress, 1 / further, 1 - 1 / further)
-    for truth, load in followed(product(STATES, NEW_LOADS), further - 1, judging):
-        faults, seed = STATES[truth][0], len(judged)
-        _, analysis = drive.judged(f"{load:.0%} load", seed, faults, load=load)
-        own = _told_kind(analysis, drive.reference, classifier)
-        judged.append({"truth": truth, "load": load} | own)
+    trials = list(product(STATES, NEW_LOADS))
+    loads, faults = [load for _, load in trials], [STATES[truth][0] for truth, _ in trials]
+    new = _plan(0, name=[f"{load:.0%} load" for load in loads], load=loads, faults=faults)
+    learned = _plan(100, name=[f"{load:.0%} load" for load in KIND_LOADS], load=KIND_LOADS)
+    machine = _conveyor(folder)
+    training, judging = part_of(progress, 0.0, 0.2), part_of(progress, 0.2, 0.8)
+    classifier = gearmon.train_kinds(machine, count=EXAMPLES, progress=training)
+    _, reference, found = _monitored(folder, machine, _heard, learned, new, judging)
+    judged = [
+        {"truth": truth, "load": load} | _told_kind(analysis, reference, classifier)
+        for (truth, load), (_, analysis) in zip(trials, found, strict=True)
+    ]
     right = sum(one["told"] == one["truth"] for one in judged)
     facts = {"right": right, "recordings": judged}
     changes = dict(_changes(truth, judged) for truth in STATES)
@@ -389,21 +356,20 @@ def day_demo(folder: Path, progress: Progress | None = None) -> Demo:
     """
     import pandas as pd
 
-    settings = [{"load": load, "slip": slip} for load, slip in DAY_LEARNED]
-    drive = Conveyor.learned(folder, progress, HOURS, 200, settings)
-    usual_db = np.mean([_level_db(recording) for recording in drive.healthy], axis=0)
-    analyses, hours = [], []
-    wander: dict[str, Any] = {"speed_drift": 0.01, "load_drift": 0.06}
-    rides = followed(zip(*_day(), strict=True), HOURS, drive.progress)
-    for number, (load, slip) in enumerate(rides):
-        name = f"{MORNING + timedelta(hours=number):%H:%M}"
-        recording, analysis = drive.judged(name, number, load=load, slip=slip, **wander)
-        analyses.append(analysis)
-        speed_hz = analysis.signature.speed.estimated_hz
-        known = {"load": load, "speed_hz": speed_hz, "score": analysis.score}
-        moved = zip(LEVELS, _level_db(recording) - usual_db, strict=True)
-        hours.append(known | {"verdict": analysis.verdict} | dict(moved))
-    day = pd.DataFrame(hours, index=MORNING.hour + np.arange(HOURS, dtype=float))
+    (loads, slips), (known, slipped) = _day(), zip(*DAY_LEARNED, strict=True)
+    learned = _plan(200, name=[f"healthy-{load:.2f}" for load in known], load=known, slip=slipped)
+    names = [f"{MORNING + timedelta(hours=number):%H:%M}" for number in range(HOURS)]
+    wander = {"speed_drift": 0.01, "load_drift": 0.06}
+    new = [own | wander for own in _plan(0, name=names, load=loads, slip=slips)]
+    healthy, _, judged = _monitored(folder, _conveyor(folder), _heard, learned, new, progress)
+    usual_db = np.mean([_level_db(recording) for recording in healthy], axis=0)
+    hours = [
+        (load, own.signature.speed.estimated_hz, own.score, own.verdict, *(_level_db(r) - usual_db))
+        for load, (r, own) in zip(loads, judged, strict=True)
+    ]
+    columns = ["load", "speed_hz", "score", "verdict", *LEVELS]
+    clock = MORNING.hour + np.arange(HOURS, dtype=float)
+    day, analyses = pd.DataFrame(hours, clock, columns), [analysis for _, analysis in judged]
     alarms = int(np.sum(day["verdict"] == "fault"))
     recordings = [analysis.to_dict() for analysis in analyses]
     facts = {"alarms": alarms, "load": day["load"].tolist(), "recordings": recordings}

@@ -16,7 +16,7 @@ from gearmon.report import exposure_lines, harvest_lines, save_all, write_exposu
 from gearmon.terminal import Progress, followed
 
 FAULT = "crack:1:pinion:5:30%"
-AT_THREE_PLACES: dict[str, Any] = {"sampling_rate_hz": 12_800.0, "channels": 3}
+AT_THREE_PLACES: dict[str, Any] = {"sampling_rate_hz": 12_800.0, "channels": 3, "machine_seed": 4}
 
 
 def harvest_demo(folder: Path, progress: Progress | None = None) -> Demo:
@@ -48,10 +48,12 @@ def harvest_demo(folder: Path, progress: Progress | None = None) -> Demo:
 def _recorded(machine: gearmon.Machine, folder: Path, number: int, fault: str) -> gearmon.Recording:
     """Record an operating point at three places."""
     point = machine.operating[number]
-    faults, state = ([fault], "damaged") if fault else ([], "sound")
-    seeds: dict[str, Any] = {"machine_seed": 4, "recording_seed": 2 * number + bool(fault)}
-    path = folder / f"{point.name.split(',')[0]}-{state}.csv"
-    return recorded(path, machine, faults, 12.0, point=point, **AT_THREE_PLACES, **seeds)
+    own: dict[str, Any] = {
+        "faults": [fault] if fault else [],
+        "recording_seed": 2 * number + bool(fault),
+    }
+    path = folder / f"{point.name.split(',')[0]}-{'damaged' if fault else 'sound'}.csv"
+    return recorded(path, machine, duration_s=12.0, point=point, **AT_THREE_PLACES, **own)
 
 
 RATE_HZ, DURATION_S, LEVER_S = 400.0, 240.0, 12.0
@@ -81,7 +83,7 @@ def exposure_demo(folder: Path, progress: Progress | None = None) -> Demo:
     machine = gearmon.load_machine(given_file("tractor.toml", folder, "machine.toml"))
     day = gearmon.exposure_day(plan)
     point, lever = machine.operating[0], folder / "lever.csv"
-    recorded(lever, machine, [], LEVER_S, point=point, machine_seed=4, **AT_THREE_PLACES)
+    recorded(lever, machine, duration_s=LEVER_S, point=point, **AT_THREE_PLACES)
     axes: dict[str, str | int] = {"x": "a1", "y": "a2", "z": "a3"}
     hand = gearmon.vibration_exposure(str(lever), "hand", axes)
     gears = gearmon.gear_share(lever, hand, machine, [WEAR])

@@ -12,7 +12,7 @@ import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark.equations import VARIATION, Case, Lines, Samples, as_lines, solve_reference
-from gearmon.benchmark.rivals import Contender, measured
+from gearmon.benchmark.rivals import Contender, against, measured
 from gearmon.benchmark.timing import Row, facts_of_run
 from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import rms
@@ -352,7 +352,7 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
     """
     case, facts = Case(problem=pair.REFERENCE), facts_of_run()
     return SpeedStudy(
-        costs=measured(list(_ways(case, tolerances)), repeats, LONGEST_S, solve_reference(case)),
+        costs=measured(list(_ways(case, tolerances)), repeats, LONGEST_S),
         repeats=repeats,
         machine="{processor}, {cores} processors, Python {python}, NumPy {numpy}".format(**facts),
     )
@@ -360,20 +360,22 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
 
 def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
     """Yield every way; of many sets that are substituted at once the first is the reference."""
-    p = pair.REFERENCE
+    p, reference = pair.REFERENCE, solve_reference(case)
     for order in ORDERS:
         substitute = expand(case.problem, order, HIGHEST).substitute
         for way, sets in ((SUBSTITUTION, 1), (MANY, AT_ONCE)):
             masses = p.mass_kg * np.linspace(1.0, 1.5, sets)
             of_sets = partial(substitute, mass_kg=masses, damping_ns_per_m=p.damping_ns_per_m)
-            yield Contender(way, f"{order}", run=of_sets, motion=_first_set, sets=sets)
+            judge = against(reference, _first_set)
+            yield Contender(way, f"{order}", run=of_sets, judge=judge, sets=sets)
     for tolerance in (1e-3, 1e-6, 1e-8):
         anew = partial(steady_state, case.problem, tolerance)
-        yield Contender(SOLUTION, f"{tolerance:.0e}", run=anew, motion=as_lines)
+        judge = against(reference, as_lines)
+        yield Contender(SOLUTION, f"{tolerance:.0e}", run=anew, judge=judge)
     for method in METHODS:
         for tolerance in tolerances:
             stepping = partial(_integrated, case, method, tolerance)
-            yield Contender(method, f"{tolerance:.0e}", run=stepping)
+            yield Contender(method, f"{tolerance:.0e}", run=stepping, judge=against(reference))
 
 
 def _integrated(case: Case, solver: str, tolerance: float) -> Samples:

@@ -10,12 +10,12 @@ from reference.hill_reference import periodic_solution
 from reference.refined_balance import refined_balance
 
 from gearmon.benchmark.equations import (
+    CASES,
     Case,
     Lines,
     Samples,
     as_lines,
     folded,
-    named_case,
     pair,
     rule,
     solve_reference,
@@ -62,7 +62,7 @@ def test_against_balance_in_extended_precision(seed):
 
 
 def test_true_rectangle_against_exact_pieces():
-    case = named_case("rectangle")
+    case = CASES["rectangle"]()
     share = np.arange(400) / 400  # with samples on the jumps
     p = case.problem
     known = p.mass_kg, p.damping_ns_per_m, p.stiffness_n_per_m, case.rectangle, 0.5
@@ -74,7 +74,7 @@ def test_true_rectangle_against_exact_pieces():
 
 def test_error_of_a_known_fault():
     """A line wrong by a hundredth of the whole is an error of a hundredth."""
-    case = named_case("pair")
+    case = CASES["pair"]()
     reference = solve_reference(case)
     good = as_lines(steady_state(case.problem, 1e-11)).displacement.copy()
     orders = np.arange(len(good))
@@ -85,7 +85,7 @@ def test_error_of_a_known_fault():
 
 
 def test_unevenly_sampled_error():
-    case = named_case("pair")
+    case = CASES["pair"]()
     reference = solve_reference(case)
     share = np.sort(np.random.default_rng(3).random(700))
     response = steady_state(case.problem, 1e-11)
@@ -96,7 +96,7 @@ def test_unevenly_sampled_error():
 
 
 def test_decay_rate():
-    reference = solve_reference(named_case("pair"))
+    reference = solve_reference(CASES["pair"]())
     assert reference.decay_rate == pytest.approx(0.300669, abs=1e-6)  # damping ratio
 
 
