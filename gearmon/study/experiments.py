@@ -370,8 +370,7 @@ def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
             yield Contender(way, f"{order}", run=of_sets, judge=judge, sets=sets)
     for tolerance in (1e-3, 1e-6, 1e-8):
         anew = partial(steady_state, case.problem, tolerance)
-        judge = against(reference, as_lines)
-        yield Contender(SOLUTION, f"{tolerance:.0e}", run=anew, judge=judge)
+        yield Contender(SOLUTION, f"{tolerance:.0e}", run=anew, judge=against(reference, as_lines))
     for method in METHODS:
         for tolerance in tolerances:
             stepping = partial(_integrated, case, method, tolerance)
