@@ -331,7 +331,14 @@ def crossings(
     def crossing(level: float, left: float, right: float) -> float:
         # a corner found to a millionth of the range spoils an integral by the square of that
         far = 1e-6 * (high - low)
-        return float(brentq(lambda t: float(curve(np.array(t))) - level, left, right, xtol=far))
+
+        def off(t: float) -> float:
+            return float(curve(np.array(t))) - level
+
+        # where it only touches, rounding tells the sides apart
+        if off(left) * off(right) > 0:
+            return min(left, right, key=lambda t: abs(off(t)))
+        return float(brentq(off, left, right, xtol=far))
 
     places = zip(*np.nonzero(above[:, 1:] != above[:, :-1]), strict=True)
     return np.array([crossing(levels[i], grid[j], grid[j + 1]) for i, j in places])

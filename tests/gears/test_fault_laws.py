@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
@@ -95,6 +95,7 @@ def test_written_read_and_of_no_size(gear, text):
     st.floats(0.01, 0.95),
     st.floats(0.01, 0.95),
 )
+@example("sun", "crack-parabolic", 0.5, 0.5)
 def test_size_to_loss_and_back_on_every_gear(gear, kind, one, two):
     stage, number = MESHES[gear]
     pair = mesh_pairs(stage, 1)[number]

@@ -172,6 +172,15 @@ def test_another_tooth_turns_the_phases():
     np.testing.assert_allclose(np.exp(1j * four["phase_rad"]), turned, atol=1e-4)
 
 
+def test_lines_of_no_gear_are_as_large_as_the_product_of_both_losses():
+    shares = []
+    for loss in ("0.1%", "0.2%"):
+        both = [f"stiffness:1:{gear}:2:{loss}" for gear in ("pinion", "gear")]
+        found = expected_signature(machine(SMALL), both, 1e-6, max_hz=2000.0)
+        shares.append(found.header["cross_lines_share"])
+    assert shares[1] / shares[0] == pytest.approx(4.0, rel=0.05)
+
+
 def test_faults_on_both_gears():
     faults = ["crack:1:pinion:2:10%", "crack:1:gear:3:10%"]
     found = expected_signature(

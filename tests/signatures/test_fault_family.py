@@ -405,3 +405,16 @@ def test_command_refuses_in_one_line(words, says, capsys):
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
+
+
+def test_what_a_fault_changes_goes_to_none_in_proportion_to_its_loss():
+    rows, means = [], []
+    for loss in (1e-3, 2e-3, 4e-3):
+        family = fault_family(PAIR, kinds=["crack"], sizes=[loss], gears=["pinion"], max_hz=6e3)
+        (member,) = family
+        rows.append(family.rows()[0]["mesh_change_ms2"])
+        means.append(member.lines.mean_m)
+    assert rows[1] / rows[0] == pytest.approx(2.0, rel=0.02)
+    # a softer pair lets the teeth give way
+    assert (means[2] - means[1]) / (means[1] - means[0]) == pytest.approx(2.0, rel=0.02)
+    assert means[1] > means[0] > 0

@@ -6,6 +6,7 @@ import io
 import json
 import zipfile
 from dataclasses import fields, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,7 @@ from gearmon.signatures.measured.reference import (
     Profile,
     is_reference,
     make_reference,
+    other_speed,
     read_reference,
     tooth_counts,
     write_reference,
@@ -266,3 +268,10 @@ def test_a_reference_whose_foreign_lines_are_damaged_is_refused(stored, tmp_path
     rewritten(stored, damaged, "gearmon reference 5", "hidden_db")
     with pytest.raises(SignatureError, match="not a readable gearmon reference"):
         read_reference(damaged)
+
+
+@pytest.mark.parametrize("off", [0.89, 0.91, 1.09, 1.11])
+def test_a_speed_is_covered_up_to_a_tenth_beside_what_was_learned(off):
+    own = SimpleNamespace(speed=SimpleNamespace(estimated_hz=off * 25.0))
+    told = other_speed(own, SimpleNamespace(profiles=[SimpleNamespace(speed_hz=25.0)]))
+    assert (told is None) == (0.9 < off < 1.1)
