@@ -51,9 +51,9 @@ _FINE = np.geomspace(LOSSES[0], 0.95, 200)
 # over the logarithm of its correction (with droop and run-in of the pairs' stiffness drawn at
 # random 0.1 at the first harmonics, where that logarithm is 0.05, and 0.5 where it is 0.45; of a
 # Student's law a part); and over that of how far a harmonic grows unlike most others. Of losses of
-# 20 % on 80 machines of both kinds (280 analyses) intervals of a factor of 1.9 hold 91 %, on the 26
-# of them that were not used to set these 86 %; of 30 % 93 and 96 %. The medians of 10 to 40 % are
-# right within 7 % on each kind. A tooth's pitch error weighs the more the less it is loaded: of
+# 20 % on 80 machines of both kinds (288 analyses) intervals of a factor of 1.9 hold 91 %, on the 26
+# of them that were not used to set these 85 %; of 30 % 92 and 93 %. The medians of 10 to 40 % are
+# right within 6 % on each kind. A tooth's pitch error weighs the more the less it is loaded: of
 # teeth at 0.17 and 0.42 of full load intervals hold 26 of 35 losses of 15 and 30 % if what lines
 # have in common is taken as at full load, 29 if its square grows in inverse proportion.
 _SEARCHED, _COMMON, _LINE, _RESPONSE, _GROWTH = 0.35, 0.12, 0.2, 0.2, 0.5
