@@ -204,7 +204,6 @@ def demo(arguments: Namespace) -> int:
     argument("--quick", "rough figures in seconds"),
     argument("--seed N", "of what is drawn at random", 0),
     argument("--count N", "random systems, parameter sets or machines"),
-    argument("--ross-python PATH", "interpreter of an environment with ROSS"),
     argument(
         "[CASE]",
         "analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or detection",
@@ -218,7 +217,7 @@ def benchmark(arguments: Namespace) -> int:
     """Run `gearmon benchmark`."""
     from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
 
-    named = given(arguments, "ross_python", "quick", "seed", "count")
+    named = given(arguments, "quick", "seed", "count")
     rows = run_case(arguments.case, arguments.progress, **named)
     result: dict[str, Any] = {"case": arguments.case, "rows": rows}
     figures = partial(case_figures, arguments.case, rows) if arguments.case in PICTURED else None
