@@ -144,10 +144,8 @@ def _spectra(count: int, repeats: int) -> list[Row]:
 
 def _kurtogram(count: int, repeats: int) -> list[Row]:
     samples = np.random.default_rng(0).normal(size=count)
-    case, tasks = (
-        f"kurtogram, {LEVELS} levels",
-        {"kurtogram": partial(kurtogram, samples, 1.0, LEVELS)},
-    )
+    case = f"kurtogram, {LEVELS} levels"
+    tasks: Tasks = {"kurtogram": partial(kurtogram, samples, 1.0, LEVELS)}
     if find_spec("pysdkit") is None:
         alone = _timed(case, tasks, repeats, 5.0, count)
         return [row | {"note": absent("PySDKit")} for row in alone]
