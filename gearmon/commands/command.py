@@ -130,6 +130,53 @@ def channel_of(text: str) -> str | int:
     return int(text) if text.isdecimal() else text
 
 
+def loss_of(text: str) -> float:
+    """Return the loss of pair stiffness in a text such as "20%", as a fraction.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no loss above 0 and up to 100 %.
+    """
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value <= 1.0:
+        raise ArgumentError("must be a loss of pair stiffness above 0, up to 100%, such as 20%")
+    return value
+
+
+def axes_of(text: str) -> dict[str, str | int]:
+    """Return the channel of each axis of a text such as "x=a1,y=a2,z=3".
+
+    Raises
+    ------
+    ArgumentError
+        If it is none, or names an axis twice.
+    """
+    pairs = [part.partition("=") for part in text.split(",")]
+    if not all(mark and axis and channel for axis, mark, channel in pairs):
+        raise ArgumentError("must name channels as x=NAME,y=NAME,z=NAME or x=1,y=2")
+    if len({axis for axis, _, _ in pairs}) < len(pairs):
+        raise ArgumentError("names an axis twice")
+    return {axis.strip(): channel_of(channel.strip()) for axis, _, channel in pairs}
+
+
+class _Read(argparse.Action):
+    """Take what a text stands for; what is wrong with it is said in the words of its reader."""
+
+    def __call__(self, _: Any, given: Namespace, text: Any, option: str | None = None) -> None:
+        try:
+            setattr(given, self.dest, READ[str(self.metavar)](text))
+        except ArgumentError as error:
+            raise ArgumentError(f"{option} {text}: {error}") from None
+
+
+#: Readers of what stands behind an option, in words of their own.
+READ: dict[str, Callable[[str], Any]] = {"LOSS": loss_of, "x=A,y=B,z=C": axes_of}
+
+
 #: What stands behind an option; any other word is text.
 KINDS: dict[str, Any] = {"N": int, "NAME|N": channel_of} | dict.fromkeys(
     ("DB", "F", "G", "HZ", "LO", "MM", "MS2", "NM", "RPM", "S", "X"), float
@@ -168,6 +215,8 @@ def argument(usage: str, told: str, default: Any = None, **more: Any) -> Argumen
     if not words:
         return (name,), {"help": told, "action": "store_true"} | more
     settings |= {"metavar": words[0], "type": KINDS.get(words[0], str)}
+    if words[0] in READ:
+        settings |= {"action": _Read}
     if several:
         settings |= {"action": "append", "default": [], "help": f"{told}; repeatable"}
     if len(words) > 1:

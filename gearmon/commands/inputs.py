@@ -136,21 +136,18 @@ def recordings_named(given: Sequence[str]) -> list[str]:
     return named
 
 
-def recording_of(
-    path: str, arguments: Namespace, machine: gearmon.Machine | None
-) -> gearmon.Recording:
+def recording_of(path: str, arguments: Namespace) -> gearmon.Recording:
     """Read a recording as the options of the command, and the sensors of the machine, say."""
     if path == STANDARD_INPUT:
         with tempfile.NamedTemporaryFile(suffix=".csv") as file:
             # readers go back and forth
             shutil.copyfileobj(sys.stdin.buffer, file)
             file.flush()
-            return replace(_read(file.name, arguments, machine), origin="standard input")
-    return _read(path, arguments, machine)
+            return replace(_read(file.name, arguments), origin="standard input")
+    return _read(path, arguments)
 
 
-def _read(path: str, arguments: Namespace, machine: gearmon.Machine | None) -> gearmon.Recording:
-
+def _read(path: str, arguments: Namespace) -> gearmon.Recording:
     if Path(path).is_dir():
         raise ArgumentError(f"{path}: a folder without recordings ({', '.join(_RECORDED)})")
     return gearmon.read_recording(
@@ -158,7 +155,7 @@ def _read(path: str, arguments: Namespace, machine: gearmon.Machine | None) -> g
         sampling_rate_hz=arguments.sampling_rate,
         channels=arguments.channel or None,
         tacho=arguments.tacho,
-        sensors=machine.sensors if machine is not None else (),
+        sensors=arguments.machine.sensors if arguments.machine else (),
     )
 
 
@@ -237,24 +234,3 @@ def _alone_on_a_core() -> None:
     os.environ[THREADS] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-def loss_of(text: str | None, option: str) -> float | None:
-    """Return the loss of pair stiffness that an option gives, as a fraction; None if it does not.
-
-    Raises
-    ------
-    ArgumentError
-        If it is no loss above 0 and up to 100 %.
-    """
-    if text is None:
-        return None
-    try:
-        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-    except ValueError:
-        value = float("nan")
-    if not 0.0 < value <= 1.0:
-        raise ArgumentError(
-            f"{option} {text}: must be a loss of pair stiffness above 0, up to 100%, such as 20%"
-        )
-    return value

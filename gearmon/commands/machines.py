@@ -20,7 +20,7 @@ from gearmon.commands.command import (
     given,
     show,
 )
-from gearmon.commands.inputs import machine_of, recording_of
+from gearmon.commands.inputs import recording_of
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import table_lines
 from gearmon.terminal import followed
@@ -74,7 +74,7 @@ def lines(arguments: Namespace) -> int:
     """Run `gearmon lines`."""
     from gearmon.gears.kinematics import line_table
 
-    table = line_table(machine_of(arguments.machine))
+    table = line_table(arguments.machine)
     return finish(arguments, table, lambda: [report.line_table_text(table)])
 
 
@@ -95,15 +95,16 @@ def stiffness(arguments: Namespace) -> int:
     """Run `gearmon stiffness`."""
     from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 
-    machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
+    machine = arguments.machine
     if arguments.form == "all":
-        if faults:
+        if arguments.fault:
             raise ArgumentError(
                 "--form all: compares healthy meshes; leave out --fault, or name a form"
             )
         forms = compare_forms(machine, stage=arguments.stage or 1)
         return finish(arguments, forms, lambda: table_lines(forms.line_rows()))
-    report = stiffness_report(machine, faults, form=arguments.form, stage=arguments.stage)
+    named = given(arguments, "form", "stage")
+    report = stiffness_report(machine, arguments.fault, **named)
     return finish(arguments, report, lambda: _thinned(report.rows(), "rows"))
 
 
@@ -126,9 +127,8 @@ def _thinned(rows: list[dict[str, Any]], what: str) -> list[str]:
 )
 def baseline(arguments: Namespace) -> int:
     """Run `gearmon baseline`."""
-    machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
     settings = given(arguments, "tolerance", "max_hz")
-    signature = gearmon.expected_signature(machine, faults, **settings)
+    signature = gearmon.expected_signature(arguments.machine, arguments.fault, **settings)
     lines, write = partial(_baseline_lines, signature), partial(gearmon.write_signature, signature)
     figures = signature.figures
     return finish(arguments, signature.to_dict(), lines, figures=figures, write=write)
@@ -176,7 +176,7 @@ def _baseline_lines(signature: gearmon.Signature) -> list[str]:
 def family(arguments: Namespace) -> int:
     """Run `gearmon family`."""
     named = given(arguments, "kinds", "sizes", "gears", "operating", "max_hz", "tolerance")
-    family = gearmon.fault_family(machine_of(arguments.machine), **named)
+    family = gearmon.fault_family(arguments.machine, **named)
     if not len(family):
         raise ArgumentError("no fault is left: " + "; ".join(family.notes))
     result = family.to_dict()
@@ -211,7 +211,7 @@ def stability(arguments: Namespace) -> int:
     from gearmon.dynamics.stability import stability_margin
     from gearmon.signatures.expected.mesh import mesh_problem
 
-    machine = machine_of(arguments.machine)
+    machine = arguments.machine
     stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)
     named, rows = given(arguments, "form", "harmonics"), []
     problems = {stage: mesh_problem(machine, stage, **named) for stage in stages}
@@ -250,7 +250,7 @@ def stability(arguments: Namespace) -> int:
 def modes(arguments: Namespace) -> int:
     """Run `gearmon modes`."""
     named = given(arguments, "harmonics", "highest_rpm", "form")
-    found = gearmon.modes(machine_of(arguments.machine), **named)
+    found = gearmon.modes(arguments.machine, **named)
     tables = {"": found.frame_rows, "-campbell": found.campbell_rows}
     result = found.to_dict()
     return finish(arguments, result, lambda: _modes_lines(found), tables, found.figures)
@@ -295,9 +295,9 @@ def simulate(arguments: Namespace) -> int:
     """Run `gearmon simulate`."""
     from gearmon.simulation import write_simulation
 
-    machine, settings = machine_of(arguments.machine), given(arguments, *_SETTINGS, "progress")
+    settings = given(arguments, *_SETTINGS, "progress")
     settings["tacho_shaft"] = 1 if arguments.tacho else None
-    recording = gearmon.simulate(machine, arguments.fault, **settings)
+    recording = gearmon.simulate(arguments.machine, arguments.fault, **settings)
     files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
     result = {"recording": str(files[0]), "truth": str(files[1])}
     return show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
@@ -340,19 +340,19 @@ def harvest(arguments: Namespace) -> int:
     from gearmon.harvesting.placement import survey_expected, survey_measured
     from gearmon.harvesting.request import built_in, load_harvester
 
-    machine = machine_of(arguments.machine)
+    machine = arguments.machine
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
     _refuse_mixed(arguments)
     if arguments.recording:
         read, damaged = (
-            [recording_of(path, arguments, machine) for path in paths]
+            [recording_of(path, arguments) for path in paths]
             for paths in (arguments.recording, arguments.degraded)
         )
         named = given(arguments, "shares", "share_error", "count", "progress")
         survey = survey_measured(machine, harvester, read, budget, degraded=damaged, **named)
     else:
         named = given(arguments, "count", *ASSUMED)
-        survey = survey_expected(machine, harvester, budget, faults=tuple(arguments.fault), **named)
+        survey = survey_expected(machine, harvester, budget, faults=arguments.fault, **named)
     return finish(
         arguments, survey, lambda: report.harvest_lines(survey, published=arguments.published)
     )

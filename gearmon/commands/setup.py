@@ -21,7 +21,6 @@ from gearmon.commands.command import (
     given,
     show,
 )
-from gearmon.commands.inputs import machine_of
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 from gearmon.units import is_unit
@@ -159,8 +158,8 @@ def _recorded(arguments: Namespace, machine: gearmon.Machine, mesh_hz: float) ->
 )
 def check(arguments: Namespace) -> int:
     """Run `gearmon check`."""
-    machine = machine_of(arguments.machine)
-    found = gearmon.check_reference(gearmon.read_reference(arguments.reference), machine)
+    reference = gearmon.read_reference(arguments.reference)
+    found = gearmon.check_reference(reference, arguments.machine)
     return finish(arguments, found, lambda: _check_lines(found))
 
 

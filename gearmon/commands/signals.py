@@ -15,7 +15,6 @@ from gearmon.commands.command import (
     TACHO,
     Rows,
     argument,
-    channel_of,
     command,
     fault,
     finish,
@@ -23,7 +22,7 @@ from gearmon.commands.command import (
     judged,
     recordings,
 )
-from gearmon.commands.inputs import each_of, machine_of, recording_of
+from gearmon.commands.inputs import each_of, recording_of
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 
@@ -66,13 +65,13 @@ def indicators(arguments: Namespace) -> int:
     """Run `gearmon indicators`."""
     from gearmon.signatures.measured.indicators import read_history, write_history
 
-    machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
+    machine = arguments.machine
     known = arguments.history and Path(arguments.history).exists()
     history = read_history(arguments.history) if known else None
     tables: list[IndicatorTable] = []
 
     def table_of(path: str) -> dict[str, Any]:
-        recording = recording_of(path, arguments, machine)
+        recording = recording_of(path, arguments)
         before = tables[-1].history if tables else history
         tables.append(gearmon.indicator_table(recording, machine, before, arguments.baseline))
         return tables[-1].to_dict()
@@ -137,10 +136,9 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
 )
 def spectrum(arguments: Namespace) -> int:
     """Run `gearmon spectrum`."""
-    machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
-    recording = recording_of(arguments.recording[0], arguments, machine)
-    named = given(arguments, "kind", "band", "window_name", "most_peaks")
-    found = gearmon.recording_spectrum(recording, machine=machine, **named)
+    recording = recording_of(arguments.recording[0], arguments)
+    named = given(arguments, "kind", "band", "window_name", "most_peaks", "machine")
+    found = gearmon.recording_spectrum(recording, **named)
     title = f"{found.recording}: {found.value_name}, highest peaks"
     lines = partial(_peak_lines, title, found.to_dict())
     return finish(arguments, found, lines, rows_in_json=True)
@@ -162,8 +160,7 @@ def spectrum(arguments: Namespace) -> int:
 )
 def orders(arguments: Namespace) -> int:
     """Run `gearmon orders`."""
-    machine = machine_of(arguments.machine, arguments.speed_hint)
-    recording = recording_of(arguments.recording[0], arguments, machine)
+    machine, recording = arguments.machine, recording_of(arguments.recording[0], arguments)
     named = given(arguments, "shaft", "top", "window_name", "most_peaks", "map_against")
     found = gearmon.order_spectra(recording, machine, **named)
     averages = gearmon.gear_averages(recording, machine, signature=found.signature)
@@ -248,11 +245,10 @@ _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 def exposure(arguments: Namespace) -> int:
     """Run `gearmon exposure`."""
     _check_exposure(arguments)
-    machine = machine_of(arguments.machine) if arguments.machine else None
     told: list[Told] = []
 
     def weighed(path: str) -> dict[str, Any]:
-        found = list(_felt(path, arguments, machine))
+        found = list(_felt(path, arguments))
         told.extend(found)
         more = {_BESIDE[type(own).__name__]: own.to_dict() for own in found[1:]}
         return found[0].to_dict() | dict.fromkeys(_BESIDE.values()) | more
@@ -260,8 +256,7 @@ def exposure(arguments: Namespace) -> int:
     entries = each_of(arguments.recording, arguments.progress, weighed)
     day = None
     if arguments.day:
-        axes, reading = _axes(arguments.axes), _reading(arguments, machine)
-        day = gearmon.exposure_day(arguments.day, axes, **reading)
+        day = gearmon.exposure_day(arguments.day, arguments.axes, **_reading(arguments))
         told.append(day)
     result: dict[str, Any] = {"recordings": entries, "day": day.to_dict() if day else None}
     if arguments.report and told:
@@ -281,40 +276,29 @@ def _check_exposure(arguments: Namespace) -> None:
         raise ArgumentError("--floor: belongs to one recording, of the seat on that floor")
 
 
-def _felt(path: str, arguments: Namespace, machine: gearmon.Machine | None) -> Iterator[Told]:
+def _felt(path: str, arguments: Namespace) -> Iterator[Told]:
     """Weigh a recording, its floor, and look for the gearbox in it."""
-    axes, reading = _axes(arguments.axes), _reading(arguments, machine)
+    axes, reading = arguments.axes, _reading(arguments)
     exposure = gearmon.vibration_exposure(path, arguments.position, axes, **reading)
     yield exposure
     if arguments.floor:
         floor = gearmon.vibration_exposure(arguments.floor, arguments.position, axes, **reading)
         yield gearmon.seat_factor(exposure, floor)
-    if machine is not None:
-        rate, tacho = arguments.sampling_rate, arguments.tacho
+    if arguments.machine is not None:
         named = [axis.channel for axis in exposure.axes]
-        recording = gearmon.open_recording(path, rate, named, tacho, machine.sensors)
-        yield gearmon.gear_share(recording, exposure, machine, arguments.fault)
+        known = {"sampling_rate_hz": arguments.sampling_rate, "tacho": arguments.tacho}
+        known["sensors"] = arguments.machine.sensors
+        recording = gearmon.open_recording(path, channels=named, **known)
+        yield gearmon.gear_share(recording, exposure, arguments.machine, arguments.fault)
 
 
-def _reading(arguments: Namespace, machine: gearmon.Machine | None) -> dict[str, Any]:
+def _reading(arguments: Namespace) -> dict[str, Any]:
     return {
         "sampling_rate_hz": arguments.sampling_rate,
         "unit": arguments.unit,
-        "sensors": machine.sensors if machine is not None else (),
+        "sensors": arguments.machine.sensors if arguments.machine else (),
         "range_ms2": arguments.range,
     }
-
-
-def _axes(text: str | None) -> dict[str, str | int] | None:
-    """Return the channel of each axis of a text such as "x=a1,y=a2,z=3"."""
-    if text is None:
-        return None
-    pairs = [part.partition("=") for part in text.split(",")]
-    if not all(mark and axis and channel for axis, mark, channel in pairs):
-        raise ArgumentError(f"--axes {text}: must name channels as x=NAME,y=NAME,z=NAME or x=1,y=2")
-    if len({axis for axis, _, _ in pairs}) < len(pairs):
-        raise ArgumentError(f"--axes {text}: names an axis twice")
-    return {axis.strip(): channel_of(channel.strip()) for axis, _, channel in pairs}
 
 
 def _exposure_lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:
