@@ -406,6 +406,13 @@ def finish(
     return show(arguments, result, lambda: [*lines(), *(f"wrote {path}" for path in files)])
 
 
+def words(name: str, result: Mapping[str, Any], **known: Any) -> list[str]:
+    """Return what the terminal shows of a result, by the template of this name."""
+    from gearmon.report.wording import template
+
+    return template(f"{name}.txt", "gearmon.commands").render(**known, **result).splitlines()
+
+
 def write_table(path: str, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
     """Write rows as CSV or the whole result as JSON, by the ending of the name."""
     from gearmon.files import write_atomically

@@ -20,11 +20,11 @@ from gearmon.commands.command import (
     judged,
     recordings,
     show,
+    words,
     write_table,
 )
 from gearmon.commands.inputs import each_of, recording_of
 from gearmon.errors import ArgumentError, check_range
-from gearmon.report.wording import gear_text, percent, printable
 from gearmon.terminal import followed, part_of
 
 if TYPE_CHECKING:
@@ -210,7 +210,7 @@ def kinds(arguments: Namespace) -> int:
         "classifier": {"file": arguments.trained, "trained_now": trained},
         "recordings": results,
     }
-    finish(arguments, result, lambda: _kind_lines(result), list)
+    finish(arguments, result, partial(words, "kinds", result, least_shown=LEAST_SHOWN), list)
     return judged(results, flagged=any(entry.get("flagged") for entry in results))
 
 
@@ -239,37 +239,6 @@ def _classifier(arguments: Namespace) -> tuple[KindClassifier, bool]:
     if path:
         write_kinds(classifier, path)
     return classifier, True
-
-
-def _kind_lines(result: dict[str, Any]) -> list[str]:
-    classifier = result["classifier"]
-    lines = []
-    if classifier["file"]:
-        done = "wrote" if classifier["trained_now"] else "classifier"
-        lines.append(f"{done}: {printable(classifier['file'])}")
-    for entry in result["recordings"]:
-        name = printable(entry["recording"])
-        if "error" in entry:
-            lines.append(f"{name}: not analysed")
-            continue
-        lines.append(f"{name}: {entry['verdict'].upper()}")
-        told = entry["kind"]
-        if told is None:
-            lines.append("  no fault called, so no kind judged")
-            continue
-        where = f", {gear_text(told['stage'], told['gear'], None)}" if told["stage"] else ""
-        lines.append(f"  most like {told['kind']}{where}")
-        ranked = sorted(told["probabilities"].items(), key=lambda item: -item[1])
-        shown = [f"{kind} {percent(p, 0)}" for kind, p in ranked if p >= LEAST_SHOWN]
-        lines.append(f"  {', '.join(shown)}")
-        lines += [f"  {sentence}" for sentence in told["evidence"]]
-        if told["kind"] not in entry["flagged"]:
-            flagged = ", ".join(dict.fromkeys(entry["flagged"]))
-            lines.append(
-                f"  gearmon analyse flags {flagged}: it looks at the turn of each gear, the "
-                "classifier at levels; where they differ, trust the flag"
-            )
-    return lines
 
 
 @command(
