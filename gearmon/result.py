@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import html
 import json
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -156,7 +155,9 @@ class Result:
         if target.suffix == ".csv":
             text = self.to_frame().to_csv(index=False)
         else:
-            text = json.dumps(_finite(self.to_dict()), indent=1, ensure_ascii=False) + "\n"
+            # JSON has no number for what is infinite or none
+            plain = json.loads(json.dumps(self.to_dict()), parse_constant=lambda _: None)
+            text = json.dumps(plain, indent=1, ensure_ascii=False) + "\n"
         write_atomically(target, text)
         return [target]
 
@@ -239,15 +240,6 @@ def _brief(value: Any) -> str:
         return f"<{type(value).__name__}>"
     text = f"{value:.6g}" if isinstance(value, float) else repr(value)
     return text if len(text) <= _LONGEST_FIELD else f"{text[: _LONGEST_FIELD - 4]}...{text[-1]}"
-
-
-def _finite(value: Any) -> Any:
-    """Return built-in types with None for what JSON has no number for."""
-    if isinstance(value, dict):
-        return {name: _finite(own) for name, own in value.items()}
-    if isinstance(value, list):
-        return [_finite(own) for own in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _plain(value: Any) -> Any:
