@@ -239,9 +239,7 @@ def stability(arguments: Namespace) -> int:
 @command(
     MACHINE,
     argument("--harmonics N", "mesh harmonics of the Campbell table", 10),
-    argument(
-        "--to-rpm RPM", "its highest speed of shaft 1 (1.5 times the nominal)", dest="highest_rpm"
-    ),
+    argument("--to-rpm RPM", "its highest speed of shaft 1 (1.5 x nominal)", dest="highest_rpm"),
     _FORM,
     help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
     example="gearmon modes machine.toml -o modes.csv",
@@ -313,17 +311,11 @@ def simulate(arguments: Namespace) -> int:
     argument("--harvester FILE", "harvester file (TOML); a 15 mm bimorph by default"),
     argument("--count N", "harvesters of a set, 1 to 3", 1),
     argument("--share F...", "share of time of each recording, in their order", dest="shares"),
-    argument(
-        "--degraded RECORDING...", "the same operating point with a damaged gear, in the same order"
-    ),
+    argument("--degraded RECORDING...", "operating points with a damaged gear, in the same order"),
     fault(),
     argument("--path-gain G", "mesh to harvester (1)"),
     argument("--wander F", "of speed, relative (0.005)"),
-    argument(
-        "--wander-time S",
-        "over which it is forgotten, in s (long beside a ring-down)",
-        dest="wander_time_s",
-    ),
+    argument("--wander-time S", "until it is forgotten (beyond a ring-down)", dest="wander_time_s"),
     argument("--published", "show published harvesters beside the best one"),
     argument("--share-error F", "standard deviation of the shares (0)"),
     SAMPLING_RATE,

@@ -81,9 +81,7 @@ def learn(arguments: Namespace) -> int:
         "of one tooth pair's stiffness; healthy is said only where it would have been noticed "
         "on every gear (default 40%%)",
     ),
-    argument(
-        "--history FILE", "what gearmon history keeps: says since when; only read", dest="past"
-    ),
+    argument("--history FILE", "kept by gearmon history: says since when; only read", dest="past"),
     argument("--report HTML", "write a report (.html), and a PNG a picture beside it"),
     help="say whether the machine of a recording is healthy, and why",
     example="gearmon analyse new.csv --machine machine.toml --reference healthy.ref "
@@ -164,10 +162,7 @@ def reference_of(arguments: Namespace) -> gearmon.Reference | None:
 @command(
     *recordings("[RECORDING...]"),
     REFERENCE,
-    argument(
-        "--trained FILE",
-        "classifier of this machine; trained and written to this file if there is none",
-    ),
+    argument("--trained FILE", "classifier of this machine; if it is not there, trained and kept"),
     argument("--examples N", "simulated machines to train it on, in ten seconds", EXAMPLES),
     argument("--seed N", "of what is drawn at random", 0),
     help="how probable each kind of fault is, by a classifier trained on this machine file",
@@ -244,17 +239,11 @@ def _classifier(arguments: Namespace) -> tuple[KindClassifier, bool]:
 @command(
     *recordings("[RECORDING...]"),
     REFERENCE,
-    argument(
-        "--store FILE", "keep the history in it; next time name the new recordings only, or none"
-    ),
+    argument("--store FILE", "keep the history in it; next time name new recordings only, or none"),
     argument("--name NAME", "of the machine in the store, if it is not that of the machine file"),
+    argument("--times ISO8601,ISO8601", "of each, as 2026-03-01T08:00; UTC without an offset"),
     argument(
-        "--times ISO8601,ISO8601",
-        "when each was made, such as 2026-03-01T08:00; UTC where there is no offset",
-    ),
-    argument(
-        "--time-from SOURCE",
-        "name (of the file, such as drive-2026-03-01.csv) or modified (when it was)",
+        "--time-from SOURCE", "name (of the file, as drive-2026-03-01.csv) or modified (when)"
     ),
     argument("--limit LOSS", "of pair stiffness at which to act, such as 20%%"),
     argument("--replace", "recordings of the same time give way"),

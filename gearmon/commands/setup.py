@@ -37,9 +37,7 @@ _TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.
 
 @command(
     argument("[RECORDING...]", "one that tells the columns"),
-    argument(
-        "--teeth A/B...", "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
-    ),
+    argument("--teeth A/B...", "of a stage, driver/driven; sun/planet/ring x planets: 30/35/100x3"),
     argument("--speed SPEED", "of shaft 1 with its unit: 1480rpm or 24.7hz"),
     argument("--torque NM", "on shaft 1", dest="torque_nm"),
     argument("--module MM", "of all stages", dest="module_mm"),

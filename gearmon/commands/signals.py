@@ -53,9 +53,7 @@ _PEAKS = argument("--peaks N", "peaks listed a channel", 12, dest="most_peaks")
 
 @command(
     *recordings(machine_required=False),
-    argument(
-        "--baseline N", "records at the start of the run that were healthy, for NA4* and NB4*", 1
-    ),
+    argument("--baseline N", "healthy records at the start of the run, for NA4* and NB4*", 1),
     argument("--history FILE", "go on with the run in this file (JSON), and write it"),
     help="every condition indicator of recordings, with its input; several are those of a run",
     example="gearmon indicators monday.csv tuesday.csv --machine machine.toml -o indicators.csv",
