@@ -410,7 +410,7 @@ def words(name: str, result: Mapping[str, Any], **known: Any) -> list[str]:
     """Return what the terminal shows of a result, by the template of this name."""
     from gearmon.report.wording import template
 
-    return template(f"{name}.txt", "gearmon.commands").render(**known, **result).splitlines()
+    return template(f"{name}.txt", "gearmon.commands").render({**result, **known}).splitlines()
 
 
 def write_table(path: str, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:

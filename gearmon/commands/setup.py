@@ -9,7 +9,7 @@ import tomllib
 from argparse import Namespace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gearmon
 from gearmon.commands.command import (
@@ -20,13 +20,11 @@ from gearmon.commands.command import (
     finish,
     given,
     show,
+    words,
 )
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 from gearmon.units import is_unit
-
-if TYPE_CHECKING:
-    from gearmon.diagnosis.reference_check import ReferenceCheck
 
 # Gears of one stage reduce by up to 8 or 10 (Niemann, Maschinenelemente II); beyond, a tooth count
 # is rather mistyped. A shaft slower than the second is rather told in Hz than in 1/min.
@@ -158,20 +156,10 @@ def check(arguments: Namespace) -> int:
     """Run `gearmon check`."""
     reference = gearmon.read_reference(arguments.reference)
     found = gearmon.check_reference(reference, arguments.machine)
-    return finish(arguments, found, lambda: _check_lines(found))
-
-
-def _check_lines(found: ReferenceCheck) -> list[str]:
     result = found.to_dict()
-    lines = [found.headline(), *(f"also: {advice}" for advice in result["advice"][1:]), ""]
-    lines += table_lines(
-        [own | {"recording": printable(own["recording"])} for own in result["recordings"]]
-    )
-    for gear in result["gears"]:
-        loss = gear["noticed_from"]
-        told = "no loss is sure to be noticed" if loss is None else f"from {100 * loss:.2g} % on"
-        lines.append(f"{gear['gear']} of stage {gear['stage']}: a weak tooth is noticed {told}")
-    return lines
+    rows = [own | {"recording": printable(own["recording"])} for own in result["recordings"]]
+    lines = partial(words, "check", result, headline=found.headline(), rows=rows)
+    return finish(arguments, found, lines)
 
 
 @command(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +21,7 @@ from gearmon.commands.command import (
     given,
     judged,
     recordings,
+    words,
 )
 from gearmon.commands.inputs import each_of, recording_of
 from gearmon.errors import ArgumentError
@@ -98,8 +99,7 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
     lines = []
     for table in tables:
         lines.append(printable(table.recording))
-        brief = [row.brief() for row in table.rows]
-        lines += table_lines([{name: row[name] for name in _SHOWN} for row in brief])
+        lines += table_lines([{name: row[name] for name in _SHOWN} for row in table.frame_rows()])
         removed = dict.fromkeys(
             (row.stage, row.gear, row.input, row.removed)
             for row in table.rows
@@ -138,7 +138,7 @@ def spectrum(arguments: Namespace) -> int:
     named = given(arguments, "kind", "band", "window_name", "most_peaks", "machine")
     found = gearmon.recording_spectrum(recording, **named)
     title = f"{found.recording}: {found.value_name}, highest peaks"
-    lines = partial(_peak_lines, title, found.to_dict())
+    lines = partial(words, "peaks", found.to_dict(), title=title, rows=())
     return finish(arguments, found, lines, rows_in_json=True)
 
 
@@ -183,34 +183,13 @@ def orders(arguments: Namespace) -> int:
         return found.figures() | {"-map": chart} | turns
 
     written: dict[str, Rows] = {"": found.map_rows} if arguments.map else rows
-    lines = partial(_order_lines, title, result)
-    return finish(arguments, result, lines, written, figures, rows_in_json=True)
-
-
-def _order_lines(title: str, result: dict[str, Any]) -> list[str]:
-    rows = [
+    shown = [
         {name: own[name] for name in _AVERAGE_SHOWN} | channel
         for own in result["averages"]
         for channel in own["channels"]
     ]
-    lines = ["", "synchronous averages, root mean squares", *table_lines(rows)]
-    for own in result["averages"]:
-        removed = own["removed_orders"]["residual"], own["removed_orders"]["difference"]
-        lines.append(
-            f"{own['gear']} of stage {own['stage']}: residual less {len(removed[0])} orders "
-            f"({_some(removed[0])}), difference less {len(removed[1])} ({_some(removed[1])})"
-        )
-    return _peak_lines(title, result, lines)
-
-
-def _some(orders: list[float]) -> str:
-    shown = [f"{order:.6g}" for order in orders]
-    return ", ".join(shown if len(shown) < 6 else [*shown[:4], "...", shown[-1]])
-
-
-def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) -> list[str]:
-    lines = [printable(title), *table_lines(result["peaks"]), *more]
-    return lines + [f"note: {note}" for note in result["warnings"]]
+    lines = partial(words, "peaks", result, title=title, rows=shown)
+    return finish(arguments, result, lines, written, figures, rows_in_json=True)
 
 
 #: Key in JSON of what is told beside an exposure, by its class.
