@@ -61,7 +61,7 @@ Those of all other names go on from here.
 
 from __future__ import annotations
 
-from gearmon.lazy import lazily, offered_to_checkers
+from gearmon.lazy import offered_to_checkers
 
 TYPE_CHECKING = False  # typing takes a moment, in which Ctrl-C would end in a traceback
 
@@ -111,9 +111,8 @@ if TYPE_CHECKING:
     from gearmon.simulation import simulate as simulate
 
 
-_OFFERED = offered_to_checkers(__name__, __file__)
-__all__ = ["__version__", *sorted(name for names in _OFFERED.values() for name in names)]
-__getattr__ = lazily(__name__, _OFFERED)
+_names, __getattr__ = offered_to_checkers(__name__, __file__)
+__all__ = ["__version__", *_names]
 
 
 def __dir__() -> list[str]:

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from typing import Any
 
 
-def offered_to_checkers(package: str, path: str) -> dict[str, list[str]]:
-    """Return the names that a package imports for type checkers only, by module.
+def offered_to_checkers(package: str, path: str) -> tuple[list[str], Callable[[str], Any]]:
+    """Return ``__all__`` and ``__getattr__`` of a package, from what it shows to type checkers.
 
     Parameters
     ----------
@@ -28,7 +28,8 @@ def offered_to_checkers(package: str, path: str) -> dict[str, list[str]]:
             if line.startswith(f"    from {package}."):
                 _, home, _, name, *_ = line.split()
                 offered.setdefault(home.removeprefix(f"{package}."), []).append(name)
-    return offered
+    names = sorted(name for names in offered.values() for name in names)
+    return names, lazily(package, offered)
 
 
 def lazily(package: str, offered: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
