@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from gearmon.result import Result
 
 _WIDTH = 78
+# What names of files and channels may do to a terminal.
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _FAULT = "such as crack:1:pinion:5:20%%, a loss of the tooth pair's stiffness, or 1.5mm"
 _ERRORS = (
     "also errors, such as eccentricity:1:pinion:all:20um, pitch:1:gear:7:8um or "
@@ -232,7 +234,8 @@ def fault(*, errors: bool = False) -> Argument:
 
 MACHINE = argument("MACHINE", "machine file (TOML)")
 OF_MACHINE = argument("--machine MACHINE", "machine file (TOML)", required=True)
-SAMPLING_RATE = argument("--sampling-rate HZ", "needed if the file does not hold it")
+_RATE = "needed if the file does not hold it"
+SAMPLING_RATE = argument("--sampling-rate HZ", _RATE, dest="sampling_rate_hz")
 REFERENCE = argument("--reference PATH", "what gearmon learn wrote, or one healthy recording")
 TACHO = argument("--tacho NAME|N", "channel with tachometer pulses")
 
@@ -312,7 +315,7 @@ def show(
     arguments: Namespace, result: Mapping[str, Any], lines: Callable[[], Iterable[str]]
 ) -> int:
     """Print a result: one JSON object with --json, else lines of text; return the exit code."""
-    text = as_json(result) if arguments.json else coloured(_plain("\n".join(lines())))
+    text = as_json(result) if arguments.json else coloured(_CONTROL.sub(" ", "\n".join(lines())))
     if arguments.progress is not None:
         arguments.progress.close()
     try:
@@ -321,11 +324,6 @@ def show(
         _no_more(error)
     flushed()
     return DONE
-
-
-def _plain(text: str) -> str:
-    """Leave out what names of files and channels may do to a terminal."""
-    return re.sub(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]", " ", text)
 
 
 def flushed() -> None:

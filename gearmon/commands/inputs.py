@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import gearmon
-from gearmon.commands.command import complain
+from gearmon.commands.command import complain, given
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import check_output, protecting
 from gearmon.signals.threads import THREADS, cores
@@ -143,19 +143,13 @@ def recording_of(path: str, arguments: Namespace) -> gearmon.Recording:
             # readers go back and forth
             shutil.copyfileobj(sys.stdin.buffer, file)
             file.flush()
-            return replace(_read(file.name, arguments), origin="standard input")
-    return _read(path, arguments)
-
-
-def _read(path: str, arguments: Namespace) -> gearmon.Recording:
+            return replace(recording_of(file.name, arguments), origin="standard input")
     if Path(path).is_dir():
         raise ArgumentError(f"{path}: a folder without recordings ({', '.join(_RECORDED)})")
+    sensors = arguments.machine.sensors if arguments.machine else ()
+    options = given(arguments, "sampling_rate_hz", "tacho")
     return gearmon.read_recording(
-        path,
-        sampling_rate_hz=arguments.sampling_rate,
-        channels=arguments.channel or None,
-        tacho=arguments.tacho,
-        sensors=arguments.machine.sensors if arguments.machine else (),
+        path, channels=arguments.channel or None, sensors=sensors, **options
     )
 
 

@@ -19,6 +19,7 @@ from gearmon.commands.command import (
     finish,
     given,
     show,
+    words,
 )
 from gearmon.commands.inputs import recording_of
 from gearmon.errors import ArgumentError
@@ -26,6 +27,7 @@ from gearmon.report.wording import table_lines
 from gearmon.terminal import followed
 
 if TYPE_CHECKING:
+    from gearmon.signatures.expected.fault_family import FaultFamily
     from gearmon.signatures.expected.modes import Modes
 
 #: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
@@ -59,10 +61,6 @@ _SETTINGS: dict[str, tuple[str, str, float]] = {
 _STAGE = argument("--stage N", "only this stage, from 1")
 _FORM = argument("--form FORM", "stiffness form (parabolic)", "parabolic")
 _MAX_HZ = argument("--max-hz F", "no lines above this frequency")
-_ALONG_ACTION = (
-    "levels are those of the teeth along the line of action; what reaches a sensor on the housing "
-    "differs by the path, often tenfold"
-)
 
 
 @command(
@@ -130,23 +128,16 @@ def baseline(arguments: Namespace) -> int:
     settings = given(arguments, "tolerance", "max_hz")
     signature = gearmon.expected_signature(arguments.machine, arguments.fault, **settings)
     lines, write = partial(_baseline_lines, signature), partial(gearmon.write_signature, signature)
-    figures = signature.figures
-    return finish(arguments, signature.to_dict(), lines, figures=figures, write=write)
+    return finish(arguments, signature, lines, write=write)
 
 
 def _baseline_lines(signature: gearmon.Signature) -> list[str]:
-    """Show what holds for each stage, and the strongest lines."""
     stages, rows = signature.header["stages"], list(signature.rows())
-    told = [{name: stage[name] for name in _STAGE_SHOWN} for stage in stages]
+    shown = [{name: stage[name] for name in _STAGE_SHOWN} for stage in stages]
     strongest = sorted(rows, key=lambda row: -row["acceleration_ms2"])[:MOST_LINES]
-    shown = table_lines(sorted(strongest, key=lambda row: row["frequency_hz"]))
-    words = [
-        f"stage {stage['stage']}: {word}"
-        for stage in stages
-        for word in (stage["message"], *stage["warnings"])
-    ]
-    count = f"({len(strongest)} strongest of {len(rows)} lines; peak amplitudes)"
-    return [*table_lines(told), *words, "", *shown, count, f"note: {_ALONG_ACTION}"]
+    strongest.sort(key=lambda row: row["frequency_hz"])
+    known = {"stages": stages, "shown": shown, "strongest": strongest, "count": len(rows)}
+    return words("baseline", known)
 
 
 @command(
@@ -179,22 +170,18 @@ def family(arguments: Namespace) -> int:
     family = gearmon.fault_family(arguments.machine, **named)
     if not len(family):
         raise ArgumentError("no fault is left: " + "; ".join(family.notes))
-    result = family.to_dict()
 
     def write(path: str) -> None:
         table = family.table(arguments.mesh_harmonics, arguments.sidebands)
         gearmon.write_signature(table, path)
 
-    lines, figures = partial(_family_lines, result), family.figures
-    return finish(arguments, result, lines, figures=figures, write=write)
+    return finish(arguments, family, partial(_family_lines, family), write=write)
 
 
-def _family_lines(result: dict[str, Any]) -> list[str]:
-    rows = [
-        {name: row[name] for name in row if name not in HIDDEN_OF_FAMILY} for row in result["rows"]
-    ]
-    notes = (f"note: {note}" for note in result["notes"])
-    return [*_thinned(rows, "members"), *notes]
+def _family_lines(family: FaultFamily) -> list[str]:
+    hidden = HIDDEN_OF_FAMILY
+    rows = [{key: row[key] for key in row if key not in hidden} for row in family.rows()]
+    return [*_thinned(rows, "members"), *(f"note: {note}" for note in family.notes)]
 
 
 @command(
@@ -250,8 +237,7 @@ def modes(arguments: Namespace) -> int:
     named = given(arguments, "harmonics", "highest_rpm", "form")
     found = gearmon.modes(arguments.machine, **named)
     tables = {"": found.frame_rows, "-campbell": found.campbell_rows}
-    result = found.to_dict()
-    return finish(arguments, result, lambda: _modes_lines(found), tables, found.figures)
+    return finish(arguments, found, lambda: _modes_lines(found), tables)
 
 
 def _modes_lines(found: Modes) -> list[str]:
@@ -268,13 +254,9 @@ def _modes_lines(found: Modes) -> list[str]:
     met = [own for own in found.campbell if own.drives]
     near = sorted(met, key=lambda own: abs(math.log(own.speed_rpm / found.speeds_rpm[0])))
     meetings = sorted(near[:MOST_MEETINGS], key=lambda own: own.speed_rpm)
-    told = (
-        f"{len(listed)} of {len(found.rows)} modes; {len(meetings)} of {len(met)} meetings that "
-        f"mesh forces drive, nearest to {found.speeds_rpm[0]:g} rpm (--json or -o FILE gives all)"
-    )
-    rows = found.campbell_rows(meetings)
-    notes = (f"note: {note}" for note in found.notes)
-    return [*table_lines(listed), "", *table_lines(rows), f"({told})", *notes, found.headline()]
+    known: dict[str, Any] = {"modes": listed, "meetings": found.campbell_rows(meetings)}
+    known |= {"all_modes": len(found.rows), "all_meetings": len(met), "rpm": found.speeds_rpm[0]}
+    return words("modes", known | {"notes": found.notes, "headline": found.headline()})
 
 
 @command(
@@ -352,7 +334,7 @@ def harvest(arguments: Namespace) -> int:
 
 def _refuse_mixed(arguments: Namespace) -> None:
     """Refuse options of expected lines beside recordings, and of recordings without any."""
-    of_recordings = ("shares", "share_error", "degraded", "channel", "sampling_rate")
+    of_recordings = ("shares", "share_error", "degraded", "channel", "sampling_rate_hz")
     wrong = dict.fromkeys(of_recordings, "only beside recordings; name them after the machine")
     if arguments.recording:
         wrong = dict.fromkeys(ASSUMED, "only for expected lines; recordings hold their own")
@@ -360,5 +342,5 @@ def _refuse_mixed(arguments: Namespace) -> None:
         if not arguments.shares:
             wrong["share_error"] = "only beside --share"
     for name in given(arguments, *wrong):
-        option = name.removesuffix("_s").removesuffix("s").replace("_", "-")
+        option = name.removesuffix("_hz").removesuffix("_s").removesuffix("s").replace("_", "-")
         raise ArgumentError(f"--{option}: {wrong[name]}")

@@ -136,7 +136,7 @@ def _doubts(machine: gearmon.Machine) -> list[str]:
 
 def _recorded(arguments: Namespace, machine: gearmon.Machine, mesh_hz: float) -> gearmon.Recording:
     """Read the recording that shows what the columns are; refuse a rate that cannot be."""
-    found = gearmon.read_recording(arguments.recording[0], arguments.sampling_rate)
+    found = gearmon.read_recording(arguments.recording[0], arguments.sampling_rate_hz)
     if found.sampling_rate_hz < 2.0 * mesh_hz:
         raise ArgumentError(
             f"{arguments.recording[0]}: sampled at {found.sampling_rate_hz:.6g} Hz, too slow for "

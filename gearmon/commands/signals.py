@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from collections.abc import Iterator, Mapping
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -192,8 +193,6 @@ def orders(arguments: Namespace) -> int:
     return finish(arguments, result, lines, written, figures, rows_in_json=True)
 
 
-#: Key in JSON of what is told beside an exposure, by its class.
-_BESIDE = {"SeatFactor": "seat_factor", "GearShare": "gearbox"}
 _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 
 
@@ -208,7 +207,7 @@ _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
     TACHO,
     SAMPLING_RATE,
     argument("--unit UNIT", "m/s2 or g, where nothing else states it"),
-    argument("--range MS2", "of the sensor in m/s2: nothing may reach it"),
+    argument("--range MS2", "of the sensor: nothing may reach it", dest="range_ms2"),
     argument("--report HTML", "write a report (.html)"),
     help="what a driver or a hand feels, by ISO 2631-1 and ISO 5349-1, and what gears add to it",
     example="gearmon exposure new.csv --position hand --axes x=a1,y=a2 --machine machine.toml "
@@ -222,23 +221,33 @@ _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 def exposure(arguments: Namespace) -> int:
     """Run `gearmon exposure`."""
     _check_exposure(arguments)
-    told: list[Told] = []
+    named: dict[str, Told] = {}  # by what is added to the name of the output
+    numbers = count(1)
 
     def weighed(path: str) -> dict[str, Any]:
-        found = list(_felt(path, arguments))
-        told.extend(found)
-        more = {_BESIDE[type(own).__name__]: own.to_dict() for own in found[1:]}
-        return found[0].to_dict() | dict.fromkeys(_BESIDE.values()) | more
+        found = dict(_felt(path, arguments))
+        which = f"-{number}" if (number := next(numbers)) > 1 else ""
+        named.update({which + (key and f"-{key}"): own for key, own in found.items()})
+        told = {key: own.to_dict() for key, own in found.items()}
+        return told.pop("") | {"seat_factor": None, "gearbox": None} | told
 
     entries = each_of(arguments.recording, arguments.progress, weighed)
     day = None
     if arguments.day:
         day = gearmon.exposure_day(arguments.day, arguments.axes, **_reading(arguments))
-        told.append(day)
+        named["-day"] = day
+    told = list(named.values())
     result: dict[str, Any] = {"recordings": entries, "day": day.to_dict() if day else None}
     if arguments.report and told:
         result["report"] = str(report.write_exposure_report(told, arguments.report))
-    rows, figures = partial(_exposure_rows, told), partial(_exposure_figures, told)
+
+    def rows() -> list[dict[str, Any]]:
+        # a row an axis of each recording, else one a job of the day
+        return [row for own in told if type(own) is type(told[0]) for row in own.frame_rows()]
+
+    def figures() -> dict[str, Any]:
+        return {name: own.figures()[""] for name, own in named.items() if own.picture}
+
     finish(arguments, result, lambda: _exposure_lines(told, result), rows, figures)
     return judged(entries, flagged=day is not None and day.flagged)
 
@@ -253,51 +262,28 @@ def _check_exposure(arguments: Namespace) -> None:
         raise ArgumentError("--floor: belongs to one recording, of the seat on that floor")
 
 
-def _felt(path: str, arguments: Namespace) -> Iterator[Told]:
+def _felt(path: str, arguments: Namespace) -> Iterator[tuple[str, Told]]:
     """Weigh a recording, its floor, and look for the gearbox in it."""
     axes, reading = arguments.axes, _reading(arguments)
     exposure = gearmon.vibration_exposure(path, arguments.position, axes, **reading)
-    yield exposure
+    yield "", exposure
     if arguments.floor:
         floor = gearmon.vibration_exposure(arguments.floor, arguments.position, axes, **reading)
-        yield gearmon.seat_factor(exposure, floor)
+        yield "seat_factor", gearmon.seat_factor(exposure, floor)
     if arguments.machine is not None:
         named = [axis.channel for axis in exposure.axes]
-        known = {"sampling_rate_hz": arguments.sampling_rate, "tacho": arguments.tacho}
-        known["sensors"] = arguments.machine.sensors
+        known = given(arguments, "sampling_rate_hz", "tacho") | {"sensors": reading["sensors"]}
         recording = gearmon.open_recording(path, channels=named, **known)
-        yield gearmon.gear_share(recording, exposure, arguments.machine, arguments.fault)
+        share = gearmon.gear_share(recording, exposure, arguments.machine, arguments.fault)
+        yield "gearbox", share
 
 
 def _reading(arguments: Namespace) -> dict[str, Any]:
-    return {
-        "sampling_rate_hz": arguments.sampling_rate,
-        "unit": arguments.unit,
-        "sensors": arguments.machine.sensors if arguments.machine else (),
-        "range_ms2": arguments.range,
-    }
+    sensors = arguments.machine.sensors if arguments.machine else ()
+    return given(arguments, "sampling_rate_hz", "unit", "range_ms2") | {"sensors": sensors}
 
 
 def _exposure_lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:
-
     lines = [line for own in told for line in (*report.exposure_lines(own), "")]
     lines += [f"{e['recording']}: not weighed" for e in result["recordings"] if "error" in e]
     return [*lines, *([f"report: {result['report']}"] if "report" in result else [])]
-
-
-def _exposure_rows(told: list[Told]) -> list[dict[str, Any]]:
-    """Return a row an axis of each recording, else one a job of the day."""
-    return [row for own in told if type(own) is type(told[0]) for row in own.frame_rows()]
-
-
-def _exposure_figures(told: list[Told]) -> dict[str, Any]:
-    """Return the pictures by what is added to the name: of several recordings their numbers."""
-    figures: dict[str, Any] = {}
-    number, added = 0, {"GearShare": "-gearbox", "DayExposure": "-day"}
-    for own in told:
-        kind = type(own).__name__
-        number += kind == "Exposure"
-        if own.picture:
-            which = f"-{number}" if number > 1 and kind != "DayExposure" else ""
-            figures[which + added.get(kind, "")] = own.figures()[""]
-    return figures

@@ -161,13 +161,11 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     learned = _plan(100, name=[f"healthy-{own:.2f}" for own in GROWTH_LOADS], load=GROWTH_LOADS)
     machine, weeks = _conveyor(folder), _plan(0, name=names, load=loads, faults=faults)
     *_, judged = _monitored(folder, machine, _heard, learned, weeks, progress)
-    history = histories.History(machine=machine.name)
-    for number, (_, analysis) in enumerate(judged):
-        history = history.with_entry(histories.entry_of(analysis, START + number * WEEK))
-    store = folder / "history.db"
+    moments, store = (START + number * WEEK for number in range(RECORDINGS)), folder / "history.db"
+    entries = [histories.entry_of(own, at) for (_, own), at in zip(judged, moments, strict=True)]
     # a second run of the demo is the same history
-    histories.append(store, history.entries, replace=True)
-    found = histories.history_trends(histories.read_history(store, history.machine), limit=LIMIT)
+    histories.append(store, entries, replace=True)
+    found = histories.history_trends(histories.read_history(store, machine.name), limit=LIMIT)
     sound = [n for n, entry in enumerate(found.history.entries) if entry.verdict != "fault"]
     # from here on all are flagged
     flagged = sound[-1] + 1 if sound else 0

@@ -298,10 +298,7 @@ def vibration_exposure(
         on_disk=isinstance(recording, str | Path),
     )
     rows = _rows(found, told, position)
-    weightings = [WEIGHTINGS[POSITIONS[position][axis][0]] for axis in rows]
-    for weighting in weightings:
-        weighting.sections(found.sampling_rate_hz)
-    _check_samples(found, rows, position, weightings[0], range_ms2)
+    _check_samples(found, rows, position, range_ms2)
     weighed = side_by_side(
         lambda axis: _weighed(found, axis, rows[axis], *POSITIONS[position][axis]),
         list(rows),
@@ -372,14 +369,12 @@ def _rows(found: Recording, told: Mapping[str, str | int], position: str) -> dic
 
 
 def _check_samples(
-    found: Recording,
-    rows: Mapping[str, int],
-    position: str,
-    weighting: Weighting,
-    range_ms2: float | None,
+    found: Recording, rows: Mapping[str, int], position: str, range_ms2: float | None
 ) -> None:
     """Refuse what would be weighed but was not felt: wrong units, clipped samples, wrong axes."""
-    where, least_s = found.origin, max(RUNNING_S, 1 / weighting.limits_hz[0])
+    where, weighting = found.origin, WEIGHTINGS[POSITIONS[position][next(iter(rows))][0]]
+    weighting.sections(found.sampling_rate_hz)  # refuses a rate that is too low
+    least_s = max(RUNNING_S, 1 / weighting.limits_hz[0])
     if found.duration_s < least_s:
         raise RecordingError(
             f"{where}: {found.duration_s:.3g} s are too short for {weighting.name}, which needs "

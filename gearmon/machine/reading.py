@@ -303,29 +303,23 @@ def _stages(source: MachineSource) -> tuple[tuple[Stage, ...], tuple[str, ...]]:
     if not tables:
         example = '[[stage]] with kind = "parallel", pinion_teeth = 26, gear_teeth = 53'
         raise source.error("", f"lacks a stage; write {example}")
-    stages: list[Stage] = []
-    notes: list[str] = []
-    for number, (label, table) in enumerate(tables, start=1):
-        stage, remarks = _stage(source, label, dict(table))
-        stages.append(stage)
-        notes += [f"stage {number}: {remark}" for remark in remarks]
-    return tuple(stages), tuple(notes)
+    stages, remarks = zip(*(_stage(source, *own) for own in tables), strict=True)
+    notes = [f"stage {n}: {told}" for n, own in enumerate(remarks, start=1) for told in own]
+    return stages, tuple(notes)
 
 
 def _stage(source: MachineSource, label: str, table: dict[str, Any]) -> tuple[Stage, list[str]]:
-    kind = table.pop("kind", None)
+    kind = table.get("kind")
     if kind is None:
         raise source.error(label, f'{label} lacks kind; write kind = "parallel" or "planetary"')
     if not isinstance(kind, str) or kind not in STAGE_KINDS:
         message = f'{label}.kind = {shown_value(kind)} must be "parallel" or "planetary"'
         raise source.error(f"{label}.kind", message)
-    remarks: list[str] = []
-    if kind == "planetary" and "planet_teeth" not in table:
-        remarks = _derive_planet_teeth(source, label, table)
-    stage = read_part(source, STAGE_KINDS[kind], label, table)
-    if isinstance(stage, PlanetaryStage):
-        remarks += stage.notes
-    return stage, remarks
+    given, remarks = {key: own for key, own in table.items() if key != "kind"}, []
+    if kind == "planetary" and "planet_teeth" not in given:
+        remarks = _derive_planet_teeth(source, label, given)
+    stage = read_part(source, STAGE_KINDS[kind], label, given)
+    return stage, [*remarks, *(stage.notes if isinstance(stage, PlanetaryStage) else ())]
 
 
 def _derive_planet_teeth(source: MachineSource, label: str, table: dict[str, Any]) -> list[str]:
