@@ -5,7 +5,6 @@ from __future__ import annotations
 import glob
 import os
 import shutil
-import signal
 import sys
 import tempfile
 from argparse import Namespace
@@ -20,7 +19,7 @@ import gearmon
 from gearmon.commands.command import complain, given
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import check_output, protecting
-from gearmon.signals.threads import THREADS, cores
+from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 from gearmon.terminal import Progress, followed
 
 # A process takes as long to start as one file of ten seconds takes to analyse.
@@ -211,7 +210,7 @@ def _mapped(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     from concurrent.futures import ProcessPoolExecutor  # a single file does without
     from concurrent.futures.process import BrokenProcessPool
 
-    pool = ProcessPoolExecutor(workers, initializer=_alone_on_a_core)
+    pool = ProcessPoolExecutor(workers, None, alone_on_a_core, (os.getpid(),))
     try:
         yield pool.map
     except BrokenProcessPool as error:
@@ -221,10 +220,3 @@ def _mapped(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _alone_on_a_core() -> None:
-    """Keep a process to one core; Ctrl-C is for the parent to answer."""
-    os.environ[THREADS] = "1"
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -226,7 +226,8 @@ def exposure(arguments: Namespace) -> int:
 
     def weighed(path: str) -> dict[str, Any]:
         found = dict(_felt(path, arguments))
-        which = f"-{number}" if (number := next(numbers)) > 1 else ""
+        number = next(numbers)
+        which = f"-{number}" if number > 1 else ""
         named.update({which + (key and f"-{key}"): own for key, own in found.items()})
         told = {key: own.to_dict() for key, own in found.items()}
         return told.pop("") | {"seat_factor": None, "gearbox": None} | told
