@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import html
-import json
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -20,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_word
-from gearmon.files import write_atomically
+from gearmon.files import write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -152,13 +151,7 @@ class Result:
             written: list[Path] = plots.save_all(self.figures(), target)
             return written
         check_word("ending of path=", target.suffix, (".csv", ".json", ".png", ".svg", ".pdf"))
-        if target.suffix == ".csv":
-            text = self.to_frame().to_csv(index=False)
-        else:
-            # JSON has no number for what is infinite or none
-            plain = json.loads(json.dumps(self.to_dict()), parse_constant=lambda _: None)
-            text = json.dumps(plain, indent=1, ensure_ascii=False) + "\n"
-        write_atomically(target, text)
+        write_table(target, self.to_dict(), self.frame_rows())
         return [target]
 
     def figures(self) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import sys
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from gearmon import report
 from gearmon.errors import ArgumentError
+from gearmon.files import as_json, write_table
 from gearmon.terminal import coloured, line_cleared
 
 if TYPE_CHECKING:
@@ -279,8 +279,6 @@ def given(arguments: Namespace, *names: str) -> dict[str, Any]:
     return {name: value for name, value in own.items() if value not in (None, [])}
 
 
-#: Version of what JSON output holds: keys may be added within it, none is renamed or goes.
-SCHEMA = "gearmon/1"
 Rows = Callable[[], list[dict[str, Any]]]
 DONE, FLAGGED, BAD_INPUT, UNJUDGED, OWN_FAULT, STOPPED = 0, 1, 2, 3, 70, 130
 
@@ -409,18 +407,3 @@ def words(name: str, result: Mapping[str, Any], **known: Any) -> list[str]:
     from gearmon.report.wording import template
 
     return template(f"{name}.txt", "gearmon.commands").render({**result, **known}).splitlines()
-
-
-def write_table(path: str, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
-    """Write rows as CSV or the whole result as JSON, by the ending of the name."""
-    from gearmon.files import write_atomically
-    from gearmon.report.wording import rows_as_csv
-
-    is_csv = Path(path).suffix.lower() == ".csv"
-    write_atomically(path, rows_as_csv(rows) if is_csv else as_json(result) + "\n")
-
-
-def as_json(result: Mapping[str, Any]) -> str:
-    """Return a result as JSON, marked with the version of its schema (see `schemas.json`)."""
-    marked = {"schema": SCHEMA, **result}
-    return json.dumps(marked, indent=1, ensure_ascii=False, allow_nan=False)

@@ -21,10 +21,10 @@ from gearmon.commands.command import (
     recordings,
     show,
     words,
-    write_table,
 )
 from gearmon.commands.inputs import each_of, recording_of
 from gearmon.errors import ArgumentError, check_range
+from gearmon.files import write_table
 from gearmon.terminal import followed, part_of
 
 if TYPE_CHECKING:

@@ -65,15 +65,14 @@ def indicators(arguments: Namespace) -> int:
     """Run `gearmon indicators`."""
     from gearmon.signatures.measured.indicators import read_history, write_history
 
-    machine = arguments.machine
     known = arguments.history and Path(arguments.history).exists()
     history = read_history(arguments.history) if known else None
     tables: list[IndicatorTable] = []
 
     def table_of(path: str) -> dict[str, Any]:
-        recording = recording_of(path, arguments)
+        about = recording_of(path, arguments), arguments.machine
         before = tables[-1].history if tables else history
-        tables.append(gearmon.indicator_table(recording, machine, before, arguments.baseline))
+        tables.append(gearmon.indicator_table(*about, before, arguments.baseline))
         return tables[-1].to_dict()
 
     entries = each_of(arguments.recording, arguments.progress, table_of)
