@@ -380,30 +380,26 @@ def _check_samples(
             f"{where}: {found.duration_s:.3g} s are too short for {weighting.name}, which needs "
             f"{least_s:.3g} s at least, and minutes to be representative"
         )
-    offsets = {}
-    for axis, row in rows.items():
-        name, unit = found.channel_names[row], found.units[row]
-        if unit != "m/s2":
-            raise RecordingError(
-                f"{where}: channel {name} has unit {unit or 'not stated'}; exposure needs "
-                "acceleration in m/s2 or g: state it in the heading, a [[sensor]] or --unit"
-            )
-        values = found.samples[row]
-        defect = find_defect(values)
-        if defect is not None:
-            raise RecordingError(
-                f"{where}: channel {name} {defect.text}; check sensor, cable and range, and record "
-                "again"
-            )
-        if range_ms2 is not None:
-            peak = max(float(values.max()), -float(values.min()))
-            if peak >= _FULL * check_positive("range_ms2", range_ms2, "m/s2"):
-                raise RecordingError(
-                    f"{where}: channel {name} reaches {peak:.4g} m/s2 of the sensor's range of "
-                    f"{range_ms2:g} m/s2; take a sensor of a larger range, and record again"
-                )
-        offsets[axis] = float(values.mean())
+    for row in rows.values():
+        if told := _trouble(found.samples[row], found.units[row], range_ms2):
+            raise RecordingError(f"{where}: channel {found.channel_names[row]} {told}")
+    offsets = {axis: float(found.samples[row].mean()) for axis, row in rows.items()}
     _check_gravity(where, offsets, position)
+
+
+def _trouble(values: FloatArray, unit: str | None, range_ms2: float | None) -> str:
+    """Say what is wrong with a channel, and what to do; "" if nothing is."""
+    if unit != "m/s2":
+        told = f"has unit {unit or 'not stated'}; exposure needs acceleration in m/s2 or g"
+        return f"{told}: state it in the heading, a [[sensor]] or --unit"
+    if (defect := find_defect(values)) is not None:
+        return f"{defect.text}; check sensor, cable and range, and record again"
+    if range_ms2 is not None:
+        peak = max(float(values.max()), -float(values.min()))
+        if peak >= _FULL * check_positive("range_ms2", range_ms2, "m/s2"):
+            told = f"reaches {peak:.4g} m/s2 of the sensor's range of {range_ms2:g} m/s2"
+            return f"{told}; take a sensor of a larger range, and record again"
+    return ""
 
 
 def _check_gravity(where: str, offsets: Mapping[str, float], position: str) -> None:
