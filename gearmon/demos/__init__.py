@@ -1,4 +1,4 @@
-"""Demos: whole jobs on data that they make themselves.
+"""Demos: whole jobs on data that they make themselves; their stories are templates beside them.
 
 >>> from gearmon.demos import DEMOS
 >>> list(DEMOS)
