@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import BAD_INPUT, DONE, FLAGGED, argument, command, complain, finish
+from gearmon.commands.command import (
+    BAD_INPUT,
+    DONE,
+    FLAGGED,
+    argument,
+    command,
+    complain,
+    finish,
+    words,
+)
 from gearmon.errors import ArgumentError, check_range, check_word
-from gearmon.report.wording import counted, printable, table_lines
+from gearmon.report.wording import table_lines
 from gearmon.terminal import progress_line
 
 if TYPE_CHECKING:
@@ -62,7 +70,7 @@ def _run(arguments: Namespace, fleet: Fleet) -> int:
     for trouble in deliver(fleet):
         complain(trouble)
     result = run.to_dict(fleet)
-    finish(arguments, result, lambda: list(_lines(result)), list)
+    finish(arguments, result, partial(words, "fleet", result, most=_SHOWN), list)
     return BAD_INPUT if run.failed else FLAGGED if result["alarms"] else DONE
 
 
@@ -77,26 +85,6 @@ def _engine(arguments: Namespace) -> Any:
     return partial(on_dask, scheduler=arguments.scheduler, patience_s=arguments.patience)
 
 
-def _lines(result: dict[str, Any]) -> Iterator[str]:
-    yield f"{printable(result['fleet'])}: {counted(result['analysed'], 'recording')} analysed"
-    for key, what in (("failed", "not analysed"), ("not_taken", "not taken")):
-        told = result[key]
-        yield from (
-            f"{printable(one['recording'])}: {what}: {printable(one['why'])}"
-            for one in told[:_SHOWN]
-        )
-        if len(told) > _SHOWN:
-            yield f"{len(told) - _SHOWN} more {what}; --json has them all"
-    if result["being_written"]:
-        yield f"{counted(len(result['being_written']), 'recording')} still being written"
-    yield "ledger: " + ", ".join(f"{n} {state}" for state, n in sorted(result["ledger"].items()))
-    for alarm in result["alarms"]:
-        told = ", acknowledged" if alarm["acknowledged"] else ""
-        place = printable(f"{alarm['machine']} {alarm['class']}".strip())
-        yield f"ALARM {place}: {alarm['finding']}, since {alarm['since']}{told}"
-    yield from (f"wrote {path}" for path in result["results"])
-
-
 def _watch(arguments: Namespace, fleet: Fleet) -> int:
     from gearmon.fleet import watch_fleet
 
@@ -106,7 +94,7 @@ def _watch(arguments: Namespace, fleet: Fleet) -> int:
         if isinstance(what, str):
             complain(what)
         else:
-            print("\n".join(_lines(what.to_dict(fleet))), flush=True)
+            print(*words("fleet", what.to_dict(fleet), most=_SHOWN), sep="\n", flush=True)
 
     watch_fleet(fleet, _engine(arguments), every_s=arguments.every, told=told)
     return DONE

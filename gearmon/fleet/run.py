@@ -7,8 +7,6 @@ import hashlib
 import logging
 import math
 import os
-import signal
-import sys
 import tempfile
 import time
 from collections import Counter, deque
@@ -36,7 +34,7 @@ from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import alarms, deliver, renew
 from gearmon.fleet.ledger import Outcome, counts, keep, keep_growing, known, write_results
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
-from gearmon.signals.threads import THREADS, cores
+from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 
 if TYPE_CHECKING:
     from gearmon.machine import Machine
@@ -187,7 +185,7 @@ def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcom
     """Work through a queue; return what was at work when a process died."""
     running: dict[Future[Outcome], Job] = {}
     # not forked: threads that deliver alarms may run
-    pool = ProcessPoolExecutor(width, get_context("spawn"), _alone_on_a_core, (os.getpid(),))
+    pool = ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core, (os.getpid(),))
     try:
         if width == 1:
             # a process that is killed as it begins says nothing of the recording
@@ -205,18 +203,6 @@ def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcom
     finally:
         pool.shutdown(cancel_futures=True)
     return []
-
-
-def _alone_on_a_core(parent: int) -> None:
-    """Keep a process to one core, and let it go when the one that began it is killed."""
-    os.environ[THREADS] = "1"
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-        if os.getppid() != parent:
-            os._exit(1)
 
 
 def on_dask(
