@@ -61,13 +61,45 @@ Those of all other names go on from here.
 
 from __future__ import annotations
 
-from gearmon.lazy import offered_to_checkers
+from gearmon.lazy import lazily
 
 TYPE_CHECKING = False  # typing takes a moment, in which Ctrl-C would end in a traceback
 
 __version__ = "0.1.0"
 
-# one list for those who read the types and those who run it: see `gearmon.lazy`
+_OFFERED = {
+    "diagnosis.analysis": ("analyse", "learn"),
+    "diagnosis.fault_types.judgement": ("features",),
+    "diagnosis.fault_types.training": ("train_kinds",),
+    "diagnosis.reference_check": ("check_reference",),
+    "diagnosis.results": ("Analysis",),
+    "errors": ("GearmonError",),
+    "exposure.day": ("exposure_day",),
+    "exposure.gearbox": ("gear_share",),
+    "exposure.measures": ("Exposure", "vibration_exposure", "seat_factor"),
+    "exposure.weighting": ("frequency_weighting",),
+    "harvesting.tuning": ("tune_harvester",),
+    "machine": ("Machine", "load_machine"),
+    "report.html": ("write_report",),
+    "signals.orders.averages": ("time_synchronous_average",),
+    "signals.orders.resampling": ("angular_waveform",),
+    "signals.orders.spectra": ("order_map",),
+    "signals.recording": ("Recording", "read_recording", "open_recording"),
+    "signatures.expected.baseline": ("expected_signature",),
+    "signatures.expected.fault_family": ("fault_family",),
+    "signatures.expected.modes": ("modes",),
+    "signatures.expected.tooth_response": ("loss_response",),
+    "signatures.gear_averages": ("gear_averages",),
+    "signatures.measured.indicators": ("indicator_table",),
+    "signatures.measured.measurement": ("MeasuredSignature", "measure_signature"),
+    "signatures.measured.reference": ("Reference", "read_reference", "write_reference"),
+    "signatures.recording_spectrum": ("order_spectra", "recording_spectrum"),
+    "signatures.signature": ("Signature", "read_signature", "write_signature"),
+    "simulation": ("simulate",),
+}
+
+__all__ = ["__version__", *sorted(name for names in _OFFERED.values() for name in names)]
+
 if TYPE_CHECKING:
     from gearmon.diagnosis.analysis import analyse as analyse
     from gearmon.diagnosis.analysis import learn as learn
@@ -111,8 +143,7 @@ if TYPE_CHECKING:
     from gearmon.simulation import simulate as simulate
 
 
-_names, __getattr__ = offered_to_checkers(__name__, __file__)
-__all__ = ["__version__", *_names]
+__getattr__ = lazily(__name__, _OFFERED)
 
 
 def __dir__() -> list[str]:

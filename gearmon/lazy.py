@@ -8,38 +8,18 @@ from __future__ import annotations
 TYPE_CHECKING = False  # typing takes a moment, in which Ctrl-C would end in a traceback
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Mapping
     from typing import Any
 
 
-def offered_to_checkers(package: str, path: str) -> tuple[list[str], Callable[[str], Any]]:
-    """Return ``__all__`` and ``__getattr__`` of a package, from what it shows to type checkers.
-
-    Parameters
-    ----------
-    package : str
-        Its name.
-    path : str
-        Its ``__init__.py``, with a line ``from package.module import name as name`` a name.
-    """
-    offered: dict[str, list[str]] = {}
-    with open(path, encoding="utf-8") as source:
-        for line in source:
-            if line.startswith(f"    from {package}."):
-                _, home, _, name, *_ = line.split()
-                offered.setdefault(home.removeprefix(f"{package}."), []).append(name)
-    names = sorted(name for names in offered.values() for name in names)
-    return names, lazily(package, offered)
-
-
-def lazily(package: str, offered: Mapping[str, Sequence[str]]) -> Callable[[str], Any]:
+def lazily(package: str, offered: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
     """Return the ``__getattr__`` of a package.
 
     Parameters
     ----------
     package : str
         Its name.
-    offered : mapping of str to sequence of str
+    offered : mapping of str to tuple of str
         The names that each of its modules offers.
     """
     homes = {name: home for home, names in offered.items() for name in names}

@@ -34,27 +34,36 @@ False
 True
 """
 
-from gearmon.lazy import offered_to_checkers
+from gearmon.exposure.day import DayExposure, DayPlan, Job, exposure_day, load_day, sum_up
+from gearmon.exposure.gearbox import GearShare, gear_share
+from gearmon.exposure.measures import (
+    LIMITS,
+    POSITIONS,
+    Exposure,
+    Limits,
+    SeatFactor,
+    seat_factor,
+    vibration_exposure,
+)
+from gearmon.exposure.weighting import WEIGHTINGS, Weighting, frequency_weighting
 
-TYPE_CHECKING = False  # see `gearmon.lazy`
-if TYPE_CHECKING:
-    from gearmon.exposure.day import DayExposure as DayExposure
-    from gearmon.exposure.day import DayPlan as DayPlan
-    from gearmon.exposure.day import Job as Job
-    from gearmon.exposure.day import exposure_day as exposure_day
-    from gearmon.exposure.day import load_day as load_day
-    from gearmon.exposure.day import sum_up as sum_up
-    from gearmon.exposure.gearbox import GearShare as GearShare
-    from gearmon.exposure.gearbox import gear_share as gear_share
-    from gearmon.exposure.measures import LIMITS as LIMITS
-    from gearmon.exposure.measures import POSITIONS as POSITIONS
-    from gearmon.exposure.measures import Exposure as Exposure
-    from gearmon.exposure.measures import Limits as Limits
-    from gearmon.exposure.measures import SeatFactor as SeatFactor
-    from gearmon.exposure.measures import seat_factor as seat_factor
-    from gearmon.exposure.measures import vibration_exposure as vibration_exposure
-    from gearmon.exposure.weighting import WEIGHTINGS as WEIGHTINGS
-    from gearmon.exposure.weighting import Weighting as Weighting
-    from gearmon.exposure.weighting import frequency_weighting as frequency_weighting
-
-__all__, __getattr__ = offered_to_checkers(__name__, __file__)
+__all__ = [
+    "LIMITS",
+    "POSITIONS",
+    "WEIGHTINGS",
+    "DayExposure",
+    "DayPlan",
+    "Exposure",
+    "GearShare",
+    "Job",
+    "Limits",
+    "SeatFactor",
+    "Weighting",
+    "exposure_day",
+    "frequency_weighting",
+    "gear_share",
+    "load_day",
+    "seat_factor",
+    "sum_up",
+    "vibration_exposure",
+]

@@ -22,21 +22,30 @@ True
 machine.toml: stage 1 = 2 must lie in [5, 2000]: the range of cylindrical gears
 """
 
-from gearmon.lazy import offered_to_checkers
+from gearmon.machine.fields import FieldError
+from gearmon.machine.parts import (
+    Bearing,
+    Disc,
+    Machine,
+    OperatingPoint,
+    Sensor,
+    ShaftSection,
+    Stage,
+)
+from gearmon.machine.reading import MachineLike, load_machine
+from gearmon.machine.stages import ParallelStage, PlanetaryStage
 
-TYPE_CHECKING = False  # see `gearmon.lazy`
-if TYPE_CHECKING:
-    from gearmon.machine.fields import FieldError as FieldError
-    from gearmon.machine.parts import Bearing as Bearing
-    from gearmon.machine.parts import Disc as Disc
-    from gearmon.machine.parts import Machine as Machine
-    from gearmon.machine.parts import OperatingPoint as OperatingPoint
-    from gearmon.machine.parts import Sensor as Sensor
-    from gearmon.machine.parts import ShaftSection as ShaftSection
-    from gearmon.machine.parts import Stage as Stage
-    from gearmon.machine.reading import MachineLike as MachineLike
-    from gearmon.machine.reading import load_machine as load_machine
-    from gearmon.machine.stages import ParallelStage as ParallelStage
-    from gearmon.machine.stages import PlanetaryStage as PlanetaryStage
-
-__all__, __getattr__ = offered_to_checkers(__name__, __file__)
+__all__ = [
+    "Bearing",
+    "Disc",
+    "FieldError",
+    "Machine",
+    "MachineLike",
+    "OperatingPoint",
+    "ParallelStage",
+    "PlanetaryStage",
+    "Sensor",
+    "ShaftSection",
+    "Stage",
+    "load_machine",
+]
