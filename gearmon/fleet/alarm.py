@@ -43,7 +43,7 @@ def renew(fleet: Fleet) -> None:
 
 
 def _renew(store: Connection, machine: FleetMachine) -> None:
-    known = "l.machine = ? AND l.state != 'being written' ORDER BY l.time_s, l.path"
+    known = "machine = ? AND state != 'being written' ORDER BY time_s, path"
     classes: dict[str, list[tuple[float, set[str]]]] = defaultdict(list)
     for row in recorded(store, known, (machine.name,)):
         classes[row["class"]].append((row["time_s"], _findings(row, machine)))

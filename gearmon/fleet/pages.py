@@ -267,8 +267,8 @@ class _Site:
     def _ledger(self, machine: str | None, number: int = 0) -> list[dict[str, Any]]:
         """Return the recordings of a machine, the newest first, or the one of this number."""
         with opened(self.fleet.store, create=False) as store:
-            order = "l.machine = ? OR l.id = ? ORDER BY l.time_s DESC"
-            rows = recorded(store, order, (machine, number), shown=True)
+            order = "machine = ? OR id = ? ORDER BY time_s DESC"
+            rows = recorded(store, order, (machine, number))
         return [row | {"findings": "; ".join(row["findings"])} for row in rows]
 
 

@@ -34,7 +34,7 @@ from gearmon import __version__
 from gearmon.diagnosis.history.store import as_text
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import alarms, deliver, renew
-from gearmon.fleet.ledger import Outcome, counts, keep, keep_growing, known, write_results
+from gearmon.fleet.ledger import Outcome, counts, keep, known, write_results
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
 from gearmon.signals.threads import THREADS, cores
 
@@ -380,22 +380,19 @@ def run_fleet(
                 jobs, refused = arrived(fleet)
         new = list(_new(jobs, known(fleet), again))
         growing = [job for job in new if before.get(job.path) != job.state]
-        keep_growing(fleet, growing)
-        ready = [job for job in new if before.get(job.path) == job.state]
-        told: dict[str, str] = {}
-        for outcome in engine(ready):
-            told[outcome.job.path] = keep(fleet, outcome)
+        told = keep(fleet, (Outcome(job=job, growing=True) for job in growing))
+        ready = [job for job in new if job.path not in told]
+        for count, outcome in enumerate(engine(ready), 1):
+            told |= keep(fleet, [outcome])
             if progress:
-                progress(len(told) / len(ready))
+                progress(count / len(ready))
         renew(fleet)
         results = tuple(write_results(fleet))
-    late = [path for path, what in told.items() if what == "being written"]
-    failed = {path: what for path, what in told.items() if what not in ("done", "being written")}
     return Run(
         done=list(told.values()).count("done"),
-        failed=failed,
+        failed={p: what for p, what in told.items() if what not in ("done", "being written")},
         refused=refused,
-        growing=(*(job.path for job in growing), *late),
+        growing=tuple(path for path, what in told.items() if what == "being written"),
         results=results,
     )
 

@@ -106,6 +106,28 @@ def test_two_files_of_one_machine_and_time_are_said(tmp_path):
     assert "same machine and time" in next(iter(run.refused.values()))
 
 
+def test_another_file_of_a_time_that_the_history_knows_is_refused(tmp_path):
+    fleet = made_fleet(tmp_path)
+    first = arrive(tmp_path, "a_{}.txt", "0.1")
+    run_fleet(fleet, at_once)
+    first.unlink()
+    arrive(tmp_path, "a_{}_hay.txt", "0.2")
+    (why,) = run_fleet(fleet, at_once).failed.values()
+    assert "already" in why
+    assert [own.score for own in read_history(fleet.store, "a").entries] == [0.1]
+
+
+def test_a_recording_that_the_history_lacks_is_said(tmp_path):
+    fleet = made_fleet(tmp_path)
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    run_fleet(fleet, at_once)
+    with closing(sqlite3.connect(fleet.store)) as store:
+        store.execute("DELETE FROM recordings")
+        store.commit()
+    with pytest.raises(SignatureError, match="a recording of 'a' is missing"):
+        rank(fleet)
+
+
 NAMES = (b"\xff\xfe", b"new\nline", b"$HOME", b"<script>", b"'; DROP TABLE ledger;--", b"x" * 230)
 
 
@@ -399,6 +421,7 @@ CELLS = [
     ("latest", "verdict", "healthy"),
     ("latest", "scores", 1 << 60),
     ("recordings", "verdict", "healthy"),
+    ("recordings", "places", "[]"),
 ]
 
 
@@ -549,8 +572,8 @@ def test_a_store_of_an_earlier_version_is_refused(tmp_path):
     arrive(tmp_path, "a_{}.txt", "fault 0.1")
     run_fleet(fleet, at_once)
     with closing(sqlite3.connect(fleet.store)) as store:
-        store.execute("PRAGMA user_version = 3")
+        store.execute("PRAGMA user_version = 4")
         store.commit()
     for again in (rank, lambda own: run_fleet(own, at_once)):
-        with pytest.raises(SignatureError, match=r"has schema 3.*analyse the recordings anew"):
+        with pytest.raises(SignatureError, match=r"has schema 4.*analyse the recordings anew"):
             again(fleet)

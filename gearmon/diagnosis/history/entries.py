@@ -77,7 +77,7 @@ class Place:
         for name in PLACE:
             value = getattr(self, name)
             if name != "gear" and value is not None:
-                check_range(name, value, 1 if name in _COUNTED else -_MUCH, _MUCH)
+                check_range(name, value, 1 if name in COUNTED else -_MUCH, _MUCH)
         if self.loss_sigma is not None:
             check_positive("loss_sigma", self.loss_sigma)
         if self.loss is not None and self.loss_sigma is None:
@@ -222,10 +222,10 @@ class History:
         return [row for entry in self.entries for row in entry.rows()]
 
 
-#: Columns of an entry, and of a place.
+#: Columns of an entry, and of a place; and those that hold whole numbers.
 ENTRY = tuple(f.name for f in fields(Entry) if f.name not in ("findings", "places"))
 PLACE = tuple(f.name for f in fields(Place))
-_COUNTED = ("stage", "teeth", "tooth")
+COUNTED = ("stage", "teeth", "tooth")
 
 
 def duplicate_time(entry: Entry, known: str) -> ArgumentError:

@@ -314,7 +314,7 @@ def test_unusable_files_give_one_clear_line(tmp_path, kind):
         append(path, cracked(20).entries)
         with sqlite3.connect(path) as store:
             if kind in ("earlier", "later"):
-                store.execute(f"PRAGMA user_version = {3 if kind == 'earlier' else 99}")
+                store.execute(f"PRAGMA user_version = {4 if kind == 'earlier' else 99}")
             store.execute("PRAGMA journal_mode = DELETE")
         store.close()
         data = path.read_bytes()
