@@ -113,7 +113,10 @@ def _watch(arguments: Namespace, fleet: Fleet) -> int:
 
 
 def _serve(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet.pages import serve
+    try:
+        from gearmon.fleet.pages import serve
+    except ImportError:
+        raise ArgumentError("fleet serve needs pip install 'gearmon[web]'") from None
 
     check_range("--port", arguments.port, 1, 65535)
     serve(fleet, arguments.host, arguments.port, arguments.token or "")

@@ -25,7 +25,6 @@ from gearmon.diagnosis.analysis import learn
 from gearmon.diagnosis.history import read_latest
 from gearmon.files import write_atomically
 from gearmon.fleet import Fleet, alarms, read_fleet, run_fleet
-from gearmon.fleet.pages import screenshot
 from gearmon.machine import Machine, load_machine
 from gearmon.report.wording import table_lines
 from gearmon.signals.recording import read_recording
@@ -73,12 +72,10 @@ def fleet_demo(folder: Path, progress: Progress | None = None) -> Demo:
     path = given_file("fleet.toml", folder, "fleet.toml", rate=RATE_HZ, machines=listed)
     fleet = read_fleet(path)
     run = run_fleet(fleet, progress=progress)
-    picture = folder / "fleet.png"
-    shown = screenshot(fleet, picture)
-    story = (*_story(fleet), *_ending(path, picture if shown else None))
+    page = f"Its page, http://127.0.0.1:8765/, is shown by: gearmon fleet serve {path}"
+    story = (*_story(fleet), page)
     write_atomically(folder / "fleet.txt", "\n".join(story) + "\n")
     files = {"folder": folder, "fleet file": path, "store": fleet.store}
-    files |= {"screenshot": picture} if shown else {}
     facts = {"truth": {name: what for name, (what, _) in WRONG.items()}, "run": run.to_dict(fleet)}
     return Demo(story=story, files=files, facts=facts | {"latest": read_latest(fleet.store)})
 
@@ -103,12 +100,6 @@ def _story(fleet: Fleet) -> Iterator[str]:
         "Wear of all teeth alike raises a mesh line and its first sidebands together, as a heavier "
         "load does: without the load it cannot be told from that, and the answer stays open."
     )
-
-
-def _ending(path: Path, picture: Path | None) -> Iterator[str]:
-    if picture is not None:
-        yield f"A browser's picture of the page: {picture}"
-    yield f"The page, http://127.0.0.1:8765/, is shown by: gearmon fleet serve {path}"
 
 
 def _made(folder: Path, name: str) -> None:
