@@ -354,10 +354,15 @@ class ToothTrend:
         value, low, high = self.now
         return self.limit - value, self.limit - high, self.limit - low
 
-    @property
+    @cached_property
     def crossing(self) -> Crossing | None:
         """When the limit is reached."""
         return None if self.limit is None else self.trend.crossing(self.limit)
+
+    @property
+    def reached(self) -> bool:
+        """Whether it is at its limit."""
+        return self.crossing is not None and self.crossing.status == "reached"
 
     @property
     def risen(self) -> bool:
@@ -472,12 +477,11 @@ class HistoryTrends(Result):
     @property
     def raised(self) -> bool:
         """Whether a person should look: a fault, a loss or evidence that rose, a limit reached."""
-        entries, crossings = self.history.entries, [tooth.crossing for tooth in self.shown]
+        newest = self.history.entries[-1:]
         return (
-            bool(entries and entries[-1].verdict == "fault")
+            any(entry.verdict == "fault" for entry in newest)
             or self.began is not None
-            or any(tooth.risen for tooth in self.shown)
-            or any(crossing and crossing.status == "reached" for crossing in crossings)
+            or any(tooth.risen or tooth.reached for tooth in self.shown)
         )
 
     def to_dict(self) -> dict[str, Any]:
