@@ -136,7 +136,7 @@ def test_hostile_names_are_taken_or_refused(tmp_path):
     inbox, hour_ago = os.fsencode(tmp_path / "inbox"), time.time() - 3600
     taken = [b"a_2026-03-%02d%s.txt" % (day, name) for day, name in enumerate(NAMES, 1)]
     refused = [b"evil.txt", b"\n\xff.txt", b"a_2026-02-31.txt", b"a_2026-03-01.txt"]
-    for name in (*taken, *refused):
+    for name in (*taken, *refused, b".a_2026-03-20.txt"):  # hidden ones are passed over
         path = os.path.join(inbox, name)
         with open(path, "w") as file:
             file.write("0.1")
@@ -230,7 +230,7 @@ def test_a_folder_that_cannot_be_reached_is_said(tmp_path):
     made_fleet(tmp_path)
     text = (tmp_path / "fleet.toml").read_text().replace("'inbox'", "'nowhere://inbox'")
     (tmp_path / "fleet.toml").write_text(text)
-    with pytest.raises(ArgumentError, match=r'"nowhere://inbox": cannot be reached \(Protocol'):
+    with pytest.raises(ArgumentError, match=r'"nowhere://inbox": cannot be read \(Protocol'):
         run_fleet(read_fleet(tmp_path / "fleet.toml"), at_once)
 
 
