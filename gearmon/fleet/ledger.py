@@ -29,7 +29,7 @@ from gearmon.diagnosis.history.store import (
     summarise,
 )
 from gearmon.errors import ArgumentError
-from gearmon.files import replacing
+from gearmon.files import made_folder, replacing
 from gearmon.fleet.plan import Fleet, Job
 
 #: Of what the Parquet files hold; columns may be added within a version.
@@ -196,17 +196,11 @@ def write_results(fleet: Fleet) -> list[Path]:
 
     texts = ("path", "machine", "class", "verdict", "hash", "version")
     numbers = ("time_s", "score", "false_alarm_probability", "speed_hz")
-    losses = ("loss", "loss_low", "loss_high")
-    types = [("ledger_id", pa.int64()), *((name, pa.string()) for name in texts)]
-    types += [(name, pa.float64()) for name in (*numbers, *losses)]
-    types += [("findings", pa.list_(pa.string()))]
-    types += [("indicators", pa.map_(pa.string(), pa.float64()))]
-    about = {"gearmon": json.dumps({"fleet results": RESULTS_VERSION})}
-    schema = pa.schema(types, about)
-    try:
-        fleet.results.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"{fleet.results}: is no folder ({error.strerror})") from None
+    types = {"ledger_id": pa.int64()} | dict.fromkeys(texts, pa.string())
+    types |= dict.fromkeys((*numbers, "loss", "loss_low", "loss_high"), pa.float64())
+    types |= {"findings": pa.list_(pa.string()), "indicators": pa.map_(pa.string(), pa.float64())}
+    schema = pa.schema(types, {"gearmon": json.dumps({"fleet results": RESULTS_VERSION})})
+    made_folder(fleet.results)
     written: list[Path] = []
     there = (_FILE.fullmatch(path.name) for path in fleet.results.iterdir())
     last = max((int(own[1]) for own in there if own), default=0)

@@ -13,7 +13,6 @@ import tempfile
 import threading
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
 from operator import itemgetter
 from pathlib import Path
@@ -37,7 +36,7 @@ from gearmon.fleet.alarm import acknowledge, alarms
 from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.fleet.rank import compare
-from gearmon.fleet.run import at_hand, equipment
+from gearmon.fleet.run import at_hand, judged
 from gearmon.report import wording
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
@@ -317,18 +316,12 @@ def _drawn(found: HistoryTrends) -> bytes:
 @lru_cache(maxsize=16)
 def _report(fleet: Fleet, machine: FleetMachine, path: str, content: str) -> str:
     """Make the interactive report of a recording, anew once its content is another."""
-    from gearmon.diagnosis.analysis import analyse
     from gearmon.report.html import write_report
-    from gearmon.signals.recording import read_recording
 
     assert content is not None
-    own, reference = equipment(machine)
     history = history_trends(read_history(fleet.store, machine.name), limit=machine.limit)
-    known: dict[str, Any] = {"sampling_rate_hz": machine.sampling_rate_hz, "sensors": own.sensors}
     with at_hand(path) as file, tempfile.TemporaryDirectory() as folder, _DRAWING:
-        recording = read_recording(file, channels=machine.sensors or None, **known)
-        recording = replace(recording, origin=path)
-        analysis = analyse(recording, own, reference)
+        analysis, recording, reference, own = judged(machine, file, path)
         target = Path(folder) / "report.html"
         write_report([analysis], [recording], reference, own, target, history=history)
         return target.read_text("utf-8")

@@ -39,7 +39,9 @@ from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
 from gearmon.signals.threads import THREADS, cores
 
 if TYPE_CHECKING:
+    from gearmon.diagnosis.results import Analysis
     from gearmon.machine import Machine
+    from gearmon.signals.recording import Recording
     from gearmon.signatures.measured.reference import Reference
 
 Task = Callable[[Job], Outcome]
@@ -61,9 +63,7 @@ _CONNECT_S = 20.0
 
 def analysed(job: Job) -> Outcome:
     """Analyse a recording; whatever is wrong with it stands in the outcome."""
-    from gearmon.diagnosis.analysis import analyse
     from gearmon.diagnosis.history import entry_of
-    from gearmon.signals.recording import read_recording
 
     if job.size * _GROWS > (free := _free_memory()) / (os.cpu_count() or 1):
         told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"
@@ -73,14 +73,7 @@ def analysed(job: Job) -> Outcome:
     try:
         with at_hand(job.path) as file:
             digest = _hash(file)
-            machine, reference = equipment(job.machine)
-            recording = read_recording(
-                file,
-                sampling_rate_hz=job.machine.sampling_rate_hz,
-                channels=job.machine.sensors or None,
-                sensors=machine.sensors,
-            )
-            analysis = analyse(replace(recording, origin=job.path), machine, reference)
+            analysis, *_ = judged(job.machine, file, job.path)
             growing = not is_remote(job.path) and _state(file) != job.state
         entry = entry_of(analysis, datetime.fromtimestamp(job.time_s, UTC), "name")
     except MemoryError:
@@ -128,15 +121,25 @@ def _hash(file: str) -> str:
         return hashlib.file_digest(content, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
-def equipment(own: FleetMachine) -> tuple[Machine, Reference | None]:
-    """Read machine file and reference, again only if they were written to."""
+def judged(
+    own: FleetMachine, file: str, path: str
+) -> tuple[Analysis, Recording, Reference | None, Machine]:
+    """Analyse a recording, of which a file here is a copy; return what it was judged by as well."""
+    from gearmon.diagnosis.analysis import analyse
+    from gearmon.signals.recording import read_recording
+
     files = (own.file, *([own.reference] if own.reference else []))
     machine, reference = _read(files, tuple(map(_state, files)))
-    return replace(machine, name=own.name), reference
+    machine = replace(machine, name=own.name)
+    known: dict[str, Any] = {"sampling_rate_hz": own.sampling_rate_hz, "sensors": machine.sensors}
+    recording = read_recording(file, channels=own.sensors or None, **known)
+    recording = replace(recording, origin=path)
+    return analyse(recording, machine, reference), recording, reference, machine
 
 
 @lru_cache(maxsize=8)
 def _read(files: tuple[str, ...], states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
+    """Read machine file and reference, again only if they were written to."""
     from gearmon.machine import load_machine
     from gearmon.signatures.measured.reference import read_reference
 

@@ -254,7 +254,7 @@ def test_a_folder_that_is_gone_by_now_is_said(tmp_path):
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("results", "machine.toml", "machine.toml: is no folder"),
+        ("results", "machine.toml", r"machine.toml: cannot make this folder \(File exists\)"),
         ("store", "nowhere/fleet.db", "fleet.db.lock: cannot write there"),
     ],
 )
