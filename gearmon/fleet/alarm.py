@@ -224,11 +224,10 @@ def _tried(send: Any) -> str:
     for pause in (*_AGAIN_S, 0.0):
         try:
             send()
+            return ""
         except (OSError, subprocess.SubprocessError) as error:
             why = " ".join(str(error).split())
             time.sleep(pause)
-        else:
-            return ""
     return why
 
 

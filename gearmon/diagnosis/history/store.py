@@ -288,23 +288,20 @@ def opened(
         if not path.resolve().parent.is_dir():
             raise ArgumentError(f"{path}: cannot be made, its folder does not exist")
     try:
-        # the transaction is begun by hand: one for the schema and all rows
         with closing(_connected(path, create=create)) as store:
             store.row_factory = sqlite3.Row
-            # of several that begin a history at once the others find the tables of the first
-            store.execute("BEGIN IMMEDIATE" if create else "BEGIN")
-            try:
+            # the transaction, which this block ends, is begun by hand: one for schema and all rows
+            with store:
+                # of several that begin a history at once the others find the tables of the first
+                store.execute("BEGIN IMMEDIATE" if create else "BEGIN")
                 if not known:
                     _prepare(store, path, create=create)
                     _executed(store, more if create else "")
                 yield store
-            except BaseException:
-                if store.in_transaction:  # a full disk ends it by itself
-                    store.execute("ROLLBACK")
-                raise
-            store.execute("COMMIT")
             if create and not known:
-                _shared(store)
+                # readers and a writer work side by side, where file and disk bear it by now
+                with suppress(sqlite3.OperationalError):
+                    store.execute("PRAGMA journal_mode = WAL").fetchone()
     except sqlite3.OperationalError as error:
         if "locked" in str(error):
             raise SignatureError(f"{path}: another program is writing to it; try again") from None
@@ -357,12 +354,6 @@ def _executed(store: sqlite3.Connection, script: str) -> None:
     """Execute statements one by one: a whole script would end the transaction first."""
     for statement in filter(str.strip, script.split(";")):
         store.execute(statement)
-
-
-def _shared(store: sqlite3.Connection) -> None:
-    """Let readers and a writer work side by side, where file and disk bear it by now."""
-    with suppress(sqlite3.OperationalError):
-        store.execute("PRAGMA journal_mode = WAL").fetchone()
 
 
 def _damaged(path: Path, what: str, why: object) -> SignatureError:

@@ -17,7 +17,7 @@ none: only that it was too small to be found.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
@@ -628,10 +628,8 @@ def _evidence(history: History, below: float, level: float) -> tuple[Trend | Non
     value, equal = normal_equivalent(score), np.ones(len(score))
     series = Series(time_s=time_s, value=value, sigma=equal, sigma_known=False)
     probability = permuted_probability(series)
-    if probability >= below:
-        return Trend(series=series, changes=(), level=level), probability
     # scores that tests cut off scatter less: only when they began to change can be told from them
-    found = fit_trend(series, below=below, level=level, most=1)
+    found = fit_trend(series, below=below, level=level, most=int(probability < below))
     changes = tuple(
         replace(c, false_alarm_probability=max(probability, c.false_alarm_probability))
         for c in found.changes
@@ -661,23 +659,21 @@ def normal_equivalent(score: FloatArray) -> FloatArray:
     return np.asarray(-ndtri_exp(log), dtype=np.float64)
 
 
-def _notes(history: History, teeth: list[ToothTrend]) -> list[str]:
+def _notes(history: History, teeth: list[ToothTrend]) -> Iterator[str]:
     """Name what limits the answer."""
     count = len(history.entries)
-    notes = []
     if count < FEWEST:
-        notes.append(f"{count} recordings are too few to look for changes; {FEWEST} are needed")
+        yield f"{count} recordings are too few to look for changes; {FEWEST} are needed"
     lost = sum(entry.verdict == "no mesh found" for entry in history.entries)
     if lost:
-        notes.append(f"{lost} of {count} recordings showed no mesh and were left out of the score")
+        yield f"{lost} of {count} recordings showed no mesh and were left out of the score"
     if not teeth and count:
-        notes.append("no recording estimates a loss of stiffness: only the evidence is followed")
+        yield "no recording estimates a loss of stiffness: only the evidence is followed"
     for tooth in teeth:
         estimates = len(tooth.trend.series)
         if tooth.tooth is None and estimates < count:
-            notes.append(
+            yield (
                 f"the loss on the {tooth.gear} of stage {tooth.stage} was estimated in {estimates} "
                 f"of {count} recordings; the others are not taken for zero, so its trend begins "
                 "later than the damage may have"
             )
-    return notes
