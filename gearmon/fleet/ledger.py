@@ -38,11 +38,6 @@ RESULTS_VERSION = 1
 _ROWS = 50_000
 # Their names; others may keep more in that folder.
 _FILE = re.compile(r"[0-9]{12,}-([0-9]{12,})\.parquet")
-# Columns of the ledger that a checksum guards.
-_GUARDED = (
-    *("path", "machine", "class", "time_s", "size", "changed"),
-    *("hash", "state", "why", "version", "indicators"),
-)
 #: `alarms` is made anew from the ledger, but for who was told and who has acknowledged.
 _TABLES = """
 CREATE TABLE IF NOT EXISTS ledger
@@ -91,11 +86,11 @@ def writing(fleet: Fleet, *, known: bool = False) -> AbstractContextManager[Conn
     return opened(fleet.store, create=True, more=_TABLES, known=known)
 
 
-def known(fleet: Fleet) -> dict[str, tuple[int, str, str, str]]:
+def known(fleet: Fleet) -> dict[str, list[Any]]:
     """Return size, time of change, state and version of every recording in the ledger."""
     with writing(fleet) as store:
         rows = store.execute("SELECT path, size, changed, state, version FROM ledger")
-        return {row[0]: (row[1], row[2], row[3], row[4]) for row in rows}
+        return {path: told for path, *told in rows}
 
 
 def keep(fleet: Fleet, outcomes: Iterable[Outcome]) -> dict[str, str]:
@@ -120,21 +115,11 @@ def _kept(store: Connection, outcome: Outcome) -> str:
         except ArgumentError as error:
             why = str(error)
     state = "being written" if outcome.growing else "failed" if why else "done"
-    row = {
-        "path": job.path,
-        "machine": job.machine.name,
-        "class": job.operating_class,
-        "time_s": job.time_s,
-        "size": job.size,
-        "changed": job.changed,
-        "hash": outcome.hash,
-        "state": state,
-        "why": why,
-        "version": __version__,
-        "indicators": json.dumps(outcome.indicators),
-    }
+    own = {name: getattr(job, name) for name in ("path", "time_s", "size", "changed")}
+    own |= {"machine": job.machine.name, "class": job.operating_class, "hash": outcome.hash}
+    own |= {"state": state, "why": why, "version": __version__}
     store.execute("DELETE FROM ledger WHERE path = ?", (as_text(job.path),))  # its number ends
-    put(store, "ledger", row)
+    put(store, "ledger", own | {"indicators": json.dumps(outcome.indicators)})
     return why or state
 
 
@@ -168,7 +153,7 @@ def recorded(store: Connection, where: str, values: Sequence[Any]) -> list[dict[
     """
     rows, asked = [], f"SELECT * FROM ledger WHERE {where}"  # noqa: S608 - ours
     for row in store.execute(asked, values).fetchall():
-        own = sound(row, _GUARDED) | {"id": row["id"]}
+        own = sound(row) | {"id": row["id"]}
         kept: dict[str, Any] = dict.fromkeys(ENTRY) | {"findings": "[]", "places": "[]"}
         if own["state"] == "done":
             kept = recording(store, own["machine"], own["time_s"])

@@ -46,7 +46,8 @@ _LOOKED_THROUGH = 1 << 24
 _SCORES = 30
 # SQLite's index of what is not yet in the file takes 32 kB, and its rest little.
 _SHARED_BYTES = 1 << 17
-
+# Columns that say nothing of what was put.
+_UNGUARDED = ("checksum", "id", "alarmed")
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS recordings
     (machine TEXT NOT NULL, time_s REAL NOT NULL, time_source TEXT NOT NULL,
@@ -174,9 +175,9 @@ def _mark(told: Mapping[str, Any]) -> str:
     return hashlib.blake2b(json.dumps(plain, default=repr).encode(), digest_size=8).hexdigest()
 
 
-def sound(row: sqlite3.Row, names: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what was `put`, the columns named or all of them; raise ValueError if it is not."""
-    told = {name: row[name] for name in names or row.keys() if name != "checksum"}
+def sound(row: sqlite3.Row) -> dict[str, Any]:
+    """Return what was `put`; raise ValueError if it is not what was written."""
+    told = {name: x for name, x in dict(row).items() if name not in _UNGUARDED}
     if row["checksum"] != _mark(told):
         raise ValueError("a row is not what was written")
     return told
