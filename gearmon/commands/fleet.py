@@ -13,7 +13,8 @@ from gearmon.report.wording import counted, printable, table_lines
 from gearmon.terminal import progress_line
 
 if TYPE_CHECKING:
-    from gearmon.fleet import Fleet, Run
+    from gearmon.fleet.plan import Fleet
+    from gearmon.fleet.run import Run
 
 #: What is shown of a ranking, and seconds between two looks.
 _SHOWN, _EVERY_S = 20, 60.0
@@ -45,7 +46,7 @@ _SHOWN, _EVERY_S = 20, 60.0
 )
 def fleet(arguments: Namespace) -> int:
     """Run `gearmon fleet`."""
-    from gearmon.fleet import read_fleet
+    from gearmon.fleet.plan import read_fleet
 
     check_word("fleet ", arguments.action, _ACTIONS)
     code: int = _ACTIONS[arguments.action](arguments, read_fleet(arguments.fleet))
@@ -53,7 +54,8 @@ def fleet(arguments: Namespace) -> int:
 
 
 def _run(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet import deliver, run_fleet
+    from gearmon.fleet.alarm import deliver
+    from gearmon.fleet.run import run_fleet
 
     with progress_line("fleet run") as progress:
         run = run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
@@ -67,7 +69,7 @@ def _run(arguments: Namespace, fleet: Fleet) -> int:
 
 
 def _engine(arguments: Namespace) -> Any:
-    from gearmon.fleet import in_processes, on_dask
+    from gearmon.fleet.run import in_processes, on_dask
 
     check_word("--engine ", arguments.engine, ("processes", "dask"))
     if arguments.engine == "processes":
@@ -98,7 +100,7 @@ def _lines(result: dict[str, Any]) -> Iterator[str]:
 
 
 def _watch(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet import watch_fleet
+    from gearmon.fleet.run import watch_fleet
 
     check_range("--every", arguments.every, 0.1, 86400.0, "s")
 

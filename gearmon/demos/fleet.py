@@ -22,9 +22,11 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file
 from gearmon.diagnosis.analysis import learn
-from gearmon.diagnosis.history import read_latest
+from gearmon.diagnosis.history.store import read_latest
 from gearmon.files import write_atomically
-from gearmon.fleet import Fleet, alarms, read_fleet, run_fleet
+from gearmon.fleet.alarm import alarms
+from gearmon.fleet.plan import Fleet, read_fleet
+from gearmon.fleet.run import run_fleet
 from gearmon.machine import Machine, load_machine
 from gearmon.report.wording import table_lines
 from gearmon.signals.recording import read_recording

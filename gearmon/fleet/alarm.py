@@ -17,7 +17,7 @@ from email.message import EmailMessage
 from sqlite3 import Connection
 from typing import Any
 
-from gearmon.diagnosis.history import time_text
+from gearmon.diagnosis.history.entries import time_text
 from gearmon.diagnosis.history.store import opened, put, sound
 from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook

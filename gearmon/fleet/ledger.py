@@ -16,8 +16,7 @@ from sqlite3 import Connection
 from typing import Any
 
 from gearmon import __version__
-from gearmon.diagnosis.history import Entry
-from gearmon.diagnosis.history.entries import ENTRY
+from gearmon.diagnosis.history.entries import ENTRY, Entry
 from gearmon.diagnosis.history.store import (
     append_to,
     as_text,

@@ -29,8 +29,8 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route
 
-from gearmon.diagnosis.history import HistoryTrends, history_trends, read_history, read_latest
-from gearmon.diagnosis.history.store import as_text, opened
+from gearmon.diagnosis.history.store import as_text, opened, read_history, read_latest
+from gearmon.diagnosis.history.trends import HistoryTrends, history_trends
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import acknowledge, alarms
 from gearmon.fleet.ledger import recorded, writing

@@ -63,7 +63,7 @@ _CONNECT_S = 20.0
 
 def analysed(job: Job) -> Outcome:
     """Analyse a recording; whatever is wrong with it stands in the outcome."""
-    from gearmon.diagnosis.history import entry_of
+    from gearmon.diagnosis.history.entries import entry_of
 
     if job.size * _GROWS > (free := _free_memory()) / (os.cpu_count() or 1):
         told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.history import ChangePoint, HistoryTrends
+from gearmon.diagnosis.history.changes import ChangePoint
+from gearmon.diagnosis.history.trends import HistoryTrends
 from gearmon.diagnosis.results import Analysis
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine

@@ -10,7 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-from gearmon.diagnosis.history import SECONDS_PER_DAY, ChangePoint, HistoryTrends, ToothTrend
+from gearmon.diagnosis.history.changes import ChangePoint
+from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
 from gearmon.report import plots
 from gearmon.report.history_text import told_teeth
 from gearmon.report.wording import counted, gear_text

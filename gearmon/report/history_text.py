@@ -6,15 +6,9 @@ import math
 from collections.abc import Iterator
 from datetime import UTC, datetime
 
-from gearmon.diagnosis.history import (
-    SECONDS_PER_DAY,
-    ChangePoint,
-    Crossing,
-    Entry,
-    HistoryTrends,
-    ToothTrend,
-)
-from gearmon.diagnosis.history.changes import STRAIGHT
+from gearmon.diagnosis.history.changes import STRAIGHT, ChangePoint
+from gearmon.diagnosis.history.entries import Entry
+from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, Crossing, HistoryTrends, ToothTrend
 from gearmon.report import wording
 
 #: Histories shorter than this are told by the minute, longer ones by the day.
