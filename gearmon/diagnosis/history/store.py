@@ -170,9 +170,8 @@ def read_latest(path: str | Path) -> list[dict[str, Any]]:
 
 
 def _mark(told: Mapping[str, Any]) -> str:
-    # a column of numbers makes fractions of whole ones
-    plain = {n: float(x) if isinstance(x, int) else x for n, x in sorted(told.items())}
-    return hashlib.blake2b(json.dumps(plain, default=repr).encode(), digest_size=8).hexdigest()
+    text = json.dumps(told, default=repr, sort_keys=True)
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
 def sound(row: sqlite3.Row) -> dict[str, Any]:
