@@ -109,12 +109,10 @@ def began_line(found: HistoryTrends) -> str:
         return "evidence: too few recordings to say whether it changed"
     if not found.evidence.changes:
         return "evidence: no change that chance would not make as well"
-    told = [
-        change_text(change, fine=_fine(found), growth=("rises", "falls"))
-        for change in found.evidence.changes
-    ]
-    older = "; what causes it may be older than what shows" if found.began is not None else ""
-    return f"evidence: {'; then '.join(told)}{older}"
+    (change,) = found.evidence.changes  # one at most is looked for
+    older = "; what causes it may be older than what shows" if found.began else ""
+    words = change_text(change, fine=_fine(found), growth=("rises", "falls"))
+    return f"evidence: {words}{older}"
 
 
 def tooth_lines(tooth: ToothTrend, *, fine: bool) -> Iterator[str]:
@@ -156,10 +154,9 @@ def tooth_lines(tooth: ToothTrend, *, fine: bool) -> Iterator[str]:
 
 def change_text(change: ChangePoint, *, fine: bool, growth: tuple[str, str]) -> str:
     """Tell a change: what, since when, with interval and probability."""
-    if change.kind == "growth":
-        what = f"{growth[0] if change.size > 0 else growth[1]} since"
-    else:
-        what = f"{'jumped up' if change.size > 0 else 'fell'} at"
+    (up, down), since = (
+        (growth, "since") if change.kind == "growth" else (("jumped up", "fell"), "at")
+    )
     low = "before the first recording" if change.open_before else moment_text(change.low_s, fine)
     course = change.growth if change.kind == "growth" else STRAIGHT
     bent = ", at once and then on" if course.jump else ""
@@ -167,7 +164,7 @@ def change_text(change: ChangePoint, *, fine: bool, growth: tuple[str, str]) -> 
         slower = course.folds < 0 or (course.exponent < 1 and not course.folds)
         bent += ", slower and slower" if slower else ", faster and faster"
     return (
-        f"{what} {moment_text(change.time_s, fine)}{bent} "
+        f"{up if change.size > 0 else down} {since} {moment_text(change.time_s, fine)}{bent} "
         f"(between {low} and {moment_text(change.high_s, fine)}; false-alarm probability "
         f"{wording.probability_text(change.false_alarm_probability)})"
     )

@@ -467,9 +467,9 @@ class HistoryTrends(Result):
 
     @property
     def began(self) -> ChangePoint | None:
-        """The latest rise of the evidence."""
+        """The rise of the evidence."""
         changes = self.evidence.changes if self.evidence is not None else ()
-        return changes[-1] if changes and changes[-1].size > 0 else None
+        return next((change for change in changes if change.size > 0), None)
 
     @property
     def raised(self) -> bool:
