@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from gearmon import fleet as fleets
 from gearmon.commands.command import BAD_INPUT, DONE, FLAGGED, argument, command, complain, finish
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.report.wording import counted, printable, table_lines
@@ -46,22 +47,17 @@ _SHOWN, _EVERY_S = 20, 60.0
 )
 def fleet(arguments: Namespace) -> int:
     """Run `gearmon fleet`."""
-    from gearmon.fleet.plan import read_fleet
-
     check_word("fleet ", arguments.action, _ACTIONS)
-    code: int = _ACTIONS[arguments.action](arguments, read_fleet(arguments.fleet))
+    code: int = _ACTIONS[arguments.action](arguments, fleets.read_fleet(arguments.fleet))
     return code
 
 
 def _run(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet.alarm import deliver
-    from gearmon.fleet.run import run_fleet
-
     with progress_line("fleet run") as progress:
-        run = run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
+        run = fleets.run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
     for path, why in run.failed.items():
         complain(f"{path}: {why}")
-    for trouble in deliver(fleet):
+    for trouble in fleets.deliver(fleet):
         complain(trouble)
     result = run.to_dict(fleet)
     finish(arguments, result, lambda: list(_lines(result)), list)
@@ -69,14 +65,12 @@ def _run(arguments: Namespace, fleet: Fleet) -> int:
 
 
 def _engine(arguments: Namespace) -> Any:
-    from gearmon.fleet.run import in_processes, on_dask
-
     check_word("--engine ", arguments.engine, ("processes", "dask"))
     if arguments.engine == "processes":
-        return in_processes
+        return fleets.in_processes
     if not arguments.scheduler:
         raise ArgumentError("--engine dask needs --scheduler ADDRESS, such as tcp://10.0.0.1:8786")
-    return partial(on_dask, scheduler=arguments.scheduler, patience_s=arguments.patience)
+    return partial(fleets.on_dask, scheduler=arguments.scheduler, patience_s=arguments.patience)
 
 
 def _lines(result: dict[str, Any]) -> Iterator[str]:
@@ -100,8 +94,6 @@ def _lines(result: dict[str, Any]) -> Iterator[str]:
 
 
 def _watch(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet.run import watch_fleet
-
     check_range("--every", arguments.every, 0.1, 86400.0, "s")
 
     def told(what: Run | str) -> None:
@@ -110,7 +102,7 @@ def _watch(arguments: Namespace, fleet: Fleet) -> int:
         else:
             print("\n".join(_lines(what.to_dict(fleet))), flush=True)
 
-    watch_fleet(fleet, _engine(arguments), every_s=arguments.every, told=told)
+    fleets.watch_fleet(fleet, _engine(arguments), every_s=arguments.every, told=told)
     return DONE
 
 
