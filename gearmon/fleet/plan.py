@@ -27,6 +27,7 @@ from gearmon.machine.fields import (
     Text,
     check_fields,
     held,
+    shown_value,
     within,
 )
 from gearmon.machine.reading import (
@@ -191,13 +192,15 @@ def read_fleet(path: str | Path) -> Fleet:
         example = "[[machine]] with name, file, reference, recordings and pattern"
         raise source.error("", f"lacks a machine; write {example}")
     hooks = tuple(read_part(source, Hook, label, t) for label, t in read_tables(source, "alarm"))
-    texts = {key: source.document.get(key, usual) for key, usual in _usual(Path(path)).items()}
+    stem = Path(path).stem
+    usual = {"name": stem, "store": f"{stem}.db", "results": f"{stem}-results"}
+    texts = {key: source.document.get(key, text) for key, text in usual.items()}
     for key, text in texts.items():
-        if not isinstance(text, str) or not text:
-            raise source.error(key, f"{key} must be text in quotes")
-        if is_remote(text):
-            told = f'{key} = "{text}" must be on this computer; only recordings may be elsewhere'
-            raise source.error(key, told)
+        if not isinstance(text, str) or not text or is_remote(text):
+            told = (
+                "must be text in quotes and lie on this computer; only recordings may be elsewhere"
+            )
+            raise source.error(key, f"{key} = {shown_value(text)} {told}")
     return Fleet(
         name=texts["name"],
         machines=tuple(machines),
@@ -205,10 +208,6 @@ def read_fleet(path: str | Path) -> Fleet:
         store=folder / texts["store"],
         results=folder / texts["results"],
     )
-
-
-def _usual(path: Path) -> dict[str, str]:
-    return {"name": path.stem, "store": f"{path.stem}.db", "results": f"{path.stem}-results"}
 
 
 def _placed(source: MachineSource, label: str, folder: Path, table: dict[str, Any]) -> FleetMachine:

@@ -422,8 +422,8 @@ def history_charts(
         for number, name in enumerate(sorted(set(of.tolist())))
     ]
     named = {"name": "history-score", "title": "Evidence of a fault", "value": "Score"}
-    rose = _changes(found.evidence.changes if found.evidence else ())
-    charts.append(shared | named | {"curves": scored, "changes": rose})
+    rose = {"curves": scored, "changes": _changes(found.evidence.changes)}
+    charts.append(shared | named | rose)
     words = [f"{printable(entry.recording)}: {entry.verdict}" for entry in entries]
     return {"channels": [], "speed_hz": 0.0, "lines": None, "told": words, "charts": charts}
 

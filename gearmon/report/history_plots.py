@@ -162,9 +162,8 @@ def _scores(found: HistoryTrends, ax: Axes) -> None:
     times = _days([entry.time_s for entry in entries])
     verdicts = [entry.verdict for entry in entries]
     plots.plot_verdicts(times, [entry.score for entry in entries], verdicts, ax, 4)
-    if found.evidence:
-        shade = {"color": plots.GREY, "alpha": 0.2}
-        _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, ax)
+    shade = {"color": plots.GREY, "alpha": 0.2}
+    _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, ax)
     ax.set_ylabel("Score (−log₁₀ p)")
     low, high = ax.get_ylim()
     ax.set_ylim(min(0.0, low), max(high, _LEAST_SCORE))

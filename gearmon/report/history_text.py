@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from datetime import UTC, datetime
 
-from gearmon.diagnosis.history.changes import STRAIGHT, ChangePoint
+from gearmon.diagnosis.history.changes import FEWEST, STRAIGHT, ChangePoint
 from gearmon.diagnosis.history.entries import Entry
 from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, Crossing, HistoryTrends, ToothTrend
 from gearmon.report import wording
@@ -105,7 +105,7 @@ def _others_lines(found: HistoryTrends, told: int) -> Iterator[str]:
 
 def began_line(found: HistoryTrends) -> str:
     """Tell when the evidence began to rise."""
-    if found.evidence is None:
+    if len(found.evidence.series) < FEWEST:
         return "evidence: too few recordings to say whether it changed"
     if not found.evidence.changes:
         return "evidence: no change that chance would not make as well"

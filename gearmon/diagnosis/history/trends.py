@@ -434,8 +434,8 @@ class HistoryTrends(Result):
     history : History
     teeth : tuple of ToothTrend
         Those whose loss stands clear of noise and zero first, then by the clearness of changes.
-    evidence : Trend or None
-        Of the scores, as standard deviations of a normal variable; None for a short history.
+    evidence : Trend
+        Of the scores, as standard deviations of a normal variable.
     evidence_probability : float
         Bound on the probability of a change as clear without one.
     limit : float or None
@@ -453,7 +453,7 @@ class HistoryTrends(Result):
 
     history: History
     teeth: tuple[ToothTrend, ...]
-    evidence: Trend | None
+    evidence: Trend
     evidence_probability: float
     limit: float | None
     level: float
@@ -468,8 +468,7 @@ class HistoryTrends(Result):
     @property
     def began(self) -> ChangePoint | None:
         """The rise of the evidence."""
-        changes = self.evidence.changes if self.evidence is not None else ()
-        return next((change for change in changes if change.size > 0), None)
+        return next((change for change in self.evidence.changes if change.size > 0), None)
 
     @property
     def raised(self) -> bool:
@@ -483,7 +482,6 @@ class HistoryTrends(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
-        changes = self.evidence.changes if self.evidence is not None else ()
         reached = {time_s: crossing.to_dict() for time_s, crossing in self.forecasts.items()}
         told = [
             entry.to_dict() | {"limit_reached": reached.get(entry.time_s)}
@@ -499,7 +497,7 @@ class HistoryTrends(Result):
             "teeth_followed": len(self.teeth),
             "evidence": {
                 "false_alarm_probability": self.evidence_probability,
-                "changes": [change.to_dict() for change in changes],
+                "changes": [change.to_dict() for change in self.evidence.changes],
             },
             "raised": self.raised,
             "warnings": list(self.notes),
@@ -619,12 +617,10 @@ def _followed(history: History) -> Mapping[_Key, _Points]:
     return {key: found[key] for key in found if (key[:2] in numbered) == (key[2] is not None)}
 
 
-def _evidence(history: History, below: float, level: float) -> tuple[Trend | None, float]:
+def _evidence(history: History, below: float, level: float) -> tuple[Trend, float]:
     """Trend of the scores, and the probability of a change as clear without one."""
-    judged = [entry for entry in history.entries if entry.verdict != "no mesh found"]
-    if len(judged) < FEWEST:
-        return None, 1.0
-    time_s, score = np.array([(entry.time_s, entry.score) for entry in judged]).T
+    judged = [(e.time_s, e.score) for e in history.entries if e.verdict != "no mesh found"]
+    time_s, score = np.array(judged, dtype=float).reshape(-1, 2).T
     value, equal = normal_equivalent(score), np.ones(len(score))
     series = Series(time_s=time_s, value=value, sigma=equal, sigma_known=False)
     probability = permuted_probability(series)
