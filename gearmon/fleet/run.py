@@ -25,7 +25,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import lru_cache, partial
+from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -471,6 +471,6 @@ def watch_fleet(
             if delivery is None or delivery.done():
                 for trouble in delivery.result() if delivery else ():
                     told(trouble)
-                delivery = thread.submit(partial(deliver, fleet))
+                delivery = thread.submit(deliver, fleet)
             if rounds > 0:
                 time.sleep(every_s)

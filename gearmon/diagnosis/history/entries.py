@@ -298,11 +298,10 @@ def _places(profile: ToothProfile, flags: Sequence[Flag]) -> Iterator[Place]:
         yield Place(**gear, tooth=number, statistic=_finite(profile.energy[number - 1]), **own)
 
 
-def _loss(flag: Flag) -> tuple[float, float, float]:
+def _loss(flag: Flag) -> list[float]:
     """Loss of a flag with its interval; NaN where there is none."""
     told = (flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
-    loss, low, high = (math.nan if x is None else x for x in told)
-    return loss, low, high
+    return [math.nan if x is None else x for x in told]
 
 
 def _estimate(loss: float, low: float, high: float) -> dict[str, Any]:
