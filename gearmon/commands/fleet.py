@@ -6,6 +6,7 @@ from argparse import Namespace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from gearmon import fleet as fleets
 from gearmon.commands.command import (
     BAD_INPUT,
     DONE,
@@ -21,7 +22,8 @@ from gearmon.report.wording import table_lines
 from gearmon.terminal import progress_line
 
 if TYPE_CHECKING:
-    from gearmon.fleet import Fleet, Run
+    from gearmon.fleet.plan import Fleet
+    from gearmon.fleet.run import Run
 
 #: What is shown of a ranking, and seconds between two looks.
 _SHOWN, _EVERY_S = 20, 60.0
@@ -53,21 +55,17 @@ _SHOWN, _EVERY_S = 20, 60.0
 )
 def fleet(arguments: Namespace) -> int:
     """Run `gearmon fleet`."""
-    from gearmon.fleet import read_fleet
-
     check_word("fleet ", arguments.action, _ACTIONS)
-    code: int = _ACTIONS[arguments.action](arguments, read_fleet(arguments.fleet))
+    code: int = _ACTIONS[arguments.action](arguments, fleets.read_fleet(arguments.fleet))
     return code
 
 
 def _run(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet import deliver, run_fleet
-
     with progress_line("fleet run") as progress:
-        run = run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
+        run = fleets.run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
     for path, why in run.failed.items():
         complain(f"{path}: {why}")
-    for trouble in deliver(fleet):
+    for trouble in fleets.deliver(fleet):
         complain(trouble)
     result = run.to_dict(fleet)
     finish(arguments, result, partial(words, "fleet", result, most=_SHOWN), list)
@@ -75,19 +73,15 @@ def _run(arguments: Namespace, fleet: Fleet) -> int:
 
 
 def _engine(arguments: Namespace) -> Any:
-    from gearmon.fleet import in_processes, on_dask
-
     check_word("--engine ", arguments.engine, ("processes", "dask"))
     if arguments.engine == "processes":
-        return in_processes
+        return fleets.in_processes
     if not arguments.scheduler:
         raise ArgumentError("--engine dask needs --scheduler ADDRESS, such as tcp://10.0.0.1:8786")
-    return partial(on_dask, scheduler=arguments.scheduler, patience_s=arguments.patience)
+    return partial(fleets.on_dask, scheduler=arguments.scheduler, patience_s=arguments.patience)
 
 
 def _watch(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet import watch_fleet
-
     check_range("--every", arguments.every, 0.1, 86400.0, "s")
 
     def told(what: Run | str) -> None:
@@ -96,12 +90,15 @@ def _watch(arguments: Namespace, fleet: Fleet) -> int:
         else:
             print(*words("fleet", what.to_dict(fleet), most=_SHOWN), sep="\n", flush=True)
 
-    watch_fleet(fleet, _engine(arguments), every_s=arguments.every, told=told)
+    fleets.watch_fleet(fleet, _engine(arguments), every_s=arguments.every, told=told)
     return DONE
 
 
 def _serve(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet.pages import serve
+    try:
+        from gearmon.fleet.pages import serve
+    except ImportError:
+        raise ArgumentError("fleet serve needs pip install 'gearmon[web]'") from None
 
     check_range("--port", arguments.port, 1, 65535)
     serve(fleet, arguments.host, arguments.port, arguments.token or "")

@@ -22,9 +22,10 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file, story_of
 from gearmon.diagnosis.analysis import learn
-from gearmon.diagnosis.history import read_latest
-from gearmon.fleet import Fleet, alarms, read_fleet, run_fleet
-from gearmon.fleet.pages import screenshot
+from gearmon.diagnosis.history.store import read_latest
+from gearmon.fleet.alarm import alarms
+from gearmon.fleet.plan import Fleet, read_fleet
+from gearmon.fleet.run import run_fleet
 from gearmon.machine import Machine, load_machine
 from gearmon.signals.recording import read_recording
 from gearmon.signals.threads import cores
@@ -71,12 +72,9 @@ def fleet_demo(folder: Path, progress: Progress | None = None) -> Demo:
     path = given_file("fleet.toml", folder, "fleet.toml", rate=RATE_HZ, machines=listed)
     fleet = read_fleet(path)
     run = run_fleet(fleet, progress=progress)
-    picture = folder / "fleet.png"
-    shown = screenshot(fleet, picture)
     known = {"machines": len(names), "recordings": RECORDINGS, "rows": list(_rows(fleet))}
-    story = story_of(folder, "fleet", path=path, picture=picture, shown=shown, **known)
+    story = story_of(folder, "fleet", path=path, **known)
     files = {"folder": folder, "fleet file": path, "store": fleet.store}
-    files |= {"screenshot": picture} if shown else {}
     facts = {"truth": {name: what for name, (what, _) in WRONG.items()}, "run": run.to_dict(fleet)}
     return Demo(story=story, files=files, facts=facts | {"latest": read_latest(fleet.store)})
 
