@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import io
+import ctypes
 import os
 import platform
 import re
 import statistics
+import sys
 import time
 import warnings
 from collections.abc import Callable, Sequence
-from contextlib import redirect_stderr, redirect_stdout
 from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -104,11 +104,22 @@ def facts_of_run() -> Row:
 
 
 def competitor(module: str) -> Any:
-    """Import a module of a competitor, quietly: such libraries and their parts print on import."""
-    nowhere = io.StringIO()
-    with redirect_stdout(nowhere), redirect_stderr(nowhere), warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return import_module(module)
+    """Import a module of a competitor, quietly.
+
+    Such libraries and their parts, some of them compiled, print on import: what goes past Python is
+    turned away from where results are printed, and C must not keep it for later.
+    """
+    sys.stdout.flush()
+    printed = os.dup(1)
+    os.dup2(2, 1)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return import_module(module)
+    finally:
+        ctypes.CDLL(None).fflush(None)
+        os.dup2(printed, 1)
+        os.close(printed)
 
 
 def absent(name: str) -> str:
