@@ -28,7 +28,7 @@ sun-planet mesh.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -166,19 +166,12 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
-        return self._with(lambda k: k.unmarked, errors=())
-
-    def scaled(self, factor: float) -> PosedStage:
-        """Return the same with `factor` times what its damaged teeth lose."""
-        return self._with(lambda k: replace(k, pulses=tuple(t.scaled(factor) for t in k.pulses)))
-
-    def _with(self, changed: Callable[[MeshStiffness], MeshStiffness], **moved: Any) -> PosedStage:
         members = []
         for mesh in self.members:
-            stiffness = changed(mesh.stiffness)
+            stiffness = mesh.stiffness.unmarked
             mechanics = replace(mesh.mechanics, stiffness=stiffness)
-            excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
-            members.append(replace(mesh, mechanics=mechanics, excitation=excitation))
+            still = Excitation(stiffness=stiffness, errors=())
+            members.append(replace(mesh, mechanics=mechanics, excitation=still))
         return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
