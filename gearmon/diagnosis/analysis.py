@@ -136,8 +136,7 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
 def _doubts(signatures: Sequence[MeasuredSignature], machine: Machine) -> Iterator[str]:
     """Name recordings that do not look like those of a sound machine."""
     for number, own in enumerate(signatures):
-        rows = tuple(range(len(own.channel_names)))
-        if own_teeth_flags(_own_teeth(Profile.of(own), rows), _OWN_TEETH_BELOW):
+        if own_teeth_flags(_own_teeth(Profile.of(own)), _OWN_TEETH_BELOW):
             yield f"{own.origin}: one tooth stands out of its gear already; is the machine sound?"
         others = [*signatures[:number], *signatures[number + 1 :]]
         # of two that differ nobody knows which is the odd one
@@ -270,31 +269,27 @@ _Indicators = dict[str, dict[str, float]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Compared:
-    """A recording beside its reference."""
+    """A recording beside its reference; `own` and `known` are of the channels of both."""
 
     signature: MeasuredSignature
     machine: Machine
     reference: Reference
     own: Profile
-    rows: tuple[int, ...]
+    known: Reference
     healthy: HealthyMachine
-    shared: tuple[str, ...]
     notes: tuple[str, ...]
 
     @classmethod
     def of(cls, signature: MeasuredSignature, machine: Machine, reference: Reference) -> _Compared:
         notes = machine_notes(machine, reference) + recording_notes(signature, reference)
-        shared = [name for name in signature.channel_names if name in reference.channel_names]
+        known, rows = reference.shared_with(signature)
         return cls(
             signature=signature,
             machine=machine,
             reference=reference,
-            own=Profile.of(signature),
-            rows=tuple(signature.channel_names.index(name) for name in shared),
-            healthy=_law_of(
-                reference, tuple(reference.channel_names.index(name) for name in shared), machine
-            ),
-            shared=tuple(shared),
+            own=Profile.of(signature).part(rows),
+            known=known,
+            healthy=_law_of(known, machine),
             notes=tuple(notes),
         )
 
@@ -333,15 +328,14 @@ class _Compared:
     def evidence(self) -> Evidence:
         """Weigh what speaks against a healthy machine."""
         signature, healthy = self.signature, self.healthy
-        nongear = nongear_findings(signature, self.reference, kinematics(self.machine))
+        nongear = nongear_findings(self.own, self.known, kinematics(self.machine))
         striking = [f for f in nongear if f.false_alarm_probability < LIMITS.rare]
         mask = disturbed(signature.plan.orders, striking, 2.0 / signature.lines.block_turns)
         disturbed_families = [
             family.name for family in signature.plan.families if mask[list(family.lines)].any()
         ]
         whole = len(disturbed_families) == len(signature.plan.families)
-        deviation = healthy.deviation(self.own, self.rows, () if whole else disturbed_families)
-        theirs = [profile.wheels for profile in self.reference.profiles]
+        deviation = healthy.deviation(self.own, () if whole else disturbed_families)
         finding = find_tooth(self.own, deviation, healthy, self.machine)
         return Evidence(
             deviation=deviation,
@@ -350,13 +344,9 @@ class _Compared:
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),
-            runout=runout_growth(
-                turn_changes(self.own.wheels, self.rows, theirs, healthy.rows),
-                _healthy_turns(self.reference, healthy.rows),
-                deviation.gap,
-            ),
+            runout=runout_growth(self._turns(), _healthy_turns(self.known), deviation.gap),
             nongear=nongear,
-            references=len(theirs),
+            references=len(self.known.profiles),
             angle=signature.track.uncertainty_turns
             * max(mesh.order for mesh in kinematics(self.machine).meshes),
         )
@@ -367,7 +357,8 @@ class _Compared:
             return np.inf
         found, plan, lines = finding.best, self.signature.plan, self.signature.lines
         wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
-        blocks = lines.amplitude[:, list(self.rows)]
+        _, rows = self.reference.shared_with(self.signature)
+        blocks = lines.amplitude[:, rows]
         again, scatter = found.deviation.recurrence(found.tooth, blocks, wheel)
         knocked = scatter > LIMITS.knock_scatter or lines.knocked > LIMITS.knocks
         return again if knocked else np.inf
@@ -375,14 +366,16 @@ class _Compared:
     def _flags(
         self, evidence: Evidence, changes: tuple[Change, ...], profiles: Sequence[ToothProfile]
     ) -> tuple[Flag, ...]:
-        theirs = [profile.wheels for profile in self.reference.profiles]
-        turns = turn_changes(self.own.wheels, self.rows, theirs, self.healthy.rows)
         return Flagging(
             evidence=evidence,
             machine=self.machine,
             changes=changes,
-            features=kind_features(changes, profiles, turns),
+            features=kind_features(changes, profiles, self._turns()),
         ).flags()
+
+    def _turns(self) -> tuple[TurnChange, ...]:
+        """Look how single sidebands of every gear changed."""
+        return turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
     def _families(self, deviation: MachineDeviation) -> list[Family]:
         """Families of lines that were compared, in the order of their levels."""
@@ -391,7 +384,7 @@ class _Compared:
 
     def _changes(self, deviation: MachineDeviation) -> tuple[Change, ...]:
         levels, found = deviation.levels, []
-        for i, channel in enumerate(self.shared):
+        for i, channel in enumerate(self.known.channel_names):
             for j, family in enumerate(self._families(deviation)):
                 if not np.isfinite(levels.rest_db[i, j]):
                     continue
@@ -454,7 +447,7 @@ class _Compared:
             for wheel in mesh.wheels
         )
         deaf = [gear for gear in gears if (loss.get(gear) or 1.0) > most]
-        silent = [n for n in self.reference.channel_names if n not in self.shared]
+        silent = [n for n in self.reference.channel_names if n not in self.known.channel_names]
         return (
             *(f"the {gear} of stage {stage}" for stage, gear in deaf),
             *(f"what channel {name} hears" for name in silent),
@@ -469,10 +462,11 @@ class _Compared:
                 "the reference is one recording: how this machine differs from one healthy "
                 "recording to the next is assumed, not learned"
             )
-        left_out = [name for name in signature.channel_names if name not in self.shared]
+        shared = self.known.channel_names
+        left_out = [name for name in signature.channel_names if name not in shared]
         if left_out:
             notes.append(f"channels not in the reference were left out: {', '.join(left_out)}")
-        missing = [name for name in reference.channel_names if name not in self.shared]
+        missing = [name for name in reference.channel_names if name not in shared]
         if missing:
             notes.append(
                 f"channels of the reference not looked at: {', '.join(missing)}; a fault may show "
@@ -492,7 +486,7 @@ class _Compared:
         """Judge a recording that lacks the mesh which its reference has: that is a change too."""
         found = _no_mesh(self.signature, self.machine, indicators)
         found = replace(found, warnings=(*found.warnings, *self.notes))
-        deviation = self.healthy.deviation(self.own, self.rows)
+        deviation = self.healthy.deviation(self.own)
         broadband = deviation.broadband
         if broadband is None:
             return found
@@ -525,15 +519,13 @@ class _Compared:
 
 # several recordings are held against one reference
 @lru_cache(maxsize=4)
-def _law_of(reference: Reference, rows: tuple[int, ...], machine: Machine) -> HealthyMachine:
-    return HealthyMachine.of(reference, rows, machine)
+def _law_of(reference: Reference, machine: Machine) -> HealthyMachine:
+    return HealthyMachine.of(reference, machine)
 
 
 @lru_cache(maxsize=4)
-def _healthy_turns(
-    reference: Reference, rows: tuple[int, ...]
-) -> tuple[tuple[TurnChange, ...], ...]:
-    return healthy_turns([profile.wheels for profile in reference.profiles], rows)
+def _healthy_turns(reference: Reference) -> tuple[tuple[TurnChange, ...], ...]:
+    return healthy_turns([profile.wheels for profile in reference.profiles])
 
 
 def _mesh_lost(why: str, gain: float, probability: float) -> Flag:
@@ -555,9 +547,7 @@ def _alone(
     why: str = "There is no healthy reference",
 ) -> Analysis:
     """Judge a recording by itself: every tooth against the others of its gear."""
-    own = Profile.of(signature)
-    rows = tuple(range(len(signature.channel_names)))
-    profiles = _own_teeth(own, rows)
+    profiles = _own_teeth(Profile.of(signature))
     log10 = min((p.log10_probability for p in profiles), default=0.0)
     log10 = min(0.0, log10 + float(np.log10(max(1, len(profiles)))))
     flags = own_teeth_flags(profiles, _OWN_TEETH_BELOW)
@@ -579,11 +569,11 @@ def _alone(
     )
 
 
-def _own_teeth(own: Profile, rows: tuple[int, ...]) -> tuple[ToothProfile, ...]:
+def _own_teeth(own: Profile) -> tuple[ToothProfile, ...]:
     """Hold every tooth against the others of its gear."""
     looked = [
         # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
-        locate(wheel, rows, numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12)
+        locate(wheel, numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12)
         for wheel in own.wheels
     ]
     return tuple(profile for profile in looked if profile is not None)

@@ -604,8 +604,7 @@ class _Sensors:
             shapes.append(TurnEnergy(new.stage, new.gear, raised / np.median(raised)))
         if self.rng.uniform() < 0.1:  # a caller may have families of lines only
             return shapes, ()
-        rows, after = range(len(self.path)), [new for _, new in pairs]
-        return shapes, turn_changes(after, rows, [[old for old, _ in pairs]], rows)
+        return shapes, turn_changes([new for _, new in pairs], [[old for old, _ in pairs]])
 
     def _pattern(self, wheel: WheelLines, measured: _Measured) -> WheelPattern:
         inside, same = wheel.number * wheel.order < self.top, ("stage", "gear", "teeth", "order")
