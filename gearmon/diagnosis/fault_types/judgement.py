@@ -23,7 +23,6 @@ from gearmon.diagnosis.fault_types.features import (
 )
 from gearmon.diagnosis.hypotheses.own_teeth import aligned, departure_energy
 from gearmon.diagnosis.hypotheses.runout import turn_changes
-from gearmon.diagnosis.law.machine import same_gear
 from gearmon.diagnosis.results import Analysis
 from gearmon.errors import ArgumentError, check_type
 from gearmon.result import Result
@@ -316,7 +315,7 @@ def analysis_features(analysis: Analysis, reference: Reference) -> FeatureVector
     # the law leaves nothing of a sound machine; of a fault, what the training saw
     shapes = []
     for wheel in wheels:
-        healthy = [one for p in known.profiles if (one := same_gear(wheel, p))]
+        healthy = [one for p in known.profiles if (one := wheel.same_in(p.wheels))]
         pairs = [aligned(wheel, one) for one in healthy]
         energies = [departure_energy(new, old) for new, old in pairs if len(new.number)]
         if energies:

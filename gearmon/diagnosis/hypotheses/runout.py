@@ -81,8 +81,7 @@ def turn_changes(
     """
     found: list[tuple[WheelPattern, FloatArray, FloatArray]] = []
     for wheel in wheels:
-        match = [_same(wheel, patterns) for patterns in healthy]
-        known = [pattern for pattern in match if pattern is not None]
+        known = [own for patterns in healthy if (own := wheel.same_in(patterns))]
         if len(known) < len(healthy) or not known:
             continue
         new_db, new_scatter = _levels(wheel)
@@ -116,11 +115,6 @@ def _beyond_mesh(change: FloatArray) -> FloatArray:
     """Take the rise of the mesh harmonic, the first column, off that of its sidebands."""
     rise = np.maximum(np.nan_to_num(change[..., :1]), 0.0)
     return np.nan_to_num(np.clip(change[..., 1:] - rise, -30.0, 30.0))
-
-
-def _same(wheel: WheelPattern, patterns: Sequence[WheelPattern]) -> WheelPattern | None:
-    key = (wheel.stage, wheel.gear, wheel.teeth)
-    return next((p for p in patterns if (p.stage, p.gear, p.teeth) == key), None)
 
 
 def _levels(wheel: WheelPattern) -> tuple[FloatArray, FloatArray]:

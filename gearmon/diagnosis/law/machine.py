@@ -20,7 +20,7 @@ from gearmon.diagnosis.law.state import Kriging, StateGauge, load_unit
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import load_share
 from gearmon.machine import Machine
-from gearmon.signatures.measured.reference import Profile, Reference, WheelPattern
+from gearmon.signatures.measured.reference import Profile, Reference
 
 _DB = float(20.0 / np.log(10.0))
 # Standard deviation from recording to recording [Np], and its growth per unit of state, of families
@@ -224,7 +224,7 @@ class HealthyMachine:
         gauge = StateGauge.of(profiles, min(loads))
         states = np.array([gauge.state(profile) for profile in profiles])
         for wheel in profiles[0].wheels:
-            same = [found for p in profiles if (found := same_gear(wheel, p)) is not None]
+            same = [found for p in profiles if (found := wheel.same_in(p.wheels))]
             if len(same) < len(profiles) or not all(len(one.number) for one in same):
                 continue
             # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
@@ -314,9 +314,3 @@ class HealthyMachine:
             state,
             broadband=True,
         )
-
-
-def same_gear(wheel: WheelPattern, profile: Profile) -> WheelPattern | None:
-    """Return the pattern of the same gear in another recording, or None."""
-    key = wheel.stage, wheel.gear, wheel.teeth
-    return next((w for w in profile.wheels if (w.stage, w.gear, w.teeth) == key), None)

@@ -38,7 +38,6 @@ from gearmon.signatures.expected.mesh import (
     PosedStage,
     Wrong,
     joined,
-    operating_point,
     refuse_no_lines,
 )
 from gearmon.signatures.signature import Signature
@@ -120,7 +119,8 @@ def expected_signature(
     (567.3333333333334, [1, 2, 3])
     """
     machine = load_machine(machine)
-    point = operating_point(machine, operating)
+    check_range("operating", operating, 0, len(machine.operating) - 1)
+    point = machine.operating[operating]
     known = faults_of(faults, errors=True, stages=len(machine.stages))
     if max_hz is not None:
         check_positive("max_hz", max_hz, "Hz")

@@ -307,7 +307,7 @@ class MeshPlace:
 
     def __post_init__(self) -> None:
         check_range("stage", self.stage, 1, len(self.machine.stages))
-        operating_point(self.machine, self.operating)
+        check_range("operating", self.operating, 0, len(self.machine.operating) - 1)
 
     @property
     def point(self) -> OperatingPoint:
@@ -458,16 +458,6 @@ def mesh_problem(
         raise ArgumentError(f"operating[{operating + 1}]: torque_nm is 0, no tooth is pressed")
     posed = place.alone()
     return posed.hill_problem(posed.mechanics.stiffness.harmonics(harmonics))
-
-
-def operating_point(machine: Machine, number: int) -> OperatingPoint:
-    """Return an operating point, counted from 0."""
-    if not 0 <= number < len(machine.operating):
-        raise ArgumentError(
-            f"operating={number} must lie in [0, {len(machine.operating) - 1}]: the machine has "
-            f"{len(machine.operating)} operating points, counted from 0"
-        )
-    return machine.operating[number]
 
 
 def gear_places(machine: Machine) -> dict[tuple[int, str], int]:

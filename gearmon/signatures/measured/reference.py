@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -123,6 +123,11 @@ class WheelPattern:
             beside=amplitude[1:],
             beside_variance=variance[1:],
         )
+
+    def same_in(self, wheels: Iterable[WheelPattern]) -> WheelPattern | None:
+        """Return the pattern of the same gear in another recording, or None."""
+        key = self.stage, self.gear, self.teeth
+        return next((own for own in wheels if (own.stage, own.gear, own.teeth) == key), None)
 
     def part(self, rows: Sequence[int]) -> WheelPattern:
         """Return the same of some channels only."""
