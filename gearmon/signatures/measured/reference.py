@@ -244,8 +244,11 @@ class Reference(Result):
     --------
     >>> reference.origins, reference.channel_names
     (('simulated 1', 'simulated 2'), ('a1', 'a2'))
-    >>> reference.level_db.shape == reference.scatter_db.shape
-    True
+    >>> len(reference.family_names), [profile.level_db.shape for profile in reference.profiles]
+    (30, [(2, 30), (2, 30)])
+    >>> known, rows = reference.shared_with(analysis.signature)
+    >>> known.channel_names, rows
+    (('a1', 'a2'), [0, 1])
     >>> reference.save("healthy.ref")[0].name
     'healthy.ref'
     """
@@ -269,16 +272,6 @@ class Reference(Result):
     def origins(self) -> tuple[str, ...]:
         """The recordings' names."""
         return tuple(profile.origin for profile in self.profiles)
-
-    @property
-    def level_db(self) -> FloatArray:
-        """Levels, shape (recordings, channels, families) [dB re 1 unit^2]."""
-        return np.array([own.of_families(self.family_names)[0] for own in self.profiles])
-
-    @property
-    def scatter_db(self) -> FloatArray:
-        """Standard errors of the levels, shape (recordings, channels, families) [dB]."""
-        return np.array([own.of_families(self.family_names)[1] for own in self.profiles])
 
     def shared_with(self, signature: MeasuredSignature) -> tuple[Reference, list[int]]:
         """Return the reference in the channels that a recording has too, and their rows there."""
