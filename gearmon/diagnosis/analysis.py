@@ -518,9 +518,7 @@ class _Compared:
 
 
 # several recordings are held against one reference
-@lru_cache(maxsize=4)
-def _law_of(reference: Reference, machine: Machine) -> HealthyMachine:
-    return HealthyMachine.of(reference, machine)
+_law_of = lru_cache(maxsize=4)(HealthyMachine.of)
 
 
 @lru_cache(maxsize=4)
