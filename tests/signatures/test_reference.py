@@ -285,6 +285,8 @@ def test_a_recording_is_held_against_the_channels_that_both_have():
             np.testing.assert_array_equal(one.amplitude, both.amplitude[1:])
             np.testing.assert_array_equal(one.variance, both.variance[1:])
         np.testing.assert_array_equal(part.foreign.in_time_db, whole.foreign.in_time_db[1:])
+    others = replace(reference(), units=("m/s2", "g"))
+    assert others.shared_with(own)[0].units == ("g",)
     turned = reference().profiles[0].part([1, 0])
     np.testing.assert_array_equal(turned.level_db, reference().profiles[0].level_db[::-1])
 
