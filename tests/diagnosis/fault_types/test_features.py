@@ -242,7 +242,7 @@ def test_lines_near_the_noise_do_not_tell_the_gain():
     old = random_lines()
     clear, first = distance() <= 3, distance() == 1
     new = np.where(clear, 2.0, 20.0) * np.where(first, 2.0, 1.0) * old
-    noise = np.where(clear, 1e-6, 0.5)
+    noise = np.where(clear, 1e-6, 0.3)
     before, after = (replace(pattern(x), variance=noise * np.abs(x) ** 2) for x in (old, new))
     (turn,) = turn_changes([after], [[before]])
     assert turn.change_db[:2] == pytest.approx([20 * np.log10(2), 0.0], abs=1e-3)
