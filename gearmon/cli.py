@@ -18,7 +18,7 @@ from typing import NoReturn
 from gearmon import __version__
 from gearmon.commands import fleet, machines, recordings, setup, signals
 from gearmon.commands.command import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed
-from gearmon.commands.inputs import check_names, outputs_claimed, recordings_named
+from gearmon.commands.inputs import check_names, machine_of, outputs_claimed, recordings_named
 from gearmon.errors import GearmonError, nearest_name
 from gearmon.signals.threads import cores
 from gearmon.terminal import progress_line
@@ -102,6 +102,9 @@ def _run(argv: Sequence[str] | None, arguments: argparse.Namespace) -> int:
     cores()  # refuses a wrong number of them before any work
     line = nullcontext() if arguments.asked.waits else progress_line(arguments.command)
     with outputs_claimed(arguments), line as arguments.progress:
+        if vars(arguments).get("machine"):
+            hint = vars(arguments).get("speed_hint")
+            arguments.machine = machine_of(arguments.machine, hint)
         code: int = arguments.asked.run(arguments)
     return code
 

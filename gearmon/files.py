@@ -7,9 +7,11 @@ the mark, files that were changed since, and files of other commands are never w
 
 from __future__ import annotations
 
+import csv
 import errno
 import io
 import json
+import math
 import os
 import re
 import tempfile
@@ -27,6 +29,8 @@ from gearmon.errors import ArgumentError, GearmonError, SignatureError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+#: Version of what JSON output holds: keys may be added within it, none is renamed or goes.
+SCHEMA = "gearmon/1"
 _MARK = "user.gearmon"
 # Noise alone keeps a sample from taking less than a bit: 64:1 for numbers of 8 bytes, 160:1 for
 # text of 20 characters. Deflate reaches 1032:1. Little is unpacked in any case.
@@ -408,14 +412,58 @@ def archive_swells(archive: Any) -> bool:
 def table_cell(value: Any) -> Any:
     """Return what a table on disk holds: text that a spreadsheet would run as a formula is quoted.
 
+    What is no number has an empty cell.
+
     Examples
     --------
     >>> table_cell("=1+1"), table_cell("-5.2"), table_cell(-5.2), table_cell("mesh")
     ("'=1+1", '-5.2', -5.2, 'mesh')
+    >>> table_cell(float("nan")) is None
+    True
     """
     if isinstance(value, str) and _FORMULA.match(value):
         return "'" + value
-    return value
+    return None if isinstance(value, float) and math.isnan(value) else value
+
+
+def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
+    """Return rows as CSV text with a header.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        Rows with the same keys.
+
+    Returns
+    -------
+    str
+        None is an empty field; see `table_cell`.
+    """
+    text = io.StringIO()
+    if rows:
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(map(table_cell, rows[0]))
+        writer.writerows([table_cell(row.get(name)) for name in rows[0]] for row in rows)
+    return text.getvalue()
+
+
+def as_json(result: Mapping[str, Any]) -> str:
+    """Return a result as JSON, marked with the version of its schema (see `schemas.json`).
+
+    What is infinite or no number becomes null.
+    """
+    marked = {"schema": SCHEMA, **result}
+    try:
+        return json.dumps(marked, indent=1, ensure_ascii=False, allow_nan=False)
+    except ValueError:
+        plain = json.loads(json.dumps(marked), parse_constant=lambda _: None)
+        return json.dumps(plain, indent=1, ensure_ascii=False)
+
+
+def write_table(path: str | Path, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
+    """Write rows as CSV or the whole result as JSON, by the ending of the name."""
+    is_csv = Path(path).suffix.lower() == ".csv"
+    write_atomically(path, rows_as_csv(rows) if is_csv else as_json(result) + "\n")
 
 
 def _umask() -> int:

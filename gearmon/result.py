@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import dataclasses
 import html
-import json
-import math
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -21,7 +19,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_word
-from gearmon.files import write_atomically
+from gearmon.files import write_table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -153,11 +151,7 @@ class Result:
             written: list[Path] = plots.save_all(self.figures(), target)
             return written
         check_word("ending of path=", target.suffix, (".csv", ".json", ".png", ".svg", ".pdf"))
-        if target.suffix == ".csv":
-            text = self.to_frame().to_csv(index=False)
-        else:
-            text = json.dumps(_finite(self.to_dict()), indent=1, ensure_ascii=False) + "\n"
-        write_atomically(target, text)
+        write_table(target, self.to_dict(), self.frame_rows())
         return [target]
 
     def figures(self) -> dict[str, Any]:
@@ -239,15 +233,6 @@ def _brief(value: Any) -> str:
         return f"<{type(value).__name__}>"
     text = f"{value:.6g}" if isinstance(value, float) else repr(value)
     return text if len(text) <= _LONGEST_FIELD else f"{text[: _LONGEST_FIELD - 4]}...{text[-1]}"
-
-
-def _finite(value: Any) -> Any:
-    """Return built-in types with None for what JSON has no number for."""
-    if isinstance(value, dict):
-        return {name: _finite(own) for name, own in value.items()}
-    if isinstance(value, list):
-        return [_finite(own) for own in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _plain(value: Any) -> Any:

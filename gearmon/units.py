@@ -26,15 +26,14 @@ _TIME = dict.fromkeys(["s", "sec", "secs", "second", "seconds", "sek"], 1.0) | {
     "min": 60.0,
     "h": 3600.0,
 }
-_SPEED = frozenset({"rpm", "1/min", "min-1", "u/min", "r/min", "rev/min", "tr/min", "1/s", "rad/s"})
-_TORQUE = frozenset({"nm", "n.m", "n-m", "knm", "mnm", "ncm", "lbfft", "ftlb", "inlb", "lb-ft"})
-_OTHER = frozenset(
-    {"°c", "degc", "c", "k", "°f", "degf", "a", "ma", "n", "kn", "w", "kw", "bar", "mbar", "pa"}
-    | {"kpa", "mpa", "%", "hz", "khz", "deg", "°", "rad", "rev", "kg", "db", "l/min"}
-)
-_VIBRATION = frozenset(
-    {"v", "mv", "uv", "m/s", "mm/s", "in/s", "ips", "m", "mm", "um", "mil", "mils"}
-)
+#: Other units, by what is measured in them.
+_OTHERS = {
+    "vibration": {"v", "mv", "uv", "m/s", "mm/s", "in/s", "ips", "m", "mm", "um", "mil", "mils"},
+    "speed": {"rpm", "1/min", "min-1", "u/min", "r/min", "rev/min", "tr/min", "1/s", "rad/s"},
+    "torque": {"nm", "n.m", "n-m", "knm", "mnm", "ncm", "lbfft", "ftlb", "inlb", "lb-ft"},
+    "other": {"°c", "degc", "c", "k", "°f", "degf", "a", "ma", "n", "kn", "w", "kw", "bar", "mbar"}
+    | {"pa", "kpa", "mpa", "%", "hz", "khz", "deg", "°", "rad", "rev", "kg", "db", "l/min"},
+}
 _BRACKETS = re.compile(r"\[\s*(.*?)\s*\]|\(\s*(.*?)\s*\)|<\s*(.*?)\s*>")
 
 
@@ -70,14 +69,10 @@ def kind_of_unit(unit: str | None) -> str | None:
         "vibration" stands for acceleration, velocity, displacement and volts.
     """
     plain = plain_unit(unit) if unit else ""
-    tables = (
-        ("vibration", _ACCELERATION.keys() | _VIBRATION),
-        ("time", _TIME.keys()),
-        ("speed", _SPEED),
-        ("torque", _TORQUE),
-        ("other", _OTHER),
-    )
-    return next((kind for kind, table in tables if plain in table), None)
+    if plain in _ACCELERATION:
+        return "vibration"
+    others = (kind for kind, units in _OTHERS.items() if plain in units)
+    return "time" if plain in _TIME else next(others, None)
 
 
 def is_unit(text: str) -> bool:

@@ -8,10 +8,10 @@ import pytest
 from reference.small_gearbox import as_json
 
 from gearmon.cli import main
-from gearmon.commands.command import as_json as written_as_json
 from gearmon.demos import run_demo
 from gearmon.demos.monitoring import FAULT
 from gearmon.errors import ArgumentError
+from gearmon.files import as_json as written_as_json
 from gearmon.machine import load_machine
 from gearmon.machine.reading import example_machine
 from gearmon.signatures.measured.reference import read_reference

@@ -8,7 +8,7 @@ import json
 import pytest
 
 from gearmon.commands.command import Command
-from gearmon.commands.inputs import check_names
+from gearmon.commands.inputs import check_names, machine_of
 from gearmon.commands.recordings import kinds
 from gearmon.diagnosis.fault_types import KINDS as FAULT_TYPES
 from gearmon.errors import ArgumentError
@@ -20,7 +20,7 @@ def run(*words):
     kinds.add_to(parser.add_subparsers(dest="command"))
     arguments = parser.parse_args(["kinds", *map(str, words)])
     check_names(arguments)
-    arguments.progress = None
+    arguments.machine, arguments.progress = machine_of(arguments.machine), None
     return kinds.run(arguments)
 
 

@@ -10,7 +10,8 @@ from reference.small_gearbox import MACHINE_FILE
 
 import gearmon
 from gearmon.cli import main
-from gearmon.commands.inputs import loss_of, machine_of
+from gearmon.commands.command import loss_of
+from gearmon.commands.inputs import machine_of
 from gearmon.errors import ArgumentError
 from gearmon.signals.recording import Recording
 
@@ -92,10 +93,10 @@ def test_a_speed_hint_belongs_to_the_nearest_operating_point(tmp_path):
 
 def test_a_loss_may_be_all_and_not_nothing():
     told = {"100%": 1.0, "1": 1.0, "20%": 0.2, "0.5": 0.5, "0.01%": 1e-4}
-    assert {text: loss_of(text, "--limit") for text in told} == pytest.approx(told)
+    assert {text: loss_of(text) for text in told} == pytest.approx(told)
     for text in ("0", "0%", "100.1%", "-5%", "1.01", "20 percent"):
-        with pytest.raises(ArgumentError, match=f"--limit {text}: must be a loss"):
-            loss_of(text, "--limit")
+        with pytest.raises(ArgumentError, match="must be a loss"):
+            loss_of(text)
 
 
 def test_members_of_a_family_are_written_as_far_as_was_asked(machine, tmp_path):

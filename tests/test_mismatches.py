@@ -82,8 +82,16 @@ MISMATCHES = {
         "face_width_mm 28.0, now 20.0",
     ),
     "channel order": (lambda r: sampled(r, exchanged), None, "look exchanged: a1 is like a2"),
-    "gain 0.1": (lambda r: sampled(r, quieter), None, "channel a1 is about (19|20) dB quieter"),
-    "gain 10": (lambda r: sampled(r, louder), None, "channel a1 is about 2[01] dB louder"),
+    "gain 0.1": (
+        lambda r: sampled(r, quieter),
+        None,
+        r"channel a1 is about (19|20) dB quieter .*\(factor (8\.[5-9]|9\.\d|10)\)",
+    ),
+    "gain 10": (
+        lambda r: sampled(r, louder),
+        None,
+        r"channel a1 is about 2[01] dB louder .*\(factor 1[01]\)",
+    ),
     "other sensor": (
         lambda r: sampled(r, integrated, units=NO_UNIT),
         None,

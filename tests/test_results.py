@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from inspect import isfunction, signature
@@ -225,3 +227,20 @@ def test_features_of_analyses_go_into_a_pipeline():
     assert pipeline.feature_names_in_[0] == "mesh_db"
     alone = gearmon.features(results()["analysis"])
     assert list(alone.columns) == list(frame.columns)
+
+
+def test_a_table_is_safe_to_open_and_json_has_numbers_only(tmp_path):
+    """What a spreadsheet would run is quoted; what is infinite or no number is null or empty."""
+
+    @dataclass(frozen=True)
+    class Odd(Result):
+        name: str
+        value: float
+        open_: float
+
+    odd = Odd("=1+1", math.nan, math.inf)
+    (path,) = odd.save(tmp_path / "odd.csv")
+    assert path.read_text().splitlines() == ["name,value,open_", "'=1+1,,inf"]
+    (path,) = odd.save(tmp_path / "odd.json")
+    told = json.loads(path.read_text())
+    assert told == {"schema": "gearmon/1", "name": "=1+1", "value": None, "open_": None}

@@ -63,7 +63,6 @@ def run_case(
     case: str,
     progress: Progress | None = None,
     *,
-    ross_python: str | None = None,
     quick: bool = False,
     seed: int = 0,
     count: int | None = None,
@@ -76,9 +75,6 @@ def run_case(
         One of `CASES`.
     progress : callable, optional
         Called with the share done, 0 to 1.
-    ross_python : str, optional
-        Interpreter of an environment with ROSS, for the case "stiffness"; by default the
-        environment variable GEARMON_ROSS_PYTHON.
     quick : bool
         Rough figures in seconds, for "harvesting", "dynamics", "stress", "signals" and
         "detection".
@@ -101,7 +97,7 @@ def run_case(
     if case not in CASES:
         raise ArgumentError(f"benchmark case={case!r} must be one of {', '.join(CASES)}")
     run = _function(CASES[case].run)
-    given = {"progress": progress, "ross_python": ross_python, "quick": quick, "seed": seed}
+    given = {"progress": progress, "quick": quick, "seed": seed}
     given |= {} if count is None else {"count": count}
     facts, names = facts_of_run(), signature(run).parameters
     rows = run(**{name: value for name, value in given.items() if name in names})

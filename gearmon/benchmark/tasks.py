@@ -17,6 +17,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,7 @@ from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark.dynamics import draw_sweep
 from gearmon.benchmark.equations import CRACK, FORM, PERIOD_S, STAGE, Case
 from gearmon.benchmark.rivals import shooter
-from gearmon.benchmark.timing import NO_LIMIT_S, Competitor, Row, Task, Timing, interleaved
+from gearmon.benchmark.timing import NO_LIMIT_S, Row, Task, Timing, absent, competitor, interleaved
 from gearmon.dynamics import HillProblem, steady_state
 from gearmon.files import write_atomically
 from gearmon.gears.faults import Fault, parse_fault
@@ -51,9 +52,6 @@ from gearmon.terminal import Progress, followed
 Tasks = dict[str, Task]
 Duty = tuple[OperatingShare, ...]
 
-PYSDKIT = Competitor("PySDKit", "GEARMON_PYSDKIT_PYTHON", "PySDKit 0.5.0")
-#: It needs an old plotly.
-ROSS = Competitor("ROSS", "GEARMON_ROSS_PYTHON", "ross-rotordynamics 2.3.0 and plotly below 6")
 LEVELS = 8
 RATE_HZ = 20_000.0
 #: Of the recording that is analysed as a whole.
@@ -75,11 +73,6 @@ def run_signals(progress: Progress | None = None, *, quick: bool = False) -> lis
     list of dict
         Rows with case, method, samples, channels, median_s, fastest_s, repeats,
         times_own (median of the method over that of gearmon in the same turns) and a note.
-
-    Raises
-    ------
-    ArgumentError
-        If the environment variable GEARMON_PYSDKIT_PYTHON names no interpreter with PySDKit.
     """
     count, repeats = 1 << (16 if quick else 20), 3 if quick else 15
     long = 500_000 if quick else 10_000_000
@@ -150,15 +143,16 @@ def _spectra(count: int, repeats: int) -> list[Row]:
 
 
 def _kurtogram(count: int, repeats: int) -> list[Row]:
-    task: Task = partial(kurtogram, np.random.default_rng(0).normal(size=count), 1.0, LEVELS)
-    case, tasks = f"kurtogram, {LEVELS} levels", {"kurtogram": task}
-    python = PYSDKIT.python() or (sys.executable if find_spec("pysdkit") else None)
-    if python is None:
-        return [row | {"note": PYSDKIT.absent} for row in _timed(case, tasks, repeats, 5.0, count)]
-    data = {"count": count, "levels": min(LEVELS, int(np.log2(count)) - 7)}
-    with PYSDKIT.running(python, data) as (known, theirs):
-        tasks[f"{PYSDKIT.name} {known['version']}"] = theirs
-        return _timed(case, tasks, repeats, NO_LIMIT_S, count)
+    samples = np.random.default_rng(0).normal(size=count)
+    case = f"kurtogram, {LEVELS} levels"
+    tasks: Tasks = {"kurtogram": partial(kurtogram, samples, 1.0, LEVELS)}
+    if find_spec("pysdkit") is None:
+        alone = _timed(case, tasks, repeats, 5.0, count)
+        return [row | {"note": absent("PySDKit")} for row in alone]
+    theirs = competitor("pysdkit.utils._kurtogram").fast_kurtogram
+    levels = min(LEVELS, int(np.log2(count)) - 7)
+    tasks[f"PySDKit {version('PySDKit')}"] = partial(theirs, samples, levels, 1.0)
+    return _timed(case, tasks, repeats, NO_LIMIT_S, count)
 
 
 @contextmanager
@@ -325,15 +319,12 @@ PUBLISHED = replace(
 POSITIONS = 1000
 
 
-def time_stiffness(repeats: int = 25, ross_python: str | None = None) -> list[Row]:
+def time_stiffness(repeats: int = 25) -> list[Row]:
     """Return the run times of mesh stiffness by the energy of the teeth.
 
     Parameters
     ----------
     repeats : int, >= 1
-    ross_python : str, optional
-        Interpreter of an environment with ROSS; by default the environment variable
-        GEARMON_ROSS_PYTHON. Without one the rows say so.
 
     Returns
     -------
@@ -343,14 +334,10 @@ def time_stiffness(repeats: int = 25, ross_python: str | None = None) -> list[Ro
         period, for two pairs, beside ROSS. Columns: case, positions (contact positions or samples
         that came out), median_s, fastest_s, repeats, positions_per_s; times_healthy (over one
         healthy mesh period taken in turn); ross_median_s, ross_times_slower and ross_difference
-        (greatest relative difference of the stiffness, at the same contacts); note.
-
-    Raises
-    ------
-    ArgumentError
-        If `ross_python` is no interpreter with ROSS.
+        (greatest relative difference of the stiffness, at the same contacts); note, which says
+        where ROSS is not installed.
     """
-    python, crack = ROSS.python(ross_python), [parse_fault(CRACK)]
+    crack = [parse_fault(CRACK)]
     tasks = (
         partial(_sample, STAGE, 200),
         partial(_sample, STAGE, 200, crack),
@@ -362,7 +349,7 @@ def time_stiffness(repeats: int = 25, ross_python: str | None = None) -> list[Ro
         _stiffness_row("healthy mesh period", 200, healthy),
         _stiffness_row("pinion turn, one cracked tooth", turn, cracked, times_healthy=ratio),
         _stiffness_row("harmonics, one cracked tooth", 1000, harmonics),
-        *(_beside_ross(stage, python, max(1, repeats)) for stage in (STAGE, PUBLISHED)),
+        *(_beside_ross(stage, max(1, repeats)) for stage in (STAGE, PUBLISHED)),
     ]
 
 
@@ -377,38 +364,40 @@ def _sample(stage: ParallelStage, points: int, faults: Sequence[Fault] = ()) -> 
     return mesh_stiffness(stage, faults, FORM).sample(points)
 
 
-def _beside_ross(stage: ParallelStage, python: str | None, repeats: int) -> Row:
+def _beside_ross(stage: ParallelStage, repeats: int) -> Row:
     case = f"contact positions, sound pair {stage.pinion_teeth}/{stage.gear_teeth}"
-    if python is None:
+    if find_spec("ross") is None:
         (own,) = interleaved([partial(_sample, stage, POSITIONS)], repeats, NO_LIMIT_S)
-        return _stiffness_row(case, POSITIONS, own, note=ROSS.absent)
-
-    with ROSS.running(python, _gears_for_ross(stage)) as (known, theirs):
-        # the same gears of the steel that ROSS has
-        moduli = ("elastic_modulus_pinion_pa", "elastic_modulus_gear_pa")
-        steel: Row = dict.fromkeys(moduli, known["elastic_modulus_pa"])
-        same = replace(stage, poisson_ratio=known["poisson_ratio"], **steel)
-        tasks: list[Task] = [partial(_sample, same, POSITIONS), theirs]
-        own, other = interleaved(tasks, min(repeats, 7), NO_LIMIT_S)
-    difference, note = _compared(known, same)
+        return _stiffness_row(case, POSITIONS, own, note=absent("ROSS"))
+    steel = competitor("ross.materials").steel
+    mesh = _mesh_of_ross(stage, steel)
+    # the same gears of the steel that ROSS has
+    moduli = ("elastic_modulus_pinion_pa", "elastic_modulus_gear_pa")
+    known: Row = dict.fromkeys(moduli, float(steel.E)) | {"poisson_ratio": float(steel.Poisson)}
+    same = replace(stage, **known)
+    theirs = partial(mesh.get_stiffness_for_mesh_period, n_mesh_period=1, n_points=POSITIONS)
+    own, other = interleaved(
+        [partial(_sample, same, POSITIONS), theirs], min(repeats, 7), NO_LIMIT_S
+    )
+    difference, note = _compared(mesh, same)
     beside = {"ross_median_s": other.median_s, "ross_difference": difference, "note": note}
     beside["ross_times_slower"] = other.median_s / own.median_s
-    return _stiffness_row(case, len(known["stiffness_n_per_m"]), own, **beside)
+    return _stiffness_row(case, len(mesh.stiffness_range), own, **beside)
 
 
-def _gears_for_ross(stage: ParallelStage) -> Row:
-    teeth = stage.pinion_teeth, stage.gear_teeth
+def _mesh_of_ross(stage: ParallelStage, steel: Any) -> Any:
+    module, mm = competitor("ross.gear_element"), 1e-3
+    both = {"module": mm * (stage.module_mm or 0.0), "width": mm * (stage.face_width_mm or 0.0)}
+    both |= {"pr_angle": math.radians(stage.pressure_angle_deg), "material": steel}
     bores_mm = stage.bore_diameter_pinion_mm or 0.0, stage.bore_diameter_gear_mm or 0.0
-    both = {"module": 1e-3 * (stage.module_mm or 0.0), "width": 1e-3 * (stage.face_width_mm or 0.0)}
-    both["pr_angle"] = math.radians(stage.pressure_angle_deg)
     gears = [
-        {"n_teeth": n, "bore_diameter": 1e-3 * bore}
-        for n, bore in zip(teeth, bores_mm, strict=True)
+        module.GearElementTVMS(n=place, n_teeth=teeth, bore_diameter=mm * bores_mm[place], **both)
+        for place, teeth in enumerate((stage.pinion_teeth, stage.gear_teeth))
     ]
-    return {"gears": gears, "both": both, "positions": POSITIONS}
+    return module.Mesh(*gears)
 
 
-def _compared(known: Row, stage: ParallelStage) -> tuple[float, str]:
+def _compared(mesh: Any, stage: ParallelStage) -> tuple[float, str]:
     """Compare the stiffness with the teeth in contact where ROSS puts them.
 
     Returns
@@ -418,17 +407,17 @@ def _compared(known: Row, stage: ParallelStage) -> tuple[float, str]:
         foundation; and what else there is to say, with neighbours that share the bodies here.
     """
     # the last position is the first of the next period, which ROSS counts to the old one
-    stiffness = np.array(known["stiffness_n_per_m"])[:-1]
-    turned = np.array(known["mesh_angles_rad"])[:-1] * stage.pinion_teeth / (2 * np.pi) % 1.0
-    double = turned <= known["contact_ratio"] - 1
-    same = _pair_stiffness(known, stage, turned)
-    same[double] += _pair_stiffness(known, stage, turned[double] + 1)
+    stiffness = np.array(mesh.stiffness_range)[:-1]
+    turned = np.array(mesh.theta_range)[:-1] * stage.pinion_teeth / (2 * np.pi) % 1.0
+    double = turned <= float(mesh.contact_ratio) - 1
+    same = _pair_stiffness(mesh, stage, turned)
+    same[double] += _pair_stiffness(mesh, stage, turned[double] + 1)
     own = mesh_stiffness(stage, (), FORM).at(turned)
     single, two, own_single, own_two = (
         float(np.median(k[zone])) for k in (stiffness, own) for zone in (~double, double)
     )
     note = (
-        f"ROSS {known['version']}: contact ratio {known['contact_ratio']:.6g}, one pair "
+        f"ROSS {version('ross-rotordynamics')}: contact ratio {mesh.contact_ratio:.6g}, one pair "
         f"{single:.4g} N/m, two pairs {two:.4g} N/m by the classical sum; here "
         f"{mesh_pairs(stage)[0].contact_ratio:.6g}, {own_single:.4g} and {own_two:.4g} N/m "
         "with shared bodies"
@@ -436,13 +425,14 @@ def _compared(known: Row, stage: ParallelStage) -> tuple[float, str]:
     return float(np.abs(same / stiffness - 1).max()), note
 
 
-def _pair_stiffness(known: Row, stage: ParallelStage, turned: FloatArray) -> FloatArray:
+def _pair_stiffness(mesh: Any, stage: ParallelStage, turned: FloatArray) -> FloatArray:
     """Return the stiffness of one pair where ROSS puts its contact: linear in pressure angle."""
     pair = teeth_of(mesh_pairs(stage)[0])
-    moved = known["step_rad"] * turned
-    one, two = known["pressure_angles_rad"]
+    first, second = mesh.driving_gear.pr_angles_dict, mesh.driven_gear.pr_angles_dict
+    step = (first["addendum"] - first["start_point"]) / mesh.contact_ratio
+    moved = step * turned
     total = pair.compliances(pair.roll(np.zeros(1))).hertz + np.zeros(turned.shape)
-    pressures = one + moved, two - known["gear_ratio"] * moved
+    pressures = first["start_point"] + moved, second["addendum"] - mesh.gear_ratio * moved
     for tooth, pressure in zip(pair.teeth, pressures, strict=True):
         angle = np.tan(pressure) - tooth.base_half_angle_rad
         total += sum(ToothBeam(tooth).compliances(angle))

@@ -1,6 +1,7 @@
 """One function a command: arguments -> one call -> output and exit code.
 
-`gearmon.cli` lists them. Everything heavy is imported inside the function that needs it.
+`gearmon.cli` lists them. Everything heavy is imported inside the function that needs it. What a
+terminal shows of longer answers stands in templates beside them, by the name of the command.
 
 Examples
 --------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 import sys
@@ -17,12 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 from gearmon import report
 from gearmon.errors import ArgumentError
+from gearmon.files import as_json, write_table
 from gearmon.terminal import coloured, line_cleared
 
 if TYPE_CHECKING:
     from gearmon.result import Result
 
 _WIDTH = 78
+# What names of files and channels may do to a terminal.
+_CONTROL = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]")
 _FAULT = "such as crack:1:pinion:5:20%%, a loss of the tooth pair's stiffness, or 1.5mm"
 _ERRORS = (
     "also errors, such as eccentricity:1:pinion:all:20um, pitch:1:gear:7:8um or "
@@ -130,6 +132,53 @@ def channel_of(text: str) -> str | int:
     return int(text) if text.isdecimal() else text
 
 
+def loss_of(text: str) -> float:
+    """Return the loss of pair stiffness in a text such as "20%", as a fraction.
+
+    Raises
+    ------
+    ArgumentError
+        If it is no loss above 0 and up to 100 %.
+    """
+    try:
+        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
+    except ValueError:
+        value = float("nan")
+    if not 0.0 < value <= 1.0:
+        raise ArgumentError("must be a loss of pair stiffness above 0, up to 100%, such as 20%")
+    return value
+
+
+def axes_of(text: str) -> dict[str, str | int]:
+    """Return the channel of each axis of a text such as "x=a1,y=a2,z=3".
+
+    Raises
+    ------
+    ArgumentError
+        If it is none, or names an axis twice.
+    """
+    pairs = [part.partition("=") for part in text.split(",")]
+    if not all(mark and axis and channel for axis, mark, channel in pairs):
+        raise ArgumentError("must name channels as x=NAME,y=NAME,z=NAME or x=1,y=2")
+    if len({axis for axis, _, _ in pairs}) < len(pairs):
+        raise ArgumentError("names an axis twice")
+    return {axis.strip(): channel_of(channel.strip()) for axis, _, channel in pairs}
+
+
+class _Read(argparse.Action):
+    """Take what a text stands for; what is wrong with it is said in the words of its reader."""
+
+    def __call__(self, _: Any, given: Namespace, text: Any, option: str | None = None) -> None:
+        try:
+            setattr(given, self.dest, READ[str(self.metavar)](text))
+        except ArgumentError as error:
+            raise ArgumentError(f"{option} {text}: {error}") from None
+
+
+#: Readers of what stands behind an option, in words of their own.
+READ: dict[str, Callable[[str], Any]] = {"LOSS": loss_of, "x=A,y=B,z=C": axes_of}
+
+
 #: What stands behind an option; any other word is text.
 KINDS: dict[str, Any] = {"N": int, "NAME|N": channel_of} | dict.fromkeys(
     ("DB", "F", "G", "HZ", "LO", "MM", "MS2", "NM", "RPM", "S", "X"), float
@@ -168,6 +217,8 @@ def argument(usage: str, told: str, default: Any = None, **more: Any) -> Argumen
     if not words:
         return (name,), {"help": told, "action": "store_true"} | more
     settings |= {"metavar": words[0], "type": KINDS.get(words[0], str)}
+    if words[0] in READ:
+        settings |= {"action": _Read}
     if several:
         settings |= {"action": "append", "default": [], "help": f"{told}; repeatable"}
     if len(words) > 1:
@@ -183,7 +234,8 @@ def fault(*, errors: bool = False) -> Argument:
 
 MACHINE = argument("MACHINE", "machine file (TOML)")
 OF_MACHINE = argument("--machine MACHINE", "machine file (TOML)", required=True)
-SAMPLING_RATE = argument("--sampling-rate HZ", "needed if the file does not hold it")
+_RATE = "needed if the file does not hold it"
+SAMPLING_RATE = argument("--sampling-rate HZ", _RATE, dest="sampling_rate_hz")
 REFERENCE = argument("--reference PATH", "what gearmon learn wrote, or one healthy recording")
 TACHO = argument("--tacho NAME|N", "channel with tachometer pulses")
 
@@ -227,8 +279,6 @@ def given(arguments: Namespace, *names: str) -> dict[str, Any]:
     return {name: value for name, value in own.items() if value not in (None, [])}
 
 
-#: Version of what JSON output holds: keys may be added within it, none is renamed or goes.
-SCHEMA = "gearmon/1"
 Rows = Callable[[], list[dict[str, Any]]]
 DONE, FLAGGED, BAD_INPUT, UNJUDGED, OWN_FAULT, STOPPED = 0, 1, 2, 3, 70, 130
 
@@ -263,7 +313,7 @@ def show(
     arguments: Namespace, result: Mapping[str, Any], lines: Callable[[], Iterable[str]]
 ) -> int:
     """Print a result: one JSON object with --json, else lines of text; return the exit code."""
-    text = as_json(result) if arguments.json else coloured(_plain("\n".join(lines())))
+    text = as_json(result) if arguments.json else coloured(_CONTROL.sub(" ", "\n".join(lines())))
     if arguments.progress is not None:
         arguments.progress.close()
     try:
@@ -272,11 +322,6 @@ def show(
         _no_more(error)
     flushed()
     return DONE
-
-
-def _plain(text: str) -> str:
-    """Leave out what names of files and channels may do to a terminal."""
-    return re.sub(r"[\x00-\x09\x0b-\x1f\x7f-\x9f]", " ", text)
 
 
 def flushed() -> None:
@@ -357,16 +402,8 @@ def finish(
     return show(arguments, result, lambda: [*lines(), *(f"wrote {path}" for path in files)])
 
 
-def write_table(path: str, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
-    """Write rows as CSV or the whole result as JSON, by the ending of the name."""
-    from gearmon.files import write_atomically
-    from gearmon.report.wording import rows_as_csv
+def words(name: str, result: Mapping[str, Any], **known: Any) -> list[str]:
+    """Return what the terminal shows of a result, by the template of this name."""
+    from gearmon.report.wording import template
 
-    is_csv = Path(path).suffix.lower() == ".csv"
-    write_atomically(path, rows_as_csv(rows) if is_csv else as_json(result) + "\n")
-
-
-def as_json(result: Mapping[str, Any]) -> str:
-    """Return a result as JSON, marked with the version of its schema (see `schemas.json`)."""
-    marked = {"schema": SCHEMA, **result}
-    return json.dumps(marked, indent=1, ensure_ascii=False, allow_nan=False)
+    return template(f"{name}.txt", "gearmon.commands").render({**result, **known}).splitlines()

@@ -3,17 +3,27 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterator
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gearmon.commands.command import BAD_INPUT, DONE, FLAGGED, argument, command, complain, finish
+from gearmon import fleet as fleets
+from gearmon.commands.command import (
+    BAD_INPUT,
+    DONE,
+    FLAGGED,
+    argument,
+    command,
+    complain,
+    finish,
+    words,
+)
 from gearmon.errors import ArgumentError, check_range, check_word
-from gearmon.report.wording import counted, printable, table_lines
+from gearmon.report.wording import table_lines
 from gearmon.terminal import progress_line
 
 if TYPE_CHECKING:
-    from gearmon.fleet import Fleet, Run
+    from gearmon.fleet.plan import Fleet
+    from gearmon.fleet.run import Run
 
 #: What is shown of a ranking, and seconds between two looks.
 _SHOWN, _EVERY_S = 20, 60.0
@@ -45,75 +55,50 @@ _SHOWN, _EVERY_S = 20, 60.0
 )
 def fleet(arguments: Namespace) -> int:
     """Run `gearmon fleet`."""
-    from gearmon.fleet import read_fleet
-
     check_word("fleet ", arguments.action, _ACTIONS)
-    code: int = _ACTIONS[arguments.action](arguments, read_fleet(arguments.fleet))
+    code: int = _ACTIONS[arguments.action](arguments, fleets.read_fleet(arguments.fleet))
     return code
 
 
 def _run(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet import deliver, run_fleet
-
     with progress_line("fleet run") as progress:
-        run = run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
+        run = fleets.run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
     for path, why in run.failed.items():
         complain(f"{path}: {why}")
-    for trouble in deliver(fleet):
+    for trouble in fleets.deliver(fleet):
         complain(trouble)
     result = run.to_dict(fleet)
-    finish(arguments, result, lambda: list(_lines(result)), list)
+    finish(arguments, result, partial(words, "fleet", result, most=_SHOWN), list)
     return BAD_INPUT if run.failed else FLAGGED if result["alarms"] else DONE
 
 
 def _engine(arguments: Namespace) -> Any:
-    from gearmon.fleet import in_processes, on_dask
-
     check_word("--engine ", arguments.engine, ("processes", "dask"))
     if arguments.engine == "processes":
-        return in_processes
+        return fleets.in_processes
     if not arguments.scheduler:
         raise ArgumentError("--engine dask needs --scheduler ADDRESS, such as tcp://10.0.0.1:8786")
-    return partial(on_dask, scheduler=arguments.scheduler, patience_s=arguments.patience)
-
-
-def _lines(result: dict[str, Any]) -> Iterator[str]:
-    yield f"{printable(result['fleet'])}: {counted(result['analysed'], 'recording')} analysed"
-    for key, what in (("failed", "not analysed"), ("not_taken", "not taken")):
-        told = result[key]
-        yield from (
-            f"{printable(one['recording'])}: {what}: {printable(one['why'])}"
-            for one in told[:_SHOWN]
-        )
-        if len(told) > _SHOWN:
-            yield f"{len(told) - _SHOWN} more {what}; --json has them all"
-    if result["being_written"]:
-        yield f"{counted(len(result['being_written']), 'recording')} still being written"
-    yield "ledger: " + ", ".join(f"{n} {state}" for state, n in sorted(result["ledger"].items()))
-    for alarm in result["alarms"]:
-        told = ", acknowledged" if alarm["acknowledged"] else ""
-        place = printable(f"{alarm['machine']} {alarm['class']}".strip())
-        yield f"ALARM {place}: {alarm['finding']}, since {alarm['since']}{told}"
-    yield from (f"wrote {path}" for path in result["results"])
+    return partial(fleets.on_dask, scheduler=arguments.scheduler, patience_s=arguments.patience)
 
 
 def _watch(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet import watch_fleet
-
     check_range("--every", arguments.every, 0.1, 86400.0, "s")
 
     def told(what: Run | str) -> None:
         if isinstance(what, str):
             complain(what)
         else:
-            print("\n".join(_lines(what.to_dict(fleet))), flush=True)
+            print(*words("fleet", what.to_dict(fleet), most=_SHOWN), sep="\n", flush=True)
 
-    watch_fleet(fleet, _engine(arguments), every_s=arguments.every, told=told)
+    fleets.watch_fleet(fleet, _engine(arguments), every_s=arguments.every, told=told)
     return DONE
 
 
 def _serve(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet.pages import serve
+    try:
+        from gearmon.fleet.pages import serve
+    except ImportError:
+        raise ArgumentError("fleet serve needs pip install 'gearmon[web]'") from None
 
     check_range("--port", arguments.port, 1, 65535)
     serve(fleet, arguments.host, arguments.port, arguments.token or "")

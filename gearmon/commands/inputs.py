@@ -5,7 +5,6 @@ from __future__ import annotations
 import glob
 import os
 import shutil
-import signal
 import sys
 import tempfile
 from argparse import Namespace
@@ -17,10 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import gearmon
-from gearmon.commands.command import complain
+from gearmon.commands.command import complain, given
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import check_output, protecting
-from gearmon.signals.threads import THREADS, cores
+from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 from gearmon.terminal import Progress, followed
 
 # A process takes as long to start as one file of ten seconds takes to analyse.
@@ -136,29 +135,20 @@ def recordings_named(given: Sequence[str]) -> list[str]:
     return named
 
 
-def recording_of(
-    path: str, arguments: Namespace, machine: gearmon.Machine | None
-) -> gearmon.Recording:
+def recording_of(path: str, arguments: Namespace) -> gearmon.Recording:
     """Read a recording as the options of the command, and the sensors of the machine, say."""
     if path == STANDARD_INPUT:
         with tempfile.NamedTemporaryFile(suffix=".csv") as file:
             # readers go back and forth
             shutil.copyfileobj(sys.stdin.buffer, file)
             file.flush()
-            return replace(_read(file.name, arguments, machine), origin="standard input")
-    return _read(path, arguments, machine)
-
-
-def _read(path: str, arguments: Namespace, machine: gearmon.Machine | None) -> gearmon.Recording:
-
+            return replace(recording_of(file.name, arguments), origin="standard input")
     if Path(path).is_dir():
         raise ArgumentError(f"{path}: a folder without recordings ({', '.join(_RECORDED)})")
+    sensors = arguments.machine.sensors if arguments.machine else ()
+    options = given(arguments, "sampling_rate_hz", "tacho")
     return gearmon.read_recording(
-        path,
-        sampling_rate_hz=arguments.sampling_rate,
-        channels=arguments.channel or None,
-        tacho=arguments.tacho,
-        sensors=machine.sensors if machine is not None else (),
+        path, channels=arguments.channel or None, sensors=sensors, **options
     )
 
 
@@ -220,7 +210,7 @@ def _mapped(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     from concurrent.futures import ProcessPoolExecutor  # a single file does without
     from concurrent.futures.process import BrokenProcessPool
 
-    pool = ProcessPoolExecutor(workers, initializer=_alone_on_a_core)
+    pool = ProcessPoolExecutor(workers, None, alone_on_a_core, (os.getpid(),))
     try:
         yield pool.map
     except BrokenProcessPool as error:
@@ -230,31 +220,3 @@ def _mapped(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _alone_on_a_core() -> None:
-    """Keep a process to one core; Ctrl-C is for the parent to answer."""
-    os.environ[THREADS] = "1"
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-
-def loss_of(text: str | None, option: str) -> float | None:
-    """Return the loss of pair stiffness that an option gives, as a fraction; None if it does not.
-
-    Raises
-    ------
-    ArgumentError
-        If it is no loss above 0 and up to 100 %.
-    """
-    if text is None:
-        return None
-    try:
-        value = float(text.removesuffix("%")) / (100.0 if text.endswith("%") else 1.0)
-    except ValueError:
-        value = float("nan")
-    if not 0.0 < value <= 1.0:
-        raise ArgumentError(
-            f"{option} {text}: must be a loss of pair stiffness above 0, up to 100%, such as 20%"
-        )
-    return value

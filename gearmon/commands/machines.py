@@ -19,13 +19,15 @@ from gearmon.commands.command import (
     finish,
     given,
     show,
+    words,
 )
-from gearmon.commands.inputs import machine_of, recording_of
+from gearmon.commands.inputs import recording_of
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import table_lines
 from gearmon.terminal import followed
 
 if TYPE_CHECKING:
+    from gearmon.signatures.expected.fault_family import FaultFamily
     from gearmon.signatures.expected.modes import Modes
 
 #: Natural over mesh frequency up to which the instability is searched for, and drawn: beyond, the
@@ -59,10 +61,6 @@ _SETTINGS: dict[str, tuple[str, str, float]] = {
 _STAGE = argument("--stage N", "only this stage, from 1")
 _FORM = argument("--form FORM", "stiffness form (parabolic)", "parabolic")
 _MAX_HZ = argument("--max-hz F", "no lines above this frequency")
-_ALONG_ACTION = (
-    "levels are those of the teeth along the line of action; what reaches a sensor on the housing "
-    "differs by the path, often tenfold"
-)
 
 
 @command(
@@ -74,7 +72,7 @@ def lines(arguments: Namespace) -> int:
     """Run `gearmon lines`."""
     from gearmon.gears.kinematics import line_table
 
-    table = line_table(machine_of(arguments.machine))
+    table = line_table(arguments.machine)
     return finish(arguments, table, lambda: [report.line_table_text(table)])
 
 
@@ -95,15 +93,16 @@ def stiffness(arguments: Namespace) -> int:
     """Run `gearmon stiffness`."""
     from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 
-    machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
+    machine = arguments.machine
     if arguments.form == "all":
-        if faults:
+        if arguments.fault:
             raise ArgumentError(
                 "--form all: compares healthy meshes; leave out --fault, or name a form"
             )
         forms = compare_forms(machine, stage=arguments.stage or 1)
         return finish(arguments, forms, lambda: table_lines(forms.line_rows()))
-    report = stiffness_report(machine, faults, form=arguments.form, stage=arguments.stage)
+    named = given(arguments, "form", "stage")
+    report = stiffness_report(machine, arguments.fault, **named)
     return finish(arguments, report, lambda: _thinned(report.rows(), "rows"))
 
 
@@ -126,27 +125,19 @@ def _thinned(rows: list[dict[str, Any]], what: str) -> list[str]:
 )
 def baseline(arguments: Namespace) -> int:
     """Run `gearmon baseline`."""
-    machine, faults = machine_of(arguments.machine), tuple(arguments.fault)
     settings = given(arguments, "tolerance", "max_hz")
-    signature = gearmon.expected_signature(machine, faults, **settings)
+    signature = gearmon.expected_signature(arguments.machine, arguments.fault, **settings)
     lines, write = partial(_baseline_lines, signature), partial(gearmon.write_signature, signature)
-    figures = signature.figures
-    return finish(arguments, signature.to_dict(), lines, figures=figures, write=write)
+    return finish(arguments, signature, lines, write=write)
 
 
 def _baseline_lines(signature: gearmon.Signature) -> list[str]:
-    """Show what holds for each stage, and the strongest lines."""
     stages, rows = signature.header["stages"], list(signature.rows())
-    told = [{name: stage[name] for name in _STAGE_SHOWN} for stage in stages]
+    shown = [{name: stage[name] for name in _STAGE_SHOWN} for stage in stages]
     strongest = sorted(rows, key=lambda row: -row["acceleration_ms2"])[:MOST_LINES]
-    shown = table_lines(sorted(strongest, key=lambda row: row["frequency_hz"]))
-    words = [
-        f"stage {stage['stage']}: {word}"
-        for stage in stages
-        for word in (stage["message"], *stage["warnings"])
-    ]
-    count = f"({len(strongest)} strongest of {len(rows)} lines; peak amplitudes)"
-    return [*table_lines(told), *words, "", *shown, count, f"note: {_ALONG_ACTION}"]
+    strongest.sort(key=lambda row: row["frequency_hz"])
+    known = {"stages": stages, "shown": shown, "strongest": strongest, "count": len(rows)}
+    return words("baseline", known)
 
 
 @command(
@@ -176,25 +167,21 @@ def _baseline_lines(signature: gearmon.Signature) -> list[str]:
 def family(arguments: Namespace) -> int:
     """Run `gearmon family`."""
     named = given(arguments, "kinds", "sizes", "gears", "operating", "max_hz", "tolerance")
-    family = gearmon.fault_family(machine_of(arguments.machine), **named)
+    family = gearmon.fault_family(arguments.machine, **named)
     if not len(family):
         raise ArgumentError("no fault is left: " + "; ".join(family.notes))
-    result = family.to_dict()
 
     def write(path: str) -> None:
         table = family.table(arguments.mesh_harmonics, arguments.sidebands)
         gearmon.write_signature(table, path)
 
-    lines, figures = partial(_family_lines, result), family.figures
-    return finish(arguments, result, lines, figures=figures, write=write)
+    return finish(arguments, family, partial(_family_lines, family), write=write)
 
 
-def _family_lines(result: dict[str, Any]) -> list[str]:
-    rows = [
-        {name: row[name] for name in row if name not in HIDDEN_OF_FAMILY} for row in result["rows"]
-    ]
-    notes = (f"note: {note}" for note in result["notes"])
-    return [*_thinned(rows, "members"), *notes]
+def _family_lines(family: FaultFamily) -> list[str]:
+    hidden = HIDDEN_OF_FAMILY
+    rows = [{key: row[key] for key in row if key not in hidden} for row in family.rows()]
+    return [*_thinned(rows, "members"), *(f"note: {note}" for note in family.notes)]
 
 
 @command(
@@ -211,7 +198,7 @@ def stability(arguments: Namespace) -> int:
     from gearmon.dynamics.stability import stability_margin
     from gearmon.signatures.expected.mesh import mesh_problem
 
-    machine = machine_of(arguments.machine)
+    machine = arguments.machine
     stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)
     named, rows = given(arguments, "form", "harmonics"), []
     problems = {stage: mesh_problem(machine, stage, **named) for stage in stages}
@@ -239,9 +226,7 @@ def stability(arguments: Namespace) -> int:
 @command(
     MACHINE,
     argument("--harmonics N", "mesh harmonics of the Campbell table", 10),
-    argument(
-        "--to-rpm RPM", "its highest speed of shaft 1 (1.5 times the nominal)", dest="highest_rpm"
-    ),
+    argument("--to-rpm RPM", "its highest speed of shaft 1 (1.5 x nominal)", dest="highest_rpm"),
     _FORM,
     help="natural frequencies of the whole machine, and at which speeds mesh harmonics meet them",
     example="gearmon modes machine.toml -o modes.csv",
@@ -250,10 +235,9 @@ def stability(arguments: Namespace) -> int:
 def modes(arguments: Namespace) -> int:
     """Run `gearmon modes`."""
     named = given(arguments, "harmonics", "highest_rpm", "form")
-    found = gearmon.modes(machine_of(arguments.machine), **named)
+    found = gearmon.modes(arguments.machine, **named)
     tables = {"": found.frame_rows, "-campbell": found.campbell_rows}
-    result = found.to_dict()
-    return finish(arguments, result, lambda: _modes_lines(found), tables, found.figures)
+    return finish(arguments, found, lambda: _modes_lines(found), tables)
 
 
 def _modes_lines(found: Modes) -> list[str]:
@@ -270,13 +254,9 @@ def _modes_lines(found: Modes) -> list[str]:
     met = [own for own in found.campbell if own.drives]
     near = sorted(met, key=lambda own: abs(math.log(own.speed_rpm / found.speeds_rpm[0])))
     meetings = sorted(near[:MOST_MEETINGS], key=lambda own: own.speed_rpm)
-    told = (
-        f"{len(listed)} of {len(found.rows)} modes; {len(meetings)} of {len(met)} meetings that "
-        f"mesh forces drive, nearest to {found.speeds_rpm[0]:g} rpm (--json or -o FILE gives all)"
-    )
-    rows = found.campbell_rows(meetings)
-    notes = (f"note: {note}" for note in found.notes)
-    return [*table_lines(listed), "", *table_lines(rows), f"({told})", *notes, found.headline()]
+    known: dict[str, Any] = {"modes": listed, "meetings": found.campbell_rows(meetings)}
+    known |= {"all_modes": len(found.rows), "all_meetings": len(met), "rpm": found.speeds_rpm[0]}
+    return words("modes", known | {"notes": found.notes, "headline": found.headline()})
 
 
 @command(
@@ -295,9 +275,9 @@ def simulate(arguments: Namespace) -> int:
     """Run `gearmon simulate`."""
     from gearmon.simulation import write_simulation
 
-    machine, settings = machine_of(arguments.machine), given(arguments, *_SETTINGS, "progress")
+    settings = given(arguments, *_SETTINGS, "progress")
     settings["tacho_shaft"] = 1 if arguments.tacho else None
-    recording = gearmon.simulate(machine, arguments.fault, **settings)
+    recording = gearmon.simulate(arguments.machine, arguments.fault, **settings)
     files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
     result = {"recording": str(files[0]), "truth": str(files[1])}
     return show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
@@ -313,17 +293,11 @@ def simulate(arguments: Namespace) -> int:
     argument("--harvester FILE", "harvester file (TOML); a 15 mm bimorph by default"),
     argument("--count N", "harvesters of a set, 1 to 3", 1),
     argument("--share F...", "share of time of each recording, in their order", dest="shares"),
-    argument(
-        "--degraded RECORDING...", "the same operating point with a damaged gear, in the same order"
-    ),
+    argument("--degraded RECORDING...", "operating points with a damaged gear, in the same order"),
     fault(),
     argument("--path-gain G", "mesh to harvester (1)"),
     argument("--wander F", "of speed, relative (0.005)"),
-    argument(
-        "--wander-time S",
-        "over which it is forgotten, in s (long beside a ring-down)",
-        dest="wander_time_s",
-    ),
+    argument("--wander-time S", "until it is forgotten (beyond a ring-down)", dest="wander_time_s"),
     argument("--published", "show published harvesters beside the best one"),
     argument("--share-error F", "standard deviation of the shares (0)"),
     SAMPLING_RATE,
@@ -340,19 +314,19 @@ def harvest(arguments: Namespace) -> int:
     from gearmon.harvesting.placement import survey_expected, survey_measured
     from gearmon.harvesting.request import built_in, load_harvester
 
-    machine = machine_of(arguments.machine)
+    machine = arguments.machine
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
     _refuse_mixed(arguments)
     if arguments.recording:
         read, damaged = (
-            [recording_of(path, arguments, machine) for path in paths]
+            [recording_of(path, arguments) for path in paths]
             for paths in (arguments.recording, arguments.degraded)
         )
         named = given(arguments, "shares", "share_error", "count", "progress")
         survey = survey_measured(machine, harvester, read, budget, degraded=damaged, **named)
     else:
         named = given(arguments, "count", *ASSUMED)
-        survey = survey_expected(machine, harvester, budget, faults=tuple(arguments.fault), **named)
+        survey = survey_expected(machine, harvester, budget, faults=arguments.fault, **named)
     return finish(
         arguments, survey, lambda: report.harvest_lines(survey, published=arguments.published)
     )
@@ -360,7 +334,7 @@ def harvest(arguments: Namespace) -> int:
 
 def _refuse_mixed(arguments: Namespace) -> None:
     """Refuse options of expected lines beside recordings, and of recordings without any."""
-    of_recordings = ("shares", "share_error", "degraded", "channel", "sampling_rate")
+    of_recordings = ("shares", "share_error", "degraded", "channel", "sampling_rate_hz")
     wrong = dict.fromkeys(of_recordings, "only beside recordings; name them after the machine")
     if arguments.recording:
         wrong = dict.fromkeys(ASSUMED, "only for expected lines; recordings hold their own")
@@ -368,5 +342,5 @@ def _refuse_mixed(arguments: Namespace) -> None:
         if not arguments.shares:
             wrong["share_error"] = "only beside --share"
     for name in given(arguments, *wrong):
-        option = name.removesuffix("_s").removesuffix("s").replace("_", "-")
+        option = name.removesuffix("_hz").removesuffix("_s").removesuffix("s").replace("_", "-")
         raise ArgumentError(f"--{option}: {wrong[name]}")

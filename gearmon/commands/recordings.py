@@ -16,14 +16,15 @@ from gearmon.commands.command import (
     argument,
     command,
     finish,
+    given,
     judged,
     recordings,
     show,
-    write_table,
+    words,
 )
-from gearmon.commands.inputs import each_of, loss_of, machine_of, recording_of
+from gearmon.commands.inputs import each_of, recording_of
 from gearmon.errors import ArgumentError, check_range
-from gearmon.report.wording import gear_text, percent, printable
+from gearmon.files import write_table
 from gearmon.terminal import followed, part_of
 
 if TYPE_CHECKING:
@@ -49,9 +50,9 @@ def learn(arguments: Namespace) -> int:
     """Run `gearmon learn`."""
     from gearmon.diagnosis.analysis import learned
 
-    machine = machine_of(arguments.machine, arguments.speed_hint)
+    machine = arguments.machine
     signatures = [
-        gearmon.measure_signature(recording_of(path, arguments, machine), machine)
+        gearmon.measure_signature(recording_of(path, arguments), machine)
         for path in followed(arguments.recording, len(arguments.recording), arguments.progress)
     ]
     reference = learned(signatures, machine)
@@ -80,9 +81,7 @@ def learn(arguments: Namespace) -> int:
         "of one tooth pair's stiffness; healthy is said only where it would have been noticed "
         "on every gear (default 40%%)",
     ),
-    argument(
-        "--history FILE", "what gearmon history keeps: says since when; only read", dest="past"
-    ),
+    argument("--history FILE", "kept by gearmon history: says since when; only read", dest="past"),
     argument("--report HTML", "write a report (.html), and a PNG a picture beside it"),
     help="say whether the machine of a recording is healthy, and why",
     example="gearmon analyse new.csv --machine machine.toml --reference healthy.ref "
@@ -95,9 +94,7 @@ def analyse(arguments: Namespace) -> int:
     """Run `gearmon analyse`."""
     from gearmon.diagnosis.history import history_trends, read_history
 
-    must_notice = loss_of(arguments.must_notice, "--must-notice")
-    machine = machine_of(arguments.machine, arguments.speed_hint)
-    reference = reference_of(arguments, machine)
+    machine, reference = arguments.machine, reference_of(arguments)
     past = history_trends(read_history(arguments.past, machine.name)) if arguments.past else None
     # reports take longer than analyses
     share = 0.3 if arguments.report else 1.0
@@ -106,8 +103,7 @@ def analyse(arguments: Namespace) -> int:
     # what goes to other processes
     kept_here = {"progress": None, "recording": (), "asked": None}
     alone = Namespace(**vars(arguments) | kept_here)
-    known: dict[str, Any] = {"machine": machine, "reference": reference}
-    task = partial(_analysed, arguments=alone, must_notice=must_notice, **known)
+    task = partial(_analysed, arguments=alone, reference=reference)
     done = each_of(arguments.recording, analysed, task, side_by_side=True)
     results = [own if isinstance(own, dict) else own[0] for own in done]
     good = [own for own in done if not isinstance(own, dict)]
@@ -127,16 +123,12 @@ def analyse(arguments: Namespace) -> int:
 
 
 def _analysed(
-    path: str,
-    arguments: Namespace,
-    machine: gearmon.Machine,
-    reference: gearmon.Reference | None,
-    must_notice: float | None,
+    path: str, arguments: Namespace, reference: gearmon.Reference | None
 ) -> tuple[dict[str, Any], gearmon.Analysis | None, gearmon.Recording | None]:
     """Analyse one recording; with the answer, what is worded of it and what a report draws."""
-    recording = recording_of(path, arguments, machine)
-    options: dict[str, Any] = {} if must_notice is None else {"must_notice": must_notice}
-    analysis = gearmon.analyse(recording, machine, reference, **options)
+    recording = recording_of(path, arguments)
+    options = given(arguments, "must_notice")
+    analysis = gearmon.analyse(recording, arguments.machine, reference, **options)
     worded = analysis if arguments.report or not arguments.json else None
     return analysis.to_dict(), worded, recording if arguments.report else None
 
@@ -155,7 +147,7 @@ def _analysis_lines(
     return lines
 
 
-def reference_of(arguments: Namespace, machine: gearmon.Machine) -> gearmon.Reference | None:
+def reference_of(arguments: Namespace) -> gearmon.Reference | None:
     """Return the reference that is named, or learn it from the healthy recording that is named."""
     from gearmon.signatures.measured.reference import is_reference
 
@@ -164,16 +156,13 @@ def reference_of(arguments: Namespace, machine: gearmon.Machine) -> gearmon.Refe
     path = Path(arguments.reference)
     if is_reference(path) or not path.is_file():
         return gearmon.read_reference(path)
-    return gearmon.learn([recording_of(str(path), arguments, machine)], machine)
+    return gearmon.learn([recording_of(str(path), arguments)], arguments.machine)
 
 
 @command(
     *recordings("[RECORDING...]"),
     REFERENCE,
-    argument(
-        "--trained FILE",
-        "classifier of this machine; trained and written to this file if there is none",
-    ),
+    argument("--trained FILE", "classifier of this machine; if it is not there, trained and kept"),
     argument("--examples N", "simulated machines to train it on, in ten seconds", EXAMPLES),
     argument("--seed N", "of what is drawn at random", 0),
     help="how probable each kind of fault is, by a classifier trained on this machine file",
@@ -194,15 +183,14 @@ def kinds(arguments: Namespace) -> int:
         )
     if not arguments.recording and not arguments.trained:
         raise ArgumentError("kinds: name recordings to judge, or with --trained a file to write")
-    machine = machine_of(arguments.machine, arguments.speed_hint)
-    reference = reference_of(arguments, machine)
-    classifier, trained = _classifier(arguments, machine)
+    machine, reference = arguments.machine, reference_of(arguments)
+    classifier, trained = _classifier(arguments)
 
     def kind_of(path: str) -> dict[str, Any]:
         from gearmon.diagnosis.fault_types.judgement import kind_of_analysis
 
         assert reference is not None
-        analysis = gearmon.analyse(recording_of(path, arguments, machine), machine, reference)
+        analysis = gearmon.analyse(recording_of(path, arguments), machine, reference)
         judgement = kind_of_analysis(analysis, reference, classifier)
         return {
             "recording": path,
@@ -217,11 +205,11 @@ def kinds(arguments: Namespace) -> int:
         "classifier": {"file": arguments.trained, "trained_now": trained},
         "recordings": results,
     }
-    finish(arguments, result, lambda: _kind_lines(result), list)
+    finish(arguments, result, partial(words, "kinds", result, least_shown=LEAST_SHOWN), list)
     return judged(results, flagged=any(entry.get("flagged") for entry in results))
 
 
-def _classifier(arguments: Namespace, machine: gearmon.Machine) -> tuple[KindClassifier, bool]:
+def _classifier(arguments: Namespace) -> tuple[KindClassifier, bool]:
     """Read the classifier that is named, or train it and keep it under that name."""
     from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
     from gearmon.diagnosis.fault_types.features import NAMES
@@ -231,7 +219,7 @@ def _classifier(arguments: Namespace, machine: gearmon.Machine) -> tuple[KindCla
     path = arguments.trained
     if path and Path(path).exists():
         classifier = read_kinds(path)
-        teeth, known, wrong = tooth_counts(machine), classifier.machine_ or "not told", ""
+        teeth, known, wrong = tooth_counts(arguments.machine), classifier.machine_ or "not told", ""
         if known != teeth:
             wrong = f"was trained for teeth {known}, the machine file has {teeth}"
         elif classifier.n_features_in_ != len(NAMES):
@@ -241,58 +229,21 @@ def _classifier(arguments: Namespace, machine: gearmon.Machine) -> tuple[KindCla
         return classifier, False
     check_range("--examples", arguments.examples, *EXAMPLES_BETWEEN)
     check_range("--seed", arguments.seed, 0, 2**63 - 1)
-    count, progress = arguments.examples, arguments.progress
-    classifier = gearmon.train_kinds(machine, arguments.seed, count, progress=progress)
+    settings = {"count": arguments.examples, "progress": arguments.progress}
+    classifier = gearmon.train_kinds(arguments.machine, arguments.seed, **settings)
     if path:
         write_kinds(classifier, path)
     return classifier, True
 
 
-def _kind_lines(result: dict[str, Any]) -> list[str]:
-    classifier = result["classifier"]
-    lines = []
-    if classifier["file"]:
-        done = "wrote" if classifier["trained_now"] else "classifier"
-        lines.append(f"{done}: {printable(classifier['file'])}")
-    for entry in result["recordings"]:
-        name = printable(entry["recording"])
-        if "error" in entry:
-            lines.append(f"{name}: not analysed")
-            continue
-        lines.append(f"{name}: {entry['verdict'].upper()}")
-        told = entry["kind"]
-        if told is None:
-            lines.append("  no fault called, so no kind judged")
-            continue
-        where = f", {gear_text(told['stage'], told['gear'], None)}" if told["stage"] else ""
-        lines.append(f"  most like {told['kind']}{where}")
-        ranked = sorted(told["probabilities"].items(), key=lambda item: -item[1])
-        shown = [f"{kind} {percent(p, 0)}" for kind, p in ranked if p >= LEAST_SHOWN]
-        lines.append(f"  {', '.join(shown)}")
-        lines += [f"  {sentence}" for sentence in told["evidence"]]
-        if told["kind"] not in entry["flagged"]:
-            flagged = ", ".join(dict.fromkeys(entry["flagged"]))
-            lines.append(
-                f"  gearmon analyse flags {flagged}: it looks at the turn of each gear, the "
-                "classifier at levels; where they differ, trust the flag"
-            )
-    return lines
-
-
 @command(
     *recordings("[RECORDING...]"),
     REFERENCE,
-    argument(
-        "--store FILE", "keep the history in it; next time name the new recordings only, or none"
-    ),
+    argument("--store FILE", "keep the history in it; next time name new recordings only, or none"),
     argument("--name NAME", "of the machine in the store, if it is not that of the machine file"),
+    argument("--times ISO8601,ISO8601", "of each, as 2026-03-01T08:00; UTC without an offset"),
     argument(
-        "--times ISO8601,ISO8601",
-        "when each was made, such as 2026-03-01T08:00; UTC where there is no offset",
-    ),
-    argument(
-        "--time-from SOURCE",
-        "name (of the file, such as drive-2026-03-01.csv) or modified (when it was)",
+        "--time-from SOURCE", "name (of the file, as drive-2026-03-01.csv) or modified (when)"
     ),
     argument("--limit LOSS", "of pair stiffness at which to act, such as 20%%"),
     argument("--replace", "recordings of the same time give way"),
@@ -311,24 +262,23 @@ def history(arguments: Namespace) -> int:
 
     if not arguments.recording and not arguments.store:
         raise ArgumentError("history: name recordings, or with --store a history file to look at")
-    limit = loss_of(arguments.limit, "--limit")
-    machine = machine_of(arguments.machine, arguments.speed_hint)
-    machine = replace(machine, name=arguments.name or machine.name)
+    name = arguments.name or arguments.machine.name
+    arguments.machine = replace(arguments.machine, name=name)
     times = []
     if arguments.recording:
         times = kept.recording_times(arguments.recording, arguments.times, arguments.time_from)
-    _refuse_known(arguments, machine, times)
-    entries, errors = _history_entries(arguments, machine, times)
+    _refuse_known(arguments, times)
+    entries, errors = _history_entries(arguments, times)
     replaced = 0
     if arguments.store:
         if entries:
             replaced = kept.append(arguments.store, entries, replace=arguments.replace)
-        history = kept.read_history(arguments.store, machine.name)
+        history = kept.read_history(arguments.store, name)
     else:
-        history = kept.History(machine=machine.name)
+        history = kept.History(machine=name)
         for entry in entries:
             history = history.with_entry(entry, replace=arguments.replace)
-    found = kept.history_trends(history, limit=limit)
+    found = kept.history_trends(history, limit=arguments.limit)
     result = found.to_dict() | {"errors": errors, "replaced": replaced}
     if arguments.output:
         result["files"] = _history_written(arguments.output, found, result)
@@ -337,13 +287,13 @@ def history(arguments: Namespace) -> int:
     return judged(told, flagged=found.raised)
 
 
-def _refuse_known(arguments: Namespace, machine: gearmon.Machine, times: list[datetime]) -> None:
+def _refuse_known(arguments: Namespace, times: list[datetime]) -> None:
     """Refuse times that the history has already, before any recording is analysed."""
     from gearmon.diagnosis.history import read_history
 
     if arguments.replace or not arguments.store or not Path(arguments.store).exists():
         return
-    known = {e.time_s: e for e in read_history(arguments.store, machine.name).entries}
+    known = {e.time_s: e for e in read_history(arguments.store, arguments.machine.name).entries}
     for path, time in zip(arguments.recording, times, strict=True):
         if time.timestamp() in known:
             entry = known[time.timestamp()]
@@ -354,20 +304,20 @@ def _refuse_known(arguments: Namespace, machine: gearmon.Machine, times: list[da
 
 
 def _history_entries(
-    arguments: Namespace, machine: gearmon.Machine, times: list[datetime]
+    arguments: Namespace, times: list[datetime]
 ) -> tuple[list[Entry], list[dict[str, str]]]:
     """Analyse the recordings; a bad one is reported in its place and the others are kept."""
     if not arguments.recording:
         return [], []
     from gearmon.diagnosis.history import entry_of
 
-    reference = reference_of(arguments, machine)
+    machine, reference = arguments.machine, reference_of(arguments)
     source, entries = arguments.time_from or "given", []
     moments = iter(times)
 
     def entry(path: str) -> dict[str, Any]:
         moment = next(moments)
-        analysis = gearmon.analyse(recording_of(path, arguments, machine), machine, reference)
+        analysis = gearmon.analyse(recording_of(path, arguments), machine, reference)
         entries.append(entry_of(analysis, moment, source))
         return {}
 

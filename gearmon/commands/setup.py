@@ -9,7 +9,7 @@ import tomllib
 from argparse import Namespace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gearmon
 from gearmon.commands.command import (
@@ -20,14 +20,11 @@ from gearmon.commands.command import (
     finish,
     given,
     show,
+    words,
 )
-from gearmon.commands.inputs import machine_of
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 from gearmon.units import is_unit
-
-if TYPE_CHECKING:
-    from gearmon.diagnosis.reference_check import ReferenceCheck
 
 # Gears of one stage reduce by up to 8 or 10 (Niemann, Maschinenelemente II); beyond, a tooth count
 # is rather mistyped. A shaft slower than the second is rather told in Hz than in 1/min.
@@ -38,9 +35,7 @@ _TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.
 
 @command(
     argument("[RECORDING...]", "one that tells the columns"),
-    argument(
-        "--teeth A/B...", "of a stage, driver/driven, or sun/planet/ring and planets as 30/35/100x3"
-    ),
+    argument("--teeth A/B...", "of a stage, driver/driven; sun/planet/ring x planets: 30/35/100x3"),
     argument("--speed SPEED", "of shaft 1 with its unit: 1480rpm or 24.7hz"),
     argument("--torque NM", "on shaft 1", dest="torque_nm"),
     argument("--module MM", "of all stages", dest="module_mm"),
@@ -141,7 +136,7 @@ def _doubts(machine: gearmon.Machine) -> list[str]:
 
 def _recorded(arguments: Namespace, machine: gearmon.Machine, mesh_hz: float) -> gearmon.Recording:
     """Read the recording that shows what the columns are; refuse a rate that cannot be."""
-    found = gearmon.read_recording(arguments.recording[0], arguments.sampling_rate)
+    found = gearmon.read_recording(arguments.recording[0], arguments.sampling_rate_hz)
     if found.sampling_rate_hz < 2.0 * mesh_hz:
         raise ArgumentError(
             f"{arguments.recording[0]}: sampled at {found.sampling_rate_hz:.6g} Hz, too slow for "
@@ -159,22 +154,12 @@ def _recorded(arguments: Namespace, machine: gearmon.Machine, mesh_hz: float) ->
 )
 def check(arguments: Namespace) -> int:
     """Run `gearmon check`."""
-    machine = machine_of(arguments.machine)
-    found = gearmon.check_reference(gearmon.read_reference(arguments.reference), machine)
-    return finish(arguments, found, lambda: _check_lines(found))
-
-
-def _check_lines(found: ReferenceCheck) -> list[str]:
+    reference = gearmon.read_reference(arguments.reference)
+    found = gearmon.check_reference(reference, arguments.machine)
     result = found.to_dict()
-    lines = [found.headline(), *(f"also: {advice}" for advice in result["advice"][1:]), ""]
-    lines += table_lines(
-        [own | {"recording": printable(own["recording"])} for own in result["recordings"]]
-    )
-    for gear in result["gears"]:
-        loss = gear["noticed_from"]
-        told = "no loss is sure to be noticed" if loss is None else f"from {100 * loss:.2g} % on"
-        lines.append(f"{gear['gear']} of stage {gear['stage']}: a weak tooth is noticed {told}")
-    return lines
+    rows = [own | {"recording": printable(own["recording"])} for own in result["recordings"]]
+    lines = partial(words, "check", result, headline=found.headline(), rows=rows)
+    return finish(arguments, found, lines)
 
 
 @command(
@@ -204,7 +189,6 @@ def demo(arguments: Namespace) -> int:
     argument("--quick", "rough figures in seconds"),
     argument("--seed N", "of what is drawn at random", 0),
     argument("--count N", "random systems, parameter sets or machines"),
-    argument("--ross-python PATH", "interpreter of an environment with ROSS"),
     argument(
         "[CASE]",
         "analyse (default), memory, stiffness, signals, harvesting, dynamics, stress or detection",
@@ -218,7 +202,7 @@ def benchmark(arguments: Namespace) -> int:
     """Run `gearmon benchmark`."""
     from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
 
-    named = given(arguments, "ross_python", "quick", "seed", "count")
+    named = given(arguments, "quick", "seed", "count")
     rows = run_case(arguments.case, arguments.progress, **named)
     result: dict[str, Any] = {"case": arguments.case, "rows": rows}
     figures = partial(case_figures, arguments.case, rows) if arguments.case in PICTURED else None

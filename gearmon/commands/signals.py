@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,15 +16,15 @@ from gearmon.commands.command import (
     TACHO,
     Rows,
     argument,
-    channel_of,
     command,
     fault,
     finish,
     given,
     judged,
     recordings,
+    words,
 )
-from gearmon.commands.inputs import each_of, machine_of, recording_of
+from gearmon.commands.inputs import each_of, recording_of
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 
@@ -54,9 +55,7 @@ _PEAKS = argument("--peaks N", "peaks listed a channel", 12, dest="most_peaks")
 
 @command(
     *recordings(machine_required=False),
-    argument(
-        "--baseline N", "records at the start of the run that were healthy, for NA4* and NB4*", 1
-    ),
+    argument("--baseline N", "healthy records at the start of the run, for NA4* and NB4*", 1),
     argument("--history FILE", "go on with the run in this file (JSON), and write it"),
     help="every condition indicator of recordings, with its input; several are those of a run",
     example="gearmon indicators monday.csv tuesday.csv --machine machine.toml -o indicators.csv",
@@ -66,15 +65,14 @@ def indicators(arguments: Namespace) -> int:
     """Run `gearmon indicators`."""
     from gearmon.signatures.measured.indicators import read_history, write_history
 
-    machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
     known = arguments.history and Path(arguments.history).exists()
     history = read_history(arguments.history) if known else None
     tables: list[IndicatorTable] = []
 
     def table_of(path: str) -> dict[str, Any]:
-        recording = recording_of(path, arguments, machine)
+        about = recording_of(path, arguments), arguments.machine
         before = tables[-1].history if tables else history
-        tables.append(gearmon.indicator_table(recording, machine, before, arguments.baseline))
+        tables.append(gearmon.indicator_table(*about, before, arguments.baseline))
         return tables[-1].to_dict()
 
     entries = each_of(arguments.recording, arguments.progress, table_of)
@@ -101,8 +99,7 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
     lines = []
     for table in tables:
         lines.append(printable(table.recording))
-        brief = [row.brief() for row in table.rows]
-        lines += table_lines([{name: row[name] for name in _SHOWN} for row in brief])
+        lines += table_lines([{name: row[name] for name in _SHOWN} for row in table.frame_rows()])
         removed = dict.fromkeys(
             (row.stage, row.gear, row.input, row.removed)
             for row in table.rows
@@ -137,12 +134,11 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
 )
 def spectrum(arguments: Namespace) -> int:
     """Run `gearmon spectrum`."""
-    machine = machine_of(arguments.machine, arguments.speed_hint) if arguments.machine else None
-    recording = recording_of(arguments.recording[0], arguments, machine)
-    named = given(arguments, "kind", "band", "window_name", "most_peaks")
-    found = gearmon.recording_spectrum(recording, machine=machine, **named)
+    recording = recording_of(arguments.recording[0], arguments)
+    named = given(arguments, "kind", "band", "window_name", "most_peaks", "machine")
+    found = gearmon.recording_spectrum(recording, **named)
     title = f"{found.recording}: {found.value_name}, highest peaks"
-    lines = partial(_peak_lines, title, found.to_dict())
+    lines = partial(words, "peaks", found.to_dict(), title=title, rows=())
     return finish(arguments, found, lines, rows_in_json=True)
 
 
@@ -162,8 +158,7 @@ def spectrum(arguments: Namespace) -> int:
 )
 def orders(arguments: Namespace) -> int:
     """Run `gearmon orders`."""
-    machine = machine_of(arguments.machine, arguments.speed_hint)
-    recording = recording_of(arguments.recording[0], arguments, machine)
+    machine, recording = arguments.machine, recording_of(arguments.recording[0], arguments)
     named = given(arguments, "shaft", "top", "window_name", "most_peaks", "map_against")
     found = gearmon.order_spectra(recording, machine, **named)
     averages = gearmon.gear_averages(recording, machine, signature=found.signature)
@@ -188,38 +183,15 @@ def orders(arguments: Namespace) -> int:
         return found.figures() | {"-map": chart} | turns
 
     written: dict[str, Rows] = {"": found.map_rows} if arguments.map else rows
-    lines = partial(_order_lines, title, result)
-    return finish(arguments, result, lines, written, figures, rows_in_json=True)
-
-
-def _order_lines(title: str, result: dict[str, Any]) -> list[str]:
-    rows = [
+    shown = [
         {name: own[name] for name in _AVERAGE_SHOWN} | channel
         for own in result["averages"]
         for channel in own["channels"]
     ]
-    lines = ["", "synchronous averages, root mean squares", *table_lines(rows)]
-    for own in result["averages"]:
-        removed = own["removed_orders"]["residual"], own["removed_orders"]["difference"]
-        lines.append(
-            f"{own['gear']} of stage {own['stage']}: residual less {len(removed[0])} orders "
-            f"({_some(removed[0])}), difference less {len(removed[1])} ({_some(removed[1])})"
-        )
-    return _peak_lines(title, result, lines)
+    lines = partial(words, "peaks", result, title=title, rows=shown)
+    return finish(arguments, result, lines, written, figures, rows_in_json=True)
 
 
-def _some(orders: list[float]) -> str:
-    shown = [f"{order:.6g}" for order in orders]
-    return ", ".join(shown if len(shown) < 6 else [*shown[:4], "...", shown[-1]])
-
-
-def _peak_lines(title: str, result: dict[str, Any], more: Sequence[str] = ()) -> list[str]:
-    lines = [printable(title), *table_lines(result["peaks"]), *more]
-    return lines + [f"note: {note}" for note in result["warnings"]]
-
-
-#: Key in JSON of what is told beside an exposure, by its class.
-_BESIDE = {"SeatFactor": "seat_factor", "GearShare": "gearbox"}
 _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 
 
@@ -234,7 +206,7 @@ _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
     TACHO,
     SAMPLING_RATE,
     argument("--unit UNIT", "m/s2 or g, where nothing else states it"),
-    argument("--range MS2", "of the sensor in m/s2: nothing may reach it"),
+    argument("--range MS2", "of the sensor: nothing may reach it", dest="range_ms2"),
     argument("--report HTML", "write a report (.html)"),
     help="what a driver or a hand feels, by ISO 2631-1 and ISO 5349-1, and what gears add to it",
     example="gearmon exposure new.csv --position hand --axes x=a1,y=a2 --machine machine.toml "
@@ -248,25 +220,34 @@ _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 def exposure(arguments: Namespace) -> int:
     """Run `gearmon exposure`."""
     _check_exposure(arguments)
-    machine = machine_of(arguments.machine) if arguments.machine else None
-    told: list[Told] = []
+    named: dict[str, Told] = {}  # by what is added to the name of the output
+    numbers = count(1)
 
     def weighed(path: str) -> dict[str, Any]:
-        found = list(_felt(path, arguments, machine))
-        told.extend(found)
-        more = {_BESIDE[type(own).__name__]: own.to_dict() for own in found[1:]}
-        return found[0].to_dict() | dict.fromkeys(_BESIDE.values()) | more
+        found = dict(_felt(path, arguments))
+        number = next(numbers)
+        which = f"-{number}" if number > 1 else ""
+        named.update({which + (key and f"-{key}"): own for key, own in found.items()})
+        told = {key: own.to_dict() for key, own in found.items()}
+        return told.pop("") | {"seat_factor": None, "gearbox": None} | told
 
     entries = each_of(arguments.recording, arguments.progress, weighed)
     day = None
     if arguments.day:
-        axes, reading = _axes(arguments.axes), _reading(arguments, machine)
-        day = gearmon.exposure_day(arguments.day, axes, **reading)
-        told.append(day)
+        day = gearmon.exposure_day(arguments.day, arguments.axes, **_reading(arguments))
+        named["-day"] = day
+    told = list(named.values())
     result: dict[str, Any] = {"recordings": entries, "day": day.to_dict() if day else None}
     if arguments.report and told:
         result["report"] = str(report.write_exposure_report(told, arguments.report))
-    rows, figures = partial(_exposure_rows, told), partial(_exposure_figures, told)
+
+    def rows() -> list[dict[str, Any]]:
+        # a row an axis of each recording, else one a job of the day
+        return [row for own in told if type(own) is type(told[0]) for row in own.frame_rows()]
+
+    def figures() -> dict[str, Any]:
+        return {name: own.figures()[""] for name, own in named.items() if own.picture}
+
     finish(arguments, result, lambda: _exposure_lines(told, result), rows, figures)
     return judged(entries, flagged=day is not None and day.flagged)
 
@@ -281,62 +262,28 @@ def _check_exposure(arguments: Namespace) -> None:
         raise ArgumentError("--floor: belongs to one recording, of the seat on that floor")
 
 
-def _felt(path: str, arguments: Namespace, machine: gearmon.Machine | None) -> Iterator[Told]:
+def _felt(path: str, arguments: Namespace) -> Iterator[tuple[str, Told]]:
     """Weigh a recording, its floor, and look for the gearbox in it."""
-    axes, reading = _axes(arguments.axes), _reading(arguments, machine)
+    axes, reading = arguments.axes, _reading(arguments)
     exposure = gearmon.vibration_exposure(path, arguments.position, axes, **reading)
-    yield exposure
+    yield "", exposure
     if arguments.floor:
         floor = gearmon.vibration_exposure(arguments.floor, arguments.position, axes, **reading)
-        yield gearmon.seat_factor(exposure, floor)
-    if machine is not None:
-        rate, tacho = arguments.sampling_rate, arguments.tacho
+        yield "seat_factor", gearmon.seat_factor(exposure, floor)
+    if arguments.machine is not None:
         named = [axis.channel for axis in exposure.axes]
-        recording = gearmon.open_recording(path, rate, named, tacho, machine.sensors)
-        yield gearmon.gear_share(recording, exposure, machine, arguments.fault)
+        known = given(arguments, "sampling_rate_hz", "tacho") | {"sensors": reading["sensors"]}
+        recording = gearmon.open_recording(path, channels=named, **known)
+        share = gearmon.gear_share(recording, exposure, arguments.machine, arguments.fault)
+        yield "gearbox", share
 
 
-def _reading(arguments: Namespace, machine: gearmon.Machine | None) -> dict[str, Any]:
-    return {
-        "sampling_rate_hz": arguments.sampling_rate,
-        "unit": arguments.unit,
-        "sensors": machine.sensors if machine is not None else (),
-        "range_ms2": arguments.range,
-    }
-
-
-def _axes(text: str | None) -> dict[str, str | int] | None:
-    """Return the channel of each axis of a text such as "x=a1,y=a2,z=3"."""
-    if text is None:
-        return None
-    pairs = [part.partition("=") for part in text.split(",")]
-    if not all(mark and axis and channel for axis, mark, channel in pairs):
-        raise ArgumentError(f"--axes {text}: must name channels as x=NAME,y=NAME,z=NAME or x=1,y=2")
-    if len({axis for axis, _, _ in pairs}) < len(pairs):
-        raise ArgumentError(f"--axes {text}: names an axis twice")
-    return {axis.strip(): channel_of(channel.strip()) for axis, _, channel in pairs}
+def _reading(arguments: Namespace) -> dict[str, Any]:
+    sensors = arguments.machine.sensors if arguments.machine else ()
+    return given(arguments, "sampling_rate_hz", "unit", "range_ms2") | {"sensors": sensors}
 
 
 def _exposure_lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:
-
     lines = [line for own in told for line in (*report.exposure_lines(own), "")]
     lines += [f"{e['recording']}: not weighed" for e in result["recordings"] if "error" in e]
     return [*lines, *([f"report: {result['report']}"] if "report" in result else [])]
-
-
-def _exposure_rows(told: list[Told]) -> list[dict[str, Any]]:
-    """Return a row an axis of each recording, else one a job of the day."""
-    return [row for own in told if type(own) is type(told[0]) for row in own.frame_rows()]
-
-
-def _exposure_figures(told: list[Told]) -> dict[str, Any]:
-    """Return the pictures by what is added to the name: of several recordings their numbers."""
-    figures: dict[str, Any] = {}
-    number, added = 0, {"GearShare": "-gearbox", "DayExposure": "-day"}
-    for own in told:
-        kind = type(own).__name__
-        number += kind == "Exposure"
-        if own.picture:
-            which = f"-{number}" if number > 1 and kind != "DayExposure" else ""
-            figures[which + added.get(kind, "")] = own.figures()[""]
-    return figures

@@ -1,4 +1,4 @@
-"""Demos: whole jobs on data that they make themselves.
+"""Demos: whole jobs on data that they make themselves; their stories are templates beside them.
 
 >>> from gearmon.demos import DEMOS
 >>> list(DEMOS)
@@ -7,7 +7,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module, resources
 from pathlib import Path
@@ -114,13 +113,19 @@ def recorded(path: Path, machine: Machine, **settings: Any) -> Recording:
     return read_recording(path, sensors=machine.sensors)
 
 
-def told(folder: Path, name: str, figure: Any, story: Iterable[str], facts: dict[str, Any]) -> Demo:
-    """Write the picture and the story of a demo, and return it."""
+def told(folder: Path, name: str, figure: Any, facts: dict[str, Any], **known: Any) -> Demo:
+    """Write the picture and the story of a demo, by the template of its name, and return it."""
     from gearmon.report.plots import save
 
-    lines = tuple(story)
-    picture, text = save(figure, folder / f"{name}.png"), folder / f"{name}.txt"
-    write_atomically(text, "\n".join(lines) + "\n")
-    return Demo(
-        story=lines, files={"folder": folder, "picture": picture, "story": text}, facts=facts
-    )
+    picture, story = save(figure, folder / f"{name}.png"), story_of(folder, name, **known)
+    files = {"folder": folder, "picture": picture, "story": folder / f"{name}.txt"}
+    return Demo(story=story, files=files, facts=facts)
+
+
+def story_of(folder: Path, name: str, **known: Any) -> tuple[str, ...]:
+    """Write the story of a demo, by the template of its name, and return its lines."""
+    from gearmon.report.wording import template
+
+    story = template(f"{name}.txt", "gearmon.demos").render(known).rstrip()
+    write_atomically(folder / f"{name}.txt", story + "\n")
+    return tuple(story.splitlines())

@@ -20,14 +20,13 @@ from typing import Any
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.demos import Demo, given_file
+from gearmon.demos import Demo, given_file, story_of
 from gearmon.diagnosis.analysis import learn
-from gearmon.diagnosis.history import read_latest
-from gearmon.files import write_atomically
-from gearmon.fleet import Fleet, alarms, read_fleet, run_fleet
-from gearmon.fleet.pages import screenshot
+from gearmon.diagnosis.history.store import read_latest
+from gearmon.fleet.alarm import alarms
+from gearmon.fleet.plan import Fleet, read_fleet
+from gearmon.fleet.run import run_fleet
 from gearmon.machine import Machine, load_machine
-from gearmon.report.wording import table_lines
 from gearmon.signals.recording import read_recording
 from gearmon.signals.threads import cores
 from gearmon.signatures.measured.reference import write_reference
@@ -73,42 +72,26 @@ def fleet_demo(folder: Path, progress: Progress | None = None) -> Demo:
     path = given_file("fleet.toml", folder, "fleet.toml", rate=RATE_HZ, machines=listed)
     fleet = read_fleet(path)
     run = run_fleet(fleet, progress=progress)
-    picture = folder / "fleet.png"
-    shown = screenshot(fleet, picture)
-    story = (*_story(fleet), *_ending(path, picture if shown else None))
-    write_atomically(folder / "fleet.txt", "\n".join(story) + "\n")
+    known = {"machines": len(names), "recordings": RECORDINGS, "rows": list(_rows(fleet))}
+    story = story_of(folder, "fleet", path=path, **known)
     files = {"folder": folder, "fleet file": path, "store": fleet.store}
-    files |= {"screenshot": picture} if shown else {}
     facts = {"truth": {name: what for name, (what, _) in WRONG.items()}, "run": run.to_dict(fleet)}
     return Demo(story=story, files=files, facts=facts | {"latest": read_latest(fleet.store)})
 
 
-def _story(fleet: Fleet) -> Iterator[str]:
-    """Put the truth beside what was found."""
-    yield f"{len(fleet.machines)} machines, {RECORDINGS} recordings of each, one a day."
-    rows = []
+def _rows(fleet: Fleet) -> Iterator[dict[str, str]]:
+    """Put the truth beside what was found, a row a machine."""
     for own in read_latest(fleet.store):
         what, first = WRONG.get(own["machine"], ("", 0))
-        truth = {"machine": own["machine"], "truth": what}
         stands = [a for a in alarms(fleet, own["machine"]) if not a["over"]]
-        found = {
+        yield {
+            "machine": own["machine"],
+            "truth": what,
+            "true since": f"{START + timedelta(days=first):%Y-%m-%d}" if what else "",
             "verdict": own["verdict"],
             "alarms": "; ".join(dict.fromkeys(a["finding"] for a in stands)),
             "alarm since": min((a["since"][:10] for a in stands), default=""),
         }
-        since = f"{START + timedelta(days=first):%Y-%m-%d}" if what else ""
-        rows.append(truth | {"true since": since} | found)
-    yield from ("", *table_lines(rows), "")
-    yield (
-        "Wear of all teeth alike raises a mesh line and its first sidebands together, as a heavier "
-        "load does: without the load it cannot be told from that, and the answer stays open."
-    )
-
-
-def _ending(path: Path, picture: Path | None) -> Iterator[str]:
-    if picture is not None:
-        yield f"A browser's picture of the page: {picture}"
-    yield f"The page, http://127.0.0.1:8765/, is shown by: gearmon fleet serve {path}"
 
 
 def _made(folder: Path, name: str) -> None:

@@ -27,7 +27,7 @@ from gearmon.machine.reading import example_machine
 from gearmon.report.analysis_plots import kind_figure
 from gearmon.report.history_plots import day_figure
 from gearmon.report.history_text import moment_text
-from gearmon.report.wording import percent, table_lines
+from gearmon.report.wording import percent
 from gearmon.terminal import Progress, followed, part_of
 
 if TYPE_CHECKING:
@@ -161,55 +161,32 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     learned = _plan(100, name=[f"healthy-{own:.2f}" for own in GROWTH_LOADS], load=GROWTH_LOADS)
     machine, weeks = _conveyor(folder), _plan(0, name=names, load=loads, faults=faults)
     *_, judged = _monitored(folder, machine, _heard, learned, weeks, progress)
-    history = histories.History(machine=machine.name)
-    for number, (_, analysis) in enumerate(judged):
-        history = history.with_entry(histories.entry_of(analysis, START + number * WEEK))
-    store = folder / "history.db"
+    moments, store = (START + number * WEEK for number in range(RECORDINGS)), folder / "history.db"
+    entries = [histories.entry_of(own, at) for (_, own), at in zip(judged, moments, strict=True)]
     # a second run of the demo is the same history
-    histories.append(store, history.entries, replace=True)
-    found = histories.history_trends(histories.read_history(store, history.machine), limit=LIMIT)
+    histories.append(store, entries, replace=True)
+    found = histories.history_trends(histories.read_history(store, machine.name), limit=LIMIT)
     sound = [n for n, entry in enumerate(found.history.entries) if entry.verdict != "fault"]
     # from here on all are flagged
     flagged = sound[-1] + 1 if sound else 0
     first = flagged + 1 if flagged < RECORDINGS else None
     facts = {"true_loss": losses, "first_flagged": first, "history": found.to_dict()}
-    figure = report.history_figure(found, losses)
-    return told(folder, "growth", figure, _growth_story(found, losses, flagged), facts)
+    story = {
+        "entries": found.history.entries,
+        "sound": losses.index(next(filter(None, losses))),
+        "within": list(_within(found, losses)),
+        "history": report.history_lines(found),
+    }
+    story |= {"losses": losses, "flagged": flagged, "tooth": TOOTH, "moment": moment_text}
+    return told(folder, "growth", report.history_figure(found, losses), facts, **story)
 
 
-def _growth_story(
-    found: histories.HistoryTrends, losses: Sequence[float], flagged: int
-) -> Iterator[str]:
-    """Tell the story."""
-    entries = found.history.entries
-    since = next(number for number, loss in enumerate(losses) if loss > 0)
-    yield f"A crack on tooth {TOOTH} of the pinion, in {len(entries)} recordings a week apart."
-    sound = moment_text(entries[since - 1].time_s, fine=False)
-    yield (
-        f"The truth: sound until {sound}, then a loss of pair stiffness that grows to "
-        f"{losses[-1]:.0%}."
-    )
-    wrong = sum(bool(entry.findings) for entry in entries[:since])
-    yield f"Flags in the {since} sound recordings: {wrong}."
-    if flagged == len(entries):
-        yield "The last recording is not flagged: this crack was not found."
-    else:
-        entry = entries[flagged]
-        yield (
-            f"Flagged in every recording since {moment_text(entry.time_s, fine=False)}, at a "
-            f"true loss of {losses[flagged]:.1%}: {entry.findings[0]}."
-        )
-        yield f"The last recording's findings: {'; '.join(entries[-1].findings)}."
-    # how the trend of the cracked tooth and the truth agree, if it is listed at all
+def _within(found: histories.HistoryTrends, losses: Sequence[float]) -> Iterator[int]:
+    """Count the true losses within the interval of the cracked tooth's trend, if it is listed."""
     for trend in found.shown:
         if (trend.stage, trend.gear, trend.tooth) == (1, "pinion", TOOTH):
-            _, low, high = trend.trend.at([entry.time_s for entry in entries])
-            inside = sum(a <= loss <= b for a, loss, b in zip(low, losses, high, strict=True))
-            yield (
-                f"The truth lies within the 90 % interval of the trend in {inside} of "
-                f"{len(entries)} recordings."
-            )
-    yield from ("", *report.history_lines(found))
+            _, low, high = trend.trend.at([entry.time_s for entry in found.history.entries])
+            yield sum(a <= loss <= b for a, loss, b in zip(low, losses, high, strict=True))
 
 
 KIND_LOADS = (0.7, 0.85, 1.0, 1.1)
@@ -274,7 +251,9 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
     right = sum(one["told"] == one["truth"] for one in judged)
     facts = {"right": right, "recordings": judged}
     changes = dict(_changes(truth, judged) for truth in STATES)
-    return told(folder, "kinds", kind_figure(changes), _kinds_story(judged, right), facts)
+    story = {"states": STATES, "loads": NEW_LOADS, "judged": judged, "right": right}
+    rows = [_row(one) for one in judged]
+    return told(folder, "kinds", kind_figure(changes), facts, rows=rows, **story)
 
 
 def _told_kind(
@@ -291,25 +270,6 @@ def _told_kind(
         "kind": None if kind is None else kind.to_dict(),
         "analysis": analysis.to_dict(),
     }
-
-
-def _kinds_story(judged: Sequence[dict[str, Any]], right: int) -> Iterator[str]:
-    """Tell the story."""
-    yield (
-        f"The pinion of a conveyor drive in {len(STATES)} states, {len(NEW_LOADS)} recordings "
-        "of each, at loads that the reference was not learned at."
-    )
-    yield (
-        "The kind is judged where a fault is called, by a classifier trained on simulated "
-        "signatures of this machine file: it has seen no recording."
-    )
-    yield from ("", *(f"{truth}: {what}" for truth, (_, what) in STATES.items()), "")
-    yield from table_lines([_row(one) for one in judged])
-    yield from ("", f"Right: {right} of {len(judged)}.")
-    for truth in STATES:
-        for one in [one for one in judged if one["truth"] == truth and one["kind"]][:1]:
-            yield from ("", f"{truth}, at {one['load']:.0%} load: {one['analysis']['reason']}")
-            yield from (f"  {sentence}" for sentence in one["kind"]["evidence"])
 
 
 def _row(one: dict[str, Any]) -> dict[str, Any]:
@@ -373,26 +333,9 @@ def day_demo(folder: Path, progress: Progress | None = None) -> Demo:
     alarms = int(np.sum(day["verdict"] == "fault"))
     recordings = [analysis.to_dict() for analysis in analyses]
     facts = {"alarms": alarms, "load": day["load"].tolist(), "recordings": recordings}
-    return told(folder, "day", day_figure(day, LEVEL_LIMIT_DB), _day_story(day, analyses), facts)
-
-
-def _day_story(day: pd.DataFrame, analyses: Sequence[gearmon.Analysis]) -> list[str]:
-    """Tell the story."""
-    count, verdicts, moved = len(day), day["verdict"].tolist(), day[[*LEVELS]]
-    load, speed_hz, alarms = day["load"], day["speed_hz"], verdicts.count("fault")
-    crossed = int((moved > LEVEL_LIMIT_DB).any(axis=1).sum())
-    listed = ", ".join(f"{v} {verdicts.count(v)}" for v in dict.fromkeys(verdicts))
-    return [
-        f"A sound conveyor drive through a day: {count} recordings, load {load.min():.0%} to "
-        f"{load.max():.0%} of nominal, speed {speed_hz.min():.2f} to {speed_hz.max():.2f} Hz.",
-        f"The level of the vibration moves by {(moved.max() - moved.min()).max():.1f} dB; a limit "
-        f"{LEVEL_LIMIT_DB:g} dB above the mean of the reference would have been crossed in "
-        f"{crossed} of {count} recordings.",
-        f"Verdicts: {listed}.",
-        f"False alarms: {alarms}, where {LIMITS.rare:.0%} of {count} recordings, "
-        f"{LIMITS.rare * count:.2f}, are to be expected by chance.",
-        *(f"{a.recording}: {a.verdict} ({a.reason})" for a in analyses if a.verdict != "healthy"),
-    ]
+    story = {"day": day, "verdicts": day["verdict"].tolist(), "levels": list(LEVELS)}
+    story |= {"analyses": analyses, "limit_db": LEVEL_LIMIT_DB, "rare": LIMITS.rare}
+    return told(folder, "day", day_figure(day, LEVEL_LIMIT_DB), facts, **story)
 
 
 def _day() -> tuple[list[float], list[float]]:

@@ -4,26 +4,33 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from gearmon.diagnosis.alone import (
+    Indicators,
+    judged_alone,
+    mesh_lost,
+    own_teeth,
+    own_teeth_flags,
+    without_mesh,
+)
 from gearmon.diagnosis.decision.evidence import (
     Evidence,
-    broadband_strength,
     decide,
-    heard_from,
     noticed_from,
+    score_of,
     tooth_strength,
+    unheard,
 )
-from gearmon.diagnosis.decision.flags import Flagging, own_teeth_flags
+from gearmon.diagnosis.decision.flags import Flagging, level_changes
 from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
-from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, reason
+from gearmon.diagnosis.decision.words import limits, not_found, reason, size_note
 from gearmon.diagnosis.fault_types.features import kind_features
 from gearmon.diagnosis.hypotheses.changed_path import path_change
-from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.hypotheses.runout import (
     TurnChange,
     healthy_turns,
@@ -38,10 +45,9 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
     told_losses,
 )
 from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
-from gearmon.diagnosis.law.state import SPEED_UNIT
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
-from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
-from gearmon.errors import GearmonError, check_range
+from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
+from gearmon.errors import check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signals.bad_samples import inspected, sound_part
@@ -62,14 +68,6 @@ from gearmon.signatures.measured.reference import (
     read_reference,
     recording_notes,
 )
-from gearmon.signatures.signature import Signature
-
-# Without a reference: false-alarm probability below which one tooth is called damaged. Seen on
-# simulated sound machines: 1 of 52.
-_OWN_TEETH_BELOW = 0.01
-# Drop of the broadband level [dB] from which a recording without a mesh is one of a machine that
-# stands still, or of a dead sensor: a hundredth of the power.
-_SILENT_DB = -20.0
 
 
 def learn(
@@ -136,7 +134,7 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
 def _doubts(signatures: Sequence[MeasuredSignature], machine: Machine) -> Iterator[str]:
     """Name recordings that do not look like those of a sound machine."""
     for number, own in enumerate(signatures):
-        if own_teeth_flags(_own_teeth(Profile.of(own)), _OWN_TEETH_BELOW):
+        if own_teeth_flags(own_teeth(own)):
             yield f"{own.origin}: one tooth stands out of its gear already; is the machine sound?"
         others = [*signatures[:number], *signatures[number + 1 :]]
         # of two that differ nobody knows which is the odd one
@@ -208,16 +206,14 @@ def analyse(
     if told:
         indicators |= gear_indicators(signature)
     if reference is None:
-        return (
-            _alone(signature, machine, indicators)
-            if told
-            else _no_mesh(signature, machine, indicators)
-        )
-    compared = _Compared.of(signature, machine, reference)
+        judge = judged_alone if told else without_mesh
+        return judge(signature, machine, indicators)
+    recording_notes(signature, reference)  # refuses other channels
+    compared = _Compared(signature, machine, reference)
     if not told:
         return compared.without_mesh(indicators)
     if elsewhere := other_speed(signature, reference):
-        return _alone(signature, machine, indicators, elsewhere)
+        return judged_alone(signature, machine, indicators, elsewhere)
     return compared.judged(indicators, must_notice)
 
 
@@ -256,53 +252,63 @@ def evidence_against(
     reference : Reference
         Healthy recordings.
     """
-    return _Compared.of(signature, machine, reference).evidence()
+    return _Compared(signature, machine, reference).evidence()
 
 
-def score_of(strength: float) -> float:
-    """Score of a strength of evidence: log10(1 + 10^s), the strength itself where it is large."""
-    return float(np.logaddexp(0.0, strength * np.log(10.0)) / np.log(10.0))
-
-
-_Indicators = dict[str, dict[str, float]]
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class _Compared:
-    """A recording beside its reference; `own` and `known` are of the channels of both."""
+    """A recording beside its reference."""
 
     signature: MeasuredSignature
     machine: Machine
     reference: Reference
-    own: Profile
-    known: Reference
-    healthy: HealthyMachine
-    notes: tuple[str, ...]
 
-    @classmethod
-    def of(cls, signature: MeasuredSignature, machine: Machine, reference: Reference) -> _Compared:
-        notes = machine_notes(machine, reference) + recording_notes(signature, reference)
-        known, rows = reference.shared_with(signature)
-        return cls(
-            signature=signature,
-            machine=machine,
-            reference=reference,
-            own=Profile.of(signature).part(rows),
-            known=known,
-            healthy=_law_of(known, machine),
-            notes=tuple(notes),
-        )
+    @cached_property
+    def known(self) -> Reference:
+        """The reference in the channels of both."""
+        return self.reference.shared_with(self.signature)[0]
 
-    def judged(self, indicators: _Indicators, must_notice: float) -> Analysis:
+    @cached_property
+    def rows(self) -> list[int]:
+        return self.reference.shared_with(self.signature)[1]
+
+    @cached_property
+    def own(self) -> Profile:
+        """The recording in the channels of both."""
+        return Profile.of(self.signature).part(self.rows)
+
+    @cached_property
+    def healthy(self) -> HealthyMachine:
+        return _law_of(self.known, self.machine)
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What differs between the recording and its reference."""
+        noted = machine_notes(self.machine, self.reference)
+        return (*noted, *recording_notes(self.signature, self.reference))
+
+    @cached_property
+    def turns(self) -> tuple[TurnChange, ...]:
+        """Changes of single sidebands."""
+        return turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
+
+    def judged(self, indicators: Indicators, must_notice: float) -> Analysis:
         """Weigh all evidence and judge."""
         signature = self.signature
         evidence = self.evidence()
-        changes = self._changes(evidence.deviation)
+        families, shared = self._families(evidence.deviation), self.known.channel_names
+        changes = level_changes(evidence.deviation.levels, shared, families)
         profiles = self._profiles(evidence)
-        decision = decide(evidence, self._unheard(evidence, must_notice))
+        silent = [name for name in self.reference.channel_names if name not in shared]
+        decision = decide(evidence, unheard(evidence, self.machine, silent, must_notice))
         flags: tuple[Flag, ...] = ()
         if decision.verdict == "fault":
-            flags = self._flags(evidence, changes, profiles)
+            flags = Flagging(
+                evidence=evidence,
+                machine=self.machine,
+                changes=changes,
+                features=kind_features(changes, profiles, self.turns),
+            ).flags()
         return Analysis(
             recording=signature.origin,
             machine=self.machine.name,
@@ -318,9 +324,10 @@ class _Compared:
             flags=flags,
             warnings=(
                 *signature.notes,
-                *self._limits(),
-                *_missing(signature),
-                *_teeth_note(evidence),
+                *self.notes,
+                *limits(signature, self.reference),
+                *not_found(signature),
+                *size_note(evidence),
             ),
             foreign=evidence.nongear,
         )
@@ -344,9 +351,9 @@ class _Compared:
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),
-            runout=runout_growth(self._turns(), _healthy_turns(self.known), deviation.gap),
+            runout=runout_growth(self.turns, _healthy_turns(self.known), deviation.gap),
             nongear=nongear,
-            references=len(self.known.profiles),
+            references=len(self.reference.profiles),
             angle=signature.track.uncertainty_turns
             * max(mesh.order for mesh in kinematics(self.machine).meshes),
         )
@@ -357,52 +364,15 @@ class _Compared:
             return np.inf
         found, plan, lines = finding.best, self.signature.plan, self.signature.lines
         wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
-        _, rows = self.reference.shared_with(self.signature)
-        blocks = lines.amplitude[:, rows]
+        blocks = lines.amplitude[:, self.rows]
         again, scatter = found.deviation.recurrence(found.tooth, blocks, wheel)
         knocked = scatter > LIMITS.knock_scatter or lines.knocked > LIMITS.knocks
         return again if knocked else np.inf
-
-    def _flags(
-        self, evidence: Evidence, changes: tuple[Change, ...], profiles: Sequence[ToothProfile]
-    ) -> tuple[Flag, ...]:
-        return Flagging(
-            evidence=evidence,
-            machine=self.machine,
-            changes=changes,
-            features=kind_features(changes, profiles, self._turns()),
-        ).flags()
-
-    def _turns(self) -> tuple[TurnChange, ...]:
-        """Look how single sidebands of every gear changed."""
-        return turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
     def _families(self, deviation: MachineDeviation) -> list[Family]:
         """Families of lines that were compared, in the order of their levels."""
         families = {family.name: family for family in self.signature.plan.families}
         return [families[name] for name in deviation.family_names]
-
-    def _changes(self, deviation: MachineDeviation) -> tuple[Change, ...]:
-        levels, found = deviation.levels, []
-        for i, channel in enumerate(self.known.channel_names):
-            for j, family in enumerate(self._families(deviation)):
-                if not np.isfinite(levels.rest_db[i, j]):
-                    continue
-                found.append(
-                    Change(
-                        channel=channel,
-                        family=family.name,
-                        kind=family.kind,
-                        stage=family.stage,
-                        harmonic=family.harmonic,
-                        gear=family.gear,
-                        shaft=family.shaft,
-                        level_db=float(levels.expected_db[i, j] + levels.rest_db[i, j]),
-                        reference_db=float(levels.expected_db[i, j]),
-                        scatter_db=float(levels.sigma_db[i, j]),
-                    )
-                )
-        return tuple(found)
 
     def _profiles(self, evidence: Evidence) -> tuple[ToothProfile, ...]:
         finding = evidence.finding
@@ -436,85 +406,12 @@ class _Compared:
             noticed_from=noticed_from(gear),
         )
 
-    def _unheard(self, evidence: Evidence, must_notice: float) -> tuple[str, ...]:
-        """Name the gears of which gross damage could not have been heard."""
-        searched = evidence.finding.searched if evidence.finding is not None else ()
-        loss = {gear.key: heard_from(gear) for gear in searched}
-        most = LIMITS.about * must_notice
-        gears = dict.fromkeys(
-            (mesh.stage, wheel.gear)
-            for mesh in kinematics(self.machine).meshes
-            for wheel in mesh.wheels
-        )
-        deaf = [gear for gear in gears if (loss.get(gear) or 1.0) > most]
-        silent = [n for n in self.reference.channel_names if n not in self.known.channel_names]
-        return (
-            *(f"the {gear} of stage {stage}" for stage, gear in deaf),
-            *(f"what channel {name} hears" for name in silent),
-        )
-
-    def _limits(self) -> tuple[str, ...]:
-        """Name what limits a comparison with this reference."""
-        signature, reference = self.signature, self.reference
-        notes = [*self.notes, *(f"reference: {note}" for note in reference.notes)]
-        if len(reference.profiles) == 1:
-            notes.append(
-                "the reference is one recording: how this machine differs from one healthy "
-                "recording to the next is assumed, not learned"
-            )
-        shared = self.known.channel_names
-        left_out = [name for name in signature.channel_names if name not in shared]
-        if left_out:
-            notes.append(f"channels not in the reference were left out: {', '.join(left_out)}")
-        missing = [name for name in reference.channel_names if name not in shared]
-        if missing:
-            notes.append(
-                f"channels of the reference not looked at: {', '.join(missing)}; a fault may show "
-                "in those alone: check their sensors, cables and names, and record again"
-            )
-        speeds = [profile.speed_hz for profile in reference.profiles]
-        speed = signature.speed.estimated_hz
-        if min(abs(speed / known - 1) for known in speeds) > SPEED_UNIT:
-            notes.append(
-                f"speed {speed:.2f} Hz is more than {100 * SPEED_UNIT:g} % off that of every "
-                f"healthy recording ({min(speeds):.2f} to {max(speeds):.2f} Hz): resonances may "
-                "change levels, so that levels alone call no fault"
-            )
-        return tuple(notes)
-
-    def without_mesh(self, indicators: _Indicators) -> Analysis:
-        """Judge a recording that lacks the mesh which its reference has: that is a change too."""
-        found = _no_mesh(self.signature, self.machine, indicators)
+    def without_mesh(self, indicators: Indicators) -> Analysis:
+        """Judge a recording that lacks the mesh which its reference has."""
+        found = without_mesh(self.signature, self.machine, indicators)
         found = replace(found, warnings=(*found.warnings, *self.notes))
         deviation = self.healthy.deviation(self.own)
-        broadband = deviation.broadband
-        if broadband is None:
-            return found
-        strength = broadband_strength(broadband)
-        gain = float(np.median(broadband.gain_db))
-        flags: tuple[Flag, ...] = ()
-        probability = false_alarm_probability(strength, len(self.reference.profiles), deviation.gap)
-        if gain < _SILENT_DB:
-            verdict = "cannot tell"
-            told = (
-                f"The recording is {-gain:.0f} dB quieter than the healthy ones and shows no gear "
-                "mesh: the machine stood still, or the sensor is dead or disconnected."
-            )
-        elif strength >= LIMITS.noise_strength:
-            verdict = "fault"
-            flags = (_mesh_lost(found.reason, gain, probability),)
-            told = fault_sentence(flags)
-        else:
-            return found
-        return replace(
-            found,
-            verdict=verdict,
-            reason=f"{told} {found.reason}",
-            flags=flags,
-            score=score_of(strength),
-            false_alarm_probability=probability,
-            compared_with="reference",
-        )
+        return mesh_lost(found, deviation, len(self.reference.profiles))
 
 
 # several recordings are held against one reference
@@ -524,103 +421,3 @@ _law_of = lru_cache(maxsize=4)(HealthyMachine.of)
 @lru_cache(maxsize=4)
 def _healthy_turns(reference: Reference) -> tuple[tuple[TurnChange, ...], ...]:
     return healthy_turns([profile.wheels for profile in reference.profiles])
-
-
-def _mesh_lost(why: str, gain: float, probability: float) -> Flag:
-    return Flag(
-        kind="mesh lost",
-        false_alarm_probability=probability,
-        evidence=(
-            f"the spectrum between the lines changed too ({gain:+.1f} dB in the median): gross "
-            "damage, or a machine that runs at another speed than its file says",
-            why,
-        ),
-    )
-
-
-def _alone(
-    signature: MeasuredSignature,
-    machine: Machine,
-    indicators: _Indicators,
-    why: str = "There is no healthy reference",
-) -> Analysis:
-    """Judge a recording by itself: every tooth against the others of its gear."""
-    profiles = _own_teeth(Profile.of(signature))
-    log10 = min((p.log10_probability for p in profiles), default=0.0)
-    log10 = min(0.0, log10 + float(np.log10(max(1, len(profiles)))))
-    flags = own_teeth_flags(profiles, _OWN_TEETH_BELOW)
-    expected, notes = _expected(signature, machine)
-    return Analysis(
-        recording=signature.origin,
-        machine=machine.name,
-        verdict="fault" if flags else "cannot tell",
-        reason=own_teeth_reason(profiles, why),
-        score=-log10,
-        false_alarm_probability=float(10.0**log10),
-        compared_with="expected signature" if expected else "nothing",
-        signature=signature,
-        indicators=indicators,
-        profiles=profiles,
-        flags=flags,
-        expected=expected,
-        warnings=(*signature.notes, *notes, *_missing(signature)),
-    )
-
-
-def _own_teeth(own: Profile) -> tuple[ToothProfile, ...]:
-    """Hold every tooth against the others of its gear."""
-    looked = [
-        # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
-        locate(wheel, numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12)
-        for wheel in own.wheels
-    ]
-    return tuple(profile for profile in looked if profile is not None)
-
-
-def _expected(
-    signature: MeasuredSignature, machine: Machine
-) -> tuple[Signature | None, tuple[str, ...]]:
-    """Return the expected signature up to half the sampling rate, or why there is none."""
-    # not needed with a reference
-    from gearmon.signatures.expected.baseline import expected_signature
-
-    try:
-        return expected_signature(machine, max_hz=0.5 * signature.sampling_rate_hz), ()
-    except GearmonError as error:
-        return None, (f"no expected signature: {error}",)
-
-
-def _missing(signature: MeasuredSignature) -> tuple[str, ...]:
-    return tuple(
-        f"mesh of stage {mesh.stage} not found: {mesh.reason}"
-        for mesh in signature.meshes
-        if not mesh.found
-    )
-
-
-def _teeth_note(evidence: Evidence) -> tuple[str, ...]:
-    """Name what the estimate of a loss takes for granted."""
-    finding = evidence.finding
-    search = finding.best.search if finding is not None else None
-    if search is not None and search.response.from_teeth_alone:
-        return (
-            "the machine file lacks gear data: the size of a loss rests on teeth of standard "
-            "proportions",
-        )
-    return ()
-
-
-def _no_mesh(signature: MeasuredSignature, machine: Machine, indicators: _Indicators) -> Analysis:
-    reasons = "; ".join(f"stage {mesh.stage}: {mesh.reason}" for mesh in signature.meshes)
-    return Analysis(
-        recording=signature.origin,
-        machine=machine.name,
-        verdict="no mesh found",
-        reason=f"No gear mesh of this machine stands out of the recording ({reasons}).",
-        score=0.0,
-        false_alarm_probability=1.0,
-        compared_with="nothing",
-        signature=signature,
-        indicators=indicators,
-        warnings=signature.notes,
-    )

@@ -416,9 +416,8 @@ class _Growth:
 
     def grown(self) -> tuple[FloatArray, FloatArray]:
         """Return when jobs begin and end [h], and what has been taken up until then."""
-        zero = np.zeros(1)
-        ends = np.concatenate([zero, np.cumsum(self.hours)])
-        return ends, np.concatenate([zero, np.cumsum(self.mean * self.hours)])
+        done = np.cumsum(self.mean * self.hours)
+        return np.append(0.0, np.cumsum(self.hours)), np.append(0.0, done)
 
     def dose_at(self, hour: ArrayLike) -> FloatArray:
         """Return the dose after hours of work."""

@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gearmon.arrays import BoolArray, FloatArray
 from gearmon.errors import ArgumentError, check_type
@@ -106,12 +107,12 @@ class GearShare(Result):
 
     recording: str
     machine: str
-    speed_hz: float | None
+    speed_hz: float | None = None
     axes: tuple[str, ...]
-    share: tuple[float, ...]
-    lines: tuple[LineShare, ...]
+    share: tuple[float, ...] = ()
+    lines: tuple[LineShare, ...] = ()
     faults: tuple[str, ...]
-    points: tuple[PointExposure, ...]
+    points: tuple[PointExposure, ...] = ()
     warnings: tuple[str, ...]
 
     def headline(self) -> str:
@@ -123,12 +124,9 @@ class GearShare(Result):
 
     def rows(self) -> list[dict[str, Any]]:
         """Return a row a shaft or mesh, its shares axis by axis."""
-        shown = [f"share_{axis}" for axis in self.axes]
-        return [
-            {"lines": own.name, "frequency_hz": own.frequency_hz}
-            | dict(zip(shown, own.share, strict=True))
-            for own in self.lines
-        ]
+        names = ("lines", "frequency_hz", *(f"share_{axis}" for axis in self.axes))
+        rows = [(own.name, own.frequency_hz, *own.share) for own in self.lines]
+        return [dict(zip(names, row, strict=True)) for row in rows]
 
 
 def gear_share(
@@ -171,26 +169,21 @@ def gear_share(
         channels = {axis.axis: axis.channel for axis in exposure.axes}
         exposure = vibration_exposure(part, exposure.position, channels, limits=exposure.limits)
     signature = measure_signature(part, machine)
-    about: dict[str, Any] = {
-        "recording": exposure.recording,
-        "machine": machine.name,
-        "axes": tuple(axis.axis for axis in exposure.axes),
-        "faults": named,
-    }
-    if not signature.found or signature.speed.estimated_hz is None:
-        nothing: dict[str, Any] = {"speed_hz": None, "share": (), "lines": (), "points": ()}
-        return GearShare(**about, **nothing, warnings=signature.notes)
-    heard = _Heard.of(part, exposure, kinematics(machine), signature)
-    points, notes = _points(machine, heard, exposure, named)
-    lines = heard.shares()
-    return GearShare(
-        **about,
-        speed_hz=heard.shaft1_hz,
-        share=tuple(np.sum([own.share for own in lines], axis=0).tolist()),
-        lines=lines,
-        points=points,
-        warnings=notes,
+    found = GearShare(
+        recording=exposure.recording,
+        machine=machine.name,
+        axes=tuple(axis.axis for axis in exposure.axes),
+        faults=named,
+        warnings=signature.notes,
     )
+    if not signature.found or signature.speed.estimated_hz is None:
+        return found
+    heard = _Heard.of(part, exposure, kinematics(machine), signature)
+    points, notes = _points(machine, heard, named)
+    lines = heard.shares()
+    share = tuple(np.sum([own.share for own in lines], axis=0).tolist())
+    told: dict[str, Any] = {"share": share, "lines": lines, "points": points, "warnings": notes}
+    return replace(found, speed_hz=heard.shaft1_hz, **told)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,7 +196,7 @@ class _Heard:
 
     exposure: Exposure
     shaft1_hz: float
-    names: tuple[str, ...]
+    names: NDArray[np.str_]
     order: FloatArray
     square: FloatArray
     above_noise: FloatArray
@@ -225,7 +218,7 @@ class _Heard:
         return cls(
             exposure=exposure,
             shaft1_hz=shaft1_hz,
-            names=tuple(named[order] for order in orders),
+            names=np.array([named[order] for order in orders]),
             order=orders,
             square=power / 2,
             above_noise=power / found.noise,
@@ -238,7 +231,7 @@ class _Heard:
 
     @property
     def on_mesh(self) -> BoolArray:
-        return np.array([name.startswith("mesh") for name in self.names])
+        return np.char.startswith(self.names, "mesh")
 
     @property
     def weighted(self) -> FloatArray:
@@ -253,19 +246,17 @@ class _Heard:
 
     def shares(self) -> tuple[LineShare, ...]:
         """Return the weighted lines of each shaft and mesh."""
-        found = []
-        for name in dict.fromkeys(self.names):
-            own = [number for number, of in enumerate(self.names) if of == name]
-            total = self.weighted[:, own].sum(axis=1)
-            found.append(
-                LineShare(
-                    name=name,
-                    frequency_hz=float(self.frequency_hz[own[0]]),
-                    weighted_ms2=tuple(np.sqrt(total).tolist()),
-                    share=tuple((total / np.maximum(self.felt, np.finfo(float).tiny)).tolist()),
-                )
+        names = list(dict.fromkeys(self.names.tolist()))
+        totals = [self.weighted[:, self.names == name].sum(axis=1) for name in names]
+        return tuple(
+            LineShare(
+                name=name,
+                frequency_hz=float(self.frequency_hz[self.names == name][0]),
+                weighted_ms2=tuple(np.sqrt(total).tolist()),
+                share=tuple((total / np.maximum(self.felt, np.finfo(float).tiny)).tolist()),
             )
-        return tuple(found)
+            for name, total in zip(names, totals, strict=True)
+        )
 
 
 def _orders(train: Kinematics, top: float, apart: float) -> dict[float, str]:
@@ -290,7 +281,7 @@ def _orders(train: Kinematics, top: float, apart: float) -> dict[float, str]:
 
 
 def _points(
-    machine: Machine, heard: _Heard, exposure: Exposure, faults: tuple[str, ...]
+    machine: Machine, heard: _Heard, faults: tuple[str, ...]
 ) -> tuple[tuple[PointExposure, ...], tuple[str, ...]]:
     """Foretell every operating point, healthy and damaged."""
     numbers = range(len(machine.operating))
@@ -308,18 +299,18 @@ def _points(
         return (), (told,)
     rest = np.maximum(heard.felt - heard.weighted[:, heard.on_mesh].sum(axis=1), 0.0)
     points = []
-    for number, signature in zip(numbers, healthy, strict=True):
-        gears, point = _through(path, heard, signature), machine.operating[number]
-        damaged = None
+    for number, point in enumerate(machine.operating):
+        gears, damaged = _through(path, heard, healthy[number]), None
         if faults:
-            damaged = _through(path, heard, expected_signature(machine, faults, operating=number))
+            worn = expected_signature(machine, faults, operating=number)
+            damaged = _value(heard.exposure, rest + _through(path, heard, worn))
         points.append(
             PointExposure(
                 name=point.name or f"{point.speed_rpm:g} rpm",
                 speed_rpm=point.speed_rpm,
                 gears_ms2=math.sqrt(gears.sum()),
-                value_ms2=_value(exposure, rest + gears),
-                damaged_ms2=None if damaged is None else _value(exposure, rest + damaged),
+                value_ms2=_value(heard.exposure, rest + gears),
+                damaged_ms2=damaged,
             )
         )
     low, high = path[0][[0, -1]]

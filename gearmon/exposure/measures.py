@@ -298,10 +298,7 @@ def vibration_exposure(
         on_disk=isinstance(recording, str | Path),
     )
     rows = _rows(found, told, position)
-    weightings = [WEIGHTINGS[POSITIONS[position][axis][0]] for axis in rows]
-    for weighting in weightings:
-        weighting.sections(found.sampling_rate_hz)
-    _check_samples(found, rows, position, weightings[0], range_ms2)
+    _check_samples(found, rows, position, range_ms2)
     weighed = side_by_side(
         lambda axis: _weighed(found, axis, rows[axis], *POSITIONS[position][axis]),
         list(rows),
@@ -372,43 +369,37 @@ def _rows(found: Recording, told: Mapping[str, str | int], position: str) -> dic
 
 
 def _check_samples(
-    found: Recording,
-    rows: Mapping[str, int],
-    position: str,
-    weighting: Weighting,
-    range_ms2: float | None,
+    found: Recording, rows: Mapping[str, int], position: str, range_ms2: float | None
 ) -> None:
     """Refuse what would be weighed but was not felt: wrong units, clipped samples, wrong axes."""
-    where, least_s = found.origin, max(RUNNING_S, 1 / weighting.limits_hz[0])
+    where, weighting = found.origin, WEIGHTINGS[POSITIONS[position][next(iter(rows))][0]]
+    weighting.sections(found.sampling_rate_hz)  # refuses a rate that is too low
+    least_s = max(RUNNING_S, 1 / weighting.limits_hz[0])
     if found.duration_s < least_s:
         raise RecordingError(
             f"{where}: {found.duration_s:.3g} s are too short for {weighting.name}, which needs "
             f"{least_s:.3g} s at least, and minutes to be representative"
         )
-    offsets = {}
-    for axis, row in rows.items():
-        name, unit = found.channel_names[row], found.units[row]
-        if unit != "m/s2":
-            raise RecordingError(
-                f"{where}: channel {name} has unit {unit or 'not stated'}; exposure needs "
-                "acceleration in m/s2 or g: state it in the heading, a [[sensor]] or --unit"
-            )
-        values = found.samples[row]
-        defect = find_defect(values)
-        if defect is not None:
-            raise RecordingError(
-                f"{where}: channel {name} {defect.text}; check sensor, cable and range, and record "
-                "again"
-            )
-        if range_ms2 is not None:
-            peak = max(float(values.max()), -float(values.min()))
-            if peak >= _FULL * check_positive("range_ms2", range_ms2, "m/s2"):
-                raise RecordingError(
-                    f"{where}: channel {name} reaches {peak:.4g} m/s2 of the sensor's range of "
-                    f"{range_ms2:g} m/s2; take a sensor of a larger range, and record again"
-                )
-        offsets[axis] = float(values.mean())
+    for row in rows.values():
+        if told := _trouble(found.samples[row], found.units[row], range_ms2):
+            raise RecordingError(f"{where}: channel {found.channel_names[row]} {told}")
+    offsets = {axis: float(found.samples[row].mean()) for axis, row in rows.items()}
     _check_gravity(where, offsets, position)
+
+
+def _trouble(values: FloatArray, unit: str | None, range_ms2: float | None) -> str:
+    """Say what is wrong with a channel, and what to do; "" if nothing is."""
+    if unit != "m/s2":
+        told = f"has unit {unit or 'not stated'}; exposure needs acceleration in m/s2 or g"
+        return f"{told}: state it in the heading, a [[sensor]] or --unit"
+    if (defect := find_defect(values)) is not None:
+        return f"{defect.text}; check sensor, cable and range, and record again"
+    if range_ms2 is not None:
+        peak = max(float(values.max()), -float(values.min()))
+        if peak >= _FULL * check_positive("range_ms2", range_ms2, "m/s2"):
+            told = f"reaches {peak:.4g} m/s2 of the sensor's range of {range_ms2:g} m/s2"
+            return f"{told}; take a sensor of a larger range, and record again"
+    return ""
 
 
 def _check_gravity(where: str, offsets: Mapping[str, float], position: str) -> None:

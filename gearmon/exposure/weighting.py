@@ -33,8 +33,6 @@ TAPS = 8
 # Points of the fit on a straight and on a logarithmic scale. Above the band its weight falls with
 # the cube of frequency, no lower than this: near half the rate the tolerance still wants +26 %.
 _POINTS, _LEAST_WEIGHT = 200, 0.02
-# Tolerances of table 5 within the inner transition frequencies, and from there on [1].
-_INNER, _OUTER = (0.12, -0.11), (0.26, -0.21)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,15 +86,6 @@ class Weighting(Result):
         s = 2j * np.pi * np.asarray(frequency_hz, dtype=np.float64)
         sections = [np.polyval(b, s) / np.polyval(a, s) for b, a in self._polynomials()]
         return np.asarray(np.prod(sections, axis=0))
-
-    def tolerance(self, frequency_hz: ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return by how much a filter may be too high and too low, relative to the response."""
-        frequency = np.asarray(frequency_hz, dtype=np.float64)
-        first, second, third, last = self.tolerances_hz
-        inner = (frequency >= second) & (frequency <= third)
-        outer = (frequency > first) & (frequency < last)
-        low = np.where(inner, _INNER[1], np.where(outer, _OUTER[1], -1.0))
-        return np.where(inner, _INNER[0], _OUTER[0]), low
 
     def sections(self, sampling_rate_hz: float) -> FloatArray:
         """Return the digital filter as second-order sections for `scipy.signal.sosfilt`.

@@ -50,22 +50,12 @@ True
 (True, (4096, '0'))
 """
 
-from gearmon.fleet.alarm import acknowledge, alarms, deliver
-from gearmon.fleet.plan import Fleet, FleetMachine, Hook, Job, read_fleet
-from gearmon.fleet.run import Run, in_processes, on_dask, run_fleet, watch_fleet
+from gearmon.lazy import lazily
 
-__all__ = [
-    "Fleet",
-    "FleetMachine",
-    "Hook",
-    "Job",
-    "Run",
-    "acknowledge",
-    "alarms",
-    "deliver",
-    "in_processes",
-    "on_dask",
-    "read_fleet",
-    "run_fleet",
-    "watch_fleet",
-]
+_OFFERED = {
+    "alarm": ("acknowledge", "alarms", "deliver"),
+    "plan": ("Fleet", "FleetMachine", "Hook", "Job", "read_fleet"),
+    "run": ("Run", "in_processes", "on_dask", "run_fleet", "watch_fleet"),
+}
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

@@ -17,7 +17,7 @@ from email.message import EmailMessage
 from sqlite3 import Connection
 from typing import Any
 
-from gearmon.diagnosis.history import time_text
+from gearmon.diagnosis.history.entries import time_text
 from gearmon.diagnosis.history.store import opened, put, sound
 from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook
@@ -26,7 +26,6 @@ from gearmon.report.wording import printable
 # Seconds until a hook is given up, and until it is tried again.
 _PATIENCE_S, _AGAIN_S = 20.0, (1.0, 4.0, 16.0)
 _KEY = ("machine", "class", "finding", "since_s")
-_ALARM = (*_KEY, "until_s", "told", "acknowledged")
 #: A recording that could not be analysed at all.
 NOT_ANALYSED = "not analysed"
 
@@ -43,7 +42,7 @@ def renew(fleet: Fleet) -> None:
 
 
 def _renew(store: Connection, machine: FleetMachine) -> None:
-    known = "l.machine = ? AND l.state != 'being written' ORDER BY l.time_s, l.path"
+    known = "machine = ? AND state != 'being written' ORDER BY time_s, path"
     classes: dict[str, list[tuple[float, set[str]]]] = defaultdict(list)
     for row in recorded(store, known, (machine.name,)):
         classes[row["class"]].append((row["time_s"], _findings(row, machine)))
@@ -53,7 +52,7 @@ def _renew(store: Connection, machine: FleetMachine) -> None:
         for finding, since, until in episodes(rows, machine.alarm_after, machine.alarm_clear)
     }
     rows = store.execute("SELECT * FROM alarms WHERE machine = ?", (machine.name,)).fetchall()
-    before = {tuple(row[name] for name in _KEY): sound(row, _ALARM) for row in rows}
+    before = {tuple(row[name] for name in _KEY): sound(row) for row in rows}
     # a recording that arrived late has taken them back, or moved their begin
     gone = {key: row for key, row in before.items() if key not in now}
     moved = {key[:3]: row for key, row in gone.items()}
@@ -132,7 +131,7 @@ def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
             "ORDER BY since_s DESC, machine, class, finding",
             (machine,),
         ).fetchall()
-        return [_alarm(sound(row, _ALARM) | {"id": row["id"]}) for row in rows]
+        return [_alarm(sound(row) | {"id": row["id"]}) for row in rows]
 
 
 def _alarm(row: dict[str, Any]) -> dict[str, Any]:
@@ -193,7 +192,7 @@ def _note(fleet: Fleet, number: int, **known: str | int) -> None:
     """Change what an alarm's row says, if there still is one."""
     with writing(fleet) as store:
         for row in store.execute("SELECT * FROM alarms WHERE rowid = ?", (number,)).fetchall():
-            put(store, "alarms", sound(row, _ALARM) | known)
+            put(store, "alarms", sound(row) | known)
 
 
 def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -224,11 +223,10 @@ def _tried(send: Any) -> str:
     for pause in (*_AGAIN_S, 0.0):
         try:
             send()
+            return ""
         except (OSError, subprocess.SubprocessError) as error:
             why = " ".join(str(error).split())
             time.sleep(pause)
-        else:
-            return ""
     return why
 
 

@@ -16,10 +16,19 @@ from sqlite3 import Connection
 from typing import Any
 
 from gearmon import __version__
-from gearmon.diagnosis.history import Entry
-from gearmon.diagnosis.history.store import append_to, as_text, opened, put, sound, summarise, vouch
+from gearmon.diagnosis.history.entries import ENTRY, Entry
+from gearmon.diagnosis.history.store import (
+    append_to,
+    as_text,
+    largest_loss,
+    opened,
+    put,
+    recording,
+    sound,
+    summarise,
+)
 from gearmon.errors import ArgumentError
-from gearmon.files import replacing
+from gearmon.files import made_folder, replacing
 from gearmon.fleet.plan import Fleet, Job
 
 #: Of what the Parquet files hold; columns may be added within a version.
@@ -28,11 +37,6 @@ RESULTS_VERSION = 1
 _ROWS = 50_000
 # Their names; others may keep more in that folder.
 _FILE = re.compile(r"[0-9]{12,}-([0-9]{12,})\.parquet")
-# Columns of the ledger that a checksum guards.
-_GUARDED = (
-    *("path", "machine", "class", "time_s", "size", "changed"),
-    *("hash", "state", "why", "version", "indicators"),
-)
 #: `alarms` is made anew from the ledger, but for who was told and who has acknowledged.
 _TABLES = """
 CREATE TABLE IF NOT EXISTS ledger
@@ -81,62 +85,41 @@ def writing(fleet: Fleet, *, known: bool = False) -> AbstractContextManager[Conn
     return opened(fleet.store, create=True, more=_TABLES, known=known)
 
 
-def known(fleet: Fleet) -> dict[str, tuple[int, str, str, str]]:
+def known(fleet: Fleet) -> dict[str, list[Any]]:
     """Return size, time of change, state and version of every recording in the ledger."""
     with writing(fleet) as store:
         rows = store.execute("SELECT path, size, changed, state, version FROM ledger")
-        return {row[0]: (row[1], row[2], row[3], row[4]) for row in rows}
+        return {path: told for path, *told in rows}
 
 
-def keep(fleet: Fleet, outcome: Outcome) -> str:
-    """Write what became of a recording, after `known`; return "done", or why not."""
+def keep(fleet: Fleet, outcomes: Iterable[Outcome]) -> dict[str, str]:
+    """Write what became of recordings, after `known`, all or none of it.
+
+    Returns
+    -------
+    dict of str to str
+        By path "done", "being written", or why it cannot be used.
+    """
     with writing(fleet, known=True) as store:
-        why = outcome.why
-        if outcome.entry is not None:
-            try:
-                _add(store, outcome.entry)
-            except ArgumentError as error:
-                why = str(error)
-        state = "being written" if outcome.growing else "failed" if why else "done"
-        _insert(store, outcome, state, why)
-    return why or state
+        return {outcome.job.path: _kept(store, outcome) for outcome in outcomes}
 
 
-def _add(store: Connection, entry: Entry) -> None:
-    """Add to the history; in the place of what the same file said before, of no other's."""
-    before = store.execute(
-        "SELECT recording FROM recordings WHERE machine = ? AND time_s = ?",
-        (as_text(entry.machine), entry.time_s),
-    ).fetchone()
-    own = before is not None and before[0] == as_text(entry.recording)
-    append_to(store, entry, replace=own)
-    summarise(store, [entry.machine])
-
-
-def _insert(store: Connection, outcome: Outcome, state: str, why: str = "") -> None:
-    job = outcome.job
-    row = {
-        "path": job.path,
-        "machine": job.machine.name,
-        "class": job.operating_class,
-        "time_s": job.time_s,
-        "size": job.size,
-        "changed": job.changed,
-        "hash": outcome.hash,
-        "state": state,
-        "why": why,
-        "version": __version__,
-        "indicators": json.dumps(outcome.indicators),
-    }
+def _kept(store: Connection, outcome: Outcome) -> str:
+    job, why = outcome.job, outcome.why
+    if outcome.entry is not None:
+        try:
+            # in the place of what the same file said before, of no other's
+            append_to(store, outcome.entry, replace=None)
+            summarise(store, [outcome.entry.machine])
+        except ArgumentError as error:
+            why = str(error)
+    state = "being written" if outcome.growing else "failed" if why else "done"
+    own = {name: getattr(job, name) for name in ("path", "time_s", "size", "changed")}
+    own |= {"machine": job.machine.name, "class": job.operating_class, "hash": outcome.hash}
+    own |= {"state": state, "why": why, "version": __version__}
     store.execute("DELETE FROM ledger WHERE path = ?", (as_text(job.path),))  # its number ends
-    put(store, "ledger", row)
-
-
-def keep_growing(fleet: Fleet, jobs: Iterable[Job]) -> None:
-    """Write down which recordings are still being written."""
-    with writing(fleet) as store:
-        for job in jobs:
-            _insert(store, Outcome(job=job), "being written")
+    put(store, "ledger", own | {"indicators": json.dumps(outcome.indicators)})
+    return why or state
 
 
 def counts(fleet: Fleet) -> dict[str, int]:
@@ -145,53 +128,39 @@ def counts(fleet: Fleet) -> dict[str, int]:
         return dict(map(tuple, store.execute("SELECT state, count(*) FROM ledger GROUP BY state")))
 
 
-_KNOWN = """
-SELECT l.*, l.id AS ledger_id, r.id AS number, r.checksum AS known, r.verdict, r.score,
-    r.false_alarm_probability, r.speed_hz, r.findings, p.loss, p.loss_low, p.loss_high
-FROM ledger l LEFT JOIN recordings r
-    ON r.machine = l.machine AND r.time_s = l.time_s AND l.state = 'done'
-LEFT JOIN places p ON p.rowid = (SELECT rowid FROM places WHERE recording_id = r.id
-    AND tooth IS NULL AND loss IS NOT NULL ORDER BY loss DESC LIMIT 1)
-WHERE
-"""
-
-
-def recorded(
-    store: Connection, where: str, values: Sequence[Any], *, shown: bool = False
-) -> list[dict[str, Any]]:
+def recorded(store: Connection, where: str, values: Sequence[Any]) -> list[dict[str, Any]]:
     """Return rows of the ledger with what the history says of them, checked.
 
     Parameters
     ----------
     store : Connection
     where : str
-        Condition and order in SQL, in which l is the ledger.
+        Condition and order in SQL.
     values : sequence
         For its question marks.
-    shown : bool
-        Whether they are for the eye: what the history says is not checked then, place by place.
 
     Returns
     -------
     list of dict
-        Columns of the ledger; verdict and findings (list of str), among others of the recording,
-        the largest loss of a gear, and indicators as a mapping of "name, channel" to value.
+        Columns of the ledger and of the recording, if it is done; findings as list of str, and
+        indicators as a mapping of "name, channel" to value.
 
     Raises
     ------
     ValueError
         If a row is not what was written.
     """
-    rows = [dict(row) for row in store.execute(f"{_KNOWN} {where}", values)]
-    for row in rows:
-        sound(row, _GUARDED)
-        if row["state"] == "done" and row["number"] is None:
-            raise ValueError(f"a recording of {row['machine']!r} is missing")
-        if row["number"] is not None and not shown:
-            vouch(store, {"id": row["number"], "checksum": row["known"]})
-        row["findings"] = json.loads(row["findings"] or "[]")
-        told = json.loads(row["indicators"]).items()
-        row["indicators"] = {f"{name}, {one}": v for name, own in told for one, v in own.items()}
+    rows, asked = [], f"SELECT * FROM ledger WHERE {where}"  # noqa: S608 - ours
+    for row in store.execute(asked, values).fetchall():
+        own = sound(row) | {"id": row["id"]}
+        kept: dict[str, Any] = dict.fromkeys(ENTRY) | {"findings": "[]", "places": "[]"}
+        if own["state"] == "done":
+            kept = recording(store, own["machine"], own["time_s"])
+            if not kept:
+                raise ValueError(f"a recording of {own['machine']!r} is missing")
+        told = json.loads(own["indicators"]).items()
+        own["indicators"] = {f"{name}, {one}": v for name, by in told for one, v in by.items()}
+        rows.append(kept | own | {"findings": json.loads(kept["findings"])})
     return rows
 
 
@@ -211,17 +180,11 @@ def write_results(fleet: Fleet) -> list[Path]:
 
     texts = ("path", "machine", "class", "verdict", "hash", "version")
     numbers = ("time_s", "score", "false_alarm_probability", "speed_hz")
-    losses = ("loss", "loss_low", "loss_high")
-    types = [("ledger_id", pa.int64()), *((name, pa.string()) for name in texts)]
-    types += [(name, pa.float64()) for name in (*numbers, *losses)]
-    types += [("findings", pa.list_(pa.string()))]
-    types += [("indicators", pa.map_(pa.string(), pa.float64()))]
-    about = {"gearmon": json.dumps({"fleet results": RESULTS_VERSION})}
-    schema = pa.schema(types, about)
-    try:
-        fleet.results.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ArgumentError(f"{fleet.results}: is no folder ({error.strerror})") from None
+    types = {"ledger_id": pa.int64()} | dict.fromkeys(texts, pa.string())
+    types |= dict.fromkeys((*numbers, "loss", "loss_low", "loss_high"), pa.float64())
+    types |= {"findings": pa.list_(pa.string()), "indicators": pa.map_(pa.string(), pa.float64())}
+    schema = pa.schema(types, {"gearmon": json.dumps({"fleet results": RESULTS_VERSION})})
+    made_folder(fleet.results)
     written: list[Path] = []
     there = (_FILE.fullmatch(path.name) for path in fleet.results.iterdir())
     last = max((int(own[1]) for own in there if own), default=0)
@@ -237,5 +200,6 @@ def write_results(fleet: Fleet) -> list[Path]:
 def _results(fleet: Fleet, after: int) -> list[dict[str, Any]]:
     with opened(fleet.store, create=False) as store:
         # a state that is none is damage, and said to be
-        new = "l.state NOT IN ('failed', 'being written') AND l.id > ? ORDER BY l.id LIMIT ?"
-        return recorded(store, new, (after, _ROWS))
+        new = "state NOT IN ('failed', 'being written') AND id > ? ORDER BY id LIMIT ?"
+        rows = recorded(store, new, (after, _ROWS))
+    return [row | {"ledger_id": row["id"]} | largest_loss(row["places"]) for row in rows]

@@ -8,40 +8,39 @@ scripts is needed for these. The report of a recording brings its own policy.
 from __future__ import annotations
 
 import hmac
-import os
 import secrets
-import shutil
-import socket
-import subprocess
 import tempfile
 import threading
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import lru_cache
-from importlib.util import find_spec
+from operator import itemgetter
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 from urllib.parse import urlencode
 
-from gearmon.diagnosis.history import HistoryTrends, history_trends, read_history, read_latest
-from gearmon.diagnosis.history.store import as_text, opened
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.middleware.base import BaseHTTPMiddleware
+from starlette.middleware.trustedhost import TrustedHostMiddleware
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from gearmon.diagnosis.history.store import as_text, opened, read_history, read_latest
+from gearmon.diagnosis.history.trends import HistoryTrends, history_trends
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import acknowledge, alarms
 from gearmon.fleet.ledger import recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.fleet.rank import compare
-from gearmon.fleet.run import at_hand, equipment
+from gearmon.fleet.run import at_hand, judged
 from gearmon.report import wording
 from gearmon.report.charts import history_charts
 from gearmon.report.history_text import history_lines, moment_text
 from gearmon.report.text import WORST_FIRST
-
-if TYPE_CHECKING:
-    from starlette.applications import Starlette
-    from starlette.requests import Request
-    from starlette.responses import Response
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 #: Machines and recordings that a page shows unless it is asked for all.
@@ -53,9 +52,6 @@ _POLICY = (
 _COOKIE = "gearmon"
 #: The verdict on a machine that has no recording yet.
 _UNHEARD = "not heard yet"
-#: Browsers that show a page without a window, and how long one may take [s].
-_BROWSERS, _SHOT_S = ("chromium", "chromium-browser", "google-chrome", "chrome"), 60.0
-_HEADLESS = ("--headless", "--disable-gpu", "--hide-scrollbars", "--window-size=1100,1400")
 # Differences from other machines of its kind that a page shows.
 _DIFFERENCES = 5
 # Highest score of a sparkline: beyond, a fault is a fault.
@@ -75,12 +71,6 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
     hosts : sequence of str
         Names under which the pages may be asked for.
     """
-    from starlette.applications import Starlette
-    from starlette.middleware import Middleware
-    from starlette.middleware.base import BaseHTTPMiddleware
-    from starlette.middleware.trustedhost import TrustedHostMiddleware
-    from starlette.routing import Route
-
     with writing(fleet):
         pass  # from here on there is a store, if an empty one
     site = _Site(fleet)
@@ -94,7 +84,7 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
         return answer
 
     def told(_: Request, error: Exception) -> Response:
-        return _answer(f"{wording.printable(str(error))}\n", "plain", 404)
+        return PlainTextResponse(f"{wording.printable(str(error))}\n", 404)
 
     pages: dict[str, Any] = {
         "/": site.overview,
@@ -118,11 +108,9 @@ def application(fleet: Fleet, *, token: str = "", hosts: Sequence[str] = LOOPBAC
 
 def _refused(request: Request, token: str) -> Response | None:
     """Refuse those who do not know the token, and forms that another site has sent."""
-    from starlette.responses import RedirectResponse
-
     origin = request.headers.get("origin")
     if request.method == "POST" and origin != str(request.base_url).rstrip("/"):
-        return _answer("this form is not of this page\n", "plain", 403)
+        return PlainTextResponse("this form is not of this page\n", 403)
     if not token:
         return None
     given = request.query_params.get("token", "")
@@ -133,16 +121,7 @@ def _refused(request: Request, token: str) -> Response | None:
     known = request.cookies.get(_COOKIE, "")
     if hmac.compare_digest(known.encode(), token.encode()):
         return None
-    return _answer("add ?token=... to the address, as gearmon fleet serve says\n", "plain", 403)
-
-
-def _answer(
-    content: str | bytes, kind: str, status: int = 200, headers: dict[str, str] | None = None
-) -> Response:
-    from starlette.responses import Response
-
-    media_type = kind if "/" in kind else f"text/{kind}"
-    return Response(content, status, headers=headers, media_type=media_type)
+    return PlainTextResponse("add ?token=... to the address, as gearmon fleet serve says\n", 403)
 
 
 class _Site:
@@ -154,51 +133,48 @@ class _Site:
         self.template = wording.template("fleet.html", "gearmon.fleet", **known)
 
     def _page(self, kind: str, **content: Any) -> Response:
-        answer = _answer(self.template.render(kind=kind, fleet=self.fleet, **content), "html")
+        answer = HTMLResponse(self.template.render(kind=kind, fleet=self.fleet, **content))
         if content.get("charts"):
             answer.headers["Content-Security-Policy"] = f"{_POLICY}; script-src 'self'"
         return answer
 
     def overview(self, request: Request) -> Response:
-        heard = self._heard()
-        number = len(heard) if "all" in request.query_params else _SHOWN
-        verdicts = Counter(own.latest["verdict"] for own in heard)
-        counts = {word: verdicts[word] for word in (_UNHEARD, *WORST_FIRST) if verdicts[word]}
-        content = {"rows": map(_row, heard[:number]), "left": number < len(heard)}
-        content |= {"total": len(heard), "counts": counts, "points": _points}
-        current = [own for own in alarms(self.fleet) if not own["over"]]
-        return self._page("overview", **content, alarms=current)
+        rows = self._rows()
+        verdicts = Counter(row["verdict"] for row in rows)
+        return self._page(
+            "overview",
+            rows=rows if "all" in request.query_params else rows[:_SHOWN],
+            total=len(rows),
+            counts={word: verdicts[word] for word in (_UNHEARD, *WORST_FIRST) if verdicts[word]},
+            points=_points,
+            alarms=[own for own in alarms(self.fleet) if not own["over"]],
+        )
 
-    def _heard(self) -> list[_Heard]:
+    def _rows(self) -> list[dict[str, Any]]:
         """Return what was last heard of every machine, the worst first."""
         latest = {own["machine"]: own for own in read_latest(self.fleet.store)}
         waiting = {own["machine"] for own in alarms(self.fleet) if not own["over"]}
-        nothing = {"verdict": _UNHEARD, "score": 0.0, "loss": None}
-        heard = [
-            _Heard(own, latest.get(own.name, nothing), own.name in waiting)
-            for own in self.fleet.machines
-        ]
-        return sorted(heard, key=_urgency)
+        rows = [_row(own, latest.get(own.name), own.name in waiting) for own in self.fleet.machines]
+        return sorted(rows, key=itemgetter("urgency"))
 
     def machine(self, request: Request) -> Response:
         machine = self._named(request)
         rows = self._ledger(machine.name)
-        found = _trends(self.fleet, machine, len(rows)) if rows else None
-        charts = {}
-        if found is not None and found.history.entries:
+        found, charts = _trends(self.fleet, machine, len(rows)), ""
+        if found.history.entries:
             classes = {row["time_s"]: row["class"] for row in rows if row["state"] == "done"}
-            charts = {"history": history_charts(found, classes)}
-        shown = rows if "all" in request.query_params else rows[:_RECORDINGS]
+            charts = wording.as_data({"history": history_charts(found, classes)})
+        lines = history_lines(found)
         return self._page(
             "machine",
             machine=machine,
-            row=next(_row(own) for own in self._heard() if own.machine == machine),
+            row=next(row for row in self._rows() if row["machine"] == machine.name),
             # the recordings themselves stand in a table of their own, with links
-            lines=_without_table(found),
-            charts=wording.as_data(charts) if charts else "",
+            lines=filter(None, lines[lines.index("") :]),
+            charts=charts,
             points=_operating_points(rows),
             beside=_beside(self.fleet, machine, len(rows)),
-            rows=shown,
+            rows=rows if "all" in request.query_params else rows[:_RECORDINGS],
             total=len(rows),
             alarms=alarms(self.fleet, machine.name),
         )
@@ -206,7 +182,7 @@ class _Site:
     def picture(self, request: Request) -> Response:
         machine = self._named(request)
         found = _trends(self.fleet, machine, len(self._ledger(machine.name)))
-        return _answer(_drawn(found), "image/png")
+        return Response(_drawn(found), media_type="image/png")
 
     def recording(self, request: Request) -> Response:
         number = request.query_params.get("id", "")
@@ -220,36 +196,29 @@ class _Site:
         text = _report(self.fleet, machine, there, rows[0]["hash"])
         # the policy of the report stands in its head: its own script, and nothing else
         policy = {"Content-Security-Policy": "frame-ancestors 'none'"}
-        return _answer(text, "html", headers=policy)
+        return HTMLResponse(text, headers=policy)
 
     def table(self, request: Request) -> Response:
         if "machine" in request.query_params:
             told = self._ledger(self._named(request).name)
             kept = ("path", "class", "time_s", "state", "why", "verdict", "score", "findings")
-            indicators = dict.fromkeys(name for row in told for name in row["indicators"])
-            more = [{name: row["indicators"].get(name) for name in indicators} for row in told]
+            more = dict.fromkeys(name for row in told for name in row["indicators"])
+            told = [row | {name: row["indicators"].get(name) for name in more} for row in told]
         else:
-            told = [*map(_row, self._heard())]
+            told, more = self._rows(), {}
             kept = ("machine", "verdict", "since", "heard", "finding", "loss", "margin", "alarm")
-            more = [{} for _ in told]
-        rows = [
-            {name: row[name] for name in kept} | own for row, own in zip(told, more, strict=True)
-        ]
+        text = wording.rows_as_csv([{name: row[name] for name in (*kept, *more)} for row in told])
         headers = {"Content-Disposition": 'attachment; filename="fleet.csv"'}
-        return _answer(wording.rows_as_csv(rows), "csv", headers=headers)
+        return Response(text, headers=headers, media_type="text/csv")
 
     def style(self, _: Request) -> Response:
-        return _answer(
-            "\n".join([wording.report_style(), wording.shipped("fleet.css", "gearmon.fleet")]),
-            "css",
-        )
+        text = f"{wording.report_style()}\n{wording.shipped('fleet.css', 'gearmon.fleet')}"
+        return Response(text, media_type="text/css")
 
     def script(self, _: Request) -> Response:
-        return _answer(wording.chart_script(), "javascript")
+        return Response(wording.chart_script(), media_type="text/javascript")
 
     def acknowledge(self, request: Request) -> Response:
-        from starlette.responses import RedirectResponse
-
         number = request.query_params.get("id", "")
         if number.isdecimal():
             acknowledge(self.fleet, int(number))
@@ -267,17 +236,9 @@ class _Site:
     def _ledger(self, machine: str | None, number: int = 0) -> list[dict[str, Any]]:
         """Return the recordings of a machine, the newest first, or the one of this number."""
         with opened(self.fleet.store, create=False) as store:
-            order = "l.machine = ? OR l.id = ? ORDER BY l.time_s DESC"
-            rows = recorded(store, order, (machine, number), shown=True)
+            order = "machine = ? OR id = ? ORDER BY time_s DESC"
+            rows = recorded(store, order, (machine, number))
         return [row | {"findings": "; ".join(row["findings"])} for row in rows]
-
-
-class _Heard(NamedTuple):
-    """What was last heard of a machine, and whether an alarm stands."""
-
-    machine: FleetMachine
-    latest: dict[str, Any]
-    alarm: bool
 
 
 def _operating_points(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -294,32 +255,27 @@ def _operating_points(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return points
 
 
-def _urgency(heard: _Heard) -> tuple[Any, ...]:
-    latest = heard.latest
-    place = [*WORST_FIRST, _UNHEARD].index(latest["verdict"])
-    return place, not heard.alarm, -(latest["loss"] or 0.0), -latest["score"]
-
-
-def _row(heard: _Heard) -> dict[str, Any]:
-    """Return what the overview says of a machine."""
-    machine, latest, alarm = heard
-    row = {"machine": machine.name, "alarm": alarm, "verdict": latest["verdict"]}
-    if latest["verdict"] == _UNHEARD:
-        words = ("since", "heard", "finding", "loss", "margin")
-        return row | dict.fromkeys(words, "") | {"score": 0.0, "scores": []}
+def _row(machine: FleetMachine, latest: dict[str, Any] | None, alarm: bool) -> dict[str, Any]:
+    """Return what the overview says of a machine, and what makes it more urgent than others."""
+    row = {"machine": machine.name, "alarm": alarm, "verdict": _UNHEARD, "score": 0.0}
+    if latest is None:
+        row |= dict.fromkeys(("since", "heard", "finding", "loss", "margin"), "") | {"scores": []}
+        return row | {"urgency": (len(WORST_FIRST), not alarm, 0.0, 0.0)}
     loss, low, high = (latest[name] for name in ("loss", "loss_low", "loss_high"))
-    left = None if loss is None or machine.limit is None else machine.limit - loss
-    margin = (
-        "" if left is None else wording.loss_text(left, machine.limit - high, machine.limit - low)
-    )
+    left = [None] * 3
+    if loss is not None and machine.limit is not None:
+        left = [machine.limit - own for own in (loss, high, low)]
+    place = WORST_FIRST.index(latest["verdict"])
     return row | {
+        "verdict": latest["verdict"],
         "since": moment_text(latest["since_s"]),
         "heard": moment_text(latest["time_s"]),
         "finding": "; ".join(latest["findings"][:1]),
         "loss": wording.loss_text(loss, low, high),
-        "margin": margin,
+        "margin": wording.loss_text(*left),
         "score": latest["score"],
         "scores": latest["scores"],
+        "urgency": (place, not alarm, -(loss or 0.0), -latest["score"]),
     }
 
 
@@ -348,12 +304,6 @@ def _beside(fleet: Fleet, machine: FleetMachine, recordings: int) -> list[dict[s
     return rows[:_DIFFERENCES]
 
 
-def _without_table(found: HistoryTrends | None) -> list[str]:
-    """Return what the history says in words, without a line a recording."""
-    lines = history_lines(found) if found is not None else []
-    return [line for line in lines[lines.index("") + 1 :] if line] if "" in lines else lines
-
-
 @lru_cache(maxsize=16)
 def _drawn(found: HistoryTrends) -> bytes:
     from gearmon.report.history_plots import history_figure
@@ -366,48 +316,15 @@ def _drawn(found: HistoryTrends) -> bytes:
 @lru_cache(maxsize=16)
 def _report(fleet: Fleet, machine: FleetMachine, path: str, content: str) -> str:
     """Make the interactive report of a recording, anew once its content is another."""
-    from gearmon.diagnosis.analysis import analyse
     from gearmon.report.html import write_report
-    from gearmon.signals.recording import read_recording
 
     assert content is not None
-    own, reference = equipment(machine)
     history = history_trends(read_history(fleet.store, machine.name), limit=machine.limit)
-    known: dict[str, Any] = {"sampling_rate_hz": machine.sampling_rate_hz, "sensors": own.sensors}
     with at_hand(path) as file, tempfile.TemporaryDirectory() as folder, _DRAWING:
-        recording = read_recording(file, channels=machine.sensors or None, **known)
-        recording = replace(recording, origin=path)
-        analysis = analyse(recording, own, reference)
+        analysis, recording, reference, own = judged(machine, file, path)
         target = Path(folder) / "report.html"
         write_report([analysis], [recording], reference, own, target, history=history)
         return target.read_text("utf-8")
-
-
-def screenshot(fleet: Fleet, target: Path) -> bool:
-    """Write the overview as a PNG; return whether there was a browser that could show it."""
-    browser = next(filter(None, map(shutil.which, _BROWSERS)), None)
-    if browser is None or not find_spec("uvicorn"):
-        return False
-    import uvicorn
-
-    server = uvicorn.Server(uvicorn.Config(application(fleet), log_level="warning", ws="none"))
-    # who asks before the pages are there waits at the socket
-    with tempfile.TemporaryDirectory() as folder, socket.create_server((LOOPBACK[0], 0)) as own:
-        thread = threading.Thread(target=server.run, args=([own],))
-        thread.start()
-        # a browser does not lock itself in for the superuser
-        free = ["--no-sandbox"] if getattr(os, "geteuid", int)() == 0 else []
-        command = [browser, *_HEADLESS, *free, f"--user-data-dir={folder}"]
-        command += [f"--screenshot={target.resolve()}", f"http://127.0.0.1:{own.getsockname()[1]}/"]
-        quiet: dict[str, Any] = {"capture_output": True, "timeout": _SHOT_S}
-        try:
-            subprocess.run(command, **quiet)  # noqa: S603 - ours, but for the folders
-        except (OSError, subprocess.SubprocessError):
-            return False
-        finally:
-            server.should_exit = True
-            thread.join()
-    return target.is_file()
 
 
 def serve(fleet: Fleet, host: str = "127.0.0.1", port: int = 8765, token: str = "") -> None:
@@ -421,16 +338,7 @@ def serve(fleet: Fleet, host: str = "127.0.0.1", port: int = 8765, token: str = 
     port : int, 1 to 65535
     token : str
         By default one is made up, if need be; the address that is printed holds it.
-
-    Raises
-    ------
-    ArgumentError
-        If the extra is not installed.
     """
-    try:
-        import uvicorn
-    except ImportError:
-        raise ArgumentError("fleet serve needs pip install 'gearmon[web]'") from None
     own = host in LOOPBACK
     token = token or ("" if own else secrets.token_urlsafe(16))
     app = application(fleet, token=token, hosts=LOOPBACK if own else ["*"])

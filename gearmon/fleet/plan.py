@@ -27,6 +27,7 @@ from gearmon.machine.fields import (
     Text,
     check_fields,
     held,
+    shown_value,
     within,
 )
 from gearmon.machine.reading import (
@@ -180,24 +181,26 @@ def read_fleet(path: str | Path) -> Fleet:
     refuse_unknown_keys(source, defaults, own, "defaults")
     machines: list[FleetMachine] = []
     for label, table in read_tables(source, "machine"):
-        machine = _placed(read_part(source, FleetMachine, label, defaults | table), folder)
+        machine = _placed(source, label, folder, defaults | table)
         if machine.name in {other.name for other in machines}:
             message = f'{label}.name = "{machine.name}" is the name of another machine too'
             raise source.error(f"{label}.name", message)
-        machines.append(_checked(source, label, machine))
+        machines.append(machine)
     for file in dict.fromkeys(machine.file for machine in machines):
         load_machine(file)  # says itself what is wrong with it
     if not machines:
         example = "[[machine]] with name, file, reference, recordings and pattern"
         raise source.error("", f"lacks a machine; write {example}")
     hooks = tuple(read_part(source, Hook, label, t) for label, t in read_tables(source, "alarm"))
-    texts = {key: source.document.get(key, usual) for key, usual in _usual(Path(path)).items()}
+    stem = Path(path).stem
+    usual = {"name": stem, "store": f"{stem}.db", "results": f"{stem}-results"}
+    texts = {key: source.document.get(key, text) for key, text in usual.items()}
     for key, text in texts.items():
-        if not isinstance(text, str) or not text:
-            raise source.error(key, f"{key} must be text in quotes")
-        if is_remote(text):
-            told = f'{key} = "{text}" must be on this computer; only recordings may be elsewhere'
-            raise source.error(key, told)
+        if not isinstance(text, str) or not text or is_remote(text):
+            told = (
+                "must be text in quotes and lie on this computer; only recordings may be elsewhere"
+            )
+            raise source.error(key, f"{key} = {shown_value(text)} {told}")
     return Fleet(
         name=texts["name"],
         machines=tuple(machines),
@@ -207,28 +210,21 @@ def read_fleet(path: str | Path) -> Fleet:
     )
 
 
-def _usual(path: Path) -> dict[str, str]:
-    return {"name": path.stem, "store": f"{path.stem}.db", "results": f"{path.stem}-results"}
-
-
-def _placed(machine: FleetMachine, folder: Path) -> FleetMachine:
-    """Return it with the places of its files as seen from here, not from the fleet file."""
-    given = {name: getattr(machine, name) for name in ("file", "reference", "recordings")}
-    placed: dict[str, Any] = {
-        k: str(folder / v) for k, v in given.items() if v and not is_remote(v)
-    }
+def _placed(source: MachineSource, label: str, folder: Path, table: dict[str, Any]) -> FleetMachine:
+    """Return a machine with the places of its files, which are there, as seen from here."""
+    machine = read_part(source, FleetMachine, label, table)
+    placed: dict[str, Any] = {}
+    for key in ("file", "reference", "recordings"):
+        given = getattr(machine, key)
+        placed[key] = str(folder / given) if given and not is_remote(given) else given
+    reference, recordings = placed["reference"], placed["recordings"]
+    if reference and not Path(reference).is_file():
+        told = f'{label}.reference = "{reference}" is no file; gearmon learn makes it'
+        raise source.error(f"{label}.reference", told)
+    if not is_remote(recordings) and not (recordings and Path(recordings).is_dir()):
+        told = f'{label}.recordings = "{recordings}" is no folder; make it first'
+        raise source.error(f"{label}.recordings", told)
     return replace(machine, **placed)
-
-
-def _checked(source: MachineSource, label: str, machine: FleetMachine) -> FleetMachine:
-    if machine.reference and not Path(machine.reference).is_file():
-        key = f"{label}.reference"
-        raise source.error(key, f'{key} = "{machine.reference}" is no file; gearmon learn makes it')
-    folder = machine.recordings
-    if not is_remote(folder) and not (folder and Path(folder).is_dir()):
-        key = f"{label}.recordings"
-        raise source.error(key, f'{key} = "{folder}" is no folder; make it first')
-    return machine
 
 
 def is_remote(place: str) -> bool:
@@ -283,9 +279,10 @@ def arrived(fleet: Fleet) -> tuple[list[Job], dict[str, str]]:
     for folder in dict.fromkeys(machine.recordings for machine in fleet.machines):
         owners = [machine for machine in fleet.machines if machine.recordings == folder]
         try:
-            found = sorted(_files(folder))
-        except OSError as error:
-            told = f'recordings = "{folder}": cannot be read ({error.strerror})'
+            found = sorted(own for own in _files(folder) if not Path(own[0]).name.startswith("."))
+        except Exception as error:  # whatever the program for another kind of place may raise
+            why = getattr(error, "strerror", None) or " ".join(str(error).split())
+            told = f'recordings = "{folder}": cannot be read ({why or type(error).__name__})'
             raise ArgumentError(told) from None
         for path, size, changed in found:
             try:
@@ -312,32 +309,23 @@ def _job(owners: Sequence[FleetMachine], path: str, size: int, changed: str) -> 
 
 
 def _files(folder: str) -> Iterator[tuple[str, int, str]]:
-    """Give path, size and time of change of the files in a folder; hidden ones are left out."""
-    if not is_remote(folder):
-        with os.scandir(folder) as found:
-            for entry in found:
-                try:
-                    if entry.is_file() and not entry.name.startswith("."):
-                        told = entry.stat()
-                        yield entry.path, told.st_size, str(told.st_mtime_ns)
-                except FileNotFoundError:  # it is gone by now
-                    continue
-                except OSError:  # a link in a circle: what is wrong with it is said when it is read
-                    yield entry.path, 0, "never"
-        return
-    for system, own in _listed(folder):
-        if own["type"] == "file" and not own["name"].rpartition("/")[2].startswith("."):
-            changed = next((str(own[k]) for k in ("mtime", "LastModified", "ETag") if k in own), "")
-            yield system.unstrip_protocol(own["name"]), int(own["size"]), changed
-
-
-def _listed(folder: str) -> list[tuple[Any, dict[str, Any]]]:
-    """List a folder that fsspec has to reach, whatever the program for its kind may raise."""
-    try:
+    """Give path, size and time of change of the files in a folder."""
+    if is_remote(folder):
         import fsspec
 
         system, root = fsspec.core.url_to_fs(folder)
-        return [(system, own) for own in system.ls(root, detail=True)]
-    except Exception as error:
-        why = " ".join(str(error).split()) or type(error).__name__
-        raise ArgumentError(f'recordings = "{folder}": cannot be reached ({why})') from None
+        for own in system.ls(root, detail=True):
+            if own["type"] == "file":
+                known = (str(own[k]) for k in ("mtime", "LastModified", "ETag") if k in own)
+                yield system.unstrip_protocol(own["name"]), int(own["size"]), next(known, "")
+        return
+    with os.scandir(folder) as found:
+        for entry in found:
+            try:
+                if entry.is_file():
+                    told = entry.stat()
+                    yield entry.path, told.st_size, str(told.st_mtime_ns)
+            except FileNotFoundError:  # it is gone by now
+                continue
+            except OSError:  # a link in a circle: what is wrong with it is said when it is read
+                yield entry.path, 0, "never"

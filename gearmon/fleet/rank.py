@@ -53,7 +53,7 @@ def rank(fleet: Fleet) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for machine in fleet.machines:
         with opened(fleet.store, create=False) as store:
-            every = recorded(store, "l.machine = ? ORDER BY l.time_s", (machine.name,))
+            every = recorded(store, "machine = ? ORDER BY time_s", (machine.name,))
         told = [row for row in every if row["state"] == "done"]
         if len(told) < FEWEST:
             continue
@@ -123,11 +123,11 @@ def _beside(fleet: Fleet, alike: list[FleetMachine]) -> Iterator[dict[str, Any]]
     from scipy.stats import t as student
 
     with opened(fleet.store, create=False) as store:
-        order = "l.machine = ? AND l.state = 'done' ORDER BY l.time_s DESC LIMIT ?"
+        order = "machine = ? AND state = 'done' ORDER BY time_s DESC LIMIT ?"
         told = [
             {"machine": own.name, "class": row["class"]} | row["indicators"]
             for own in alike
-            for row in recorded(store, order, (own.name, LATEST), shown=True)
+            for row in recorded(store, order, (own.name, LATEST))
         ]
     if not told:
         return

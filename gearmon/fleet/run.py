@@ -7,8 +7,6 @@ import hashlib
 import logging
 import math
 import os
-import signal
-import sys
 import tempfile
 import time
 from collections import Counter, deque
@@ -25,7 +23,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import lru_cache, partial
+from functools import lru_cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,12 +32,14 @@ from gearmon import __version__
 from gearmon.diagnosis.history.store import as_text
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.alarm import alarms, deliver, renew
-from gearmon.fleet.ledger import Outcome, counts, keep, keep_growing, known, write_results
+from gearmon.fleet.ledger import Outcome, counts, keep, known, write_results
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
-from gearmon.signals.threads import THREADS, cores
+from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 
 if TYPE_CHECKING:
+    from gearmon.diagnosis.results import Analysis
     from gearmon.machine import Machine
+    from gearmon.signals.recording import Recording
     from gearmon.signatures.measured.reference import Reference
 
 Task = Callable[[Job], Outcome]
@@ -61,9 +61,7 @@ _CONNECT_S = 20.0
 
 def analysed(job: Job) -> Outcome:
     """Analyse a recording; whatever is wrong with it stands in the outcome."""
-    from gearmon.diagnosis.analysis import analyse
-    from gearmon.diagnosis.history import entry_of
-    from gearmon.signals.recording import read_recording
+    from gearmon.diagnosis.history.entries import entry_of
 
     if job.size * _GROWS > (free := _free_memory()) / (os.cpu_count() or 1):
         told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"
@@ -73,14 +71,7 @@ def analysed(job: Job) -> Outcome:
     try:
         with at_hand(job.path) as file:
             digest = _hash(file)
-            machine, reference = equipment(job.machine)
-            recording = read_recording(
-                file,
-                sampling_rate_hz=job.machine.sampling_rate_hz,
-                channels=job.machine.sensors or None,
-                sensors=machine.sensors,
-            )
-            analysis = analyse(replace(recording, origin=job.path), machine, reference)
+            analysis, *_ = judged(job.machine, file, job.path)
             growing = not is_remote(job.path) and _state(file) != job.state
         entry = entry_of(analysis, datetime.fromtimestamp(job.time_s, UTC), "name")
     except MemoryError:
@@ -128,15 +119,25 @@ def _hash(file: str) -> str:
         return hashlib.file_digest(content, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
-def equipment(own: FleetMachine) -> tuple[Machine, Reference | None]:
-    """Read machine file and reference, again only if they were written to."""
+def judged(
+    own: FleetMachine, file: str, path: str
+) -> tuple[Analysis, Recording, Reference | None, Machine]:
+    """Analyse a recording, of which a file here is a copy; return what it was judged by as well."""
+    from gearmon.diagnosis.analysis import analyse
+    from gearmon.signals.recording import read_recording
+
     files = (own.file, *([own.reference] if own.reference else []))
     machine, reference = _read(files, tuple(map(_state, files)))
-    return replace(machine, name=own.name), reference
+    machine = replace(machine, name=own.name)
+    known: dict[str, Any] = {"sampling_rate_hz": own.sampling_rate_hz, "sensors": machine.sensors}
+    recording = read_recording(file, channels=own.sensors or None, **known)
+    recording = replace(recording, origin=path)
+    return analyse(recording, machine, reference), recording, reference, machine
 
 
 @lru_cache(maxsize=8)
 def _read(files: tuple[str, ...], states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
+    """Read machine file and reference, again only if they were written to."""
     from gearmon.machine import load_machine
     from gearmon.signatures.measured.reference import read_reference
 
@@ -187,7 +188,7 @@ def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcom
     """Work through a queue; return what was at work when a process died."""
     running: dict[Future[Outcome], Job] = {}
     # not forked: threads that deliver alarms may run
-    pool = ProcessPoolExecutor(width, get_context("spawn"), _alone_on_a_core, (os.getpid(),))
+    pool = ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core, (os.getpid(),))
     try:
         if width == 1:
             # a process that is killed as it begins says nothing of the recording
@@ -205,18 +206,6 @@ def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcom
     finally:
         pool.shutdown(cancel_futures=True)
     return []
-
-
-def _alone_on_a_core(parent: int) -> None:
-    """Keep a process to one core, and let it go when the one that began it is killed."""
-    os.environ[THREADS] = "1"
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    if sys.platform == "linux":
-        import ctypes
-
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-        if os.getppid() != parent:
-            os._exit(1)
 
 
 def on_dask(
@@ -380,22 +369,19 @@ def run_fleet(
                 jobs, refused = arrived(fleet)
         new = list(_new(jobs, known(fleet), again))
         growing = [job for job in new if before.get(job.path) != job.state]
-        keep_growing(fleet, growing)
-        ready = [job for job in new if before.get(job.path) == job.state]
-        told: dict[str, str] = {}
-        for outcome in engine(ready):
-            told[outcome.job.path] = keep(fleet, outcome)
+        told = keep(fleet, (Outcome(job=job, growing=True) for job in growing))
+        ready = [job for job in new if job.path not in told]
+        for count, outcome in enumerate(engine(ready), 1):
+            told |= keep(fleet, [outcome])
             if progress:
-                progress(len(told) / len(ready))
+                progress(count / len(ready))
         renew(fleet)
         results = tuple(write_results(fleet))
-    late = [path for path, what in told.items() if what == "being written"]
-    failed = {path: what for path, what in told.items() if what not in ("done", "being written")}
     return Run(
         done=list(told.values()).count("done"),
-        failed=failed,
+        failed={p: what for p, what in told.items() if what not in ("done", "being written")},
         refused=refused,
-        growing=(*(job.path for job in growing), *late),
+        growing=tuple(path for path, what in told.items() if what == "being written"),
         results=results,
     )
 
@@ -471,6 +457,6 @@ def watch_fleet(
             if delivery is None or delivery.done():
                 for trouble in delivery.result() if delivery else ():
                     told(trouble)
-                delivery = thread.submit(partial(deliver, fleet))
+                delivery = thread.submit(deliver, fleet)
             if rounds > 0:
                 time.sleep(every_s)

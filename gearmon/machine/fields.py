@@ -9,19 +9,12 @@ from __future__ import annotations
 import math
 import numbers
 from dataclasses import MISSING, dataclass, field, fields
-from enum import Enum
 from typing import Any
 
 from gearmon.errors import ArgumentError, nearest_name
 from gearmon.units import KNOWN_UNITS, is_unit
 
 LONGEST_VALUE_SHOWN = 60
-
-
-class _Absent(Enum):
-    """Stands for a value that is not to be shown; an enum, for errors cross process borders."""
-
-    VALUE = 0
 
 
 class FieldError(ArgumentError):
@@ -37,39 +30,17 @@ class FieldError(ArgumentError):
         The value refused; left out of the message if not given.
     """
 
-    def __init__(self, key: str, reason: str, value: object = _Absent.VALUE) -> None:
-        self.key = key
-        self.reason = reason
-        self.value = value
-        super().__init__(self.message(key))
+    def __init__(self, key: str, reason: str, value: object = ...) -> None:
+        super().__init__(key, reason, value)
+        self.key, self.reason, self.value = key, reason, value
+
+    def __str__(self) -> str:
+        return self.message(self.key)
 
     def message(self, where: str) -> str:
         """Return the one-line message with `where` in the place of the key."""
-        shown = "" if self.value is _Absent.VALUE else f" = {shown_value(self.value)}"
+        shown = "" if self.value is ... else f" = {shown_value(self.value)}"
         return f"{where}{shown} {self.reason}"
-
-    def __reduce__(self) -> tuple[type[FieldError], tuple[str, str, object]]:
-        return FieldError, (self.key, self.reason, self.value)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Count:
-    """An integer in [low, high]; 26.0 is refused, for a tooth count is never measured."""
-
-    low: int
-    high: int
-    why: str = ""
-    example: str = "20"
-
-    def checked(self, key: str, value: object) -> int:
-        """Return `value` as an int, or raise `FieldError`."""
-        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-            raise FieldError(key, "must be a whole number, without quotes or decimal point", value)
-        number = int(value)
-        if not self.low <= number <= self.high:
-            reason = f"must lie in [{self.low}, {self.high}]{_because(self.why)}"
-            raise FieldError(key, reason, value)
-        return number
 
 
 @dataclass(frozen=True)
@@ -92,8 +63,11 @@ class Number:
             number = float(value)
         except OverflowError:  # a TOML integer may have hundreds of digits
             number = math.inf
-        if not self._holds(number):
-            raise FieldError(key, f"must lie in {self.range_text()}{_because(self.why)}", value)
+        above = number > self.low if self.open_low else number >= self.low
+        below = number < self.high if self.open_high else number <= self.high
+        if not (above and below and math.isfinite(number)):
+            because = f": {self.why}" if self.why else ""
+            raise FieldError(key, f"must lie in {self.range_text()}{because}", value)
         return number
 
     def range_text(self) -> str:
@@ -102,10 +76,23 @@ class Number:
         unit = f" {self.unit}" if self.unit else ""
         return f"{left}{self.low:g}, {self.high:g}{right}{unit}"
 
-    def _holds(self, number: float) -> bool:
-        above = number > self.low if self.open_low else number >= self.low
-        below = number < self.high if self.open_high else number <= self.high
-        return above and below and math.isfinite(number)
+
+@dataclass(frozen=True)
+class Count(Number):
+    """An integer in [low, high]; 26.0 is refused, for a tooth count is never measured."""
+
+    example: str = "20"
+
+    def checked(self, key: str, value: object) -> int:
+        """Return `value` as an int, or raise `FieldError`."""
+        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+            raise FieldError(key, "must be a whole number, without quotes or decimal point", value)
+        super().checked(key, value)
+        return int(value)
+
+    def range_text(self) -> str:
+        """Return the range as in ``[5, 2000]``."""
+        return f"[{self.low}, {self.high}]"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +172,7 @@ class Several:
         return tuple(self.rule.checked(key, one) for one in value)
 
 
-Rule = Count | Number | Text | Unit | Choice | Column | Several
+Rule = Number | Text | Unit | Choice | Column | Several
 
 
 def held(rule: Rule, default: Any = MISSING) -> Any:
@@ -241,7 +228,3 @@ def _literal(value: object) -> str:
     if isinstance(value, int) and abs(value) >= 10**LONGEST_VALUE_SHOWN:
         return "an integer of more than 60 digits"
     return str(value) if isinstance(value, numbers.Number) else repr(value)
-
-
-def _because(why: str) -> str:
-    return f": {why}" if why else ""

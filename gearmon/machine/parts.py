@@ -38,6 +38,15 @@ SENSOR_KINDS = ("vibration", "tacho", "torque", "speed", "other")
 BALLS = ("balls", "ball_diameter_mm", "pitch_diameter_mm")
 SHARE_TOLERANCE = 1e-6
 MOST_STAGES = 30
+#: Parts of a machine by the names of their tables in a machine file.
+TABLES = {
+    "operating": "operating",
+    "stage": "stages",
+    "shaft": "sections",
+    "bearing": "bearings",
+    "disc": "discs",
+    "sensor": "sensors",
+}
 #: Fastest over slowest operating point of one machine.
 MOST_SPEEDS_APART = 100.0
 
@@ -317,7 +326,7 @@ class Machine(Result):
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("operating", "stages", "bearings", "sections", "discs", "sensors", "notes"):
+        for name in (*TABLES.values(), "notes"):
             object.__setattr__(self, name, tuple(getattr(self, name)))
         if not self.operating:
             raise FieldError("operating", "must hold at least one operating point")
@@ -336,20 +345,8 @@ class Machine(Result):
         dict
             `load_machine` makes the machine of it again.
         """
-        tables = self._tables.items()
-        return {"name": self.name} | {name: list(map(_filled, own)) for name, own in tables if own}
-
-    @property
-    def _tables(self) -> dict[str, tuple[Any, ...]]:
-        """The parts by the names of their tables in a machine file."""
-        return {
-            "operating": self.operating,
-            "stage": self.stages,
-            "shaft": self.sections,
-            "bearing": self.bearings,
-            "disc": self.discs,
-            "sensor": self.sensors,
-        }
+        tables = {table: list(map(_filled, getattr(self, own))) for table, own in TABLES.items()}
+        return {"name": self.name} | {table: parts for table, parts in tables.items() if parts}
 
     @property
     def shaft_count(self) -> int:
@@ -372,7 +369,7 @@ class Machine(Result):
     def _check_places(self) -> None:
         """Refuse what sits on a shaft or in a stage that is not there, or beyond a shaft's end."""
         for name in ("bearing", "sensor", "shaft", "disc"):
-            for number, part in enumerate(self._tables[name], start=1):
+            for number, part in enumerate(getattr(self, TABLES[name]), start=1):
                 where = f"{name}[{number}]"
                 if part.shaft is None:
                     self._check_planet_stage(f"{where}.planet_stage", part.planet_stage)
@@ -389,12 +386,11 @@ class Machine(Result):
                 self._check_place(f"stage[{number}].{key}", shaft, getattr(stage, key))
 
     def _check_columns(self) -> None:
-        columns: dict[str | int, int] = {}
-        for number, sensor in enumerate(self.sensors, start=1):
-            earlier = columns.setdefault(sensor.column, number)
-            if earlier != number:
-                reason = f"is also the column of sensor[{earlier}]"
-                raise FieldError(f"sensor[{number}].column", reason, sensor.column)
+        columns = [sensor.column for sensor in self.sensors]
+        for number, column in enumerate(columns):
+            if (earlier := columns.index(column)) < number:
+                reason = f"is also the column of sensor[{earlier + 1}]"
+                raise FieldError(f"sensor[{number + 1}].column", reason, column)
 
     def _check_place(self, key: str, shaft: int, position_mm: float | None) -> None:
         length = sum(own.length_mm for own in self.sections if own.shaft == shaft)
@@ -411,9 +407,7 @@ class Machine(Result):
 
 def _filled(part: Any) -> dict[str, Any]:
     """Return what is told of a part, as the keys of its table."""
-    told = {own.name: getattr(part, own.name) for own in fields(part) if own.init}
-    defaults = {own.name: own.default for own in fields(part)}
+    told = {own.name: getattr(part, own.name) for own in fields(part)}
+    usual = {own.name: own.default for own in fields(part)}
     kind = {"kind": part.kind} if isinstance(part, Stage) else {}
-    return kind | {
-        name: value for name, value in told.items() if value is not None and value != defaults[name]
-    }
+    return kind | {name: own for name, own in told.items() if own not in (None, usual[name])}

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias, TypeVar
 from gearmon.errors import ArgumentError, MachineFileError, nearest_name
 from gearmon.machine.fields import FieldError, shown_value
 from gearmon.machine.parts import (
+    TABLES,
     Bearing,
     Disc,
     Machine,
@@ -27,8 +28,12 @@ from gearmon.machine.stages import ParallelStage, PlanetaryStage
 
 LARGEST_FILE_BYTES = 1 << 20
 
-_TABLE = re.compile(r"^\s*(\[\[?)\s*([A-Za-z0-9_-]+)\s*\]\]?\s*(#.*)?$")
-_KEY = re.compile(r"""^\s*(["']?)([A-Za-z0-9_-]+)\1\s*=""")
+# A text of several lines, which holds no keys; the head of a table; a key.
+_PLACE = re.compile(
+    r"""(?s:(\"{3}|'{3}).*?(?:\1|\Z))|^[ \t]*(\[\[?)[ \t]*([\w-]+)[ \t]*\]\]?[ \t]*(?:#.*)?$"""
+    r"""|^[ \t]*(["']?)([\w-]+)\4[ \t]*=""",
+    re.ASCII | re.MULTILINE,
+)
 _POSITION = re.compile(r"^(.*?)\s*\(at (?:line (\d+), column (\d+)|end of document)\)$", re.DOTALL)
 _DECIMAL_COMMA = re.compile(r"=\s*[+-]?\d+,\d")
 
@@ -85,44 +90,38 @@ def key_lines(text: str) -> dict[str, int]:
     found: dict[str, int] = {}
     counts: Counter[str] = Counter()
     prefix = ""
-    inside_string = False
-    for number, line in enumerate(text.splitlines(), start=1):
-        quotes = line.count('"""') + line.count("'''")
-        if inside_string:
-            inside_string = quotes % 2 == 0
-            continue
-        inside_string = quotes % 2 == 1
-        if header := _TABLE.match(line):
-            label = header[2]
-            if header[1] == "[[":
-                counts[label] += 1
-                label = f"{label}[{counts[label]}]"
-            found.setdefault(label, number)
+    for place in _PLACE.finditer(text.replace("\r", "")):
+        _, brackets, label, _, key = place.groups()
+        if brackets == "[[":
+            counts[label] += 1
+            label = f"{label}[{counts[label]}]"
+        if label:
             prefix = f"{label}."
-        elif key := _KEY.match(line):
-            found.setdefault(prefix + key[2], number)
+        if label or key:
+            line = place.string.count("\n", 0, place.start()) + 1
+            found.setdefault(label or prefix + key, line)
     return found
 
 
 def _read_bytes(path: Path, shown: str) -> bytes:
     try:
-        if path.is_dir():
-            raise MachineFileError(f"{shown}: is a folder; give the name of a machine file (TOML)")
-        if path.exists() and not path.is_file():
-            raise MachineFileError(f"{shown}: is not an ordinary file")
-        if (size := path.stat().st_size) > LARGEST_FILE_BYTES:
-            reason = f"has {size / 1e6:.1f} MB; a machine file is a short text (at most 1 MB)"
-            raise MachineFileError(f"{shown}: {reason}")
-        return path.read_bytes()
+        size, ordinary = path.stat().st_size, path.is_file()
+        data = path.read_bytes() if ordinary and size <= LARGEST_FILE_BYTES else b""
     except FileNotFoundError:
         hint = "; give the name of a TOML file, standard input is not taken" if shown == "-" else ""
         raise MachineFileError(f"{shown}: no such file{hint}") from None
     except OSError as error:
         raise MachineFileError(f"{shown}: cannot be read ({error.strerror})") from None
-    except MachineFileError:
-        raise
     except ValueError as error:
         raise MachineFileError(f"{shown!r}: is not the name of a file ({error})") from None
+    if path.is_dir():
+        raise MachineFileError(f"{shown}: is a folder; give the name of a machine file (TOML)")
+    if not ordinary:
+        raise MachineFileError(f"{shown}: is not an ordinary file")
+    if size > LARGEST_FILE_BYTES:
+        reason = f"has {size / 1e6:.1f} MB; a machine file is a short text (at most 1 MB)"
+        raise MachineFileError(f"{shown}: {reason}")
+    return data
 
 
 def _decoded(shown: str, data: bytes) -> str:
@@ -182,16 +181,14 @@ def _one_line(text: str) -> str:
 
 STAGE_KINDS: dict[str, type[Stage]] = {"parallel": ParallelStage, "planetary": PlanetaryStage}
 
-_TOP_KEYS = ("name", "operating", "stage", "shaft", "bearing", "disc", "sensor")
-_HOMES: dict[str, type] = {
-    "[operating]": OperatingPoint,
-    "[[bearing]]": Bearing,
-    "[[sensor]]": Sensor,
-    "[[shaft]]": ShaftSection,
-    "[[disc]]": Disc,
-    '[[stage]] with kind = "parallel"': ParallelStage,
-    '[[stage]] with kind = "planetary"': PlanetaryStage,
-}
+#: Parts that a machine may have, by the names of their tables.
+_PARTS = {"bearing": Bearing, "sensor": Sensor, "shaft": ShaftSection, "disc": Disc}
+_TOP_KEYS = ("name", *TABLES)
+_HOMES: dict[str, type] = (
+    {"[operating]": OperatingPoint}
+    | {f"[[{table}]]": part for table, part in _PARTS.items()}
+    | {f'[[stage]] with kind = "{kind}"': part for kind, part in STAGE_KINDS.items()}
+)
 
 MOST_KEYS_LISTED = 10
 
@@ -269,6 +266,10 @@ def _machine(source: MachineSource) -> Machine:
     refuse_unknown_keys(source, source.document, _TOP_KEYS, "")
     name = source.document.get("name", Path(source.path).stem or "machine")
     stages, notes = _stages(source)
+    parts: dict[str, Any] = {
+        TABLES[table]: [read_part(source, part, *own) for own in read_tables(source, table)]
+        for table, part in _PARTS.items()
+    }
     try:
         if not isinstance(name, str) or not name.strip() or not name.isprintable():
             raise FieldError("name", "must be one line of text in quotes", name)
@@ -276,10 +277,7 @@ def _machine(source: MachineSource) -> Machine:
             name=name,
             operating=_operating_points(source),
             stages=stages,
-            bearings=_parts(source, "bearing", Bearing),
-            sections=_parts(source, "shaft", ShaftSection),
-            discs=_parts(source, "disc", Disc),
-            sensors=_parts(source, "sensor", Sensor),
+            **parts,
             path=source.path,
             notes=notes,
         )
@@ -305,29 +303,23 @@ def _stages(source: MachineSource) -> tuple[tuple[Stage, ...], tuple[str, ...]]:
     if not tables:
         example = '[[stage]] with kind = "parallel", pinion_teeth = 26, gear_teeth = 53'
         raise source.error("", f"lacks a stage; write {example}")
-    stages: list[Stage] = []
-    notes: list[str] = []
-    for number, (label, table) in enumerate(tables, start=1):
-        stage, remarks = _stage(source, label, dict(table))
-        stages.append(stage)
-        notes += [f"stage {number}: {remark}" for remark in remarks]
-    return tuple(stages), tuple(notes)
+    stages, remarks = zip(*(_stage(source, *own) for own in tables), strict=True)
+    notes = [f"stage {n}: {told}" for n, own in enumerate(remarks, start=1) for told in own]
+    return stages, tuple(notes)
 
 
 def _stage(source: MachineSource, label: str, table: dict[str, Any]) -> tuple[Stage, list[str]]:
-    kind = table.pop("kind", None)
+    kind = table.get("kind")
     if kind is None:
         raise source.error(label, f'{label} lacks kind; write kind = "parallel" or "planetary"')
     if not isinstance(kind, str) or kind not in STAGE_KINDS:
         message = f'{label}.kind = {shown_value(kind)} must be "parallel" or "planetary"'
         raise source.error(f"{label}.kind", message)
-    remarks: list[str] = []
-    if kind == "planetary" and "planet_teeth" not in table:
-        remarks = _derive_planet_teeth(source, label, table)
-    stage = read_part(source, STAGE_KINDS[kind], label, table)
-    if isinstance(stage, PlanetaryStage):
-        remarks += stage.notes
-    return stage, remarks
+    given, remarks = {key: own for key, own in table.items() if key != "kind"}, []
+    if kind == "planetary" and "planet_teeth" not in given:
+        remarks = _derive_planet_teeth(source, label, given)
+    stage = read_part(source, STAGE_KINDS[kind], label, given)
+    return stage, [*remarks, *(stage.notes if isinstance(stage, PlanetaryStage) else ())]
 
 
 def _derive_planet_teeth(source: MachineSource, label: str, table: dict[str, Any]) -> list[str]:
@@ -341,10 +333,6 @@ def _derive_planet_teeth(source: MachineSource, label: str, table: dict[str, Any
         raise source.error(label, f"{label} lacks planet_teeth, and {reason}: give planet_teeth")
     table["planet_teeth"] = planet
     return [f"planet_teeth = {planet} taken from (ring_teeth - sun_teeth) / 2"]
-
-
-def _parts(source: MachineSource, table: str, part: type[_Part]) -> tuple[_Part, ...]:
-    return tuple(read_part(source, part, label, keys) for label, keys in read_tables(source, table))
 
 
 def read_tables(

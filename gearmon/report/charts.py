@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.history import ChangePoint, HistoryTrends
+from gearmon.diagnosis.history.changes import ChangePoint
+from gearmon.diagnosis.history.trends import HistoryTrends
 from gearmon.diagnosis.results import Analysis
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
@@ -421,8 +422,8 @@ def history_charts(
         for number, name in enumerate(sorted(set(of.tolist())))
     ]
     named = {"name": "history-score", "title": "Evidence of a fault", "value": "Score"}
-    rose = _changes(found.evidence.changes if found.evidence else ())
-    charts.append(shared | named | {"curves": scored, "changes": rose})
+    rose = {"curves": scored, "changes": _changes(found.evidence.changes)}
+    charts.append(shared | named | rose)
     words = [f"{printable(entry.recording)}: {entry.verdict}" for entry in entries]
     return {"channels": [], "speed_hz": 0.0, "lines": None, "told": words, "charts": charts}
 

@@ -10,7 +10,8 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-from gearmon.diagnosis.history import SECONDS_PER_DAY, ChangePoint, HistoryTrends, ToothTrend
+from gearmon.diagnosis.history.changes import ChangePoint
+from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
 from gearmon.report import plots
 from gearmon.report.history_text import told_teeth
 from gearmon.report.wording import counted, gear_text
@@ -68,17 +69,17 @@ def _days(time_s: Any) -> Any:
 
 def _losses(found: HistoryTrends, ax: Axes) -> None:
     shown = told_teeth(found)[:_MOST_TEETH]
-    new = [tooth for tooth in _newly_lost(found) if tooth not in shown][: _MOST_TEETH - len(shown)]
-    others = [tooth for tooth in found.teeth if tooth not in (*shown, *new)]
+    new = [tooth for tooth in _newly_lost(found) if tooth not in shown]
+    drawn = [*shown, *new][:_MOST_TEETH]
+    others = [tooth for tooth in found.teeth if tooth not in drawn]
     for number, tooth in enumerate(others[:_MOST_OTHERS]):
-        series = tooth.trend.series
-        label = "_" if number else _others_label(others, bool(shown or new))
+        label = "_" if number else _others_label(others, bool(drawn))
         how: dict[str, Any] = {"color": plots.GREY, "linewidth": 0.5, "zorder": 1, "label": label}
-        ax.plot(_days(series.time_s), 100 * series.value, **how)
-    for number, tooth in enumerate(shown):
-        _one_loss(tooth, number, ax)
-    for number, tooth in enumerate(new, start=len(shown)):
-        _estimates(tooth, number, ", not yet over several recordings", ax)
+        ax.plot(_days(tooth.trend.series.time_s), 100 * tooth.trend.series.value, **how)
+    for number, tooth in enumerate(drawn):
+        _estimates(tooth, number, "" if tooth in shown else ", not yet over several recordings", ax)
+        if tooth in shown:
+            _trend(tooth, plots.series_colour(number), ax)
     if found.limit is not None:
         ax.axhline(100 * found.limit, label="limit", **_LIMIT)
     # what sound teeth seem to lose is next to nothing, and is not to fill the picture
@@ -98,10 +99,14 @@ def _others_label(others: Sequence[ToothTrend], beside_shown: bool) -> str:
 def _newly_lost(found: HistoryTrends) -> list[ToothTrend]:
     """Return what the newest recording calls lost, however few recordings do."""
     newest = found.history.entries[-1]
-    if newest.verdict != "fault":
-        return []
-    seen = [own for own in found.teeth if own.trend.series.time_s[-1] == newest.time_s]
-    return sorted((own for own in seen if own.low[-1] > 0), key=lambda own: -own.low[-1])
+    lost = [
+        own
+        for own in found.teeth
+        if newest.verdict == "fault"
+        and own.trend.series.time_s[-1] == newest.time_s
+        and own.low[-1] > 0
+    ]
+    return sorted(lost, key=lambda own: -own.low[-1])
 
 
 def _estimates(tooth: ToothTrend, number: int, more: str, ax: Axes) -> None:
@@ -114,51 +119,32 @@ def _estimates(tooth: ToothTrend, number: int, more: str, ax: Axes) -> None:
     ax.errorbar(_days(series.time_s), 100 * series.value, yerr=100 * reach, **how)
 
 
-def _one_loss(tooth: ToothTrend, number: int, ax: Axes) -> None:
-    _estimates(tooth, number, "", ax)
-    series, colour = tooth.trend.series, plots.series_colour(number)
-    start, now = float(series.time_s[0]), float(series.time_s[-1])
-    crossing, end = tooth.crossing, now
-    if crossing is not None and crossing.status == "ahead" and crossing.time_s is not None:
-        end = min(crossing.time_s, now + _AHEAD * (now - start))
-    if end > start:
-        _trend(tooth, start, end, colour, ax)
+def _trend(tooth: ToothTrend, colour: str, ax: Axes) -> None:
+    """Draw the trend, dotted from the last recording to the limit, and when it changed."""
+    start, now = tooth.trend.series.time_s[[0, -1]].tolist()
+    last, crossing, end = now + _AHEAD * (now - start), tooth.crossing, now
     if crossing is not None and crossing.time_s is not None and tooth.limit is not None:
-        last = now + _AHEAD * (now - start)
+        end = max(now, min(crossing.time_s, last))
         late = last if crossing.high_s is None else crossing.high_s
         early = crossing.time_s if crossing.low_s is None else crossing.low_s
-        ax.plot(
-            _days(np.minimum([early, late], last)),
-            [100 * tooth.limit] * 2,
-            color=colour,
-            linewidth=2.6,
-            solid_capstyle="butt",
-            label="when the limit is reached",
-        )
-
-
-def _trend(tooth: ToothTrend, start: float, end: float, colour: str, ax: Axes) -> None:
-    """Draw the trend up to `end`, dotted after the last recording, and when it changed."""
-    now = float(tooth.trend.series.time_s[-1])
+        bar: dict[str, Any] = {"linewidth": 2.6, "solid_capstyle": "butt", "color": colour}
+        reached = _days(np.minimum([early, late], last))
+        ax.plot(reached, [100 * tooth.limit] * 2, label="when the limit is reached", **bar)
+    if end == start:
+        return
     times = np.union1d(np.linspace(start, end, 300), [c.time_s for c in tooth.trend.changes])
     value, low, high = tooth.trend.at(times)
     behind = times <= now
     ax.plot(_days(times[behind]), 100 * value[behind], color=colour, linewidth=1.0)
     ax.plot(_days(times[~behind]), 100 * value[~behind], color=colour, linewidth=0.9, linestyle=":")
     if np.isfinite(low).all() and np.isfinite(high).all():
-        ax.fill_between(
-            _days(times),
-            100 * np.maximum(low, np.minimum(value, 0.0)),
-            100 * high,
-            color=colour,
-            alpha=0.16,
-            linewidth=0,
-            zorder=0,
-            label=f"trend, {100 * tooth.trend.level:.3g} % interval",
-        )
+        foot = np.maximum(low, np.minimum(value, 0.0))
+        shade: dict[str, Any] = {"color": colour, "alpha": 0.16, "linewidth": 0, "zorder": 0}
+        shade["label"] = f"trend, {100 * tooth.trend.level:.3g} % interval"
+        ax.fill_between(_days(times), 100 * foot, 100 * high, **shade)
     # the interval of the time stands at the foot: full height would hide what is drawn there
-    foot = {"color": colour, "alpha": 0.35, "ymax": 0.04}
-    _mark_changes(tooth.trend.changes, "loss changed (interval at the foot)", foot, ax)
+    interval = {"color": colour, "alpha": 0.35, "ymax": 0.04}
+    _mark_changes(tooth.trend.changes, "loss changed (interval at the foot)", interval, ax)
 
 
 def _mark_changes(
@@ -176,9 +162,8 @@ def _scores(found: HistoryTrends, ax: Axes) -> None:
     times = _days([entry.time_s for entry in entries])
     verdicts = [entry.verdict for entry in entries]
     plots.plot_verdicts(times, [entry.score for entry in entries], verdicts, ax, 4)
-    if found.evidence:
-        shade = {"color": plots.GREY, "alpha": 0.2}
-        _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, ax)
+    shade = {"color": plots.GREY, "alpha": 0.2}
+    _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, ax)
     ax.set_ylabel("Score (−log₁₀ p)")
     low, high = ax.get_ylim()
     ax.set_ylim(min(0.0, low), max(high, _LEAST_SCORE))

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from datetime import UTC, datetime
 
-from gearmon.diagnosis.history import (
-    SECONDS_PER_DAY,
-    ChangePoint,
-    Crossing,
-    Entry,
-    HistoryTrends,
-    ToothTrend,
-)
-from gearmon.diagnosis.history.changes import STRAIGHT
+from gearmon.diagnosis.history.changes import FEWEST, STRAIGHT, ChangePoint
+from gearmon.diagnosis.history.entries import Entry
+from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, Crossing, HistoryTrends, ToothTrend
 from gearmon.report import wording
 
 #: Histories shorter than this are told by the minute, longer ones by the day.
@@ -33,28 +28,27 @@ def history_lines(found: HistoryTrends) -> list[str]:
     -------
     list of str
     """
-    history = found.history
-    fine = _fine(found)
-    title = f"{wording.printable(history.machine) or 'machine without a name'}: "
-    lines = [title + wording.counted(len(history.entries), "recording") + ", times in UTC"]
-    lines += wording.table_lines(
-        [
-            {
-                "time": moment_text(entry.time_s, fine=True),
-                "recording": wording.printable(entry.recording),
-                "verdict": entry.verdict,
-                "score": round(entry.score, 2) + 0.0,
-                "finding": wording.printable(finding_text(found, entry)),
-            }
-            for entry in history.entries
-        ]
-    )
-    lines += ["", began_line(found)]
-    told = told_teeth(found)
-    for tooth in told:
-        lines += tooth_lines(tooth, fine=fine)
-    lines += _others_line(found, len(told))
-    return lines + [f"note: {note}" for note in found.notes]
+    entries, fine, told = found.history.entries, _fine(found), told_teeth(found)
+    name = wording.printable(found.history.machine) or "machine without a name"
+    rows = [
+        {
+            "time": moment_text(entry.time_s),
+            "recording": wording.printable(entry.recording),
+            "verdict": entry.verdict,
+            "score": round(entry.score, 2) + 0.0,
+            "finding": wording.printable(finding_text(found, entry)),
+        }
+        for entry in entries
+    ]
+    return [
+        f"{name}: {wording.counted(len(entries), 'recording')}, times in UTC",
+        *wording.table_lines(rows),
+        "",
+        began_line(found),
+        *(line for tooth in told for line in tooth_lines(tooth, fine=fine)),
+        *_others_lines(found, len(told)),
+        *(f"note: {note}" for note in found.notes),
+    ]
 
 
 def finding_text(found: HistoryTrends, entry: Entry) -> str:
@@ -71,15 +65,13 @@ def finding_text(found: HistoryTrends, entry: Entry) -> str:
     str
         Empty if nothing was found.
     """
-    parts = [*entry.findings[:1]]
     crossing = found.forecasts.get(entry.time_s)
-    if not parts and crossing is not None:
-        parts.append("trend of a tooth")
-    if crossing is not None and crossing.status == "reached":
-        parts.append("limit reached")
-    elif crossing is not None and crossing.time_s is not None:
-        parts.append(f"limit about {moment_text(crossing.time_s, _fine(found))}")
-    return "; ".join(parts)
+    if crossing is None:
+        return "".join(entry.findings[:1])
+    when = "reached"
+    if crossing.status != "reached" and crossing.time_s is not None:
+        when = f"about {moment_text(crossing.time_s, _fine(found))}"
+    return f"{[*entry.findings, 'trend of a tooth'][0]}; limit {when}"
 
 
 def told_teeth(found: HistoryTrends) -> list[ToothTrend]:
@@ -87,57 +79,43 @@ def told_teeth(found: HistoryTrends) -> list[ToothTrend]:
 
     What one damaged tooth does to a gear raises the estimates of its other teeth too.
     """
-    gears: dict[tuple[int, str], list[ToothTrend]] = {}
-    for tooth in found.shown:
-        gears.setdefault((tooth.stage, tooth.gear), []).append(tooth)
-    most = {
-        id(max(teeth, key=lambda tooth: (tooth.risen, tooth.now[0]))) for teeth in gears.values()
-    }
-    return [
-        tooth
-        for tooth in found.shown
-        if id(tooth) in most or (tooth.crossing is not None and tooth.crossing.status == "reached")
-    ]
+    most: dict[tuple[int, str], ToothTrend] = {}
+    for tooth in sorted(found.shown, key=lambda tooth: (tooth.risen, tooth.now[0]), reverse=True):
+        most.setdefault((tooth.stage, tooth.gear), tooth)
+    return [tooth for tooth in found.shown if tooth in most.values() or tooth.reached]
 
 
-def _others_line(found: HistoryTrends, told: int) -> list[str]:
+def _others_lines(found: HistoryTrends, told: int) -> Iterator[str]:
     """Tell of the teeth that are not told of one by one."""
-    if not found.teeth:
-        return []
-    lines = []
-    left_out = len(found.shown) - told
+    left_out, sound = len(found.shown) - told, len(found.teeth) - len(found.shown)
     if left_out:
-        lines.append(
+        yield (
             f"{wording.counted(left_out, 'other tooth', 'other teeth')} of the same gears stand "
             "out too, as they do where one tooth is damaged; --json and the files of -o have them "
             "all"
         )
-    sound = len(found.teeth) - len(found.shown)
     if sound:
         whole = all(tooth.tooth is None for tooth in found.teeth)
-        what = wording.counted(sound, "gear") if whole else wording.counted(sound, "tooth", "teeth")
-        lines.append(
-            f"{what} followed without a loss that stands clear of its noise and of zero over "
-            "several recordings"
+        words = ("gear", "gears") if whole else ("tooth", "teeth")
+        yield (
+            f"{wording.counted(sound, *words)} followed without a loss that stands clear of its "
+            "noise and of zero over several recordings"
         )
-    return lines
 
 
 def began_line(found: HistoryTrends) -> str:
     """Tell when the evidence began to rise."""
-    if found.evidence is None:
+    if len(found.evidence.series) < FEWEST:
         return "evidence: too few recordings to say whether it changed"
     if not found.evidence.changes:
         return "evidence: no change that chance would not make as well"
-    told = [
-        change_text(change, fine=_fine(found), growth=("rises", "falls"))
-        for change in found.evidence.changes
-    ]
-    older = "; what causes it may be older than what shows" if found.began is not None else ""
-    return f"evidence: {'; then '.join(told)}{older}"
+    (change,) = found.evidence.changes  # one at most is looked for
+    older = "; what causes it may be older than what shows" if found.began else ""
+    words = change_text(change, fine=_fine(found), growth=("rises", "falls"))
+    return f"evidence: {words}{older}"
 
 
-def tooth_lines(tooth: ToothTrend, *, fine: bool) -> list[str]:
+def tooth_lines(tooth: ToothTrend, *, fine: bool) -> Iterator[str]:
     """Tell the trend of a tooth: loss now, when it began, rate, margin and limit.
 
     Parameters
@@ -146,43 +124,39 @@ def tooth_lines(tooth: ToothTrend, *, fine: bool) -> list[str]:
     fine : bool
         Whether times are told by the minute.
 
-    Returns
-    -------
-    list of str
+    Yields
+    ------
+    str
     """
     place = wording.gear_text(tooth.stage, tooth.gear, tooth.tooth)
-    value, low, high = tooth.now
-    lines = [f"{place}: loss of pair stiffness now {_interval(value, low, high)}"]
-    unseen = tooth.low[0] <= 0
-    for number, change in enumerate(tooth.trend.changes):
+    yield f"{place}: loss of pair stiffness now {_interval(*tooth.now)}"
+    changes, unseen = tooth.trend.changes, tooth.low[0] <= 0
+    for number, change in enumerate(changes):
         # growth that starts slowly is older than what shows of it
         rise = "shows and grows" if number == 0 and unseen else "grows"
-        lines.append(f"  {change_text(change, fine=fine, growth=(rise, 'shrinks'))}")
-    rises = [change for change in tooth.trend.changes if change.size > 0]
-    if rises and unseen:
+        yield f"  {change_text(change, fine=fine, growth=(rise, 'shrinks'))}"
+    if unseen and any(change.size > 0 for change in changes):
         missed = wording.percent(tooth.trend.missed, 1)
-        lines.append(
+        yield (
             f"  where none was found, a loss of up to {missed} may have been missed: it may have "
             "begun earlier"
         )
-    if not tooth.trend.changes:
-        lines.append("  no change that chance would not make as well")
+    if not changes:
+        yield "  no change that chance would not make as well"
     if tooth.trend.grows:
         rate = [SECONDS_PER_DAY * x for x in tooth.trend.rate()]
-        lines.append(f"  rate {_interval(*rate, signed=True)} a day")
+        yield f"  rate {_interval(*rate, signed=True)} a day"
     margin, crossing = tooth.margin, tooth.crossing
     if margin is not None and crossing is not None and tooth.limit is not None:
-        lines.append(f"  margin to the limit of {100 * tooth.limit:.3g} %: {_interval(*margin)}")
-        lines.append(f"  limit: {crossing_text(crossing, fine=fine)}")
-    return lines
+        yield f"  margin to the limit of {100 * tooth.limit:.3g} %: {_interval(*margin)}"
+        yield f"  limit: {crossing_text(crossing, fine=fine)}"
 
 
 def change_text(change: ChangePoint, *, fine: bool, growth: tuple[str, str]) -> str:
     """Tell a change: what, since when, with interval and probability."""
-    if change.kind == "growth":
-        what = f"{growth[0] if change.size > 0 else growth[1]} since"
-    else:
-        what = f"{'jumped up' if change.size > 0 else 'fell'} at"
+    (up, down), since = (
+        (growth, "since") if change.kind == "growth" else (("jumped up", "fell"), "at")
+    )
     low = "before the first recording" if change.open_before else moment_text(change.low_s, fine)
     course = change.growth if change.kind == "growth" else STRAIGHT
     bent = ", at once and then on" if course.jump else ""
@@ -190,7 +164,7 @@ def change_text(change: ChangePoint, *, fine: bool, growth: tuple[str, str]) -> 
         slower = course.folds < 0 or (course.exponent < 1 and not course.folds)
         bent += ", slower and slower" if slower else ", faster and faster"
     return (
-        f"{what} {moment_text(change.time_s, fine)}{bent} "
+        f"{up if change.size > 0 else down} {since} {moment_text(change.time_s, fine)}{bent} "
         f"(between {low} and {moment_text(change.high_s, fine)}; false-alarm probability "
         f"{wording.probability_text(change.false_alarm_probability)})"
     )

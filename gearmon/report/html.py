@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from gearmon.diagnosis.history import HistoryTrends
+from gearmon.diagnosis.history.trends import HistoryTrends
 from gearmon.diagnosis.results import Analysis
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically

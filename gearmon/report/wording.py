@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import base64
-import csv
-import io
 import json
 import math
 import sys
@@ -14,7 +12,7 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from gearmon import __version__
-from gearmon.files import table_cell
+from gearmon.files import rows_as_csv as rows_as_csv
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -217,27 +215,6 @@ def cell_text(value: Any) -> str:
     if value is None:
         return ""
     return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
-    """Return rows as CSV text with a header.
-
-    Parameters
-    ----------
-    rows : sequence of dict
-        Rows with the same keys.
-
-    Returns
-    -------
-    str
-        None is an empty field; see `gearmon.files.table_cell`.
-    """
-    text = io.StringIO()
-    if rows:
-        writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(map(table_cell, rows[0]))
-        writer.writerows([table_cell(row.get(name)) for name in rows[0]] for row in rows)
-    return text.getvalue()
 
 
 def template(name: str, package: str = "gearmon.report", **known: Any) -> Template:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import signal
+import sys
 from collections.abc import Callable, Sequence
 from typing import Any, TypeVar
 
@@ -63,6 +65,25 @@ def cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def alone_on_a_core(parent: int) -> None:
+    """Keep a process to one core; Ctrl-C is for who began it, and it goes when that is killed.
+
+    Parameters
+    ----------
+    parent : int
+        Number of the process that began it.
+    """
+    os.environ[THREADS] = "1"
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if sys.platform == "linux":
+        import ctypes
+
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+        if os.getppid() != parent:
+            os._exit(1)
 
 
 def at_once(one: Callable[[], Found], other: Callable[[], Other], work: int) -> tuple[Found, Other]:

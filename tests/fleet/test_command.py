@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sys
 
 import pytest
 
@@ -65,6 +66,12 @@ def test_what_makes_no_sense_is_refused(folder, monkeypatch, capsys, words, mess
     monkeypatch.chdir(folder)
     assert main(["fleet", *words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_pages_without_their_libraries_are_refused(folder, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "gearmon.fleet.pages", None)
+    assert main(["fleet", "serve", str(folder / "fleet.toml")]) == 2
+    assert "pip install 'gearmon[web]'" in capsys.readouterr().err
 
 
 def test_a_folder_that_fsspec_reaches(folder, tmp_path):

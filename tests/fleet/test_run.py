@@ -106,6 +106,28 @@ def test_two_files_of_one_machine_and_time_are_said(tmp_path):
     assert "same machine and time" in next(iter(run.refused.values()))
 
 
+def test_another_file_of_a_time_that_the_history_knows_is_refused(tmp_path):
+    fleet = made_fleet(tmp_path)
+    first = arrive(tmp_path, "a_{}.txt", "0.1")
+    run_fleet(fleet, at_once)
+    first.unlink()
+    arrive(tmp_path, "a_{}_hay.txt", "0.2")
+    (why,) = run_fleet(fleet, at_once).failed.values()
+    assert "already" in why
+    assert [own.score for own in read_history(fleet.store, "a").entries] == [0.1]
+
+
+def test_a_recording_that_the_history_lacks_is_said(tmp_path):
+    fleet = made_fleet(tmp_path)
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    run_fleet(fleet, at_once)
+    with closing(sqlite3.connect(fleet.store)) as store:
+        store.execute("DELETE FROM recordings")
+        store.commit()
+    with pytest.raises(SignatureError, match="a recording of 'a' is missing"):
+        rank(fleet)
+
+
 NAMES = (b"\xff\xfe", b"new\nline", b"$HOME", b"<script>", b"'; DROP TABLE ledger;--", b"x" * 230)
 
 
@@ -114,7 +136,7 @@ def test_hostile_names_are_taken_or_refused(tmp_path):
     inbox, hour_ago = os.fsencode(tmp_path / "inbox"), time.time() - 3600
     taken = [b"a_2026-03-%02d%s.txt" % (day, name) for day, name in enumerate(NAMES, 1)]
     refused = [b"evil.txt", b"\n\xff.txt", b"a_2026-02-31.txt", b"a_2026-03-01.txt"]
-    for name in (*taken, *refused):
+    for name in (*taken, *refused, b".a_2026-03-20.txt"):  # hidden ones are passed over
         path = os.path.join(inbox, name)
         with open(path, "w") as file:
             file.write("0.1")
@@ -208,7 +230,7 @@ def test_a_folder_that_cannot_be_reached_is_said(tmp_path):
     made_fleet(tmp_path)
     text = (tmp_path / "fleet.toml").read_text().replace("'inbox'", "'nowhere://inbox'")
     (tmp_path / "fleet.toml").write_text(text)
-    with pytest.raises(ArgumentError, match=r'"nowhere://inbox": cannot be reached \(Protocol'):
+    with pytest.raises(ArgumentError, match=r'"nowhere://inbox": cannot be read \(Protocol'):
         run_fleet(read_fleet(tmp_path / "fleet.toml"), at_once)
 
 
@@ -232,7 +254,7 @@ def test_a_folder_that_is_gone_by_now_is_said(tmp_path):
 @pytest.mark.parametrize(
     ("key", "value", "message"),
     [
-        ("results", "machine.toml", "machine.toml: is no folder"),
+        ("results", "machine.toml", r"machine.toml: cannot make this folder \(File exists\)"),
         ("store", "nowhere/fleet.db", "fleet.db.lock: cannot write there"),
     ],
 )
@@ -293,7 +315,8 @@ def test_a_recording_that_kills_its_process_is_isolated(tmp_path, monkeypatch):
         ("recordings = 'inbox'", "recordings = 'outbox'", "is no folder"),
         ("file = 'machine.toml'", "file = 'none.toml'", "no such file"),
         ("file = 'machine.toml'", "file = 3", "must be text in quotes"),
-        ("[defaults]", "store = 's3://b/fleet.db'\n[defaults]", "must be on this computer"),
+        ("[defaults]", "store = 's3://b/fleet.db'\n[defaults]", "and lie on this computer"),
+        ("[defaults]", "results = 3\n[defaults]", "results = 3 must be text in quotes"),
         ("recordings = 'inbox'", "recordings = ''", "is no folder"),
         ("[defaults]", "[[defaults]]\n[[defaults]]", "defaults must be one table"),
         (PATTERN, "(?P<day>.*)", "must have the group"),
@@ -399,6 +422,7 @@ CELLS = [
     ("latest", "verdict", "healthy"),
     ("latest", "scores", 1 << 60),
     ("recordings", "verdict", "healthy"),
+    ("recordings", "places", "[]"),
 ]
 
 
@@ -549,8 +573,8 @@ def test_a_store_of_an_earlier_version_is_refused(tmp_path):
     arrive(tmp_path, "a_{}.txt", "fault 0.1")
     run_fleet(fleet, at_once)
     with closing(sqlite3.connect(fleet.store)) as store:
-        store.execute("PRAGMA user_version = 3")
+        store.execute("PRAGMA user_version = 4")
         store.commit()
     for again in (rank, lambda own: run_fleet(own, at_once)):
-        with pytest.raises(SignatureError, match=r"has schema 3.*analyse the recordings anew"):
+        with pytest.raises(SignatureError, match=r"has schema 4.*analyse the recordings anew"):
             again(fleet)

@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.damage import size_for_loss, stiffness_loss
+from gearmon.gears.damage import measured_losses, size_for_loss, stiffness_loss
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.pulses import PulseTrain
@@ -255,3 +255,30 @@ def test_the_loss_by_a_spall_is_continuous_in_its_size(gear, place):
     lengths = [mean_loss(gear, f"spall:1:{{}}:4:5x{x}x0.2mm{place}") for x in (1e-6, 0.01, 0.011)]
     assert lengths[0] < 1e-5
     assert lengths[2] == pytest.approx(1.1 * lengths[1], rel=0.05)
+
+
+@given(st.floats(1.0, 29.0), st.floats(0.0, 1.0))
+def test_slices_of_a_helical_tooth_lose_by_a_spall_what_a_spall_through_the_face_costs(
+    width, place
+):
+    """And slices beside it nothing."""
+    face = HELICAL.face_width_mm
+    start = place * (face - width)
+    pair = teeth_of(mesh_pairs(HELICAL, 1)[0])
+    phase = np.linspace(0.05, 0.95, 40) * pair.contact_ratio
+
+    def lost(text, slice_mm):
+        share = slice_mm / face
+        return sum(
+            term.weight * term.pulse.at(phase)
+            for term in measured_losses([parse_fault(text)], pair, 0, is_helical=True)
+            if term.face_start <= share <= term.face_end
+        )
+
+    own = f"spall:1:pinion:4:{width:.9f}x1.2x0.3mm,from={start:.9f}"
+    through = lost(f"spall:1:pinion:4:{face}x1.2x0.3mm", 0.5 * face)
+    assert through.max() > 0.1
+    np.testing.assert_allclose(lost(own, start + 0.5 * width), through, rtol=1e-9, atol=1e-12)
+    for beside in (0.5 * start, 0.5 * (start + width + face)):
+        if abs(beside - start - 0.5 * width) > 0.5 * width + 1e-6:
+            assert np.all(lost(own, beside) == 0)

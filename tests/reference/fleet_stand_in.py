@@ -104,12 +104,4 @@ def content(fleet):
             told[table] = sorted(
                 tuple(v for name, v in zip(names, row, strict=True) if name != "id") for row in rows
             )
-        told["places"] = sorted(
-            store.execute(
-                "SELECT r.machine, r.time_s, p.* FROM places p JOIN recordings r "
-                "ON r.id = p.recording_id"
-            ),
-            key=repr,
-        )
-        told["places"] = [(*row[:2], *row[3:]) for row in told["places"]]
         return told

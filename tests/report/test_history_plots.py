@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import base64
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -75,6 +76,13 @@ def test_losses_limit_and_scores_are_drawn():
     _, low, high = found.teeth[0].trend.at(86400.0 * np.unique(drawn.vertices[:, 0]))
     assert drawn.vertices[:, 1].max() == pytest.approx(100 * high.max())
     assert drawn.vertices[:, 1].min() >= 100 * low.min() - 1e-9
+    crossing = found.teeth[0].crossing
+    (bar,) = [line for line in upper.lines if line.get_label() == "when the limit is reached"]
+    assert bar.get_ydata() == pytest.approx(30.0)
+    times = found.teeth[0].trend.series.time_s
+    ends = np.minimum([crossing.low_s, crossing.high_s], 2 * times[-1] - times[0])
+    assert bar.get_xdata() == pytest.approx(ends / 86400.0, abs=1e-6)
+    assert band.get_paths()[0].vertices[:, 0].max() == pytest.approx(crossing.time_s / 86400.0)
     begin = found.teeth[0].trend.changes[0].time_s / 86400.0
     assert any(np.allclose(line.get_xdata(), begin) for line in upper.lines)
 
@@ -98,6 +106,18 @@ def test_words_and_charts_tell_the_loss_in_percent_and_its_rate_a_day():
         for name, row in zip(("values", "low", "high"), rows, strict=True):
             numbers = np.frombuffer(base64.b64decode(curve[name]), dtype="<f4")
             np.testing.assert_allclose(numbers, 100 * np.asarray(row), rtol=1e-5, atol=1e-5)
+
+
+def test_what_the_newest_recording_calls_lost_has_a_colour():
+    kept = history(count=3).entries
+    place = Place(stage=1, gear="pinion", tooth=3, loss=0.3, loss_sigma=0.01)
+    newest = replace(kept[-1], verdict="fault", places=(*kept[-1].places[:2], place))
+    found = history_trends(History(machine="m", entries=(*kept[:-1], newest)), limit=0.2)
+    assert found.shown == ()
+    assert labels(history_figure(found)) >= {
+        "stage 1, pinion, tooth 3, not yet over several recordings",
+        "2 other teeth, no loss clear of noise",
+    }
 
 
 def test_losses_of_sound_teeth_do_not_fill_the_picture():

@@ -29,6 +29,8 @@ from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.law.state import FULL_LOAD
 from gearmon.diagnosis.nongear import NonGearFinding
+from gearmon.gears.kinematics import kinematics
+from gearmon.machine import Machine
 
 # Quantile of the broadband spectrum's changes that tells whether any part of it fell: with added
 # noise none falls by more than 0.6 dB in 67 simulated bearings, in 9 of 10 moved sensors by 2 dB.
@@ -155,6 +157,11 @@ def broadband_strength(broadband: LevelDeviation | None) -> float:
     return LIMITS.broadband_weight * (broadband.mean_square() - LIMITS.levels_offset)
 
 
+def score_of(strength: float) -> float:
+    """Score of a strength of evidence: log10(1 + 10^s), the strength itself where it is large."""
+    return float(np.logaddexp(0.0, strength * np.log(10.0)) / np.log(10.0))
+
+
 def rare_strength(log10_probabilities: Sequence[float]) -> float:
     """Strength of the least probable of some findings that are asked for beside the others."""
     least = min(log10_probabilities, default=0.0)
@@ -269,6 +276,34 @@ def noticed_from(gear: GearEvidence) -> float | None:
     peak = 1.0 + np.maximum(search.match.stands_out - _prior(gear), 0.0) / max(1.0, beside)
     believed = [gear.believes(*each) for each in zip(expected.tolist(), peak.tolist(), strict=True)]
     return _first(gear, np.array(believed), LIMITS.fault)
+
+
+def unheard(
+    evidence: Evidence, machine: Machine, silent: Sequence[str], must_notice: float
+) -> tuple[str, ...]:
+    """Name the gears of which gross damage could not have been heard, and channels that are silent.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Against the healthy machine.
+    machine : Machine
+        The machine.
+    silent : sequence of str
+        Channels of the reference that the recording lacks.
+    must_notice : float
+        Loss of a pair's stiffness that should have been heard.
+    """
+    searched = evidence.finding.searched if evidence.finding is not None else ()
+    loss = {gear.key: heard_from(gear) for gear in searched}
+    gears = dict.fromkeys(
+        (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
+    )
+    deaf = [gear for gear in gears if (loss.get(gear) or 1.0) > LIMITS.about * must_notice]
+    return (
+        *(f"the {gear} of stage {stage}" for stage, gear in deaf),
+        *(f"what channel {name} hears" for name in silent),
+    )
 
 
 def _prior(gear: GearEvidence) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
@@ -15,9 +15,11 @@ from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
 from gearmon.diagnosis.fault_types.judgement import KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
-from gearmon.diagnosis.results import Change, Flag, ToothProfile
+from gearmon.diagnosis.law import LevelDeviation
+from gearmon.diagnosis.results import Change, Flag
 from gearmon.errors import GearmonError
 from gearmon.machine import Machine
+from gearmon.signatures.measured.line_plan import Family
 
 # A kind is named if the rules hold it this likely.
 _NAMED = 0.5
@@ -314,52 +316,32 @@ def _size(machine: Machine, finding: ToothFinding) -> list[str]:
     ]
 
 
-def own_teeth_flags(profiles: Sequence[ToothProfile], below: float) -> tuple[Flag, ...]:
-    """Flag the gear with one departing tooth where there is no reference.
+def level_changes(
+    levels: LevelDeviation, channels: Sequence[str], families: Sequence[Family]
+) -> tuple[Change, ...]:
+    """Return every level that could be compared, by channel and family of lines.
 
     Parameters
     ----------
-    profiles : sequence of ToothProfile
-        Gears that were looked at, each against its own other teeth.
-    below : float
-        False-alarm probability below which to flag.
+    levels : LevelDeviation
+        Of a recording from the healthy machine.
+    channels : sequence of str
+        Its channels.
+    families : sequence of Family
+        Its families.
     """
-    looked_at = float(np.log10(max(1, len(profiles))))
-    striking = sorted(
-        (p for p in profiles if p.log10_probability + looked_at < np.log10(below)),
-        key=lambda profile: profile.log10_probability,
+    names = ("kind", "stage", "harmonic", "gear", "shaft")
+    return tuple(
+        Change(
+            channel=channels[i],
+            family=families[j].name,
+            **{name: getattr(families[j], name) for name in names},
+            level_db=float(levels.expected_db[i, j] + levels.rest_db[i, j]),
+            reference_db=float(levels.expected_db[i, j]),
+            scatter_db=float(levels.sigma_db[i, j]),
+        )
+        for i, j in np.argwhere(np.isfinite(levels.rest_db)).tolist()
     )
-    if not striking:
-        return ()
-    first = striking[0]
-    alone = not any(
-        other is not first and abs(other.order - first.order) < 1e-9 * first.order
-        for other in striking
-    )
-    where = (
-        f"tooth {first.tooth}"
-        if first.tooth is not None
-        else f"one place, {first.position:.2f} of a turn after the recording's zero"
-    )
-    evidence = [
-        f"the {first.gear} of stage {first.stage} departs from its other teeth at {where}: "
-        f"{first.ratio:.1f} times the energy of its median tooth",
-        "one tooth of a sound gear may be cut as differently: without a healthy recording it "
-        "cannot be known whether it was always so, nor how much stiffness is lost",
-    ]
-    if first.tooth is not None:
-        evidence.append("teeth are counted from the one that enters mesh at the tachometer pulse")
-    evidence += [
-        f"the {other.gear} of stage {other.stage} shows it too ({other.ratio:.1f} times)"
-        for other in striking[1:]
-    ]
-    if not alone:
-        evidence.append("gears on one shaft turn together: it may be either of them")
-    place: dict[str, Any] = {"stage": first.stage, "gear": first.gear, "tooth": first.tooth}
-    chance = float(10.0 ** min(0.0, first.log10_probability + looked_at))
-    told = tuple(evidence)
-    own = Flag(kind="tooth damage", false_alarm_probability=chance, evidence=told, **place)
-    return (own if alone else replace(own, stage=None, gear=None, tooth=None),)
 
 
 def sentences(changes: Sequence[Change]) -> tuple[str, ...]:

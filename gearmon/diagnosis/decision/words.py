@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from gearmon.diagnosis.decision.evidence import Decision, Evidence
 from gearmon.diagnosis.decision.flags import sentences
 from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.law.state import SPEED_UNIT
 from gearmon.diagnosis.results import Change, Flag, ToothProfile
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.reference import Reference
 
-#: What no recording tells by itself.
-UNKNOWABLE = (
-    "Without a healthy recording it cannot be known whether the gear was always so, how much "
-    "stiffness is lost, nor of wear, pitting, misalignment or eccentricity, which change all teeth."
-)
 _PLAIN = {
     "several teeth": "Several teeth of {gear} are likely damaged.",
     "distributed pitting": "Many teeth of {gear} are likely pitted.",
@@ -85,7 +83,7 @@ def reason(
     must_notice : float
         Loss of one tooth's pair that a healthy verdict has to exclude.
     """
-    rested = f"{_levels(evidence)} {_tooth(profiles)}"
+    rested = f"{_levels(evidence)} {most_striking(profiles)}"
     if decision.verdict == "fault":
         strongest = sentences(changes)[:1]
         most = f" Most of all, {strongest[0]}." if strongest else ""
@@ -142,23 +140,14 @@ def _levels(evidence: Evidence) -> str:
     return f"{told}, the spectrum between them by {broadband.mean_square() ** 0.5:.1f} times."
 
 
-def _tooth(profiles: Sequence[ToothProfile]) -> str:
+def most_striking(profiles: Sequence[ToothProfile]) -> str:
+    """Name the most striking place of any gear."""
     best = min(profiles, key=lambda p: p.log10_probability, default=None)
     if best is None:
         return "No gear's turn could be resolved."
     return (
         f"The most striking place of a gear (the {best.gear} of stage {best.stage}) has "
         f"{best.ratio:.1f} times the energy elsewhere in its turn."
-    )
-
-
-def own_teeth_reason(profiles: Sequence[ToothProfile], why: str) -> str:
-    """Give the reason of a verdict without a reference, which begins with why there is none."""
-    return (
-        f"{why}. Teeth were compared with the others of their gear. "
-        "Pitch errors and eccentricity of a sound gear look like weak damage, so only gross "
-        "damage of one tooth can be found: on simulated machines two of three losses of 40 % "
-        f"of a pair's stiffness, one of four of 20 %. {_tooth(profiles)} {UNKNOWABLE}"
     )
 
 
@@ -178,3 +167,55 @@ def _noticed(profiles: Sequence[ToothProfile]) -> str:
             "the next to name one tooth."
         )
     return told
+
+
+def limits(signature: MeasuredSignature, reference: Reference) -> Iterator[str]:
+    """Name what limits a comparison with a reference.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+        Of the new recording.
+    reference : Reference
+        Healthy recordings.
+    """
+    yield from (f"reference: {note}" for note in reference.notes)
+    if len(reference.profiles) == 1:
+        yield (
+            "the reference is one recording: how this machine differs from one healthy "
+            "recording to the next is assumed, not learned"
+        )
+    own, theirs = signature.channel_names, reference.channel_names
+    if left_out := [name for name in own if name not in theirs]:
+        yield f"channels not in the reference were left out: {', '.join(left_out)}"
+    if missing := [name for name in theirs if name not in own]:
+        yield (
+            f"channels of the reference not looked at: {', '.join(missing)}; a fault may show "
+            "in those alone: check their sensors, cables and names, and record again"
+        )
+    speeds = [profile.speed_hz for profile in reference.profiles]
+    speed = signature.speed.estimated_hz
+    if min(abs(speed / known - 1) for known in speeds) > SPEED_UNIT:
+        yield (
+            f"speed {speed:.2f} Hz is more than {100 * SPEED_UNIT:g} % off that of every "
+            f"healthy recording ({min(speeds):.2f} to {max(speeds):.2f} Hz): resonances may "
+            "change levels, so that levels alone call no fault"
+        )
+
+
+def not_found(signature: MeasuredSignature) -> Iterator[str]:
+    """Name the meshes that do not stand out."""
+    for mesh in signature.meshes:
+        if not mesh.found:
+            yield f"mesh of stage {mesh.stage} not found: {mesh.reason}"
+
+
+def size_note(evidence: Evidence) -> Iterator[str]:
+    """Name what the estimate of a loss takes for granted."""
+    finding = evidence.finding
+    search = finding.best.search if finding is not None else None
+    if search is not None and search.response.from_teeth_alone:
+        yield (
+            "the machine file lacks gear data: the size of a loss rests on teeth of standard "
+            "proportions"
+        )

@@ -11,39 +11,13 @@ through it: changes that noise would not make (`changes.find_changes`), the tren
         print(tooth.gear, tooth.tooth, tooth.now, tooth.crossing)
 """
 
-from gearmon.diagnosis.history.changes import ChangePoint
-from gearmon.diagnosis.history.entries import (
-    Entry,
-    History,
-    Place,
-    entry_of,
-    recording_times,
-    time_text,
-)
-from gearmon.diagnosis.history.store import append, export_history, read_history, read_latest
-from gearmon.diagnosis.history.trends import (
-    SECONDS_PER_DAY,
-    Crossing,
-    HistoryTrends,
-    ToothTrend,
-    history_trends,
-)
+from gearmon.lazy import lazily
 
-__all__ = [
-    "SECONDS_PER_DAY",
-    "ChangePoint",
-    "Crossing",
-    "Entry",
-    "History",
-    "HistoryTrends",
-    "Place",
-    "ToothTrend",
-    "append",
-    "entry_of",
-    "export_history",
-    "history_trends",
-    "read_history",
-    "read_latest",
-    "recording_times",
-    "time_text",
-]
+_OFFERED = {
+    "changes": ("ChangePoint",),
+    "entries": ("Entry", "History", "Place", "entry_of", "recording_times", "time_text"),
+    "store": ("append", "export_history", "read_history", "read_latest"),
+    "trends": ("SECONDS_PER_DAY", "Crossing", "HistoryTrends", "ToothTrend", "history_trends"),
+}
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

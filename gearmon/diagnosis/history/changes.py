@@ -298,7 +298,7 @@ def find_changes(
             break
         found = _refined(series, [*found, _bent(series, best, found)], below)
     placed = sorted(
-        (_timed(series, one, _others(found, one), level) for one in found),
+        (_timed(series, one, [c for c in found if c is not one], level) for one in found),
         key=lambda change: change.time_s,
     )
     # the sizes of all are fitted together
@@ -354,10 +354,6 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
     return (1 + as_clear) / (1 + permutations)
 
 
-def _others(found: Sequence[ChangePoint], one: ChangePoint) -> list[ChangePoint]:
-    return [change for change in found if change is not one]
-
-
 def _repaired(series: Series, below: float) -> list[ChangePoint]:
     """Return growth with the step that undid it, where neither shows without the other.
 
@@ -395,8 +391,8 @@ def _borne(series: Series, known: Sequence[ChangePoint], change: ChangePoint) ->
 def _refined(series: Series, found: list[ChangePoint], below: float) -> list[ChangePoint]:
     """Place each change anew while the others stand, and drop what noise then explains."""
     for _ in range(3 if len(found) > 1 else 0):
-        for number, change in enumerate(found):
-            others = _others(found, change)
+        for number in range(len(found)):
+            others = found[:number] + found[number + 1 :]
             better = _search(series, others)
             if better.time_s < better.end_s:
                 found[number] = _bent(series, better, others)
@@ -612,14 +608,12 @@ def _timed(
     low = np.where(steps, times[later - 1], fits.places)
     high = np.where(steps, times[later], fits.places)
     own, tail = chance * (steps == (change.kind == "step")), _TAIL * (1.0 - level)
-    first, middle, last = (
-        float(np.quantile(place, share, weights=weight, method="inverted_cdf"))
-        for place, share, weight in (
-            (low, tail, chance),
-            (fits.places, 0.5, own),
-            (high, 1.0 - tail, chance),
-        )
-    )
+
+    def quantile(place: FloatArray, share: float, weights: FloatArray) -> float:
+        return float(np.quantile(place, share, weights=weights, method="inverted_cdf"))
+
+    middle = quantile(fits.places, 0.5, own)
+    first, last = quantile(low, tail, chance), quantile(high, 1.0 - tail, chance)
     course = fits.courses[np.argmax(np.where(fits.places == middle, own, -1.0))]
     return replace(
         change,

@@ -15,6 +15,7 @@ from typing import Any
 
 from gearmon.diagnosis.results import VERDICTS, Analysis, Flag, ToothProfile
 from gearmon.errors import ArgumentError, check_positive, check_range, check_type, check_word
+from gearmon.machine.fields import Choice, check_fields, held, within
 
 #: Half the width of the 90 % interval of a loss, in standard deviations.
 HALF_OF_90 = 1.6448536269514722
@@ -77,7 +78,7 @@ class Place:
         for name in PLACE:
             value = getattr(self, name)
             if name != "gear" and value is not None:
-                check_range(name, value, 1 if name in _COUNTED else -_MUCH, _MUCH)
+                check_range(name, value, 1 if name in COUNTED else -_MUCH, _MUCH)
         if self.loss_sigma is not None:
             check_positive("loss_sigma", self.loss_sigma)
         if self.loss is not None and self.loss_sigma is None:
@@ -122,26 +123,22 @@ class Entry:
         If a value has no meaning.
     """
 
-    time_s: float
+    time_s: float = within(*_TIMES_S, "s")
     time_source: str
     machine: str
     recording: str
-    verdict: str
-    score: float
-    false_alarm_probability: float
-    speed_hz: float
+    verdict: str = held(Choice(options=VERDICTS))
+    score: float = within(-_MUCH, _MUCH)
+    false_alarm_probability: float = within(0, 1)
+    speed_hz: float = within(0, _MUCH, "Hz")
     findings: tuple[str, ...] = ()
     places: tuple[Place, ...] = ()
 
     def __post_init__(self) -> None:
         """Check the values."""
-        check_range("time_s", self.time_s, *_TIMES_S, "s")
-        check_range("score", self.score, -_MUCH, _MUCH)
-        check_range("speed_hz", self.speed_hz, 0.0, _MUCH, "Hz")
+        check_fields(self)
         for text in (self.time_source, self.machine, self.recording, *self.findings):
             check_type(f"{text!r}", text, str, "a text")
-        check_range("false_alarm_probability", self.false_alarm_probability, 0.0, 1.0)
-        check_word("verdict=", self.verdict, VERDICTS)
         if len({place.key for place in self.places}) < len(self.places):
             raise ArgumentError(f"{self.recording}: a gear or a tooth stands there twice")
 
@@ -222,10 +219,10 @@ class History:
         return [row for entry in self.entries for row in entry.rows()]
 
 
-#: Columns of an entry, and of a place.
+#: Columns of an entry, and of a place; and those that hold whole numbers.
 ENTRY = tuple(f.name for f in fields(Entry) if f.name not in ("findings", "places"))
 PLACE = tuple(f.name for f in fields(Place))
-_COUNTED = ("stage", "teeth", "tooth")
+COUNTED = ("stage", "teeth", "tooth")
 
 
 def duplicate_time(entry: Entry, known: str) -> ArgumentError:
@@ -301,11 +298,10 @@ def _places(profile: ToothProfile, flags: Sequence[Flag]) -> Iterator[Place]:
         yield Place(**gear, tooth=number, statistic=_finite(profile.energy[number - 1]), **own)
 
 
-def _loss(flag: Flag) -> tuple[float, float, float]:
+def _loss(flag: Flag) -> list[float]:
     """Loss of a flag with its interval; NaN where there is none."""
     told = (flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
-    loss, low, high = (math.nan if x is None else x for x in told)
-    return loss, low, high
+    return [math.nan if x is None else x for x in told]
 
 
 def _estimate(loss: float, low: float, high: float) -> dict[str, Any]:

@@ -1,34 +1,42 @@
 """Histories in an SQLite file: append, read, export. A file may hold several machines.
 
-Its tables `recordings` and `places` (gears and teeth) have the fields of `Entry` and `Place` as
-columns; `latest` sums up each machine, so that thousands are overlooked without reading them all.
-A fleet keeps its ledger and its alarms in the same file.
+Its table `recordings` has the fields of `Entry` as columns, findings and places as JSON; `latest`
+sums up each machine, so that thousands are overlooked without reading them all. A fleet keeps its
+ledger and its alarms in the same file.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
+import math
 import os
 import shutil
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import fields
 from importlib.util import find_spec
 from itertools import groupby
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from gearmon.diagnosis.history.entries import ENTRY, PLACE, Entry, History, Place, duplicate_time
+from gearmon.diagnosis.history.entries import (
+    COUNTED,
+    ENTRY,
+    PLACE,
+    Entry,
+    History,
+    Place,
+    duplicate_time,
+)
 from gearmon.errors import ArgumentError, GearmonError, SignatureError
 from gearmon.files import replacing, table_cell, write_atomically
 
 #: "GMhi": SQLite files of other programs have another mark.
 APPLICATION_ID = 0x474D6869
-#: Earlier versions guarded less, or had no summaries; their files are refused.
-SCHEMA_VERSION = 4
+#: Earlier versions guarded less, had no summaries, or a table of places; their files are refused.
+SCHEMA_VERSION = 5
 #: Seconds that a writer waits for others to finish: 20 at once were seen to take turns unevenly.
 _PATIENCE_S = 60.0
 #: Up to here the whole file is looked through when it is opened; the checksums of what is read
@@ -38,28 +46,14 @@ _LOOKED_THROUGH = 1 << 24
 _SCORES = 30
 # SQLite's index of what is not yet in the file takes 32 kB, and its rest little.
 _SHARED_BYTES = 1 << 17
-
-# annotation of a field -> column in SQL and in a table
-_TYPES = {
-    "str": ("TEXT NOT NULL", "str"),
-    "int": ("INTEGER NOT NULL", "Int64"),
-    "float": ("REAL NOT NULL", "float"),
-    "int | None": ("INTEGER", "Int64"),
-    "float | None": ("REAL", "float"),
-}
-_COLUMNS = {
-    f.name: _TYPES[str(f.type)] for f in (*fields(Entry), *fields(Place)) if f.type in _TYPES
-}
-_SQL_ENTRY, _SQL_PLACE = (
-    ", ".join(f"{name} {_COLUMNS[name][0]}" for name in names) for names in (ENTRY, PLACE)
-)
+# Columns that say nothing of what was put.
+_UNGUARDED = ("checksum", "id", "alarmed")
 _SCHEMA = f"""
 CREATE TABLE IF NOT EXISTS recordings
-    (id INTEGER PRIMARY KEY, {_SQL_ENTRY}, findings TEXT NOT NULL, checksum TEXT,
-     UNIQUE (machine, time_s));
-CREATE TABLE IF NOT EXISTS places
-    (recording_id INTEGER NOT NULL REFERENCES recordings (id) ON DELETE CASCADE, {_SQL_PLACE});
-CREATE INDEX IF NOT EXISTS places_by_recording ON places (recording_id);
+    (machine TEXT NOT NULL, time_s REAL NOT NULL, time_source TEXT NOT NULL,
+     recording TEXT NOT NULL, verdict TEXT NOT NULL, score REAL NOT NULL,
+     false_alarm_probability REAL NOT NULL, speed_hz REAL NOT NULL, findings TEXT NOT NULL,
+     places TEXT NOT NULL, checksum TEXT, PRIMARY KEY (machine, time_s));
 CREATE TABLE IF NOT EXISTS latest
     (machine TEXT PRIMARY KEY, recordings INTEGER NOT NULL, time_s REAL NOT NULL,
      verdict TEXT NOT NULL, since_s REAL NOT NULL, score REAL NOT NULL, findings TEXT NOT NULL,
@@ -99,47 +93,54 @@ def append(path: str | Path, entries: Sequence[Entry], *, replace: bool = False)
     return sum(replaced)
 
 
-def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool = False) -> bool:
-    """Add one recording to an `opened` file; `summarise` its machine afterwards."""
+def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool | None = False) -> bool:
+    """Add one recording to an `opened` file; `summarise` its machine afterwards.
+
+    Where `replace` is None it may take the place of what the same recording said before.
+    """
     _check_teeth(store, entry)
-    known = store.execute(
-        "SELECT id, recording FROM recordings WHERE machine = ? AND time_s = ?",
-        (as_text(entry.machine), entry.time_s),
-    ).fetchone()
-    if known is not None:
-        if not replace:
-            raise duplicate_time(entry, known["recording"])
-        store.execute("DELETE FROM recordings WHERE id = ?", (known["id"],))
-    findings = json.dumps(list(entry.findings), ensure_ascii=False)
+    known = recording(store, as_text(entry.machine), entry.time_s)
+    again = known.get("recording") == as_text(entry.recording)
+    if known and not (again if replace is None else replace):
+        raise duplicate_time(entry, known["recording"])
+    places = [{n: x for n, x in vars(own).items() if x is not None} for own in entry.places]
+    findings = json.dumps(entry.findings, ensure_ascii=False)
     own = {name: getattr(entry, name) for name in ENTRY} | {"findings": findings}
-    number = insert(store, "recordings", own)
-    for place in entry.places:
-        insert(store, "places", {"recording_id": number} | vars(place))
-    told = _checksum(store, number)
-    store.execute("UPDATE recordings SET checksum = ? WHERE id = ?", (told, number))
-    return known is not None
+    put(store, "recordings", own | {"places": json.dumps(places)})
+    return bool(known)
+
+
+def recording(store: sqlite3.Connection, machine: str, time_s: float) -> dict[str, Any]:
+    """Return what was `put` of the recording of a machine and time; nothing if there is none."""
+    asked = "SELECT * FROM recordings WHERE machine = ? AND time_s = ?"
+    row = store.execute(asked, (machine, time_s)).fetchone()
+    return sound(row) if row else {}
 
 
 def summarise(store: sqlite3.Connection, machines: Iterable[str]) -> None:
     """Renew what `latest` says of machines, from their recordings."""
     for machine in map(as_text, machines):
-        asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s DESC"
-        told = store.execute(asked, (machine,)).fetchall()
+        asked = "SELECT time_s, verdict, score FROM recordings WHERE machine = ? "
+        told = store.execute(asked + "ORDER BY time_s DESC", (machine,)).fetchall()
         if not told:
             continue
-        last, (_, alike) = told[0], next(groupby(told, key=itemgetter("verdict")))
-        # only where it stands clear of zero is the loss of a whole gear more than noise
-        loss = store.execute(
-            "SELECT loss, loss_low, loss_high FROM places WHERE recording_id = ? AND tooth IS NULL "
-            "AND loss_low > 0 AND ? = 'fault' ORDER BY loss DESC LIMIT 1",
-            (last["id"], last["verdict"]),
-        ).fetchone()
+        alike = next(groupby(told, key=itemgetter("verdict")))[1]
+        last = recording(store, machine, told[0]["time_s"])
         kept = {name: last[name] for name in ("machine", "time_s", "verdict", "score", "findings")}
         scores = json.dumps([round(row["score"], 3) for row in reversed(told[:_SCORES])])
         since_s = min(row["time_s"] for row in alike)
         kept |= {"recordings": len(told), "since_s": since_s, "scores": scores}
-        kept |= dict(loss) if loss else dict.fromkeys(("loss", "loss_low", "loss_high"))
+        # only where it stands clear of zero is the loss of a whole gear more than noise
+        kept |= largest_loss(last["places"], 0.0 if last["verdict"] == "fault" else math.inf)
         put(store, "latest", kept)
+
+
+def largest_loss(places: str, above: float = -math.inf) -> dict[str, float | None]:
+    """Return the largest loss of a gear as a whole, of those whose interval lies above a loss."""
+    gears = [own for own in json.loads(places) if "tooth" not in own and "loss" in own]
+    clear = [own for own in gears if own.get("loss_low", 0.0) > above]
+    worst: dict[str, float] = max(clear, key=itemgetter("loss"), default={})
+    return {name: worst.get(name) for name in ("loss", "loss_low", "loss_high")}
 
 
 def read_latest(path: str | Path) -> list[dict[str, Any]]:
@@ -168,35 +169,17 @@ def read_latest(path: str | Path) -> list[dict[str, Any]]:
         return [row | {name: json.loads(row[name]) for name in listed} for row in rows]
 
 
-def _checksum(store: sqlite3.Connection, number: int | None) -> str:
-    """Return a mark of all that is stored of one recording."""
-    own = store.execute("SELECT * FROM recordings WHERE id = ?", (number,)).fetchone()
-    places = _places(store, number)
-    told = [[own[name] for name in (*ENTRY, "findings")]]
-    return _mark(told + [[place[name] for name in PLACE] for place in places])
+def _mark(told: Mapping[str, Any]) -> str:
+    text = json.dumps(told, default=repr, sort_keys=True)
+    return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
-def _mark(told: Any) -> str:
-    return hashlib.blake2b(json.dumps(told, default=repr).encode(), digest_size=8).hexdigest()
-
-
-def vouch(store: sqlite3.Connection, row: sqlite3.Row | dict[str, Any]) -> None:
-    """Raise ValueError if a row of `recordings`, or a place of it, is not what was written."""
-    if row["checksum"] != _checksum(store, row["id"]):
-        raise ValueError(f"recording {row['id']} is not what was written")
-
-
-def sound(row: sqlite3.Row | dict[str, Any], names: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what was `put`, the columns named or all of them; raise ValueError if it is not."""
-    told = {name: row[name] for name in names or row.keys() if name != "checksum"}
-    if row["checksum"] != _mark(sorted(told.items())):
+def sound(row: sqlite3.Row) -> dict[str, Any]:
+    """Return what was `put`; raise ValueError if it is not what was written."""
+    told = {name: x for name, x in dict(row).items() if name not in _UNGUARDED}
+    if row["checksum"] != _mark(told):
         raise ValueError("a row is not what was written")
     return told
-
-
-def _places(store: sqlite3.Connection, number: int | None) -> list[sqlite3.Row]:
-    asked = "SELECT * FROM places WHERE recording_id = ? ORDER BY rowid"
-    return store.execute(asked, (number,)).fetchall()
 
 
 def _check_teeth(store: sqlite3.Connection, entry: Entry) -> None:
@@ -204,8 +187,9 @@ def _check_teeth(store: sqlite3.Connection, entry: Entry) -> None:
     for place in {(p.stage, p.gear, p.teeth) for p in entry.places if p.teeth is not None}:
         # one tells for all, which were held against each other when they came
         other = store.execute(
-            "SELECT p.teeth FROM recordings r CROSS JOIN places p ON p.recording_id = r.id WHERE "
-            "r.machine = ? AND p.stage = ? AND p.gear = ? AND p.teeth IS NOT NULL LIMIT 1",
+            "SELECT json_extract(value, '$.teeth') AS teeth FROM recordings, json_each(places) "
+            "WHERE machine = ? AND json_extract(value, '$.stage') = ? "
+            "AND json_extract(value, '$.gear') = ? AND teeth IS NOT NULL LIMIT 1",
             (as_text(entry.machine), *place[:2]),
         ).fetchone()
         if other is not None and other[0] != place[2]:
@@ -221,22 +205,14 @@ def as_text(name: str) -> str:
     return name.encode("utf-8", "backslashreplace").decode()
 
 
-def insert(
-    store: sqlite3.Connection, table: str, row: dict[str, Any], known: str = ""
-) -> int | None:
-    """Add a row, a value a column, to a table of an `opened` file; return its number."""
-    values = [as_text(v) if isinstance(v, str) else v for v in row.values()]
-    marks = ", ".join("?" * len(row))
-    words = f"INSERT INTO {table} ({', '.join(row)}) VALUES ({marks}) {known}"  # noqa: S608 - ours
-    return store.execute(words, values).lastrowid
-
-
 def put(store: sqlite3.Connection, table: str, row: dict[str, Any]) -> None:
     """Add a row with its checksum, or change the one of its key; all its columns are given."""
     told = {name: as_text(v) if isinstance(v, str) else v for name, v in row.items()}
-    told["checksum"] = _mark(sorted(told.items()))
+    told["checksum"] = _mark(told)
     changed = ", ".join(f"{name} = excluded.{name}" for name in told)
-    insert(store, table, told, f"ON CONFLICT DO UPDATE SET {changed}")
+    marks = ", ".join("?" * len(told))
+    words = f"INSERT INTO {table} ({', '.join(told)}) VALUES ({marks})"  # noqa: S608 - ours
+    store.execute(f"{words} ON CONFLICT DO UPDATE SET {changed}", [*told.values()])
 
 
 def read_history(path: str | Path, machine: str | None = None) -> History:
@@ -275,20 +251,16 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
         try:
             if len(rows) != (told[0] if told else 0):
                 raise ValueError(f"recordings of {machine!r} are missing")
-            entries = tuple(_entry(store, row) for row in rows)
+            entries = tuple(map(_entry, rows))
         except (ArgumentError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise _damaged(Path(path), "is a damaged history file", error) from None
     return History(machine=as_text(machine), entries=entries)
 
 
-def _entry(store: sqlite3.Connection, row: sqlite3.Row) -> Entry:
-    vouch(store, row)
-    places = _places(store, row["id"])
-    return Entry(
-        **{name: row[name] for name in ENTRY},
-        findings=tuple(json.loads(row["findings"])),
-        places=tuple(Place(**{name: place[name] for name in PLACE}) for place in places),
-    )
+def _entry(row: sqlite3.Row) -> Entry:
+    told = sound(row)
+    places = tuple(Place(**own) for own in json.loads(told["places"]))
+    return Entry(**told | {"findings": tuple(json.loads(told["findings"])), "places": places})
 
 
 @contextmanager
@@ -316,24 +288,20 @@ def opened(
         if not path.resolve().parent.is_dir():
             raise ArgumentError(f"{path}: cannot be made, its folder does not exist")
     try:
-        # the transaction is begun by hand: one for the schema and all rows
         with closing(_connected(path, create=create)) as store:
             store.row_factory = sqlite3.Row
-            store.execute("PRAGMA foreign_keys = ON")
-            # of several that begin a history at once the others find the tables of the first
-            store.execute("BEGIN IMMEDIATE" if create else "BEGIN")
-            try:
+            # the transaction, which this block ends, is begun by hand: one for schema and all rows
+            with store:
+                # of several that begin a history at once the others find the tables of the first
+                store.execute("BEGIN IMMEDIATE" if create else "BEGIN")
                 if not known:
                     _prepare(store, path, create=create)
                     _executed(store, more if create else "")
                 yield store
-            except BaseException:
-                if store.in_transaction:  # a full disk ends it by itself
-                    store.execute("ROLLBACK")
-                raise
-            store.execute("COMMIT")
             if create and not known:
-                _shared(store)
+                # readers and a writer work side by side, where file and disk bear it by now
+                with suppress(sqlite3.OperationalError):
+                    store.execute("PRAGMA journal_mode = WAL").fetchone()
     except sqlite3.OperationalError as error:
         if "locked" in str(error):
             raise SignatureError(f"{path}: another program is writing to it; try again") from None
@@ -388,12 +356,6 @@ def _executed(store: sqlite3.Connection, script: str) -> None:
         store.execute(statement)
 
 
-def _shared(store: sqlite3.Connection) -> None:
-    """Let readers and a writer work side by side, where file and disk bear it by now."""
-    with suppress(sqlite3.OperationalError):
-        store.execute("PRAGMA journal_mode = WAL").fetchone()
-
-
 def _damaged(path: Path, what: str, why: object) -> SignatureError:
     told = _line(why)
     return SignatureError(
@@ -428,9 +390,9 @@ def export_history(history: History, path: str | Path) -> Path:
     import pandas as pd
 
     target = Path(path)
-    kinds = {"time": "str"} | {name: _COLUMNS[name][1] for name in (*ENTRY, *PLACE)}
-    # a gear as a whole has no row in places where nothing was looked at
-    kinds["gear"] = "object"
+    kinds = dict.fromkeys(("time", *ENTRY, *PLACE), "float") | dict.fromkeys(COUNTED, "Int64")
+    kinds |= dict.fromkeys(("time", "time_source", "machine", "recording", "verdict"), "str")
+    kinds["gear"] = "object"  # there is none where nothing was looked at
     rows = [{name: table_cell(v) for name, v in row.items()} for row in history.rows()]
     frame = pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
     if target.suffix.lower() == ".csv":

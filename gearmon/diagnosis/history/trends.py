@@ -17,10 +17,10 @@ none: only that it was too small to be found.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any, NamedTuple
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 from scipy.special import bdtrc, ndtri, ndtri_exp, stdtrit
@@ -62,6 +62,7 @@ _RATE_OVER = 1e-4
 #: Seconds since 1970 beyond the calendar, which are as good as never.
 NEVER_S = 2.5e11
 _Key = tuple[int, str, int | None]
+_Points = list[tuple[float, Place]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -323,8 +324,6 @@ class ToothTrend:
         Whether the loss stands clear of its noise and of zero, over several recordings.
     false_alarm_probability : float
         Bound on the probability of a change as clear on any tooth of a machine without one.
-    recordings : int
-        Recordings in the history; those beyond the trend's had no estimate.
     limit : float or None
         What the loss is held against.
     """
@@ -337,7 +336,6 @@ class ToothTrend:
     high: FloatArray
     stands: bool
     false_alarm_probability: float
-    recordings: int
     limit: float | None
 
     @property
@@ -354,10 +352,15 @@ class ToothTrend:
         value, low, high = self.now
         return self.limit - value, self.limit - high, self.limit - low
 
-    @property
+    @cached_property
     def crossing(self) -> Crossing | None:
         """When the limit is reached."""
         return None if self.limit is None else self.trend.crossing(self.limit)
+
+    @property
+    def reached(self) -> bool:
+        """Whether it is at its limit."""
+        return self.crossing is not None and self.crossing.status == "reached"
 
     @property
     def risen(self) -> bool:
@@ -372,7 +375,6 @@ class ToothTrend:
             "gear": self.gear,
             "tooth": self.tooth,
             "estimates": len(self.trend.series),
-            "recordings": self.recordings,
             **_with_interval("loss", self.now),
             **_with_interval("rate_per_day", per_day),
             "false_alarm_probability": self.false_alarm_probability,
@@ -432,8 +434,8 @@ class HistoryTrends(Result):
     history : History
     teeth : tuple of ToothTrend
         Those whose loss stands clear of noise and zero first, then by the clearness of changes.
-    evidence : Trend or None
-        Of the scores, as standard deviations of a normal variable; None for a short history.
+    evidence : Trend
+        Of the scores, as standard deviations of a normal variable.
     evidence_probability : float
         Bound on the probability of a change as clear without one.
     limit : float or None
@@ -451,7 +453,7 @@ class HistoryTrends(Result):
 
     history: History
     teeth: tuple[ToothTrend, ...]
-    evidence: Trend | None
+    evidence: Trend
     evidence_probability: float
     limit: float | None
     level: float
@@ -465,38 +467,37 @@ class HistoryTrends(Result):
 
     @property
     def began(self) -> ChangePoint | None:
-        """The latest rise of the evidence."""
-        changes = self.evidence.changes if self.evidence is not None else ()
-        return changes[-1] if changes and changes[-1].size > 0 else None
+        """The rise of the evidence."""
+        return next((change for change in self.evidence.changes if change.size > 0), None)
 
     @property
     def raised(self) -> bool:
         """Whether a person should look: a fault, a loss or evidence that rose, a limit reached."""
-        entries, crossings = self.history.entries, [tooth.crossing for tooth in self.shown]
+        newest = self.history.entries[-1:]
         return (
-            bool(entries and entries[-1].verdict == "fault")
+            any(entry.verdict == "fault" for entry in newest)
             or self.began is not None
-            or any(tooth.risen for tooth in self.shown)
-            or any(crossing and crossing.status == "reached" for crossing in crossings)
+            or any(tooth.risen or tooth.reached for tooth in self.shown)
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
-        changes = self.evidence.changes if self.evidence is not None else ()
         reached = {time_s: crossing.to_dict() for time_s, crossing in self.forecasts.items()}
+        told = [
+            entry.to_dict() | {"limit_reached": reached.get(entry.time_s)}
+            for entry in self.history.entries
+        ]
         return {
             "machine": self.history.machine,
-            "recordings": [
-                entry.to_dict() | {"limit_reached": reached.get(entry.time_s)}
-                for entry in self.history.entries
-            ],
+            "recordings": told,
             "level": self.level,
             "limit": self.limit,
-            "teeth": [tooth.to_dict() for tooth in self.shown],
+            # those beyond the estimates had none
+            "teeth": [tooth.to_dict() | {"recordings": len(told)} for tooth in self.shown],
             "teeth_followed": len(self.teeth),
             "evidence": {
                 "false_alarm_probability": self.evidence_probability,
-                "changes": [change.to_dict() for change in changes],
+                "changes": [change.to_dict() for change in self.evidence.changes],
             },
             "raised": self.raised,
             "warnings": list(self.notes),
@@ -531,9 +532,11 @@ def history_trends(
     check_range("level", level, 0.01, 0.999)
     if limit is not None:
         check_range("limit", limit, 1e-6, 1.0)
-    following = _Following(history, _followed(history), limit, _LOSS_SHARE * below, level)
-    teeth = {key: following.tooth(key) for key in following.places}
-    evidence, chance = _evidence(history, (1 - _LOSS_SHARE) * below, level)
+    places, share = _followed(history), _LOSS_SHARE * below
+    follow = partial(_tooth_trend, followed=len(places), limit=limit, below=share, level=level)
+    teeth = {key: follow(key, points) for key, points in places.items()}
+    standing = {key: places[key] for key, tooth in teeth.items() if tooth.stands}
+    evidence, chance = _evidence(history, below - share, level)
     ranked = sorted(teeth.values(), key=lambda t: (not t.stands, t.false_alarm_probability))
     return HistoryTrends(
         history=history,
@@ -542,75 +545,68 @@ def history_trends(
         evidence_probability=min(1.0, chance / (1 - _LOSS_SHARE)),
         limit=limit,
         level=level,
-        forecasts=following.forecasts([key for key, tooth in teeth.items() if tooth.stands]),
+        forecasts=_forecasts(history, standing, follow) if limit is not None else {},
         notes=tuple(_notes(history, ranked)),
     )
 
 
-class _Following(NamedTuple):
-    """What every tooth is followed by; see `history_trends`."""
+def _tooth_trend(
+    key: _Key, points: _Points, *, followed: int, limit: float | None, below: float, level: float
+) -> ToothTrend:
+    """Follow one tooth of so many, or one gear as a whole, through its recordings.
 
-    history: History
-    places: Mapping[_Key, Sequence[tuple[float, Place]]]
-    limit: float | None
-    below: float
-    level: float
-
-    def tooth(self, key: _Key, until: float = math.inf) -> ToothTrend:
-        """Follow one tooth, or one gear as a whole, through its recordings up to a time.
-
-        Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
-        Once it has, the trend is fitted with `own_series`, and how it went on is no longer a
-        question of how many teeth there are.
-        """
-        known = [(time, place) for time, place in self.places[key] if time <= until]
-        rows = [[time, p.loss, p.loss_sigma, p.loss_low, p.loss_high] for time, p in known]
-        time_s, value, sigma, low, high = np.array(rows, dtype=float).T
-        stated, followed = Series(time_s=time_s, value=value, sigma=sigma), len(self.places)
-        own, common, missed = own_series(stated)
-        trend = fit_trend(stated, below=self.below / followed, level=self.level)
-        if trend.changes:
-            refined = fit_trend(own, below=self.below, level=self.level)
-            # a loss that came at once may hide behind what could have been missed before it
-            trend = refined if refined.changes else trend
-        trend = replace(trend, common=common, missed=missed)
-        chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
-        low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
-        clear = low > 0
-        by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
-        several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
-        stage, gear, tooth = key
-        return ToothTrend(
-            stage=stage,
-            gear=gear,
-            tooth=tooth,
-            trend=trend,
-            low=low,
-            high=np.where(np.isnan(high), value + HALF_OF_90 * sigma, high),
-            stands=several and (bool(trend.changes) or by_chance * followed < self.below),
-            false_alarm_probability=min(1.0, min(chances) * followed),
-            recordings=sum(entry.time_s <= until for entry in self.history.entries),
-            limit=self.limit,
-        )
-
-    def forecasts(self, standing: Sequence[_Key]) -> dict[float, Crossing]:
-        """When the first of some teeth reaches the limit, as could be told at each recording."""
-        found: dict[float, Crossing] = {}
-        for entry in self.history.entries[-FORECASTS:] if self.limit is not None else ():
-            keys = {place.key for place in entry.places if place.loss is not None}
-            told = [self.tooth(key, entry.time_s) for key in standing if key in keys]
-            crossings = [tooth.crossing for tooth in told if tooth.stands and tooth.low[-1] > 0]
-            known = [c for c in crossings if c is not None and c.status != "not extrapolated"]
-            if known:
-                # a limit that is reached stands before any that lies ahead
-                first = min(known, key=lambda c: (c.status != "reached", c.time_s or 0.0))
-                found[entry.time_s] = first
-        return found
+    Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
+    Once it has, the trend is fitted with `own_series`, and how it went on is no longer a question
+    of how many teeth there are.
+    """
+    rows = [[time, p.loss, p.loss_sigma, p.loss_low, p.loss_high] for time, p in points]
+    time_s, value, sigma, low, high = np.array(rows, dtype=float).T
+    stated = Series(time_s=time_s, value=value, sigma=sigma)
+    own, common, missed = own_series(stated)
+    trend = fit_trend(stated, below=below / followed, level=level)
+    if trend.changes:
+        refined = fit_trend(own, below=below, level=level)
+        # a loss that came at once may hide behind what could have been missed before it
+        trend = refined if refined.changes else trend
+    trend = replace(trend, common=common, missed=missed)
+    chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
+    low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
+    clear = low > 0
+    by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
+    several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
+    stage, gear, tooth = key
+    return ToothTrend(
+        stage=stage,
+        gear=gear,
+        tooth=tooth,
+        trend=trend,
+        low=low,
+        high=np.where(np.isnan(high), value + HALF_OF_90 * sigma, high),
+        stands=several and (bool(trend.changes) or by_chance * followed < below),
+        false_alarm_probability=min(1.0, min(chances) * followed),
+        limit=limit,
+    )
 
 
-def _followed(history: History) -> Mapping[_Key, Sequence[tuple[float, Place]]]:
+def _forecasts(
+    history: History, standing: Mapping[_Key, _Points], follow: Callable[..., ToothTrend]
+) -> dict[float, Crossing]:
+    """When the first of some teeth reaches the limit, as could be told at each recording."""
+    found: dict[float, Crossing] = {}
+    for now in (entry.time_s for entry in history.entries[-FORECASTS:]):
+        by_then = {key: [p for p in standing[key] if p[0] <= now] for key in standing}
+        told = [follow(key, p) for key, p in by_then.items() if p and p[-1][0] == now]
+        crossings = [tooth.crossing for tooth in told if tooth.stands and tooth.low[-1] > 0]
+        known = [c for c in crossings if c is not None and c.status != "not extrapolated"]
+        if known:
+            # a limit that is reached stands before any that lies ahead
+            found[now] = min(known, key=lambda c: (c.status != "reached", c.time_s or 0.0))
+    return found
+
+
+def _followed(history: History) -> Mapping[_Key, _Points]:
     """Estimates of each tooth with their times; of gears as a whole where teeth have none."""
-    found: dict[_Key, list[tuple[float, Place]]] = {}
+    found: dict[_Key, _Points] = {}
     for entry in history.entries:
         for place in entry.places:
             if place.loss is not None:
@@ -621,19 +617,15 @@ def _followed(history: History) -> Mapping[_Key, Sequence[tuple[float, Place]]]:
     return {key: found[key] for key in found if (key[:2] in numbered) == (key[2] is not None)}
 
 
-def _evidence(history: History, below: float, level: float) -> tuple[Trend | None, float]:
+def _evidence(history: History, below: float, level: float) -> tuple[Trend, float]:
     """Trend of the scores, and the probability of a change as clear without one."""
-    judged = [entry for entry in history.entries if entry.verdict != "no mesh found"]
-    if len(judged) < FEWEST:
-        return None, 1.0
-    time_s, score = np.array([(entry.time_s, entry.score) for entry in judged]).T
+    judged = [(e.time_s, e.score) for e in history.entries if e.verdict != "no mesh found"]
+    time_s, score = np.array(judged, dtype=float).reshape(-1, 2).T
     value, equal = normal_equivalent(score), np.ones(len(score))
     series = Series(time_s=time_s, value=value, sigma=equal, sigma_known=False)
     probability = permuted_probability(series)
-    if probability >= below:
-        return Trend(series=series, changes=(), level=level), probability
     # scores that tests cut off scatter less: only when they began to change can be told from them
-    found = fit_trend(series, below=below, level=level, most=1)
+    found = fit_trend(series, below=below, level=level, most=int(probability < below))
     changes = tuple(
         replace(c, false_alarm_probability=max(probability, c.false_alarm_probability))
         for c in found.changes
@@ -663,23 +655,21 @@ def normal_equivalent(score: FloatArray) -> FloatArray:
     return np.asarray(-ndtri_exp(log), dtype=np.float64)
 
 
-def _notes(history: History, teeth: list[ToothTrend]) -> list[str]:
+def _notes(history: History, teeth: list[ToothTrend]) -> Iterator[str]:
     """Name what limits the answer."""
     count = len(history.entries)
-    notes = []
     if count < FEWEST:
-        notes.append(f"{count} recordings are too few to look for changes; {FEWEST} are needed")
+        yield f"{count} recordings are too few to look for changes; {FEWEST} are needed"
     lost = sum(entry.verdict == "no mesh found" for entry in history.entries)
     if lost:
-        notes.append(f"{lost} of {count} recordings showed no mesh and were left out of the score")
+        yield f"{lost} of {count} recordings showed no mesh and were left out of the score"
     if not teeth and count:
-        notes.append("no recording estimates a loss of stiffness: only the evidence is followed")
+        yield "no recording estimates a loss of stiffness: only the evidence is followed"
     for tooth in teeth:
         estimates = len(tooth.trend.series)
         if tooth.tooth is None and estimates < count:
-            notes.append(
+            yield (
                 f"the loss on the {tooth.gear} of stage {tooth.stage} was estimated in {estimates} "
                 f"of {count} recordings; the others are not taken for zero, so its trend begins "
                 "later than the damage may have"
             )
-    return notes

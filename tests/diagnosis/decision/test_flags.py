@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
 
+from gearmon.diagnosis.alone import own_teeth_flags, own_teeth_reason
 from gearmon.diagnosis.decision import Evidence
 from gearmon.diagnosis.decision.evidence import decide
-from gearmon.diagnosis.decision.flags import Flagging, own_teeth_flags, sentences
-from gearmon.diagnosis.decision.words import fault_sentence, own_teeth_reason, reason
+from gearmon.diagnosis.decision.flags import Flagging, sentences
+from gearmon.diagnosis.decision.words import fault_sentence, reason
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
 from gearmon.diagnosis.fault_types.judgement import rule_probabilities
 from gearmon.diagnosis.hypotheses.changed_path import PathChange
@@ -304,16 +305,16 @@ def profile(log10, stage=1, gear="pinion", tooth=7, order=None):
 
 
 def test_of_its_own_teeth_nothing_striking_is_no_flag():
-    assert own_teeth_flags([], 0.01) == ()
-    assert own_teeth_flags([profile(-1.9)], 0.01) == ()
+    assert own_teeth_flags([]) == ()
+    assert own_teeth_flags([profile(-1.9)]) == ()
     # gears looked at are corrected for
-    assert own_teeth_flags([profile(-2.1)], 0.01)
-    assert own_teeth_flags([profile(-2.1), *3 * [profile(0.0, stage=2)]], 0.01) == ()
+    assert own_teeth_flags([profile(-2.1)])
+    assert own_teeth_flags([profile(-2.1), *3 * [profile(0.0, stage=2)]]) == ()
 
 
 def test_the_clearest_gear_is_flagged_and_names_the_others():
     found = [profile(-3), profile(-9, stage=2, gear="gear"), profile(-0.1, gear="gear")]
-    (flag,) = own_teeth_flags(found, 0.01)
+    (flag,) = own_teeth_flags(found)
     assert (flag.kind, flag.stage, flag.gear, flag.tooth) == ("tooth damage", 2, "gear", 7)
     assert flag.false_alarm_probability == pytest.approx(3e-9)
     assert "8.2 times the energy of its median tooth" in flag.evidence[0]
@@ -322,7 +323,7 @@ def test_the_clearest_gear_is_flagged_and_names_the_others():
 
 
 def test_a_place_without_a_number_is_told_as_a_share_of_the_turn():
-    (flag,) = own_teeth_flags([profile(-9, tooth=None)], 0.01)
+    (flag,) = own_teeth_flags([profile(-9, tooth=None)])
     assert flag.tooth is None
     assert "0.25 of a turn" in flag.evidence[0]
     assert not any("tachometer" in line for line in flag.evidence)
@@ -331,7 +332,7 @@ def test_a_place_without_a_number_is_told_as_a_share_of_the_turn():
 def test_gears_on_one_shaft_that_cannot_be_told_apart_are_both_named():
     one = profile(-30.0, stage=1, gear="gear", tooth=None, order=0.4)
     other = profile(-9.0, stage=2, gear="pinion", tooth=None, order=0.4)
-    (flag,) = own_teeth_flags([one, other], 0.01)
+    (flag,) = own_teeth_flags([one, other])
     assert (flag.stage, flag.gear, flag.tooth) == (None, None, None)
     assert "it may be either of them" in flag.evidence[-1]
 

@@ -314,7 +314,7 @@ def test_unusable_files_give_one_clear_line(tmp_path, kind):
         append(path, cracked(20).entries)
         with sqlite3.connect(path) as store:
             if kind in ("earlier", "later"):
-                store.execute(f"PRAGMA user_version = {3 if kind == 'earlier' else 99}")
+                store.execute(f"PRAGMA user_version = {4 if kind == 'earlier' else 99}")
             store.execute("PRAGMA journal_mode = DELETE")
         store.close()
         data = path.read_bytes()
@@ -560,11 +560,21 @@ def test_short_and_empty_histories_say_so():
     assert history_lines(empty)
 
 
-def test_a_reached_limit_raises():
-    entries = tuple(entry(n, [tooth(1, 0.3 + 0.001 * (n % 3))]) for n in range(8))
+def test_a_reached_limit_raises_and_is_told_of_every_tooth():
+    losses = {1: 0.3, 2: 0.4, 3: 0.1}
+    entries = tuple(
+        entry(n, [tooth(j, loss + 0.001 * (n % 3)) for j, loss in losses.items()]) for n in range(8)
+    )
     found = history_trends(History(machine="conveyor", entries=entries), limit=0.2)
-    assert found.teeth[0].crossing.status == "reached"
+    assert {tooth_.tooth: tooth_.reached for tooth_ in found.shown} == {1: True, 2: True, 3: False}
     assert found.raised
+    told = history_lines(found)
+    assert told[9].endswith("trend of a tooth; limit reached")
+    assert [line[:25] for line in told if ": loss of" in line] == [
+        "stage 1, pinion, tooth 1:",
+        "stage 1, pinion, tooth 2:",
+    ]
+    assert any(line.startswith("1 other tooth of the same gears") for line in told)
 
 
 @pytest.mark.parametrize("changes", [{"limit": 0.0}, {"limit": 1.5}, {"below": 0.0}, {"level": 1}])

@@ -1,0 +1,229 @@
+"""What can be said of a recording that nothing is compared with: no reference, or no mesh.
+
+Without a healthy reference every tooth is held against the others of its gear (`own_teeth`). Where
+no mesh stands out nothing is known of any gear; beside a reference that shows one this is a change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from gearmon.diagnosis.decision.evidence import broadband_strength, score_of
+from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
+from gearmon.diagnosis.decision.words import fault_sentence, most_striking, not_found
+from gearmon.diagnosis.hypotheses.own_teeth import locate
+from gearmon.diagnosis.law import MachineDeviation
+from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
+from gearmon.errors import GearmonError
+from gearmon.machine import Machine
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.reference import Profile
+from gearmon.signatures.signature import Signature
+
+#: What no recording tells by itself.
+UNKNOWABLE = (
+    "Without a healthy recording it cannot be known whether the gear was always so, how much "
+    "stiffness is lost, nor of wear, pitting, misalignment or eccentricity, which change all teeth."
+)
+# False-alarm probability below which one tooth is called damaged. Seen on simulated sound
+# machines: 1 of 52.
+_BELOW = 0.01
+# Drop of the broadband level [dB] from which a recording without a mesh is one of a machine that
+# stands still, or of a dead sensor: a hundredth of the power.
+_SILENT_DB = -20.0
+
+Indicators = dict[str, dict[str, float]]
+
+
+def judged_alone(
+    signature: MeasuredSignature,
+    machine: Machine,
+    indicators: Indicators,
+    why: str = "There is no healthy reference",
+) -> Analysis:
+    """Judge a recording by itself: every tooth against the others of its gear.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+        Of the recording.
+    machine : Machine
+        Its machine.
+    indicators : dict
+        As in the analysis.
+    why : str
+        Why there is no reference.
+    """
+    profiles = own_teeth(signature)
+    log10 = min((p.log10_probability for p in profiles), default=0.0)
+    log10 = min(0.0, log10 + _looked_at(profiles))
+    flags = own_teeth_flags(profiles)
+    expected, notes = _expected(signature, machine)
+    return Analysis(
+        recording=signature.origin,
+        machine=machine.name,
+        verdict="fault" if flags else "cannot tell",
+        reason=own_teeth_reason(profiles, why),
+        score=-log10,
+        false_alarm_probability=float(10.0**log10),
+        compared_with="expected signature" if expected else "nothing",
+        signature=signature,
+        indicators=indicators,
+        profiles=profiles,
+        flags=flags,
+        expected=expected,
+        warnings=(*signature.notes, *notes, *not_found(signature)),
+    )
+
+
+def own_teeth(signature: MeasuredSignature) -> tuple[ToothProfile, ...]:
+    """Hold every tooth against the others of its gear."""
+    own = Profile.of(signature)
+    looked = [
+        # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
+        locate(wheel, numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12)
+        for wheel in own.wheels
+    ]
+    return tuple(profile for profile in looked if profile is not None)
+
+
+def own_teeth_flags(profiles: Sequence[ToothProfile]) -> tuple[Flag, ...]:
+    """Flag the gear with one departing tooth where there is no reference.
+
+    Parameters
+    ----------
+    profiles : sequence of ToothProfile
+        Gears that were looked at, each against its own other teeth.
+    """
+    looked_at = _looked_at(profiles)
+    striking = sorted(
+        (p for p in profiles if p.log10_probability + looked_at < np.log10(_BELOW)),
+        key=lambda profile: profile.log10_probability,
+    )
+    if not striking:
+        return ()
+    first, others = striking[0], striking[1:]
+    where = (
+        f"tooth {first.tooth}"
+        if first.tooth is not None
+        else f"one place, {first.position:.2f} of a turn after the recording's zero"
+    )
+    evidence = [
+        f"the {first.gear} of stage {first.stage} departs from its other teeth at {where}: "
+        f"{first.ratio:.1f} times the energy of its median tooth",
+        "one tooth of a sound gear may be cut as differently: without a healthy recording it "
+        "cannot be known whether it was always so, nor how much stiffness is lost",
+    ]
+    if first.tooth is not None:
+        evidence.append("teeth are counted from the one that enters mesh at the tachometer pulse")
+    evidence += [
+        f"the {other.gear} of stage {other.stage} shows it too ({other.ratio:.1f} times)"
+        for other in others
+    ]
+    place: dict[str, Any] = {"stage": first.stage, "gear": first.gear, "tooth": first.tooth}
+    if any(abs(other.order - first.order) < 1e-9 * first.order for other in others):
+        evidence.append("gears on one shaft turn together: it may be either of them")
+        place = {}
+    chance = float(10.0 ** min(0.0, first.log10_probability + looked_at))
+    told = tuple(evidence)
+    return (Flag(kind="tooth damage", false_alarm_probability=chance, evidence=told, **place),)
+
+
+def _looked_at(profiles: Sequence[ToothProfile]) -> float:
+    """Return log10 of the number of gears that may be called damaged by chance."""
+    return float(np.log10(max(1, len(profiles))))
+
+
+def own_teeth_reason(profiles: Sequence[ToothProfile], why: str) -> str:
+    """Give the reason of a verdict without a reference, which begins with why there is none."""
+    return (
+        f"{why}. Teeth were compared with the others of their gear. "
+        "Pitch errors and eccentricity of a sound gear look like weak damage, so only gross "
+        "damage of one tooth can be found: on simulated machines two of three losses of 40 % "
+        f"of a pair's stiffness, one of four of 20 %. {most_striking(profiles)} {UNKNOWABLE}"
+    )
+
+
+def _expected(
+    signature: MeasuredSignature, machine: Machine
+) -> tuple[Signature | None, tuple[str, ...]]:
+    """Return the expected signature up to half the sampling rate, or why there is none."""
+    # not needed with a reference
+    from gearmon.signatures.expected.baseline import expected_signature
+
+    try:
+        return expected_signature(machine, max_hz=0.5 * signature.sampling_rate_hz), ()
+    except GearmonError as error:
+        return None, (f"no expected signature: {error}",)
+
+
+def without_mesh(
+    signature: MeasuredSignature, machine: Machine, indicators: Indicators
+) -> Analysis:
+    """Say that no mesh of the machine stands out of a recording."""
+    reasons = "; ".join(f"stage {mesh.stage}: {mesh.reason}" for mesh in signature.meshes)
+    return Analysis(
+        recording=signature.origin,
+        machine=machine.name,
+        verdict="no mesh found",
+        reason=f"No gear mesh of this machine stands out of the recording ({reasons}).",
+        score=0.0,
+        false_alarm_probability=1.0,
+        compared_with="nothing",
+        signature=signature,
+        indicators=indicators,
+        warnings=signature.notes,
+    )
+
+
+def mesh_lost(found: Analysis, deviation: MachineDeviation, references: int) -> Analysis:
+    """Judge a recording that lacks the mesh which its reference has: that is a change too.
+
+    Parameters
+    ----------
+    found : Analysis
+        As of `without_mesh`.
+    deviation : MachineDeviation
+        From the healthy machine.
+    references : int
+        Number of healthy recordings.
+    """
+    broadband = deviation.broadband
+    if broadband is None:
+        return found
+    strength, gain = broadband_strength(broadband), float(np.median(broadband.gain_db))
+    probability = false_alarm_probability(strength, references, deviation.gap)
+    flags: tuple[Flag, ...] = ()
+    if gain < _SILENT_DB:
+        told = (
+            f"The recording is {-gain:.0f} dB quieter than the healthy ones and shows no gear "
+            "mesh: the machine stood still, or the sensor is dead or disconnected."
+        )
+    elif strength >= LIMITS.noise_strength:
+        changed = (
+            f"the spectrum between the lines changed too ({gain:+.1f} dB in the median): gross "
+            "damage, or a machine that runs at another speed than its file says"
+        )
+        flags = (
+            Flag(
+                kind="mesh lost",
+                false_alarm_probability=probability,
+                evidence=(changed, found.reason),
+            ),
+        )
+        told = fault_sentence(flags)
+    else:
+        return found
+    return replace(
+        found,
+        verdict="fault" if flags else "cannot tell",
+        reason=f"{told} {found.reason}",
+        flags=flags,
+        score=score_of(strength),
+        false_alarm_probability=probability,
+        compared_with="reference",
+    )
