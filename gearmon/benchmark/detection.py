@@ -383,7 +383,6 @@ def localised_difference(signature: MeasuredSignature, healthy: MeasuredSignatur
     """
     own, known = Profile.of(signature), Profile.of(healthy)
     patterns = {(wheel.stage, wheel.gear): wheel for wheel in known.wheels}
-    channels = range(len(signature.channel_names))
     best = 0.0
     for wheel in own.wheels:
         other = patterns.get((wheel.stage, wheel.gear))
@@ -391,7 +390,7 @@ def localised_difference(signature: MeasuredSignature, healthy: MeasuredSignatur
             continue
         # a pulse on shaft 1 tells where the gears on it stand
         same = own.tacho and known.tacho and abs(wheel.order - 1.0) < 1e-12
-        new, old = aligned(wheel, channels, other, channels, same_zero=same)
+        new, old = aligned(wheel, other, same_zero=same)
         if len(new.number):
             best = max(best, 10.0 * float(np.log10(departure_energy(new, old).max())))
     return best

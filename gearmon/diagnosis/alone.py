@@ -83,10 +83,9 @@ def judged_alone(
 def own_teeth(signature: MeasuredSignature) -> tuple[ToothProfile, ...]:
     """Hold every tooth against the others of its gear."""
     own = Profile.of(signature)
-    channels = range(len(signature.channel_names))
     looked = [
         # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
-        locate(wheel, channels, numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12)
+        locate(wheel, numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12)
         for wheel in own.wheels
     ]
     return tuple(profile for profile in looked if profile is not None)

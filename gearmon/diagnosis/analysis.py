@@ -264,23 +264,22 @@ class _Compared:
     reference: Reference
 
     @cached_property
+    def known(self) -> Reference:
+        """The reference in the channels of both."""
+        return self.reference.shared_with(self.signature)[0]
+
+    @cached_property
+    def rows(self) -> list[int]:
+        return self.reference.shared_with(self.signature)[1]
+
+    @cached_property
     def own(self) -> Profile:
-        return Profile.of(self.signature)
-
-    @cached_property
-    def shared(self) -> tuple[str, ...]:
-        """Channels that were learned."""
-        known = self.reference.channel_names
-        return tuple(name for name in self.signature.channel_names if name in known)
-
-    @cached_property
-    def rows(self) -> tuple[int, ...]:
-        return tuple(map(self.signature.channel_names.index, self.shared))
+        """The recording in the channels of both."""
+        return Profile.of(self.signature).part(self.rows)
 
     @cached_property
     def healthy(self) -> HealthyMachine:
-        theirs = tuple(map(self.reference.channel_names.index, self.shared))
-        return _law_of(self.reference, theirs, self.machine)
+        return _law_of(self.known, self.machine)
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
@@ -291,17 +290,16 @@ class _Compared:
     @cached_property
     def turns(self) -> tuple[TurnChange, ...]:
         """Changes of single sidebands."""
-        theirs = [profile.wheels for profile in self.reference.profiles]
-        return turn_changes(self.own.wheels, self.rows, theirs, self.healthy.rows)
+        return turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
     def judged(self, indicators: Indicators, must_notice: float) -> Analysis:
         """Weigh all evidence and judge."""
         signature = self.signature
         evidence = self.evidence()
-        families = self._families(evidence.deviation)
-        changes = level_changes(evidence.deviation.levels, self.shared, families)
+        families, shared = self._families(evidence.deviation), self.known.channel_names
+        changes = level_changes(evidence.deviation.levels, shared, families)
         profiles = self._profiles(evidence)
-        silent = [name for name in self.reference.channel_names if name not in self.shared]
+        silent = [name for name in self.reference.channel_names if name not in shared]
         decision = decide(evidence, unheard(evidence, self.machine, silent, must_notice))
         flags: tuple[Flag, ...] = ()
         if decision.verdict == "fault":
@@ -337,14 +335,14 @@ class _Compared:
     def evidence(self) -> Evidence:
         """Weigh what speaks against a healthy machine."""
         signature, healthy = self.signature, self.healthy
-        nongear = nongear_findings(signature, self.reference, kinematics(self.machine))
+        nongear = nongear_findings(self.own, self.known, kinematics(self.machine))
         striking = [f for f in nongear if f.false_alarm_probability < LIMITS.rare]
         mask = disturbed(signature.plan.orders, striking, 2.0 / signature.lines.block_turns)
         disturbed_families = [
             family.name for family in signature.plan.families if mask[list(family.lines)].any()
         ]
         whole = len(disturbed_families) == len(signature.plan.families)
-        deviation = healthy.deviation(self.own, self.rows, () if whole else disturbed_families)
+        deviation = healthy.deviation(self.own, () if whole else disturbed_families)
         finding = find_tooth(self.own, deviation, healthy, self.machine)
         return Evidence(
             deviation=deviation,
@@ -353,9 +351,7 @@ class _Compared:
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),
-            runout=runout_growth(
-                self.turns, _healthy_turns(self.reference, healthy.rows), deviation.gap
-            ),
+            runout=runout_growth(self.turns, _healthy_turns(self.known), deviation.gap),
             nongear=nongear,
             references=len(self.reference.profiles),
             angle=signature.track.uncertainty_turns
@@ -368,7 +364,7 @@ class _Compared:
             return np.inf
         found, plan, lines = finding.best, self.signature.plan, self.signature.lines
         wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
-        blocks = lines.amplitude[:, list(self.rows)]
+        blocks = lines.amplitude[:, self.rows]
         again, scatter = found.deviation.recurrence(found.tooth, blocks, wheel)
         knocked = scatter > LIMITS.knock_scatter or lines.knocked > LIMITS.knocks
         return again if knocked else np.inf
@@ -414,18 +410,14 @@ class _Compared:
         """Judge a recording that lacks the mesh which its reference has."""
         found = without_mesh(self.signature, self.machine, indicators)
         found = replace(found, warnings=(*found.warnings, *self.notes))
-        deviation = self.healthy.deviation(self.own, self.rows)
+        deviation = self.healthy.deviation(self.own)
         return mesh_lost(found, deviation, len(self.reference.profiles))
 
 
 # several recordings are held against one reference
-@lru_cache(maxsize=4)
-def _law_of(reference: Reference, rows: tuple[int, ...], machine: Machine) -> HealthyMachine:
-    return HealthyMachine.of(reference, rows, machine)
+_law_of = lru_cache(maxsize=4)(HealthyMachine.of)
 
 
 @lru_cache(maxsize=4)
-def _healthy_turns(
-    reference: Reference, rows: tuple[int, ...]
-) -> tuple[tuple[TurnChange, ...], ...]:
-    return healthy_turns([profile.wheels for profile in reference.profiles], rows)
+def _healthy_turns(reference: Reference) -> tuple[tuple[TurnChange, ...], ...]:
+    return healthy_turns([profile.wheels for profile in reference.profiles])

@@ -27,16 +27,14 @@ from gearmon.arrays import FloatArray
 from gearmon.errors import check_finite
 from gearmon.gears.kinematics import Kinematics, Line, Shaft
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
-from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.nongear_lines import (
     OWN_WIDTHS,
     NonGearLine,
     NonGearLines,
     harmonic_sources,
     noise_exceeds,
-    taken,
 )
-from gearmon.signatures.measured.reference import Reference
+from gearmon.signatures.measured.reference import Profile, Reference
 
 # What such a line of a healthy machine is taken to change by from one recording to another before
 # any is seen [dB], and the differences that this prior is worth (so that the 4 dB are known to a
@@ -130,16 +128,16 @@ class NonGearFinding:
 
 
 def nongear_findings(
-    signature: MeasuredSignature, reference: Reference, train: Kinematics
+    own: Profile, reference: Reference, train: Kinematics
 ) -> tuple[NonGearFinding, ...]:
     """Compare the lines of no gear of a recording with those of a reference.
 
     Parameters
     ----------
-    signature : MeasuredSignature
+    own : Profile
         The new recording.
     reference : Reference
-        Healthy recordings.
+        Healthy recordings of the same channels.
     train : Kinematics
         The machine.
 
@@ -148,54 +146,30 @@ def nongear_findings(
     tuple of NonGearFinding
         Most striking first.
     """
-    shared = [name for name in signature.channel_names if name in reference.channel_names]
-    rows = [signature.channel_names.index(name) for name in shared]
-    theirs = tuple(reference.channel_names.index(name) for name in shared)
-    if not shared:
-        return ()
-    healthy = _healthy_lines(reference, theirs)
-    gain_db = family_gain_db(signature, reference, rows, theirs)
-    return compare_lines(taken(signature.foreign, rows), healthy, train, gain_db, shared)
+    healthy, gain_db = [one.foreign for one in reference.profiles], family_gain_db(own, reference)
+    return compare_lines(own.foreign, healthy, train, gain_db, reference.channel_names)
 
 
-# several recordings are held against one reference
-@lru_cache(maxsize=4)
-def _healthy_lines(reference: Reference, rows: tuple[int, ...]) -> tuple[NonGearLines, ...]:
-    return tuple(taken(profile.foreign, rows) for profile in reference.profiles)
-
-
-def family_gain_db(
-    signature: MeasuredSignature, reference: Reference, rows: Sequence[int], theirs: Sequence[int]
-) -> FloatArray:
+def family_gain_db(own: Profile, reference: Reference) -> FloatArray:
     """How much louder each channel is than in the reference: median over the families of lines.
 
     Parameters
     ----------
-    signature : MeasuredSignature
-        The new recording.
-    reference : Reference
-        Healthy recordings.
-    rows, theirs : sequence of int
-        Shared channels in both.
+    own, reference
+        As in `nongear_findings`.
 
     Returns
     -------
-    ndarray of float, shape (shared channels,)
-        0 dB where no common family is heard.
+    ndarray of float, shape (channels,)
+        0 where no family can be heard in both [dB].
     """
-    names = [family.name for family in signature.plan.families]
-    common = [name for name in reference.family_names if name in names]
-
-    def of(values: NDArray[Any], channels: Sequence[int], own: Sequence[str]) -> NDArray[Any]:
-        return values[list(channels)][:, [own.index(name) for name in common]]
-
-    heard = of(signature.heard, rows, names)
-    for profile in reference.profiles:
-        heard &= of(profile.heard, theirs, profile.family_names)
-    moved = of(signature.level_db, rows, names)
-    moved -= of(reference.level_db.mean(axis=0), theirs, reference.family_names)
-    told = zip(moved, heard, strict=True)
-    return np.array([np.median(own[clear]) if clear.any() else 0.0 for own, clear in told])
+    common = [name for name in reference.family_names if name in own.family_names]
+    known = [one.of_families(common) for one in reference.profiles]
+    level, _, heard = own.of_families(common)
+    moved = level - np.mean([one[0] for one in known], axis=0)
+    clear = np.logical_and.reduce([heard, *(one[2] for one in known)])
+    told = zip(moved, clear, strict=True)
+    return np.array([np.median(row[both]) if both.any() else 0.0 for row, both in told])
 
 
 def compare_lines(

@@ -123,14 +123,13 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
         reference = read_reference(reference)
     check_type("reference", reference, Reference, "what gearmon.learn returns, or its file")
     machine_notes(machine, reference)
-    rows = range(len(reference.channel_names))
-    loads = np.exp(HealthyMachine.of(reference, rows, machine).states[:, 0])
+    loads = np.exp(HealthyMachine.of(reference, machine).states[:, 0])
     recordings: list[CheckedRecording] = []
     heard: dict[tuple[int, str], float] = {}
     for number, own in enumerate(reference.profiles):
         others = (*reference.profiles[:number], *reference.profiles[number + 1 :])
-        law = HealthyMachine.of(replace(reference, profiles=others or (own,)), rows, machine)
-        deviation = law.deviation(own, rows)
+        law = HealthyMachine.of(replace(reference, profiles=others or (own,)), machine)
+        deviation = law.deviation(own)
         finding = find_tooth(own, deviation, law, machine)
         evidence = Evidence(deviation=deviation, finding=finding, references=max(1, len(others)))
         recordings.append(

@@ -225,13 +225,13 @@ def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
         A new one, or that of the axes given.
     """
     # the mean and what leaks from it are no lines
-    order = found.order[2:]
+    order = found.place[2:]
     strips = Strips(
         names=found.channel_names,
         units=found.units,
         axis=order_axis(found),
         place=order,
-        values=found.amplitude[:, 2:],
+        values=found.values[:, 2:],
         marks=line_marks(found.marks, float(order[0]), float(order[-1])),
     )
     return _strips_figure(strips, given=ax)

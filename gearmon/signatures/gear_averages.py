@@ -28,8 +28,9 @@ from functools import cache, partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from gearmon.arrays import ComplexArray, FloatArray, IntArray
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
@@ -64,9 +65,8 @@ class GearSignals:
         Peak amplitudes of the lines -1 and +1 of the first mesh harmonic; 0 where not measured.
     near_sidebands : ndarray of float, shape (channels, 12)
         The same of -6 to +6.
-    shaft, mesh, first : tuple of int
-        Multiples of the rotation taken out: the shaft's own, all mesh harmonics, their first
-        sidebands.
+    part : ndarray of str, shape (lines,)
+        What each line of the wheel counts as: "mesh", "shaft", "first sideband" or "difference".
     band : (int, int)
         Lowest and highest multiple of the envelope's band.
     """
@@ -81,17 +81,19 @@ class GearSignals:
     fundamental: FloatArray
     first_sidebands: FloatArray
     near_sidebands: FloatArray
-    shaft: tuple[int, ...]
-    mesh: tuple[int, ...]
-    first: tuple[int, ...]
+    part: NDArray[np.str_]
     band: tuple[int, int]
 
     @property
     def removed(self) -> dict[str, tuple[int, ...]]:
         """Multiples of the rotation taken out of the average, by the signal that was left."""
-        residual = self.shaft + self.mesh
-        every = {"residual": residual, "difference": residual + self.first}
-        return {name: tuple(sorted(taken)) for name, taken in every.items()}
+        residual = ("mesh", "shaft")
+        every = {"residual": residual, "difference": (*residual, "first sideband")}
+        return {name: self.multiples(*parts) for name, parts in every.items()}
+
+    def multiples(self, *parts: str) -> tuple[int, ...]:
+        """Return the multiples of the rotation that count as one of these parts."""
+        return tuple(self.wheel.number[np.isin(self.part, parts)].tolist())
 
 
 def gear_signals(
@@ -128,36 +130,34 @@ def gear_signals(
         )
     spectrum = np.zeros((len(mean), max(top, teeth + NEAR_SIDEBANDS) + 1), dtype=complex)
     spectrum[:, number] = mean[:, wheel.lines]
-    meshes = number[wheel.mesh]
-    shaft = (number <= SHAFT_HARMONICS) & ~wheel.mesh
-    first = np.isin(number, np.concatenate([meshes - 1, meshes + 1])) & ~wheel.mesh & ~shaft
-    taken = wheel.mesh | shaft
+    beside = np.isin(number, np.add.outer([-1, 1], number[wheel.mesh]))
+    chosen = (wheel.mesh, number <= SHAFT_HARMONICS, beside)
+    part = np.select(chosen, ("mesh", "shaft", "first sideband"), "difference")
     near = [teeth + r for r in range(-NEAR_SIDEBANDS, NEAR_SIDEBANDS + 1) if r and teeth + r > 0]
     size = np.abs(spectrum)
     reach = max(1, min(teeth // 2, teeth - 1))
     band = (teeth - reach, teeth + reach)
 
-    def of(chosen: IntArray) -> ComplexArray:
-        """Lines 0 to `top`, those that are not chosen zero."""
-        part = np.zeros((len(mean), top + 1), dtype=complex)
-        part[:, chosen] = spectrum[:, chosen]
-        return part
+    def without(*left_out: str) -> FloatArray:
+        """Return a turn of all lines but those of some parts."""
+        kept = spectrum[:, : top + 1].copy()
+        kept[:, number[np.isin(part, left_out)]] = 0.0
+        return one_turn(kept, per_turn)
 
-    within = of(number[(number >= band[0]) & (number <= band[1])])
+    within = spectrum[:, : min(band[1], top) + 1].copy()
+    within[:, : band[0]] = 0.0
     return GearSignals(
         wheel=wheel,
-        average=one_turn(of(number), per_turn),
-        residual=one_turn(of(number[~taken]), per_turn),
-        difference=one_turn(of(number[~(taken | first)]), per_turn),
-        regular=one_turn(of(number[taken | first]), per_turn),
+        average=without(),
+        residual=without("mesh", "shaft"),
+        difference=without("mesh", "shaft", "first sideband"),
+        regular=without("difference"),
         envelope=np.abs(np.fft.ifft(within, per_turn, axis=-1, norm="forward")),
         mesh_amplitude=size[:, number[(number % teeth == 0) & (number >= teeth)]],
         fundamental=size[:, teeth],
         first_sidebands=size[:, [teeth - 1, teeth + 1]],
         near_sidebands=size[:, near],
-        shaft=tuple(number[shaft].tolist()),
-        mesh=tuple(meshes.tolist()),
-        first=tuple(number[first].tolist()),
+        part=part,
         band=band,
     )
 
@@ -260,8 +260,7 @@ class GearAverages(Result):
 
     def _line_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
         lines, signals = own.average.lines, own.signals
-        parts = dict.fromkeys(signals.shaft, "shaft") | dict.fromkeys(signals.mesh, "mesh")
-        parts |= dict.fromkeys(signals.first, "first sideband")
+        parts = dict(zip(signals.wheel.number.tolist(), signals.part.tolist(), strict=True))
         for row in range(len(self.channel_names)):
             for number in range(1, own.average.top + 1):
                 value = complex(lines[row, number])

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -149,24 +149,20 @@ def _density(vibration: Recording, band: Band, window_name: str) -> _Made:
 
 
 def _envelope(vibration: Recording, band: Band, _window_name: str) -> _Made:
-    rate, notes = vibration.sampling_rate_hz, []
+    notes: tuple[str, ...] = ()
     if band is None:
         # narrow bands through which a wandering line passes now and then would look impulsive
-        deepest = max(0, min(_ENVELOPE_LEVELS, int(np.log2(vibration.samples.shape[-1] / 64))))
-        found_bands = [kurtogram(channel, rate, deepest).best for channel in vibration.samples]
-        channel = int(np.argmax([height for _, _, height in found_bands]))
-        low, high, height = found_bands[channel]
-        band = (low, high)
-        notes.append(
-            f"band {low:.6g} to {high:.6g} Hz by the kurtogram of "
-            f"{vibration.channel_names[channel]} (kurtosis {height:.3g})"
-        )
-    found = envelope_spectrum(vibration.samples, rate, *band)
+        maps = zip(vibration.channel_names, _kurtograms(vibration, _ENVELOPE_LEVELS), strict=True)
+        best = ((name, *own.best) for name, own in maps)
+        name, low, high, height = max(best, key=lambda own: own[3])
+        by = f"by the kurtogram of {name} (kurtosis {height:.3g})"
+        band, notes = (low, high), (f"band {low:.6g} to {high:.6g} Hz {by}",)
+    found = envelope_spectrum(vibration.samples, vibration.sampling_rate_hz, *band)
     return {
         "place": found.frequency_hz[1:],
         "values": found.values[:, 1:],
         "value_name": f"envelope of {band[0]:.6g} to {band[1]:.6g} Hz",
-        "notes": tuple(notes),
+        "notes": notes,
     }
 
 
@@ -181,10 +177,19 @@ def _cepstrum(vibration: Recording, band: Band, _window_name: str) -> _Made:
 def _kurtogram(vibration: Recording, band: Band, _window_name: str) -> _Made:
     if band is not None:
         raise ArgumentError("band: a kurtogram covers all frequencies; leave the band out")
-    samples, rate = vibration.samples, vibration.sampling_rate_hz
-    levels = max(0, min(_MAP_LEVELS, int(np.log2(samples.shape[-1] / 64))))
-    maps = tuple(kurtogram(channel, rate, levels) for channel in samples)
-    return {"place": np.zeros(0), "values": np.zeros((len(maps), 0)), "kurtograms": maps}
+    maps = _kurtograms(vibration, _MAP_LEVELS)
+    heads = ("channel", "low_hz", "high_hz", "kurtosis")
+    best = ((name, *own.best) for name, own in zip(vibration.channel_names, maps, strict=True))
+    peaks = tuple(dict(zip(heads, own, strict=True)) for own in best)
+    empty = {"place": np.zeros(0), "values": np.zeros((len(maps), 0))}
+    return empty | {"kurtograms": maps, "peaks": peaks}
+
+
+def _kurtograms(vibration: Recording, most: int) -> tuple[Kurtogram, ...]:
+    """Return the kurtogram of every channel, as deep as its length allows."""
+    levels = max(0, min(most, int(np.log2(vibration.samples.shape[-1] / 64))))
+    rate = vibration.sampling_rate_hz
+    return tuple(kurtogram(channel, rate, levels) for channel in vibration.samples)
 
 
 # What each is called, the unit of its values from that of the channel, and how it is computed: of
@@ -264,9 +269,7 @@ def recording_spectrum(
     if machine is not None:
         result = _marked(result, recording, machine)
     if result.kurtograms:
-        heads, maps = ("low_hz", "high_hz", "kurtosis"), zip(names, result.kurtograms, strict=True)
-        rows = ({"channel": name, **dict(zip(heads, own.best, strict=True))} for name, own in maps)
-        return replace(result, peaks=tuple(rows))
+        return result
     reach = half_lobe(window_name) if kind in ("amplitude", "rms", "energy") else 2
     read = partial(_between_bins, result, vibration, window_name)
     return replace(result, peaks=_peaks(result, most_peaks, reach, read))
@@ -410,16 +413,6 @@ class OrderSpectra(RecordingSpectrum):
     map: OrderMap
     signature: MeasuredSignature
 
-    @property
-    def order(self) -> FloatArray:
-        """Cycles a turn of the shaft, shape (bins,)."""
-        return self.place
-
-    @property
-    def amplitude(self) -> FloatArray:
-        """Amplitudes, shape (channels, bins)."""
-        return self.values
-
     def map_rows(self, most: int | None = None) -> list[dict[str, Any]]:
         """Return the map as rows: time, speed, blocks, channel and the amplitude at every order.
 
@@ -526,13 +519,12 @@ def order_spectra(
         last = 1.1 * MESH_HARMONICS * max(mesh.order for mesh in train.meshes)
         top = min(limit, last) / ratio
     of_shaft = partial(order_map, shaft_order=ratio, top=top, window_name=window_name)
-    found = partial(of_shaft, vibration.samples, rate, track)
+    found = cache(partial(of_shaft, vibration.samples, rate, track))
     whole = found(block_turns=_TURNS, against="time")
     turned = ratio * float(track.turns[-1] - track.turns[0])
     blocks = _MAP_BLOCKS.get(map_against, 1)
     turns = float(np.clip(2 * turned / blocks, _MAP_TURNS, _TURNS))
-    is_same = (turns, map_against) == (_TURNS, "time")
-    along = whole if is_same else found(block_turns=turns, against=map_against)
+    along = found(block_turns=turns, against=map_against)
     result = OrderSpectra(
         recording=recording.origin,
         shaft=shaft,

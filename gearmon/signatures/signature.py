@@ -125,12 +125,8 @@ class Signature(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return machine, origin, header and rows as built-in types that JSON can hold."""
-        return {
-            "machine": self.machine,
-            "origin": self.origin,
-            **plain(dict(self.header)),
-            "rows": [plain(row) for row in self.rows()],
-        }
+        told = {name: own for name, own in _about(self).items() if name != "format"}
+        return told | {"rows": [plain(row) for row in self.rows()]}
 
 
 def _column(name: str, values: npt.ArrayLike) -> Array:
@@ -259,7 +255,7 @@ def _suffix(path: Path) -> str:
 def _about(signature: Signature) -> dict[str, Any]:
     """Return everything but the lines."""
     about = {"format": FORMAT, "machine": signature.machine, "origin": signature.origin}
-    return about | {key: plain(value) for key, value in signature.header.items()}
+    return {**about, **plain(signature.header)}
 
 
 def _assembled(about: Any, columns: dict[str, Any]) -> Signature:

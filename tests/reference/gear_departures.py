@@ -86,11 +86,11 @@ def weights(*teeth):
     return own
 
 
-def held_against(new, healthy, channels=(0, 1), *, same_zero=True, states=None, state=(0.0, 0.0)):
+def held_against(new, healthy, *, same_zero=True, states=None, state=(0.0, 0.0)):
     """Deviation of a new pattern from the law of healthy ones, all at one operating state."""
     law = GearLaw(
         wheel=healthy[0],
-        patterns=turned_alike(healthy, [channels] * len(healthy), same_zero=same_zero),
+        patterns=turned_alike(healthy, same_zero=same_zero),
         states=np.zeros((len(healthy), 2)) if states is None else np.asarray(states, dtype=float),
     )
-    return law.deviation(new, channels, np.asarray(state, dtype=float), same_zero=same_zero)
+    return law.deviation(new, np.asarray(state, dtype=float), same_zero=same_zero)

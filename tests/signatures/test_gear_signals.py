@@ -47,16 +47,16 @@ def test_every_line_is_in_the_average_and_in_regular_or_difference():
 
 def test_what_is_taken_out():
     own = gear_signals(lines(n20=1.0), wheel())
-    assert own.shaft == (1, 2)
-    assert own.mesh == (20, 40, 60)
-    assert own.first == (19, 21, 39, 41, 59, 61)
+    assert own.multiples("shaft") == (1, 2)
+    assert own.multiples("mesh") == (20, 40, 60)
+    assert own.multiples("first sideband") == (19, 21, 39, 41, 59, 61)
     assert own.band == (10, 30)
 
 
 def test_first_sidebands_of_another_mesh_on_the_same_shaft_go_too():
     own = gear_signals(lines(n20=1.0), wheel(meshes=(20, 33, 40, 60, 66)))
-    assert {32, 34, 65, 67} <= set(own.first)
-    assert not {32, 33, 34} - set(own.first) - set(own.mesh)
+    assert {32, 34, 65, 67} <= set(own.multiples("first sideband"))
+    assert not {32, 33, 34} - set(own.multiples("first sideband", "mesh"))
     # yet the gear's own mesh amplitudes are those of its own mesh
     assert own.mesh_amplitude.shape == (1, 3)
 

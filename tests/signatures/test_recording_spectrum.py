@@ -91,12 +91,12 @@ def test_orders_of_any_shaft():
     assert any("mesh 1" in peak["near"] for peak in first.peaks)
     mesh = {mark.name: mark.place for mark in second.marks}["mesh 1 ×1"]
     assert mesh == pytest.approx(57.0)
-    assert second.order[-1] / first.order[-1] == pytest.approx(57 / 23, rel=0.01)
+    assert second.place[-1] / first.place[-1] == pytest.approx(57 / 23, rel=0.01)
     # the map has shorter blocks: the mesh line, clear of others, reads the same in it
     assert first.map.resolution > first.resolution
     ours, seen = first.map.order, np.sqrt(np.mean(first.map.amplitude**2, axis=0))
     for row in range(2):
-        line = first.amplitude[row, np.abs(first.order - 23) < 0.1].max()
+        line = first.values[row, np.abs(first.place - 23) < 0.1].max()
         assert seen[row, np.abs(ours - 23) < 0.3].max() == pytest.approx(line, rel=0.2)
     assert first.map.speed_hz.mean() == pytest.approx(2960 / 60, rel=0.03)
 

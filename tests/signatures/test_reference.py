@@ -64,18 +64,13 @@ def test_reference_holds_every_recording():
     assert known.channel_names == ("a1", "a2")
     assert known.units == ("m/s2", "m/s2")
     assert len(known.profiles) == len(known.origins) == 3
-    assert known.level_db.shape == known.scatter_db.shape == (3, 2, len(known.family_names))
-    assert np.isfinite(known.level_db).all()
-    assert (known.scatter_db > 0).all()
     for profile in known.profiles:
+        level, scatter, heard = profile.of_families(known.family_names)
+        assert level.shape == scatter.shape == heard.shape == (2, len(known.family_names))
+        assert np.isfinite(level).all()
+        assert (scatter > 0).all()
         assert [wheel.gear for wheel in profile.wheels] == ["pinion", "gear"]
         assert all((wheel.variance > 0).all() for wheel in profile.wheels)
-
-
-def test_levels_follow_their_names():
-    known = reference()
-    turned = replace(known, family_names=known.family_names[::-1])
-    np.testing.assert_array_equal(turned.level_db, known.level_db[:, :, ::-1])
 
 
 def test_pattern_is_the_mean_of_the_blocks():
@@ -275,3 +270,40 @@ def test_a_speed_is_covered_up_to_a_tenth_beside_what_was_learned(off):
     own = SimpleNamespace(speed=SimpleNamespace(estimated_hz=off * 25.0))
     told = other_speed(own, SimpleNamespace(profiles=[SimpleNamespace(speed_hz=25.0)]))
     assert (told is None) == (0.9 < off < 1.1)
+
+
+def test_a_recording_is_held_against_the_channels_that_both_have():
+    own = measure_signature(recording().select(["a2", "tacho"]), machine())
+    known, rows = reference().shared_with(own)
+    assert (known.channel_names, known.units, rows) == (("a2",), ("m/s2",), [0])
+    assert reference().shared_with(own)[0] is known
+    assert reference().shared_with(analysis().signature) == (reference(), [0, 1])
+    for part, whole in zip(known.profiles, reference().profiles, strict=True):
+        for name in ("level_db", "scatter_db", "heard", "band_db"):
+            np.testing.assert_array_equal(getattr(part, name), getattr(whole, name)[1:])
+        for one, both in zip(part.wheels, whole.wheels, strict=True):
+            np.testing.assert_array_equal(one.amplitude, both.amplitude[1:])
+            np.testing.assert_array_equal(one.variance, both.variance[1:])
+        np.testing.assert_array_equal(part.foreign.in_time_db, whole.foreign.in_time_db[1:])
+    others = replace(reference(), units=("m/s2", "g"))
+    assert others.shared_with(own)[0].units == ("g",)
+    turned = reference().profiles[0].part([1, 0])
+    np.testing.assert_array_equal(turned.level_db, reference().profiles[0].level_db[::-1])
+
+
+def test_planes_beside_the_turn_keep_their_channels():
+    wheel = reference().profiles[0].wheels[0]
+    beside = np.arange(2.0 * 2 * len(wheel.number)).reshape(2, 2, -1)
+    planetary_wheel = replace(wheel, beside=beside + 0j, beside_variance=1.0 + beside)
+    part = planetary_wheel.part([1])
+    np.testing.assert_array_equal(part.beside, beside[:, 1:])
+    np.testing.assert_array_equal(part.beside_variance, 1.0 + beside[:, 1:])
+
+
+def test_families_are_told_in_the_order_asked_for():
+    own = reference().profiles[0]
+    names = own.family_names[2::-1]
+    for told, whole in zip(
+        own.of_families(names), (own.level_db, own.scatter_db, own.heard), strict=True
+    ):
+        np.testing.assert_array_equal(told, whole[:, [2, 1, 0]])

@@ -23,7 +23,6 @@ from gearmon.diagnosis.fault_types.features import (
 )
 from gearmon.diagnosis.hypotheses.own_teeth import aligned, departure_energy
 from gearmon.diagnosis.hypotheses.runout import turn_changes
-from gearmon.diagnosis.law.machine import same_gear
 from gearmon.diagnosis.results import Analysis
 from gearmon.errors import ArgumentError, check_type
 from gearmon.result import Result
@@ -308,19 +307,16 @@ def analysis_features(analysis: Analysis, reference: Reference) -> FeatureVector
     ArgumentError
         If no gear was compared.
     """
-    names = analysis.signature.channel_names
-    shared = [name for name in names if name in reference.channel_names]
-    rows = [names.index(name) for name in shared]
-    theirs = [reference.channel_names.index(name) for name in shared]
-    wheels = Profile.of(analysis.signature).wheels
-    turns = turn_changes(wheels, rows, [p.wheels for p in reference.profiles], theirs)
+    known, rows = reference.shared_with(analysis.signature)
+    wheels = Profile.of(analysis.signature).part(rows).wheels
+    turns = turn_changes(wheels, [profile.wheels for profile in known.profiles])
     if analysis.verdict != "fault":
         return kind_features(analysis.changes, analysis.profiles, turns)
     # the law leaves nothing of a sound machine; of a fault, what the training saw
     shapes = []
     for wheel in wheels:
-        healthy = [one for p in reference.profiles if (one := same_gear(wheel, p))]
-        pairs = [aligned(wheel, rows, one, theirs) for one in healthy]
+        healthy = [one for p in known.profiles if (one := wheel.same_in(p.wheels))]
+        pairs = [aligned(wheel, one) for one in healthy]
         energies = [departure_energy(new, old) for new, old in pairs if len(new.number)]
         if energies:
             shapes.append(TurnEnergy(wheel.stage, wheel.gear, np.mean(energies, axis=0)))

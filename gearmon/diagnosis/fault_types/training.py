@@ -41,7 +41,7 @@ from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signatures.expected.baseline import faulty_lines
-from gearmon.signatures.expected.mesh import MeshPlace, operating_point
+from gearmon.signatures.expected.mesh import MeshPlace
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
 from gearmon.signatures.measured.reference import WheelPattern, tooth_counts
 
@@ -332,8 +332,8 @@ class _Mesh:
 
     def __init__(self, machine: Machine, stage: int, operating: int) -> None:
         self.machine, self.stage, self.operating = machine, stage, operating
-        own, shaft1_hz = machine.stages[stage - 1], operating_point(machine, operating).shaft1_hz
-        self.max_hz = _TOP * kinematics(machine).mesh(stage).order * shaft1_hz
+        own, point = machine.stages[stage - 1], MeshPlace(machine, stage, operating).point
+        self.max_hz = _TOP * kinematics(machine).mesh(stage).order * point.shaft1_hz
         self.module_m = 1e-3 * (_USUAL_MODULE_MM if own.module_mm is None else own.module_mm)
         self.sound = self._lines([])
         self.rms = float(np.linalg.norm(self.sound))
@@ -604,8 +604,7 @@ class _Sensors:
             shapes.append(TurnEnergy(new.stage, new.gear, raised / np.median(raised)))
         if self.rng.uniform() < 0.1:  # a caller may have families of lines only
             return shapes, ()
-        rows, after = range(len(self.path)), [new for _, new in pairs]
-        return shapes, turn_changes(after, rows, [[old for old, _ in pairs]], rows)
+        return shapes, turn_changes([new for _, new in pairs], [[old for old, _ in pairs]])
 
     def _pattern(self, wheel: WheelLines, measured: _Measured) -> WheelPattern:
         inside, same = wheel.number * wheel.order < self.top, ("stage", "gear", "teeth", "order")

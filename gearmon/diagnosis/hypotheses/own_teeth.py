@@ -12,7 +12,6 @@ found in 21 of 76 recordings of 52 simulated machines, one of 40 % in 52 of 76.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,15 +38,13 @@ _LEAST_LINES, _LEAST_OF_BAND = 8, 4
 _TINY = np.finfo(float).tiny
 
 
-def locate(wheel: WheelPattern, channels: Sequence[int], *, numbered: bool) -> ToothProfile | None:
+def locate(wheel: WheelPattern, *, numbered: bool) -> ToothProfile | None:
     """Look for the tooth at which a gear departs from its other teeth.
 
     Parameters
     ----------
     wheel : WheelPattern
         The gear in the recording.
-    channels : sequence of int
-        Its channels to use.
     numbered : bool
         Whether the recording's angle zero is a tachometer pulse of this gear's own shaft.
 
@@ -62,7 +59,7 @@ def locate(wheel: WheelPattern, channels: Sequence[int], *, numbered: bool) -> T
     window of w of z teeth over the median is compared with a gamma law of shape n_eff w / (z v),
     v the overdispersion, and the probability multiplied by z, the number of places.
     """
-    departure = _departure(_of_channels(wheel, channels), None, NEAR)
+    departure = _departure(_of_turn(wheel), None, NEAR)
     power = np.sum(np.abs(departure) ** 2, axis=0)
     if np.count_nonzero(power) < _LEAST_LINES:
         return None
@@ -112,24 +109,18 @@ def departure_energy(new: WheelPattern, old: WheelPattern, near: int = NEAR) -> 
 
 
 def aligned(
-    new: WheelPattern,
-    channels: Sequence[int],
-    old: WheelPattern,
-    old_channels: Sequence[int],
-    *,
-    same_zero: bool = False,
+    new: WheelPattern, old: WheelPattern, *, same_zero: bool = False
 ) -> tuple[WheelPattern, WheelPattern]:
     """Return the lines that two recordings share of a gear, the second turned to the first.
 
     Parameters
     ----------
     new, old : WheelPattern
-    channels, old_channels : sequence of int
-        Channels to use, and the same ones in the second.
+        In the same channels.
     same_zero : bool
         Whether both count from the same pulse: then nothing needs to be turned.
     """
-    pairs = [_of_channels(new, channels), _of_channels(old, old_channels)]
+    pairs = [_of_turn(new), _of_turn(old)]
     common = np.intersect1d(new.number, old.number)
     kept = [np.isin(own.number, common) for own in pairs]
     one, two = (
@@ -144,18 +135,17 @@ def aligned(
     )
     if same_zero or not len(common):
         return one, two
-    rows, top = range(len(channels)), int(common[-1])
-    angle = turning(GearPattern.of(two, rows, top), GearPattern.of(one, rows, top), new.teeth)
+    top = int(common[-1])
+    angle = turning(GearPattern.of(two, top), GearPattern.of(one, top), new.teeth)
     return one, replace(two, amplitude=two.amplitude * np.exp(2j * np.pi * angle * common))
 
 
-def _of_channels(wheel: WheelPattern, channels: Sequence[int]) -> WheelPattern:
-    """Return the lines at the multiples of the rotation, in some channels."""
-    rows, none = list(channels), np.zeros((0, 0, 0))
+def _of_turn(wheel: WheelPattern) -> WheelPattern:
+    """Return the lines at the multiples of the rotation."""
+    none = np.zeros((0, 0, 0))
     return replace(
         wheel,
-        amplitude=wheel.amplitude[rows],
-        variance=np.maximum(wheel.variance[rows], _TINY),
+        variance=np.maximum(wheel.variance, _TINY),
         beside=none.astype(complex),
         beside_variance=none,
     )

@@ -54,10 +54,7 @@ class TurnChange:
 
 
 def turn_changes(
-    wheels: Sequence[WheelPattern],
-    rows: Sequence[int],
-    healthy: Sequence[Sequence[WheelPattern]],
-    healthy_rows: Sequence[int],
+    wheels: Sequence[WheelPattern], healthy: Sequence[Sequence[WheelPattern]]
 ) -> tuple[TurnChange, ...]:
     """Compare single sidebands of every gear with those of healthy recordings.
 
@@ -65,12 +62,8 @@ def turn_changes(
     ----------
     wheels : sequence of WheelPattern
         Gears of the new recording.
-    rows : sequence of int
-        Its channels to use.
     healthy : sequence of sequences of WheelPattern
-        Gears of each healthy recording, at least one.
-    healthy_rows : sequence of int
-        The same channels there.
+        Gears of each healthy recording, at least one, in the same channels.
 
     Returns
     -------
@@ -88,12 +81,11 @@ def turn_changes(
     """
     found: list[tuple[WheelPattern, FloatArray, FloatArray]] = []
     for wheel in wheels:
-        match = [_same(wheel, patterns) for patterns in healthy]
-        known = [pattern for pattern in match if pattern is not None]
+        known = [own for patterns in healthy if (own := wheel.same_in(patterns))]
         if len(known) < len(healthy) or not known:
             continue
-        new_db, new_scatter = _levels(wheel, rows)
-        old = [_levels(pattern, healthy_rows) for pattern in known]
+        new_db, new_scatter = _levels(wheel)
+        old = [_levels(pattern) for pattern in known]
         harmonics = min(new_db.shape[1], *(level.shape[1] for level, _ in old))
         if harmonics == 0:
             continue
@@ -104,7 +96,7 @@ def turn_changes(
         unheard = (new_scatter[:, :harmonics] >= _UNHEARD_DB) & (scatter >= _UNHEARD_DB**2)
         spread = np.sqrt(new_scatter[:, :harmonics] ** 2 + scatter)
         found.append((wheel, np.where(unheard, np.nan, change), spread))
-    gain = _gains(found, len(rows))
+    gain = _gains(found)
     return tuple(
         TurnChange(
             stage=wheel.stage,
@@ -125,24 +117,19 @@ def _beyond_mesh(change: FloatArray) -> FloatArray:
     return np.nan_to_num(np.clip(change[..., 1:] - rise, -30.0, 30.0))
 
 
-def _same(wheel: WheelPattern, patterns: Sequence[WheelPattern]) -> WheelPattern | None:
-    key = (wheel.stage, wheel.gear, wheel.teeth)
-    return next((p for p in patterns if (p.stage, p.gear, p.teeth) == key), None)
-
-
-def _levels(wheel: WheelPattern, rows: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+def _levels(wheel: WheelPattern) -> tuple[FloatArray, FloatArray]:
     """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their standard errors."""
     top = int(wheel.number.max(initial=0))
-    power = np.zeros((len(rows), top + 1))
-    variance = np.zeros((len(rows), top + 1))
-    power[:, wheel.number] = np.abs(wheel.amplitude[list(rows)]) ** 2
-    variance[:, wheel.number] = wheel.variance[list(rows)]
+    power = np.zeros((len(wheel.amplitude), top + 1))
+    variance = np.zeros_like(power)
+    power[:, wheel.number] = np.abs(wheel.amplitude) ** 2
+    variance[:, wheel.number] = wheel.variance
     usable = np.zeros(top + 1, dtype=bool)
     usable[wheel.number] = ~wheel.mesh
     centre = wheel.teeth * np.arange(1, max(1, (top - SIDEBANDS) // wheel.teeth + 1))
     usable[centre[centre <= top]] = True
     distance = np.arange(SIDEBANDS + 1)
-    total = np.zeros((len(rows), len(centre), len(distance)))
+    total = np.zeros((len(power), len(centre), len(distance)))
     noise = np.zeros_like(total)
     for sign in (-1, 1):
         place = centre[:, None] + sign * distance
@@ -158,20 +145,14 @@ def _levels(wheel: WheelPattern, rows: Sequence[int]) -> tuple[FloatArray, Float
     return 10 * np.log10(clean), scatter
 
 
-def _gains(
-    found: Sequence[tuple[WheelPattern, FloatArray, FloatArray]], channels: int
-) -> FloatArray:
+def _gains(found: Sequence[tuple[WheelPattern, FloatArray, FloatArray]]) -> FloatArray:
     """Return the median change of the clear lines of each channel [dB]."""
     limit = 10 / np.log(10) * 10 ** (-_CLEAR_DB / 20) * np.sqrt(2)
-    gains = np.zeros(channels)
-    for channel in range(channels):
-        moved = [
-            change[channel][..., 1:][spread[channel][..., 1:] < limit]
-            for _, change, spread in found
-        ]
-        joined = np.concatenate(moved) if moved else np.zeros(0)
-        gains[channel] = float(np.median(joined)) if len(joined) else 0.0
-    return gains
+    clear = [np.where(spread < limit, change, np.nan)[..., 1:] for _, change, spread in found]
+    channels = zip(*clear, strict=True)
+    rows = [np.concatenate([own.ravel() for own in channel]) for channel in channels]
+    told = [row[~np.isnan(row)] for row in rows]
+    return np.array([float(np.median(row)) if len(row) else 0.0 for row in told])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -262,7 +243,7 @@ def runout_growth(
 
 
 def healthy_turns(
-    healthy: Sequence[Sequence[WheelPattern]], rows: Sequence[int]
+    healthy: Sequence[Sequence[WheelPattern]],
 ) -> tuple[tuple[TurnChange, ...], ...]:
     """Compare each healthy recording with the others.
 
@@ -270,8 +251,6 @@ def healthy_turns(
     ----------
     healthy : sequence of sequences of WheelPattern
         Gears of each healthy recording.
-    rows : sequence of int
-        Channels to use.
 
     Returns
     -------
@@ -281,7 +260,7 @@ def healthy_turns(
     if len(healthy) < 2:
         return ()
     return tuple(
-        turn_changes(own, rows, [*healthy[:place], *healthy[place + 1 :]], rows)
+        turn_changes(own, [*healthy[:place], *healthy[place + 1 :]])
         for place, own in enumerate(healthy)
     )
 

@@ -95,20 +95,20 @@ class GearPattern:
     channels: int
 
     @classmethod
-    def of(cls, wheel: WheelPattern, channels: Sequence[int], top: int) -> GearPattern:
-        """Return the pattern of some channels up to a multiple of the rotation."""
+    def of(cls, wheel: WheelPattern, top: int) -> GearPattern:
+        """Return the pattern up to a multiple of the rotation."""
         inside = wheel.number <= top
-        number, chosen = wheel.number[inside], list(channels)
-        lines = np.concatenate([own[chosen][:, inside] for own in (wheel.amplitude, *wheel.beside)])
-        beside = [own[chosen][:, inside] for own in wheel.beside_variance]
-        own = np.maximum(wheel.variance[chosen][:, inside], np.finfo(float).tiny)
+        number = wheel.number[inside]
+        lines = np.concatenate([own[:, inside] for own in (wheel.amplitude, *wheel.beside)])
+        beside = [own[:, inside] for own in wheel.beside_variance]
+        own = np.maximum(wheel.variance[:, inside], np.finfo(float).tiny)
         amplitude = np.zeros((len(lines), top + 1), dtype=complex)
         variance = np.ones((len(lines), top + 1))
         usable = np.zeros((1 + len(beside), top + 1), dtype=bool)
         amplitude[:, number] = lines
         variance[:, number] = np.concatenate([own, *(np.where(e > 0, e, 1.0) for e in beside)])
         usable[:, number] = [~wheel.mesh[inside], *(np.all(e > 0, axis=0) for e in beside)]
-        return cls(amplitude=amplitude, variance=variance, usable=usable, channels=len(chosen))
+        return cls(amplitude=amplitude, variance=variance, usable=usable, channels=len(own))
 
     @property
     def top(self) -> int:
@@ -457,16 +457,14 @@ class GearLaw:
         return found
 
     def deviation(
-        self, wheel: WheelPattern, channels: Sequence[int], state: FloatArray, *, same_zero: bool
+        self, wheel: WheelPattern, state: FloatArray, *, same_zero: bool
     ) -> GearDeviation | None:
         """Hold a new recording against the law.
 
         Parameters
         ----------
         wheel : WheelPattern
-            The gear's lines in the new recording.
-        channels : sequence of int
-            Its channels, those of the law.
+            The gear's lines in the new recording, in the channels of the law.
         state : ndarray of float, shape (2,)
             Its operating state.
         same_zero : bool
@@ -478,7 +476,7 @@ class GearLaw:
             None if too few lines are shared.
         """
         top = min(self.patterns[0].top, int(wheel.number.max(initial=0)))
-        new = GearPattern.of(wheel, channels, top)
+        new = GearPattern.of(wheel, top)
         law = self._cut(top)
         known, parts = law._predicted(state)
         known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
@@ -757,24 +755,20 @@ def _left_at_teeth(
     return left
 
 
-def turned_alike(
-    wheels: Sequence[WheelPattern], channels: Sequence[Sequence[int]], *, same_zero: bool
-) -> tuple[GearPattern, ...]:
+def turned_alike(wheels: Sequence[WheelPattern], *, same_zero: bool) -> tuple[GearPattern, ...]:
     """Turn the patterns of one gear in several healthy recordings to the angle of the first.
 
     Parameters
     ----------
     wheels : sequence of WheelPattern
-        The same gear in each.
-    channels : sequence of sequence of int
-        The same channels in each.
+        The same gear in each, in the same channels.
     same_zero : bool
         Whether they have the same angle zero already.
     """
     top = min(int(wheel.number.max(initial=0)) for wheel in wheels)
     found: list[GearPattern] = []
-    for wheel, own in zip(wheels, channels, strict=True):
-        pattern = GearPattern.of(wheel, own, top)
+    for wheel in wheels:
+        pattern = GearPattern.of(wheel, top)
         if found and not same_zero:
             # the mean of those that are turned already: it is surer than any one
             mean = replace(

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from gearmon.diagnosis.law.state import Kriging, StateGauge, load_unit
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import load_share
 from gearmon.machine import Machine
-from gearmon.signatures.measured.reference import Profile, Reference, WheelPattern
+from gearmon.signatures.measured.reference import Profile, Reference
 
 _DB = float(20.0 / np.log(10.0))
 # Standard deviation from recording to recording [Np], and its growth per unit of state, of families
@@ -191,14 +190,12 @@ class MachineDeviation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HealthyMachine:
-    """The law of one machine and some of its channels.
+    """The law of one machine.
 
     Parameters
     ----------
     profiles : tuple of Profile
         The healthy recordings.
-    rows : tuple of int
-        Channels of theirs that are used.
     family_names : tuple of str
         Families of lines that all of them have.
     gauge : StateGauge
@@ -212,7 +209,6 @@ class HealthyMachine:
     """
 
     profiles: tuple[Profile, ...]
-    rows: tuple[int, ...]
     family_names: tuple[str, ...]
     gauge: StateGauge
     states: FloatArray
@@ -220,26 +216,25 @@ class HealthyMachine:
     lightest: float
 
     @classmethod
-    def of(cls, reference: Reference, rows: Sequence[int], machine: Machine) -> HealthyMachine:
-        """Build the law of a machine from a reference, some channels of it."""
-        profiles, every = reference.profiles, [rows] * len(reference.profiles)
+    def of(cls, reference: Reference, machine: Machine) -> HealthyMachine:
+        """Build the law of a machine from a reference."""
+        profiles = reference.profiles
         gears: dict[tuple[int, str], tuple[GearLaw, bool]] = {}
         loads = [load_share(machine, number + 1) for number in range(len(machine.stages))]
-        gauge = StateGauge.of(profiles, rows, min(loads))
-        states = np.array([gauge.state(profile, rows) for profile in profiles])
+        gauge = StateGauge.of(profiles, min(loads))
+        states = np.array([gauge.state(profile) for profile in profiles])
         for wheel in profiles[0].wheels:
-            same = [found for p in profiles if (found := same_gear(wheel, p)) is not None]
+            same = [found for p in profiles if (found := wheel.same_in(p.wheels))]
             if len(same) < len(profiles) or not all(len(one.number) for one in same):
                 continue
             # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
             indexed = all(p.tacho for p in profiles) and abs(wheel.order - 1.0) < 1e-12
-            patterns = turned_alike(same, every, same_zero=indexed)
+            patterns = turned_alike(same, same_zero=indexed)
             load = loads[wheel.stage - 1]
             law = GearLaw(wheel=wheel, patterns=patterns, states=states, load=load)
             gears[wheel.stage, wheel.gear] = law, indexed
         return cls(
             profiles=profiles,
-            rows=tuple(rows),
             family_names=tuple(reference.family_names),
             gauge=gauge,
             states=states,
@@ -251,17 +246,13 @@ class HealthyMachine:
         """Whether recording and references count the turns of a gear from the same pulse."""
         return own.tacho and self.gears[stage, gear][1]
 
-    def deviation(
-        self, own: Profile, rows: Sequence[int], left_out: Sequence[str] = ()
-    ) -> MachineDeviation:
+    def deviation(self, own: Profile, left_out: Sequence[str] = ()) -> MachineDeviation:
         """Hold a recording against the law.
 
         Parameters
         ----------
         own : Profile
-            The recording.
-        rows : sequence of int
-            Its channels, those of the law.
+            The recording, in the channels of the law.
         left_out : sequence of str
             Families of lines not to compare.
 
@@ -270,14 +261,14 @@ class HealthyMachine:
         ArgumentError
             If no family of lines is left.
         """
-        state = self.gauge.state(own, rows)
+        state = self.gauge.state(own)
         gears = []
         for wheel in own.wheels:
             law, _ = self.gears.get((wheel.stage, wheel.gear), (None, False))
             if law is None or law.wheel.teeth != wheel.teeth:
                 continue
             zero = self.indexed(own, wheel.stage, wheel.gear)
-            found = law.deviation(wheel, rows, state, same_zero=zero)
+            found = law.deviation(wheel, state, same_zero=zero)
             if found is not None:
                 gears.append(found)
         names = [n for n in own.family_names if n in self.family_names and n not in left_out]
@@ -295,37 +286,22 @@ class HealthyMachine:
             length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
             gears=tuple(gears),
             family_names=tuple(names),
-            levels=self._levels(own, rows, names, self.states / unit, state / unit),
-            broadband=self._broadband(own, rows, self.states / unit, state / unit),
+            levels=self._levels(own, names, self.states / unit, state / unit),
+            broadband=self._broadband(own, self.states / unit, state / unit),
         )
 
     def _levels(
-        self,
-        own: Profile,
-        rows: Sequence[int],
-        names: Sequence[str],
-        states: FloatArray,
-        state: FloatArray,
+        self, own: Profile, names: Sequence[str], states: FloatArray, state: FloatArray
     ) -> LevelDeviation:
-        def taken(profile: Profile, values: NDArray[Any], channels: Sequence[int]) -> NDArray[Any]:
-            columns = [profile.family_names.index(name) for name in names]
-            return values[np.ix_(list(channels), columns)]
-
-        return level_deviation(
-            taken(own, own.level_db, rows),
-            taken(own, own.scatter_db, rows),
-            np.array([taken(p, p.level_db, self.rows) for p in self.profiles]),
-            np.array([taken(p, p.scatter_db, self.rows) for p in self.profiles]),
-            states,
-            state,
-            told=taken(own, own.heard, rows),
-        )
+        level, error, told = own.of_families(names)
+        healthy = [profile.of_families(names) for profile in self.profiles]
+        known, known_error = (np.array([one[n] for one in healthy]) for n in (0, 1))
+        return level_deviation(level, error, known, known_error, states, state, told=told)
 
     def _broadband(
-        self, own: Profile, rows: Sequence[int], states: FloatArray, state: FloatArray
+        self, own: Profile, states: FloatArray, state: FloatArray
     ) -> LevelDeviation | None:
-        known = [p.band_db[list(self.rows)] for p in self.profiles]
-        new = own.band_db[list(rows)]
+        known, new = [profile.band_db for profile in self.profiles], own.band_db
         if not new.shape[1] or any(one.shape != new.shape for one in known):
             return None
         healthy = np.array(known)
@@ -338,9 +314,3 @@ class HealthyMachine:
             state,
             broadband=True,
         )
-
-
-def same_gear(wheel: WheelPattern, profile: Profile) -> WheelPattern | None:
-    """Return the pattern of the same gear in another recording, or None."""
-    key = wheel.stage, wheel.gear, wheel.teeth
-    return next((w for w in profile.wheels if (w.stage, w.gear, w.teeth) == key), None)

@@ -113,18 +113,15 @@ class StateGauge:
     ----------
     base : Profile
         The first reference, at the origin.
-    rows : tuple of int
-        Its channels that are used.
     direction : ndarray of float, shape (channels, families)
         How the level of each mesh harmonic changes with the load, over the root mean square of all.
     """
 
     base: Profile
-    rows: tuple[int, ...]
     direction: FloatArray
 
     @classmethod
-    def of(cls, profiles: Sequence[Profile], rows: Sequence[int], share: float) -> StateGauge:
+    def of(cls, profiles: Sequence[Profile], share: float) -> StateGauge:
         """Learn from the references how the mesh harmonics of this machine follow its load.
 
         In proportion where teeth are loaded fully. Of teeth that are loaded less one factor is
@@ -134,9 +131,7 @@ class StateGauge:
         Parameters
         ----------
         profiles : sequence of Profile
-            The references.
-        rows : sequence of int
-            Channels of theirs that are used.
+            The references, in the same channels.
         share : float, > 0
             How the teeth are loaded that are loaded least (`gears.mechanics.load_share`).
 
@@ -150,12 +145,12 @@ class StateGauge:
         neighbouring loads would teach is chance.
         """
         base = profiles[0]
-        direction = np.ones((len(rows), len(base.family_names)))
-        gauge = cls(base=base, rows=tuple(rows), direction=direction)
+        direction = np.ones((len(base.level_db), len(base.family_names)))
+        gauge = cls(base=base, direction=direction)
         unit = load_unit(share)
         if unit == 1.0:
             return gauge
-        changes = np.array([gauge._changes(profile, rows) for profile in profiles])
+        changes = np.array([gauge._changes(profile) for profile in profiles])
         heard = ~np.isnan(changes)
         prior = _TOLD**2 / (1.0 - unit)
         for _ in range(_ROUNDS):
@@ -165,15 +160,13 @@ class StateGauge:
             direction /= np.sqrt(np.mean(direction[heard[0]] ** 2)) if heard.any() else 1.0
         return replace(gauge, direction=direction)
 
-    def state(self, profile: Profile, rows: Sequence[int]) -> FloatArray:
+    def state(self, profile: Profile) -> FloatArray:
         """Place a recording in the space of operating states.
 
         Parameters
         ----------
         profile : Profile
-            The recording.
-        rows : sequence of int
-            Its channels, the same as those of the base.
+            The recording, in the channels of the base.
 
         Returns
         -------
@@ -182,9 +175,9 @@ class StateGauge:
             `SPEED_UNIT`. The gain of a sensor is taken for load: noise follows either.
         """
         speed = (profile.speed_hz / self.base.speed_hz - 1) / SPEED_UNIT
-        return np.array([_slope(self._changes(profile, rows), self.direction), speed])
+        return np.array([_slope(self._changes(profile), self.direction), speed])
 
-    def _changes(self, profile: Profile, rows: Sequence[int]) -> FloatArray:
+    def _changes(self, profile: Profile) -> FloatArray:
         """Return changes of the mesh harmonics [Np]; NaN where unheard, and of other families."""
         base, change = self.base, np.full(self.direction.shape, np.nan)
         its = [
@@ -193,9 +186,8 @@ class StateGauge:
             if name.startswith("mesh") and name in profile.family_names
         ]
         own = [profile.family_names.index(base.family_names[n]) for n in its]
-        new, old = np.ix_(rows, own), np.ix_(self.rows, its)
-        heard = profile.heard[new] & base.heard[old]
-        change[:, its] = np.where(heard, profile.level_db[new] - base.level_db[old], np.nan)
+        heard = profile.heard[:, own] & base.heard[:, its]
+        change[:, its] = np.where(heard, profile.level_db[:, own] - base.level_db[:, its], np.nan)
         return _NEPER * change
 
 

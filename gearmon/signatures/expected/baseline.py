@@ -21,7 +21,7 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.arrays import ComplexArray, FloatArray, IntArray
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import Method, steady_state
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.excitation import FlankError
@@ -38,7 +38,6 @@ from gearmon.signatures.expected.mesh import (
     PosedStage,
     Wrong,
     joined,
-    operating_point,
     refuse_no_lines,
 )
 from gearmon.signatures.signature import Signature
@@ -120,7 +119,8 @@ def expected_signature(
     (567.3333333333334, [1, 2, 3])
     """
     machine = load_machine(machine)
-    point = operating_point(machine, operating)
+    check_range("operating", operating, 0, len(machine.operating) - 1)
+    point = machine.operating[operating]
     known = faults_of(faults, errors=True, stages=len(machine.stages))
     if max_hz is not None:
         check_positive("max_hz", max_hz, "Hz")
@@ -268,11 +268,10 @@ def periodic_lines(posed: PosedStage, max_hz: float, tolerance: float) -> MeshLi
     period = posed.period
     grid = contact_grid([posed], max_hz, period)
     found = _refined(grid, tolerance, partial(periodic_motion, posed))
-    mean = found.mean_deflection[:, 0]
     number, carrier, lines = posed.heard(found, _count(posed, max_hz, period), period)
     same = {"period": period, "number": number, "carrier": carrier}
     method = "contact" if posed.is_local else "whole turn"
-    return _each([posed], found, mean, lines, method=method, **same)[0]
+    return _each([posed], found, lines, method=method, **same)[0]
 
 
 def faulty_lines(
@@ -306,17 +305,18 @@ def faulty_lines(
 
 def added_lines(
     healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float
-) -> tuple[IntArray, IntArray, ComplexArray, ComplexArray]:
-    """Return where lines of faults on teeth of one gear lie, the healthy ones, and what is added.
+) -> tuple[ComplexArray, list[MeshLines]]:
+    """Return the healthy accelerations at the lines of faulty teeth of a gear, and what is added.
 
     Parameters
     ----------
     healthy, faulty, max_hz
         As in `faulty_lines`.
     """
-    grid = contact_grid([healthy, *faulty], max_hz)
     even = partial(periodic_motion, healthy)
-    return _solved(healthy, even, faulty, grid, max_hz, math.inf)[1:]
+    grid = contact_grid([healthy, *faulty], max_hz)
+    sound, added = _solved(healthy, even, faulty, grid, max_hz, math.inf)
+    return replace(added[0], displacement=sound).acceleration, added
 
 
 def _tooth_lines(
@@ -333,10 +333,8 @@ def _tooth_lines(
         parts = faulty[:half], faulty[half:]
         each = (_tooth_lines(healthy, even, part, max_hz, tolerance) for part in parts)
         return [own for part in each for own in part]
-    found, number, carrier, sound, added = _solved(healthy, even, faulty, grid, max_hz, tolerance)
-    mean = found.mesh.mean_deflection[0, 0] + found.mean_deflection[:, 0]
-    same = {"period": found.period, "number": number, "carrier": carrier}
-    return _each(faulty, found, mean, sound + added, method="contact", **same)
+    sound, added = _solved(healthy, even, faulty, grid, max_hz, tolerance)
+    return [replace(own, displacement=sound + own.displacement) for own in added]
 
 
 def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) -> PhaseGrid:
@@ -370,8 +368,8 @@ def _solved(
     grid: PhaseGrid,
     max_hz: float,
     tolerance: float,
-) -> tuple[Deviations, IntArray, IntArray, ComplexArray, ComplexArray]:
-    """Return turns, places of their lines, the healthy ones, and what faults add in each turn."""
+) -> tuple[ComplexArray, list[MeshLines]]:
+    """Return the healthy lines, and in their places what faults add in each turn."""
     period = max(posed.period for posed in faulty)
     found = _refined(grid, tolerance, lambda own: _changes(healthy, even(own), faulty, period))
     count = _count(healthy, max_hz, period)
@@ -383,7 +381,8 @@ def _solved(
     _, first, where = np.unique(number * span + carrier, return_index=True, return_inverse=True)
     lines = np.zeros((1 + len(added), len(first)), dtype=np.complex128)
     lines[1:, where[: added.shape[1]]], lines[0, where[added.shape[1] :]] = added, sound[0]
-    return found, number[first], carrier[first], lines[0], lines[1:]
+    same = {"period": period, "number": number[first], "carrier": carrier[first]}
+    return lines[0], _each(faulty, found, lines[1:], method="contact", **same)
 
 
 def _changes(
@@ -429,12 +428,11 @@ def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Mo
 def _each(
     posed: Sequence[PosedStage],
     found: PeriodicMotion | Deviations,
-    mean_m: FloatArray,
     lines: ComplexArray,
     **same: Any,
 ) -> list[MeshLines]:
     """Return the lines of each turn by themselves."""
-    columns = found.unresolved, found.contact_lost, mean_m
+    columns = found.unresolved, found.contact_lost, found.mean_deflection[:, 0]
     told = zip(posed, lines, *(own.tolist() for own in columns), strict=True)
     names = ("posed", "displacement", "error", "contact_lost", "mean_m")
     return [MeshLines(**dict(zip(names, own, strict=True)), **same) for own in told]

@@ -365,15 +365,11 @@ class Deviations:
 
     @cached_property
     def _changed(self) -> list[_Changed]:
-        """The mesh periods that differ; known where another gear asked for the same just now."""
-        known, delta, e = self.mesh.known_changes, self.delta, self.excitation
-        key = delta.tobytes(), b"" if e is None else e.tobytes()
-        if key not in known:
-            known.clear()
-            still = [None] * delta.shape[1] if e is None else e.swapaxes(0, 1)
-            each = zip(delta.swapaxes(0, 1), still, strict=True)
-            known[key] = [_Changed(self.mesh, *own) for own in each]
-        return known[key]
+        """The mesh periods that differ."""
+        delta, e = self.delta, self.excitation
+        still = [None] * delta.shape[1] if e is None else e.swapaxes(0, 1)
+        each = zip(delta.swapaxes(0, 1), still, strict=True)
+        return [_Changed(self.mesh, *own) for own in each]
 
     @cached_property
     def states(self) -> FloatArray:
@@ -428,11 +424,12 @@ class Deviations:
 
     @property
     def mean_deflection(self) -> FloatArray:
-        """Change of the mean deflection of each mesh [m], shape (turns, meshes)."""
+        """Mean deflection of each mesh [m], shape (turns, meshes)."""
         mesh = self.mesh
         free = mesh.grid.mean(np.moveaxis(mesh.maps.free[1], -1, 0))
         total = self._even.sum(axis=1) @ free
-        return np.asarray((total + mesh.grid.mean(self.motion[1]).sum(axis=1)) / self.period)
+        changed = (total + mesh.grid.mean(self.motion[1]).sum(axis=1)) / self.period
+        return np.asarray(mesh.mean_deflection + changed)
 
     @property
     def contact_lost(self) -> BoolArray:

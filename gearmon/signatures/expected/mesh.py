@@ -28,7 +28,7 @@ sun-planet mesh.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -166,19 +166,12 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
-        return self._with(lambda k: k.unmarked, errors=())
-
-    def scaled(self, factor: float) -> PosedStage:
-        """Return the same with `factor` times what its damaged teeth lose."""
-        return self._with(lambda k: replace(k, pulses=tuple(t.scaled(factor) for t in k.pulses)))
-
-    def _with(self, changed: Callable[[MeshStiffness], MeshStiffness], **moved: Any) -> PosedStage:
         members = []
         for mesh in self.members:
-            stiffness = changed(mesh.stiffness)
+            stiffness = mesh.stiffness.unmarked
             mechanics = replace(mesh.mechanics, stiffness=stiffness)
-            excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
-            members.append(replace(mesh, mechanics=mechanics, excitation=excitation))
+            still = Excitation(stiffness=stiffness, errors=())
+            members.append(replace(mesh, mechanics=mechanics, excitation=still))
         return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
@@ -314,7 +307,7 @@ class MeshPlace:
 
     def __post_init__(self) -> None:
         check_range("stage", self.stage, 1, len(self.machine.stages))
-        operating_point(self.machine, self.operating)
+        check_range("operating", self.operating, 0, len(self.machine.operating) - 1)
 
     @property
     def point(self) -> OperatingPoint:
@@ -465,16 +458,6 @@ def mesh_problem(
         raise ArgumentError(f"operating[{operating + 1}]: torque_nm is 0, no tooth is pressed")
     posed = place.alone()
     return posed.hill_problem(posed.mechanics.stiffness.harmonics(harmonics))
-
-
-def operating_point(machine: Machine, number: int) -> OperatingPoint:
-    """Return an operating point, counted from 0."""
-    if not 0 <= number < len(machine.operating):
-        raise ArgumentError(
-            f"operating={number} must lie in [0, {len(machine.operating) - 1}]: the machine has "
-            f"{len(machine.operating)} operating points, counted from 0"
-        )
-    return machine.operating[number]
 
 
 def gear_places(machine: Machine) -> dict[tuple[int, str], int]:

@@ -16,7 +16,6 @@ which is that of the carrier, again: multiples of N.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -170,9 +169,7 @@ def loss_response(
         highest_hz = max_order * machine.operating[operating].shaft1_hz
     if highest_hz * faulty.period < healthy.mechanics.mesh_frequency_hz * (1 - 1e-12):
         raise ArgumentError(f"max_order={max_order} lies below the first line: nothing is left")
-    number, carrier, even, (added,) = added_lines(healthy, [faulty], highest_hz)
-    turns = number / faulty.period + carrier * float(healthy.pass_order)
-    to_acceleration = -((2 * math.pi * turns * healthy.mechanics.mesh_frequency_hz) ** 2)
+    even, (added,) = added_lines(healthy, [faulty], highest_hz)
     lost = faulty.loss(healthy)
     return LossResponse(
         stage=stage,
@@ -181,12 +178,12 @@ def loss_response(
         teeth=faulty.period,
         operating=operating,
         loss=lost if loss else 0.0,
-        number=number,
-        carrier=carrier,
-        order=np.asarray(turns * healthy.mesh.order),
-        frequency_hz=np.asarray(turns * healthy.mechanics.mesh_frequency_hz),
-        acceleration=to_acceleration * added / lost,
-        mesh_acceleration=to_acceleration * even,
+        number=added.number,
+        carrier=added.carrier,
+        order=added.order,
+        frequency_hz=added.frequency_hz,
+        acceleration=added.acceleration / lost,
+        mesh_acceleration=even,
     )
 
 
@@ -280,9 +277,7 @@ def _mean_about(power: FloatArray, number: FloatArray, teeth: int) -> FloatArray
 
 # of one machine all recordings ask for the same gears
 @lru_cache(maxsize=64)
-def tooth_response(
-    machine: Machine, stage: int, gear: str, max_order: float, operating: int = 0
-) -> ToothResponse:
+def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) -> ToothResponse:
     """Compute the response to a small loss on one tooth.
 
     Parameters
@@ -295,12 +290,11 @@ def tooth_response(
         Gear.
     max_order : float
         Highest order of shaft 1.
-    operating : int
-        Operating point, from 0.
 
     Returns
     -------
     ToothResponse
+        At the first operating point.
 
     Raises
     ------
@@ -314,7 +308,7 @@ def tooth_response(
     teeth, planets = pair.member(gear).teeth, isinstance(own, PlanetaryStage)
     share, phase = _pair_share(pair, stiffness, stage, gear)
     try:
-        found = loss_response(machine, stage, gear, operating, max_order)
+        found = loss_response(machine, stage, gear, max_order=max_order)
     except GearmonError:
         # where the file bears no baseline: no torque, no module, or teeth that would not run
         if gear in ("sun", "planet"):
@@ -341,7 +335,7 @@ def tooth_response(
 # recordings of a machine blame the same gear
 @lru_cache(maxsize=16)
 def grown_lines(
-    machine: Machine, stage: int, gear: str, top: int, operating: int = 0
+    machine: Machine, stage: int, gear: str, top: int
 ) -> tuple[ComplexArray, ComplexArray]:
     """Lines of a healthy mesh, and what losses of one tooth add to them.
 
@@ -355,13 +349,11 @@ def grown_lines(
         Gear.
     top : int
         Highest multiple of the gear's rotation.
-    operating : int
-        Operating point, from 0.
 
     Returns
     -------
     mesh : ndarray of complex, shape (harmonics + 1,)
-        Acceleration of the healthy mesh at harmonics 0.. of the mesh.
+        Acceleration of the healthy mesh at harmonics 0.. of the mesh, at the first operating point.
     lines : ndarray of complex, shape (losses, top + 1)
         Its change at each of `GROWN` losses, in the same unit, tooth 1.
 
@@ -375,13 +367,13 @@ def grown_lines(
     """
     wheel = kinematics(machine).mesh(stage).wheel(gear)
     try:
-        place = MeshPlace(machine, stage, operating)
+        place = MeshPlace(machine, stage)
         healthy, faults = place.in_train(), [f"crack:{stage}:{gear}:1:{x!r}" for x in GROWN]
         hurt = [replace(place.alone([fault]), train=healthy.train) for fault in faults]
         rotation_hz = wheel.relative_order * place.point.shaft1_hz
-        number, _, even, added = added_lines(healthy, hurt, (top + 0.5) * rotation_hz)
+        even, added = added_lines(healthy, hurt, (top + 0.5) * rotation_hz)
         told: ComplexArray = np.zeros((1 + len(GROWN), top + 1), dtype=complex)
-        told[:, number] = -((2 * math.pi * rotation_hz * number) ** 2) * np.vstack([even, added])
+        told[:, added[0].number] = [even, *(own.acceleration for own in added)]
         return told[0, :: wheel.teeth], told[1:]
     except GearmonError:  # as of `tooth_response`
         pair, stiffness, _ = _teeth(machine.stages[stage - 1], stage, gear)

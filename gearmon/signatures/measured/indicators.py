@@ -7,7 +7,7 @@ compare with the run before; what they remember of it is an `IndicatorHistory`, 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -22,9 +22,7 @@ from gearmon.result import Result
 from gearmon.signals import indicators
 from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
-from gearmon.signals.threads import at_once
 from gearmon.signatures.gear_averages import GearSignals, gear_signals
-from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 
 Table = dict[str, dict[str, float]]
@@ -46,27 +44,22 @@ class Indicator:
     formula : callable
         Gives the value in every channel.
     takes : tuple of str
-        What the formula takes of a gear's signals; by default the one that it is of.
+        What the formula takes of a gear's signals; by default the one that it is of. "run" stands
+        for their variances over the run, "baseline" for how many records of it were healthy.
     has_unit : bool
         Whether it has the unit of the channel.
-    compares : {"", "run", "baseline"}
-        Whether it compares with the variances of the run so far, or of its healthy beginning.
     """
 
     of: str
     formula: Callable[..., FloatArray]
     takes: tuple[str, ...] = ()
     has_unit: bool = False
-    compares: str = ""
 
     def value(self, own: GearSignals, run: IndicatorHistory, baseline: int) -> FloatArray:
         """Return the value in every channel."""
-        given = [getattr(own, name) for name in self.takes or (self.of,)]
-        if self.compares:
-            given.append(run.variances[_input_name(self.of, own)])
-        if self.compares == "baseline":
-            given.append(baseline)
-        return self.formula(*given)
+        known = vars(own) | {"baseline": baseline}
+        known["run"] = run.variances.get(_input_name(self.of, own))
+        return self.formula(*(known[name] for name in self.takes or (self.of,)))
 
 
 #: Indicators of a gear, in the order in which they are told.
@@ -85,14 +78,14 @@ INDICATORS = {
     "sideband level factor": Indicator(
         "average", indicators.sideband_level_factor, ("first_sidebands", "average")
     ),
-    "NA4": Indicator("residual", indicators.na4, compares="run"),
-    "NA4*": Indicator("residual", indicators.na4, compares="baseline"),
+    "NA4": Indicator("residual", indicators.na4, ("residual", "run")),
+    "NA4*": Indicator("residual", indicators.na4, ("residual", "run", "baseline")),
     "FM4": Indicator("difference", indicators.fm4),
     "M6A": Indicator("difference", indicators.m6a),
     "M8A": Indicator("difference", indicators.m8a),
     "energy ratio": Indicator("regular", indicators.energy_ratio, ("difference", "regular")),
-    "NB4": Indicator("envelope", indicators.na4, compares="run"),
-    "NB4*": Indicator("envelope", indicators.na4, compares="baseline"),
+    "NB4": Indicator("envelope", indicators.na4, ("envelope", "run")),
+    "NB4*": Indicator("envelope", indicators.na4, ("envelope", "run", "baseline")),
 }
 
 
@@ -283,38 +276,19 @@ def indicator_table(
     sensors = () if machine is None else machine.sensors
     recording = sound_part(read_recording(recording, sampling_rate_hz, sensors=sensors, unit=unit))
     vibration = recording.vibration()
-    if machine is None:
-        return IndicatorTable(
-            recording=recording.origin,
-            rows=tuple(_of_waveforms(vibration)),
-            signature=None,
-            history=history,
-            notes=tuple(recording.notes),
-        )
-    rows, signature = at_once(
-        lambda: _of_waveforms(vibration),
-        lambda: measure_signature(recording, machine),
-        vibration.samples.size,
-    )
-    notes, names = list(signature.notes), signature.channel_names
-    run = history if history is not None else IndicatorHistory(channel_names=names)
-    if names != run.channel_names:
-        raise ArgumentError(
-            f"the run so far is of channels {', '.join(run.channel_names)}, this recording has "
-            f"{', '.join(names)}; name them with --channel or begin a new history"
-        )
-    if not signature.found:
-        notes.append("no mesh found: only the raw vibration has indicators")
-    else:
-        for wheel in signature.plan.wheels:
-            if len(wheel.number):
-                own = gear_signals(signature.lines.mean, wheel)
-                run = run.with_gear(own)
-                inputs = _inputs(own)
-                values = {name: i.value(own, run, baseline) for name, i in INDICATORS.items()}
-                told = {n: (found, *inputs[INDICATORS[n].of]) for n, found in values.items()}
-                rows += _rows(signature, told, wheel)
-        if history is None:
+    rows, notes, run = _of_waveforms(vibration), list(recording.notes), history
+    signature = None if machine is None else measure_signature(recording, machine)
+    if signature is not None:
+        notes = list(signature.notes)
+        run = _continued(history, signature.channel_names)
+        wheels = signature.plan.wheels if signature.found else ()
+        for own in (gear_signals(signature.lines.mean, w) for w in wheels if len(w.number)):
+            run = run.with_gear(own)
+            values = {name: i.value(own, run, baseline) for name, i in INDICATORS.items()}
+            rows += _rows(signature, values, own)
+        if not signature.found:
+            notes.append("no mesh found: only the raw vibration has indicators")
+        elif history is None:
             notes.append("a run begins here: NA4 and NB4 are the kurtosis of their signals")
     return IndicatorTable(
         recording=recording.origin,
@@ -325,41 +299,54 @@ def indicator_table(
     )
 
 
+def _continued(history: IndicatorHistory | None, names: tuple[str, ...]) -> IndicatorHistory:
+    """Return the run so far, or a new one; refuse one of other channels."""
+    run = history if history is not None else IndicatorHistory(channel_names=names)
+    if names != run.channel_names:
+        raise ArgumentError(
+            f"the run so far is of channels {', '.join(run.channel_names)}, this recording has "
+            f"{', '.join(names)}; name them with --channel or begin a new history"
+        )
+    return run
+
+
 def _of_waveforms(vibration: Recording) -> list[IndicatorRow]:
     table = waveform_indicators(vibration.samples, vibration.channel_names)
-    told = {name: (own.values(), "raw vibration", "mean", ()) for name, own in table.items()}
-    return _rows(vibration, {"RMS": told.pop("rms")} | told)
+    values = {name: list(own.values()) for name, own in table.items()}
+    return _rows(vibration, {"RMS": values.pop("rms")} | values)
 
 
 def _rows(
     source: Recording | MeasuredSignature,
-    told: Mapping[str, tuple[Iterable[float], str, str, tuple[int, ...]]],
-    wheel: WheelLines | None = None,
+    values: Mapping[str, Sequence[float] | FloatArray],
+    own: GearSignals | None = None,
 ) -> list[IndicatorRow]:
     """Give a row for every value of every channel, of a gear or of the raw vibration."""
-    columns = {name: list(values) for name, (values, *_) in told.items()}
+    wheel, inputs = (own.wheel, _inputs(own)) if own else (None, {})
+    raw = ("raw vibration", "mean", ())
+    told = {name: inputs.get(INDICATORS[name].of, raw) for name in values}
     return [
         IndicatorRow(
             channel=channel,
             stage=wheel.stage if wheel else None,
             gear=wheel.gear if wheel else None,
             indicator=name,
-            value=float(columns[name][row]),
+            value=float(values[name][row]),
             unit=unit if INDICATORS[name].has_unit else "1",
             input=what,
             removed=removed,
             removed_orders=tuple(n * wheel.order for n in numbers) if wheel else (),
         )
         for row, (channel, unit) in enumerate(zip(source.channel_names, source.units, strict=True))
-        for name, (_, what, removed, numbers) in told.items()
+        for name, (what, removed, numbers) in told.items()
     ]
 
 
 def _inputs(own: GearSignals) -> dict[str, tuple[str, str, tuple[int, ...]]]:
     """Name the signals: what they are, what was taken out, and which multiples of the rotation."""
-    gear, (low, high) = own.wheel.gear, own.band
-    shaft = f"multiples {_listed(own.shaft)} of the {gear}'s rotation, " if own.shaft else ""
-    residual = f"{shaft}mesh harmonics at {_listed(own.mesh)}"
+    gear, (low, high), slow = own.wheel.gear, own.band, own.multiples("shaft")
+    shaft = f"multiples {_listed(slow)} of the {gear}'s rotation, " if slow else ""
+    residual = f"{shaft}mesh harmonics at {_listed(own.multiples('mesh'))}"
     difference = f"{residual}, their first sidebands"
     taken, further = own.removed.values()
     return {

@@ -388,8 +388,7 @@ def known_orders(train: Kinematics, top: float, width: float) -> FloatArray:
     meshes = [mesh.order * np.arange(1, int(top / mesh.order) + 2) for mesh in train.meshes]
     orders += [(harmonics[:, None] + about).ravel() for harmonics in meshes]
     for one, other in combinations(meshes, 2):
-        orders.append(np.abs(one[:, None] + other).ravel())
-        orders.append(np.abs(one[:, None] - other).ravel())
+        orders += [np.abs(one[:, None] + sign * other).ravel() for sign in (1, -1)]
     whole = np.concatenate(orders)
     return np.unique(np.round(whole[(whole > 0) & (whole <= top)], 9))
 

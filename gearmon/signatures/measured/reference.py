@@ -13,8 +13,9 @@ from __future__ import annotations
 
 import dataclasses
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from gearmon.result import Result
 from gearmon.signals.orders.lines import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature
-from gearmon.signatures.measured.nongear_lines import NonGearLines, check_lines
+from gearmon.signatures.measured.nongear_lines import NonGearLines, check_lines, taken
 
 # Least variance of a line over that of the noise between lines. Among the lines of a second stage
 # the latter is far too large; with few blocks it is still the better guess.
@@ -123,6 +124,20 @@ class WheelPattern:
             beside_variance=variance[1:],
         )
 
+    def same_in(self, wheels: Iterable[WheelPattern]) -> WheelPattern | None:
+        """Return the pattern of the same gear in another recording, or None."""
+        key = self.stage, self.gear, self.teeth
+        return next((own for own in wheels if (own.stage, own.gear, own.teeth) == key), None)
+
+    def part(self, rows: Sequence[int]) -> WheelPattern:
+        """Return the same of some channels only."""
+        own = list(rows)
+        held: dict[str, Any] = {"amplitude": self.amplitude[own], "variance": self.variance[own]}
+        if self.beside.size:
+            held["beside"] = self.beside[:, own]
+            held["beside_variance"] = self.beside_variance[:, own]
+        return dataclasses.replace(self, **held)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
@@ -183,6 +198,22 @@ class Profile:
             ),
         )
 
+    def part(self, rows: Sequence[int]) -> Profile:
+        """Return the same of some channels only, in this order."""
+        own = list(rows)
+        if own == list(range(len(self.level_db))):
+            return self
+        of_channels = ("level_db", "scatter_db", "heard", "band_db")
+        held: dict[str, Any] = {name: getattr(self, name)[own] for name in of_channels}
+        held["wheels"] = tuple(wheel.part(rows) for wheel in self.wheels)
+        return dataclasses.replace(self, foreign=taken(self.foreign, own), **held)
+
+    def of_families(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
+        """Return level, its standard error and whether it is heard, of some families of lines."""
+        index = {name: column for column, name in enumerate(self.family_names)}
+        columns = [index[name] for name in names]
+        return self.level_db[:, columns], self.scatter_db[:, columns], self.heard[:, columns]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reference(Result):
@@ -213,8 +244,11 @@ class Reference(Result):
     --------
     >>> reference.origins, reference.channel_names
     (('simulated 1', 'simulated 2'), ('a1', 'a2'))
-    >>> reference.level_db.shape == reference.scatter_db.shape
-    True
+    >>> len(reference.family_names), [profile.level_db.shape for profile in reference.profiles]
+    (30, [(2, 30), (2, 30)])
+    >>> known, rows = reference.shared_with(analysis.signature)
+    >>> known.channel_names, rows
+    (('a1', 'a2'), [0, 1])
     >>> reference.save("healthy.ref")[0].name
     'healthy.ref'
     """
@@ -239,21 +273,23 @@ class Reference(Result):
         """The recordings' names."""
         return tuple(profile.origin for profile in self.profiles)
 
-    @property
-    def level_db(self) -> FloatArray:
-        """Levels, shape (recordings, channels, families) [dB re 1 unit^2]."""
-        return np.array([_taken(p, self.family_names, p.level_db) for p in self.profiles])
-
-    @property
-    def scatter_db(self) -> FloatArray:
-        """Standard errors of the levels, shape (recordings, channels, families) [dB]."""
-        return np.array([_taken(p, self.family_names, p.scatter_db) for p in self.profiles])
+    def shared_with(self, signature: MeasuredSignature) -> tuple[Reference, list[int]]:
+        """Return the reference in the channels that a recording has too, and their rows there."""
+        names = tuple(name for name in signature.channel_names if name in self.channel_names)
+        known = self if names == self.channel_names else _part(self, names)
+        return known, [signature.channel_names.index(name) for name in names]
 
 
-def _taken(profile: Profile, names: Sequence[str], values: FloatArray) -> FloatArray:
-    """Columns of `values` for these families, in this order."""
-    index = {name: column for column, name in enumerate(profile.family_names)}
-    return values[:, [index[name] for name in names]]
+# several recordings are held against one reference
+@lru_cache(maxsize=4)
+def _part(reference: Reference, names: tuple[str, ...]) -> Reference:
+    rows = [reference.channel_names.index(name) for name in names]
+    return dataclasses.replace(
+        reference,
+        channel_names=names,
+        units=tuple(reference.units[row] for row in rows),
+        profiles=tuple(profile.part(rows) for profile in reference.profiles),
+    )
 
 
 def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) -> Reference:
@@ -610,7 +646,8 @@ def recording_notes(own: MeasuredSignature, reference: Reference) -> list[str]:
     ArgumentError
         If it cannot be compared with them.
     """
-    shared = [name for name in own.channel_names if name in reference.channel_names]
+    known, rows = reference.shared_with(own)
+    shared = known.channel_names
     if not shared:
         raise ArgumentError(
             f"{own.origin}: channels {', '.join(own.channel_names)} are not in the reference, "
@@ -618,8 +655,6 @@ def recording_notes(own: MeasuredSignature, reference: Reference) -> list[str]:
             "their old names"
         )
     check_alike(own, reference)
-    rows = [own.channel_names.index(name) for name in shared]
-    theirs = [reference.channel_names.index(name) for name in shared]
     notes = [
         f"this recording is the same as {profile.origin}, from which the reference was learned: "
         "that they agree says nothing"
@@ -628,15 +663,15 @@ def recording_notes(own: MeasuredSignature, reference: Reference) -> list[str]:
     ]
     unknown = [
         name
-        for row, there, name in zip(rows, theirs, shared, strict=True)
-        if (own.units[row] is None) != (reference.units[there] is None)
+        for row, unit, name in zip(rows, known.units, shared, strict=True)
+        if (own.units[row] is None) != (unit is None)
     ]
     if unknown:
         notes.append(
             f"the unit of {', '.join(unknown)} is known of the recording or of the reference only; "
             "taken as the same"
         )
-    bands = [profile.band_db[theirs] for profile in reference.profiles]
+    bands = [profile.band_db for profile in known.profiles]
     if own.band_db.shape[1] and bands[0].shape[1] == own.band_db.shape[1]:
         change = own.band_db[rows][:, None] - np.mean(bands, axis=0)[None]
         _refuse_exchanged(own.origin, shared, change)

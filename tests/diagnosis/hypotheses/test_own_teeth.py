@@ -22,7 +22,7 @@ BOTH = (0, 1)
 
 def departed(new, old, *, channels=BOTH, same_zero=False):
     """Energy around the turn beside a healthy recording."""
-    return departure_energy(*aligned(new, BOTH, old, channels, same_zero=same_zero))
+    return departure_energy(*aligned(new, old.part(channels), same_zero=same_zero))
 
 
 def apart(one, other, teeth=23):
@@ -86,7 +86,7 @@ def test_near_sidebands_can_be_left_out():
     new, old = gear.recording(1), gear.recording(50)
     beside = np.abs(new.number - 23 * np.rint(new.number / 23)) == 1
     new = _changed(new, amplitude=new.amplitude + 3 * beside)
-    pairs = aligned(new, BOTH, old, BOTH, same_zero=True)
+    pairs = aligned(new, old, same_zero=True)
     # its beat rises and falls twice a turn
     twice = np.exp(4j * np.pi * np.arange(23) / 23)
     with_near, without = (departure_energy(*pairs, near) for near in (0, 3))
@@ -96,7 +96,7 @@ def test_near_sidebands_can_be_left_out():
 def test_healthy_gears_are_not_flagged():
     alarms = 0
     for seed in range(60):
-        found = locate(Gear(23, seed=seed).recording(seed), BOTH, numbered=True)
+        found = locate(Gear(23, seed=seed).recording(seed), numbered=True)
         assert found.against == "other teeth"
         alarms += found.log10_probability < -2
     assert alarms <= 1
@@ -106,17 +106,17 @@ def test_healthy_gears_are_not_flagged():
 def test_a_gross_tooth_shows_against_the_other_teeth(start):
     gear = Gear(23, seed=4)
     new = gear.recording(1, tooth=9, size=5.0, start=start / 23)
-    found = locate(new, BOTH, numbered=True)
+    found = locate(new, numbered=True)
     assert apart(found.tooth, 9 - start) <= 1
     assert apart(found.position * 23, 8 - start + CONTACT_CENTRE) < 1.2
     assert apart(int(np.argmax(found.energy)), 8 - start + CONTACT_CENTRE) < 1.7
     assert found.log10_probability < -2
-    one = locate(_scaled(new, 1e6), (1, 0), numbered=True)
+    one = locate(_scaled(new, 1e6).part([1, 0]), numbered=True)
     assert one.log10_probability == pytest.approx(found.log10_probability, rel=1e-6)
 
 
 def test_without_a_tacho_no_tooth_is_numbered():
-    found = locate(Gear(23, seed=4).recording(1, tooth=9), BOTH, numbered=False)
+    found = locate(Gear(23, seed=4).recording(1, tooth=9), numbered=False)
     assert found.tooth is None
     assert 0 <= found.position < 1
 
@@ -124,7 +124,7 @@ def test_without_a_tacho_no_tooth_is_numbered():
 def test_more_damage_is_more_evidence():
     gear = Gear(23, seed=4)
     logs = [
-        locate(gear.recording(1, tooth=9, size=size), BOTH, numbered=True).log10_probability
+        locate(gear.recording(1, tooth=9, size=size), numbered=True).log10_probability
         for size in (0.5, 2.0, 4.0, 8.0)
     ]
     assert logs == sorted(logs, reverse=True)
@@ -137,8 +137,8 @@ def test_more_damage_is_more_evidence():
 
 def test_too_few_lines_are_no_profile():
     gear = Gear(23, seed=4)
-    assert locate(gear.recording(1, lines=slice(0, 12)), BOTH, numbered=True) is None
-    assert locate(gear.recording(1, lines=slice(0, 0)), BOTH, numbered=True) is None
+    assert locate(gear.recording(1, lines=slice(0, 12)), numbered=True) is None
+    assert locate(gear.recording(1, lines=slice(0, 0)), numbered=True) is None
 
 
 @pytest.mark.parametrize("shape", [0.5, 1.0, 3.7, 20.0])

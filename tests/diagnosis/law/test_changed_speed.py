@@ -43,7 +43,7 @@ def differences(change, seed, told):
     excitation[number % TEETH == 0] = 1.0
     healthy, new = (pattern(1 + c, seed, number, excitation, rng) for c in (0.0, change))
     state = (0.0, told / SPEED_UNIT)
-    return held_against(new, [healthy], (0,), state=state).bands
+    return held_against(new, [healthy], state=state).bands
 
 
 def mean_squares(change, told):

@@ -130,11 +130,11 @@ def test_the_standard_deviation_is_that_of_a_difference_from_a_mean():
 def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
     healthy = learn([recording(load=1.0)], machine())
     new = Profile.of(measure_signature(recording(load=0.7, seed=5), machine()))
-    law = HealthyMachine.of(healthy, (0, 1), machine())
+    law = HealthyMachine.of(healthy, machine())
 
     def held_at(load):
         gears = {key: (replace(own, load=load), told) for key, (own, told) in law.gears.items()}
-        return replace(law, lightest=load, gears=gears).deviation(new, (0, 1))
+        return replace(law, lightest=load, gears=gears).deviation(new)
 
     full, light = held_at(np.inf), held_at(FULL_LOAD * share)
     assert full.gap == light.gap > 0.2

@@ -92,20 +92,20 @@ UNEVEN = np.array([2.2, 1.6, 0.1, 0.0, -0.1, -0.9, 0.2])
 
 
 def test_one_reference_takes_the_median_mesh_harmonic_for_the_load():
-    gauge = StateGauge.of([profile(*0.0 * UNEVEN)], (0,), 0.2)
-    load, speed = gauge.state(profile(*-0.5 + 0.1 * UNEVEN, speed_hz=20.6), (0,))
+    gauge = StateGauge.of([profile(*0.0 * UNEVEN)], 0.2)
+    load, speed = gauge.state(profile(*-0.5 + 0.1 * UNEVEN, speed_hz=20.6))
     assert load == pytest.approx(-0.5 + 0.1 * np.median(UNEVEN))
     assert speed == pytest.approx(0.03 / SPEED_UNIT)
     muffled = profile(*4 * [-9.0], *3 * [-0.5], heard=[*4 * [False], *3 * [True]])
-    assert gauge.state(muffled, (0,))[0] == pytest.approx(-0.5)
+    assert gauge.state(muffled)[0] == pytest.approx(-0.5)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 1.0, 2.0])
 def test_lightly_loaded_references_teach_how_the_harmonics_follow_the_load(share):
     loads = np.log([1.0, 0.75, 0.5])
     references = [profile(*load * UNEVEN) for load in loads]
-    gauge = StateGauge.of(references, (0,), share)
-    between, heavier = (gauge.state(profile(*x * UNEVEN), (0,))[0] for x in np.log([0.6, 1.2]))
+    gauge = StateGauge.of(references, share)
+    between, heavier = (gauge.state(profile(*x * UNEVEN))[0] for x in np.log([0.6, 1.2]))
     size = np.sqrt(np.mean(UNEVEN**2))
     if share < 1.5:
         assert between == pytest.approx(size * np.log(0.6), rel=0.1)
@@ -118,5 +118,5 @@ def test_lightly_loaded_references_teach_how_the_harmonics_follow_the_load(share
 def test_references_of_one_load_teach_nothing():
     rng = np.random.default_rng(3)
     alike = [profile(*0.03 * rng.normal(size=7)) for _ in range(3)]
-    gauge = StateGauge.of(alike, (0,), 0.1)
+    gauge = StateGauge.of(alike, 0.1)
     assert np.all(np.abs(gauge.direction[0, :7] - 1.0) < 0.25)
