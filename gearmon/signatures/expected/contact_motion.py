@@ -365,11 +365,15 @@ class Deviations:
 
     @cached_property
     def _changed(self) -> list[_Changed]:
-        """The mesh periods that differ."""
-        delta, e = self.delta, self.excitation
-        still = [None] * delta.shape[1] if e is None else e.swapaxes(0, 1)
-        each = zip(delta.swapaxes(0, 1), still, strict=True)
-        return [_Changed(self.mesh, *own) for own in each]
+        """The mesh periods that differ; known where another gear asked for the same just now."""
+        known, delta, e = self.mesh.known_changes, self.delta, self.excitation
+        key = delta.tobytes(), b"" if e is None else e.tobytes()
+        if key not in known:
+            known.clear()
+            still = [None] * delta.shape[1] if e is None else e.swapaxes(0, 1)
+            each = zip(delta.swapaxes(0, 1), still, strict=True)
+            known[key] = [_Changed(self.mesh, *own) for own in each]
+        return known[key]
 
     @cached_property
     def states(self) -> FloatArray:

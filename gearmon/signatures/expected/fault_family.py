@@ -10,14 +10,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
-from gearmon.gears.faults import ERROR_KINDS, KINDS, parse_fault_or_error
+from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
+from gearmon.gears.pulses import LEAST_OVERLAP
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signatures.expected.baseline import faulty_lines, periodic_lines
@@ -40,6 +42,8 @@ FAMILY_KINDS += ("pitch", "eccentricity", "misalignment")
 LOSSES = ("2.5%", "5%", "10%", "20%", "40%")
 ERROR_SIZES = ("5um", "10um", "20um", "40um")
 GONE = ("1tooth",)
+#: Kinds that take as a loss the same pulse, more or less of it; breakage does of spur teeth only.
+EVEN_KINDS = ("breakage", "crack", "stiffness", "pitting", "spall")
 #: Kinds that concern all teeth of a gear.
 ALL_TEETH = ("wear", "eccentricity", "cumulative", "misalignment", "profile")
 
@@ -280,11 +284,10 @@ def fault_family(
     notes: dict[str, None] = {}
     for number, ((stage, gear), mesh) in product(points, places.items()):
         even = stages.get((number, stage, mesh)) or stages[number, stage, 0]
-        place = MeshPlace(machine, stage, number, form, mesh)
+        one = _Gear(MeshPlace(machine, stage, number, form, mesh), gear, even)
         for kind, own in texts.items():
-            here = {size: replace(any_, stage=stage, gear=gear) for size, any_ in own.items()}
             try:
-                cases += [_Case.of(place, wrong, size, even) for size, wrong in here.items()]
+                cases += list(one.cases(kind, own))
             except ArgumentError as error:
                 if kinds is not None:
                     raise
@@ -314,26 +317,46 @@ def _stages(
 
 
 @dataclass(frozen=True, eq=False)
+class _Gear:
+    """A gear at an operating point, and its stage without faults."""
+
+    place: MeshPlace
+    gear: str
+    even: PosedStage
+
+    @cached_property
+    def alone(self) -> PosedStage:
+        """Its mesh without faults, by itself."""
+        return self.place.alone()
+
+    def cases(self, kind: str, sizes: Mapping[str, Wrong]) -> Iterator[_Case]:
+        """Pose all sizes of a kind; losses that take the same pulse, more or less, by a half."""
+        place = {"stage": self.place.stage, "gear": self.gear, "operating": self.place.operating}
+        helical = self.even.mechanics.stiffness.overlap_ratio >= LEAST_OVERLAP
+        alike = kind in EVEN_KINDS[helical:] and self.place.form != POTENTIAL_ENERGY
+        half: PosedStage | None = None
+        for size, wrong in sizes.items():
+            if alike and isinstance(wrong, Fault) and wrong.is_loss and wrong.loss:
+                half = half or self._posed(replace(wrong, size=0.5, unit=""))
+                posed = half.scaled(2 * wrong.loss)
+            else:
+                posed = self._posed(wrong)
+            # what a set cannot be solved with is taken by itself
+            even = self.even if (self.even.train is None) == (posed.train is None) else self.alone
+            yield _Case(place | {"kind": kind, "size": size}, posed, even, self.even)
+
+    def _posed(self, wrong: Wrong) -> PosedStage:
+        return self.place.posed([replace(wrong, stage=self.place.stage, gear=self.gear)])
+
+
+@dataclass(frozen=True, eq=False)
 class _Case:
-    """A fault: what is told of it, its stage, the same without it, and that as usually posed."""
+    """A fault, what is told of it, the same stage without it, and that as it is usually posed."""
 
     told: dict[str, Any]
     posed: PosedStage
     even: PosedStage
     usual: PosedStage
-
-    @classmethod
-    def of(cls, place: MeshPlace, wrong: Wrong, size: str, usual: PosedStage) -> _Case:
-        """Pose a fault; what a set cannot be solved with is taken by itself."""
-        posed = place.posed([wrong])
-        whole = (usual.train is None) == (posed.train is None)
-        told = {"kind": wrong.kind, "stage": wrong.stage, "gear": wrong.gear, "size": size}
-        told["operating"] = place.operating
-        return cls(told, posed, usual if whole else _alone(place), usual)
-
-
-# the faults of a gear have one and the same healthy mesh
-_alone = lru_cache(maxsize=1)(MeshPlace.alone)
 
 
 def _solved(
