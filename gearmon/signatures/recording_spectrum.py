@@ -172,10 +172,10 @@ def _envelope(vibration: Recording, band: Band, _window_name: str) -> _Made:
 
 def _cepstrum(vibration: Recording, band: Band, _window_name: str) -> _Made:
     rate = vibration.sampling_rate_hz
-    found = real_cepstrum(vibration.samples, rate)
+    quefrency_s, values = real_cepstrum(vibration.samples, rate)
     # the first quefrencies hold the coarse shape of the spectrum, many times higher than the rest
-    chosen = band or (16 / rate, min(0.5, float(found.quefrency_s[-1])))
-    return _cut(found.quefrency_s, found.values, chosen) | {"axis": "quefrency_s"}
+    chosen = band or (16 / rate, min(0.5, float(quefrency_s[-1])))
+    return _cut(quefrency_s, values, chosen) | {"axis": "quefrency_s"}
 
 
 def _kurtogram(vibration: Recording, band: Band, _window_name: str) -> _Made:

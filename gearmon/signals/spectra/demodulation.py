@@ -267,23 +267,7 @@ def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     return np.asarray(ratio - 2.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cepstrum:
-    """Cepstrum of real signals.
-
-    Parameters
-    ----------
-    quefrency_s : ndarray of float, shape (n // 2 + 1,)
-        Quefrencies [s] (or turns).
-    values : ndarray of float, shape (channels, n // 2 + 1)
-        Real or power cepstrum [1]; the value at quefrency 0 is the mean logarithm.
-    """
-
-    quefrency_s: FloatArray
-    values: FloatArray
-
-
-def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
+def real_cepstrum(samples: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
     """Real cepstrum, the inverse transform of ln|X|.
 
     Parameters
@@ -292,6 +276,13 @@ def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
         The signals, n >= 16; the mean is taken off.
     rate : float
         Sampling rate [Hz], or samples a turn.
+
+    Returns
+    -------
+    quefrency_s : ndarray of float, shape (n // 2 + 1,)
+        Quefrencies [s] (or turns).
+    values : ndarray of float, shape (channels, n // 2 + 1)
+        The cepstrum [1]; the value at quefrency 0 is the mean logarithm.
 
     Raises
     ------
@@ -306,4 +297,4 @@ def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
         raise ArgumentError("samples: a signal is constant, it has no cepstrum")
     logarithm = np.log(np.maximum(size, largest * 10.0 ** (-FLOOR_DB / 20)))
     values = np.fft.irfft(logarithm, n=count, axis=-1)[:, : count // 2 + 1]
-    return Cepstrum(quefrency_s=np.arange(count // 2 + 1) / rate, values=values)
+    return np.arange(count // 2 + 1) / rate, values
