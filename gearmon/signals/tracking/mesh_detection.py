@@ -188,12 +188,12 @@ def _evidence(
     own, *decoys = (judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes)))
     decoys = [strength for strength in decoys if len(strength)]
     columns = list(zip_longest(own, *decoys, fillvalue=np.nan))
-    strengths = np.reshape(columns, (-1, 1 + len(decoys))).T
-    rivals = strengths[1:, : len(own)]
-    common = np.sum(~np.isnan(rivals), axis=0) >= 8
+    strengths = np.reshape(columns, (-1, 1 + len(decoys))).T[:, : len(own)]
+    common = np.sum(~np.isnan(strengths[1:]), axis=0) >= 8
     if not common.any():
         return MeshEvidence(decoys_above=len(decoys), decoys=len(decoys))
-    strengths, rivals = strengths[:, : len(own)][:, common], rivals[:, common]
+    strengths = strengths[:, common]
+    rivals = strengths[1:]
     middle = np.nanmedian(rivals, axis=0)
     spread = np.maximum(1.4826 * np.nanmedian(np.abs(rivals - middle), axis=0), 1e-12)
     clear = (strengths[0] - middle) / spread >= _CLEAR
