@@ -152,8 +152,8 @@ def _envelope(vibration: Recording, band: Band, _window_name: str) -> _Made:
     rate, notes = vibration.sampling_rate_hz, []
     if band is None:
         # narrow bands through which a wandering line passes now and then would look impulsive
-        deepest = max(0, min(_ENVELOPE_LEVELS, int(np.log2(vibration.samples.shape[-1] / 64))))
-        found_bands = [kurtogram(channel, rate, deepest).best for channel in vibration.samples]
+        maps = (kurtogram(channel, rate, _ENVELOPE_LEVELS) for channel in vibration.samples)
+        found_bands = [own.best for own in maps]
         channel = int(np.argmax([height for _, _, height in found_bands]))
         low, high, height = found_bands[channel]
         band = (low, high)
@@ -181,9 +181,8 @@ def _cepstrum(vibration: Recording, band: Band, _window_name: str) -> _Made:
 def _kurtogram(vibration: Recording, band: Band, _window_name: str) -> _Made:
     if band is not None:
         raise ArgumentError("band: a kurtogram covers all frequencies; leave the band out")
-    samples, rate = vibration.samples, vibration.sampling_rate_hz
-    levels = max(0, min(_MAP_LEVELS, int(np.log2(samples.shape[-1] / 64))))
-    maps = tuple(kurtogram(channel, rate, levels) for channel in samples)
+    rate = vibration.sampling_rate_hz
+    maps = tuple(kurtogram(channel, rate, _MAP_LEVELS) for channel in vibration.samples)
     return {"place": np.zeros(0), "values": np.zeros((len(maps), 0)), "kurtograms": maps}
 
 
