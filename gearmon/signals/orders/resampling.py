@@ -441,12 +441,11 @@ class Spreading:
 
     def holding(self) -> Spreading:
         """Return the same with all its steps at hand."""
-        starts, count = range(0, self.grid.count, _TOGETHER), self.grid.count
-        parts = side_by_side(
-            lambda first: self.steps(first, min(_TOGETHER, count - first)),
-            starts,
-            self.samples.size,
-        )
+
+        def part(first: int) -> FloatArray:
+            return self.steps(first, min(_TOGETHER, self.grid.count - first))
+
+        parts = side_by_side(part, range(0, self.grid.count, _TOGETHER), self.samples.size)
         return replace(self, held=np.concatenate(parts, axis=1))
 
     @property
