@@ -25,7 +25,7 @@ from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.orders.lines import order_lines
+from gearmon.signals.orders.lines import OrderBlocks
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -211,9 +211,9 @@ class _Heard:
         named = _orders(train, _TOP * part.sampling_rate_hz / shaft1_hz, _APART / block_turns)
         orders = np.array(sorted(named))
         samples = part.select([axis.channel for axis in exposure.axes]).samples
-        found = order_lines(
+        found = OrderBlocks(
             samples, part.sampling_rate_hz, signature.track, orders, block_turns, error=_LEAKAGE
-        )
+        ).lines()
         power = np.maximum(found.cross_power(), 0.0)
         return cls(
             exposure=exposure,

@@ -98,10 +98,9 @@ class AngleTrack:
             If `shaft_order` is not above zero.
         """
         order = check_positive("shaft_order", shaft_order)
-        return AngleTrack(
-            time_s=self.time_s,
+        return replace(
+            self,
             turns=self.turns * order,
-            method=self.method,
             uncertainty_turns=self.uncertainty_turns * order,
             # several turns of a slower shaft begin alike at shaft 1
             indexed=self.indexed and order == 1.0,

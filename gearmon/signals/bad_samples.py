@@ -56,7 +56,7 @@ _MOST_BAD, _LEAST_LEFT = 0.2, 0.3
 _TOLD = "not taken into account", "the channel is left out"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class BadStretch:
     """A stretch of one channel that no machine made.
 
@@ -75,9 +75,15 @@ class BadStretch:
     what: str
     bridged: bool = False
 
+    def told(self, rate: float) -> str:
+        """Return when it is, and what is wrong."""
+        if self.bridged:
+            return f"at {self.start / rate:.4f} s {self.what}"
+        return f"from {self.start / rate:.4g} to {self.stop / rate:.4g} s {self.what}"
+
 
 def bad_stretches(values: FloatArray) -> list[BadStretch]:
-    """Find what no machine made in one channel.
+    """Find what no machine made in one channel; of one that is clipped nothing else is asked.
 
     Parameters
     ----------
@@ -89,6 +95,8 @@ def bad_stretches(values: FloatArray) -> list[BadStretch]:
     list of BadStretch
         In the order of time.
     """
+    if (clipped := _clipped(values)) is not None:
+        return [clipped]
     still = list(_standing_still(values))
     found = [*still, *_spikes(values), *_level_changes(values, still)]
     return sorted(found, key=lambda bad: bad.start)
@@ -116,24 +124,25 @@ def inspected(recording: Recording) -> Recording:
         return recording
     samples, rate = recording.samples, recording.sampling_rate_hz
     vibrates = [kind == "vibration" for kind in recording.channel_kinds]
-    found = {row: _defects(samples[row]) for row in np.flatnonzero(vibrates).tolist()}
-    found = {row: own for row, own in found.items() if own}
-    notes, lost = [], {}
-    for row, own in found.items():
-        name = recording.channel_names[row]
+    notes, lost, mended = [], {}, []
+    for row in np.flatnonzero(vibrates).tolist():
+        own, name = bad_stretches(samples[row]), recording.channel_names[row]
+        if not own:
+            continue
         label = name if name.startswith("channel") else f"channel {name}"
-        told = [f"{label} {_when(bad, rate)} {bad.what}" for bad in own]
-        if sum(bad.stop - bad.start for bad in own if not bad.bridged) > _MOST_BAD * len(
-            samples[row]
-        ):
+        told = [f"{label} {bad.told(rate)}" for bad in own]
+        lasting = sum(bad.stop - bad.start for bad in own if not bad.bridged)
+        if lasting > _MOST_BAD * samples.shape[1]:
             lost[row] = told[0]
-        notes.append(f"{_several(told)}: {_TOLD[row in lost]}")
+        else:
+            mended += [(row, bad) for bad in own]
+        more = f" (and {len(told) - 3} more such places)" if len(told) > 3 else ""
+        notes.append(f"{'; '.join(told[:3])}{more}: {_TOLD[row in lost]}")
     if lost and len(lost) == sum(vibrates):
         raise RecordingError(
             f"{_where(recording)}{next(iter(lost.values()))}, and no channel is sound; check "
             "cable and sensor, and record again"
         )
-    mended = [(row, bad) for row, own in found.items() if row not in lost for bad in own]
     samples = samples.copy() if mended else samples
     for row, bad in sorted(mended, key=lambda one: not one[1].bridged):
         if bad.bridged:
@@ -214,23 +223,6 @@ def _bridge(values: FloatArray, bad: BadStretch) -> None:
     values[bad.start : bad.stop] = np.linspace(ends[0], ends[-1], bad.stop - bad.start + 2)[1:-1]
 
 
-def _when(bad: BadStretch, rate: float) -> str:
-    if bad.bridged:
-        return f"at {bad.start / rate:.4f} s"
-    return f"from {bad.start / rate:.4g} to {bad.stop / rate:.4g} s"
-
-
-def _several(told: Sequence[str]) -> str:
-    more = f" (and {len(told) - 3} more such places)" if len(told) > 3 else ""
-    return "; ".join(told[:3]) + more
-
-
-def _defects(values: FloatArray) -> Sequence[BadStretch]:
-    """Return what is wrong with a channel; of one that is clipped nothing else is asked."""
-    clipped = _clipped(values)
-    return bad_stretches(values) if clipped is None else [clipped]
-
-
 def _clipped(values: FloatArray) -> BadStretch | None:
     """Tell of a channel that stays at an extreme; files are searched for it as they are read."""
     defect = find_defect(values)
@@ -243,7 +235,7 @@ def _clipped(values: FloatArray) -> BadStretch | None:
     )
     if at_it < _CLIPPED_SHARE * len(values):
         return None
-    return BadStretch(start=0, stop=len(values), what=defect.text)
+    return BadStretch(0, len(values), defect.text)
 
 
 def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
@@ -258,7 +250,7 @@ def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
         # what stands at an extreme is clipped, which is judged as such
         if values.min() < values[begin] < values.max():
             what = f"stands still at {values[begin]:.4g} ({end - begin} equal samples)"
-            yield BadStretch(start=begin, stop=end, what=what)
+            yield BadStretch(begin, end, what)
 
 
 def _spikes(values: FloatArray) -> Iterator[BadStretch]:
@@ -287,7 +279,7 @@ def _spikes(values: FloatArray) -> Iterator[BadStretch]:
         rings = float(np.abs(beside - middle).max(initial=0.0))
         if peak > _OVER_REST * rest and rings < max(_RINGS * peak, 1.5 * rest):
             what = f"jumps to {peak / rest:.3g} times the largest other sample"
-            yield BadStretch(start=start, stop=stop, what=what, bridged=True)
+            yield BadStretch(start, stop, what, bridged=True)
 
 
 def _largest(values: FloatArray, middle: float, most: int) -> tuple[IntArray, FloatArray]:
@@ -312,11 +304,13 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     some = np.sort(frames[:, :: 1 + length // 4096], axis=1)
     # percentiles by rank: twice as quick as between ranks
     high, middle, low = some[:, np.rint((some.shape[1] - 1) * _SPREAD).astype(int)].T
+
+    def framed(first: int, end: int, what: str) -> BadStretch:
+        return BadStretch(max(0, first * length), min(end * length, len(values)), what)
+
     for begin, end in _offset_steps(middle, high - low):
-        yield BadStretch(
-            start=begin * length,
-            stop=min(end * length, len(values)),
-            what="goes over to another mean value at once, as by a connector or an amplifier",
+        yield framed(
+            begin, end, "goes over to another mean value at once, as by a connector or an amplifier"
         )
     level = 20 * np.log10(np.maximum(high - low, _finest_step(values)))
     sound = np.ones(count, dtype=bool)
@@ -326,25 +320,19 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     if len(where) < _FEWEST_FRAMES:
         return
     step = _step(level[where])
-    if step is not None:
-        first, change = step
-        edge = int(where[first]) * length
-        silent = abs(change) >= _SILENT_DB
-        before_is_bad = change > 0 if silent else first < len(where) - first
-        # somewhere within the frame at which it was seen
-        start, stop = (0, edge + length) if before_is_bad else (edge - length, len(values))
-        what = (
-            f"is {abs(change):.0f} dB {'quieter' if (change > 0) == before_is_bad else 'louder'} "
-            "than the rest from one moment to the next, as by a cable, a connector or a range"
-        )
-        yield BadStretch(start=max(0, start), stop=min(stop, len(values)), what=what)
+    if step is None:
+        for first, end in _dropouts(level, sound):
+            yield framed(first - 1, end + 1, "drops out: there is next to no signal")
         return
-    for first, last in _dropouts(level, sound):
-        yield BadStretch(
-            start=max(0, (first - 1) * length),
-            stop=min(len(values), (last + 2) * length),
-            what="drops out: there is next to no signal",
-        )
+    first, change = step
+    before_is_bad = change > 0 if abs(change) >= _SILENT_DB else first < len(where) - first
+    what = (
+        f"is {abs(change):.0f} dB {'quieter' if (change > 0) == before_is_bad else 'louder'} "
+        "than the rest from one moment to the next, as by a cable, a connector or a range"
+    )
+    # somewhere within the frame at which it was seen
+    edge = int(where[first])
+    yield framed(0, edge + 1, what) if before_is_bad else framed(edge - 1, count + 1, what)
 
 
 def _offset_steps(middle: FloatArray, spread: FloatArray) -> list[tuple[int, int]]:
@@ -384,13 +372,13 @@ def _scatter(level: FloatArray) -> float:
 
 
 def _dropouts(level: FloatArray, sound: BoolArray) -> list[tuple[int, int]]:
-    """First and last frames of stretches that are silent, if hardly any frame lies between."""
+    """First frame and end of stretches that are silent, if hardly any frame lies between."""
     below = level - np.median(level[sound])
     silent = (below < -_SILENT_DB) & sound
-    runs = [(start, stop - 1) for start, stop in _runs(silent).tolist()]
+    runs = _runs(silent).tolist()
     # levels that come and go with the work have all values between
     between = int(((below < -0.5 * _SILENT_DB) & ~silent & sound).sum())
-    return runs if between <= 2 * len(runs) else []
+    return [(start, stop) for start, stop in runs if between <= 2 * len(runs)]
 
 
 def _runs(held: BoolArray) -> IntArray:

@@ -48,9 +48,7 @@ def peak_to_peak(signal: FloatArray) -> FloatArray:
 
 def crest_factor(signal: FloatArray) -> FloatArray:
     """Largest departure from the mean over the root mean square; 0 for a constant signal."""
-    centred = _centred(signal)
-    peak = np.max(np.abs(centred), axis=-1)
-    return _ratio(peak, rms(signal))
+    return _ratio(np.max(np.abs(_centred(signal)), axis=-1), rms(signal))
 
 
 def normalised_moment(signal: FloatArray, order: int) -> FloatArray:
@@ -69,9 +67,7 @@ def normalised_moment(signal: FloatArray, order: int) -> FloatArray:
         N^(order/2 - 1) sum x^order / (sum x^2)^(order/2); invariant to scale; 0 for a constant.
     """
     # scaled first, so that the eighth power of a large signal cannot overflow
-    centred = _centred(signal)
-    scale = np.std(signal, axis=-1, keepdims=True)
-    standard = np.divide(centred, scale, out=np.zeros_like(centred), where=scale > 0)
+    standard = _ratio(_centred(signal), np.std(signal, axis=-1, keepdims=True))
     return np.asarray(np.mean(standard**order, axis=-1))
 
 
@@ -234,7 +230,5 @@ def na4(residual: FloatArray, variances: FloatArray, baseline: int | None = None
             "record or more"
         )
     # scaled first, so that the fourth power cannot overflow
-    scale = np.sqrt(variances[:baseline].mean(axis=0))[:, None]
-    centred = _centred(residual)
-    standard = np.divide(centred, scale, out=np.zeros_like(centred), where=scale > 0)
+    standard = _ratio(_centred(residual), np.sqrt(variances[:baseline].mean(axis=0))[:, None])
     return np.asarray(np.mean(standard**4, axis=-1), dtype=np.float64)

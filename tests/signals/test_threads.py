@@ -7,7 +7,7 @@ import pytest
 from reference.synthetic_signals import constant_track, lines_on, white
 
 from gearmon.signals import threads
-from gearmon.signals.orders import OrderSums, fine_order_spectrum, order_lines
+from gearmon.signals.orders import OrderBlocks, OrderSums, fine_order_spectrum
 from gearmon.signals.orders.spectra import fine_envelope_spectrum
 from gearmon.signals.threads import at_once, side_by_side
 
@@ -40,7 +40,7 @@ def test_numbers_do_not_depend_on_the_number_of_cores(monkeypatch):
 
     def results():
         orders = np.linspace(0.5, 44.0, 60)
-        lines = order_lines(samples, RATE, track, orders, 20.0)
+        lines = OrderBlocks(samples, RATE, track, orders, 20.0).lines()
         yield from (lines.amplitude, lines.noise)
         sums = OrderSums(samples, RATE, np.array([9.0, 18.0, 27.0]))
         yield from (sums.noise(track, 8.0), sums.sliding(track, 4.0).amplitude)

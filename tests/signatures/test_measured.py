@@ -21,7 +21,7 @@ from gearmon.benchmark.detection_machines import Condition, Setting, draw_machin
 from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor, load_machine
-from gearmon.signals.orders import order_lines
+from gearmon.signals.orders import OrderBlocks
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signatures.measured.line_plan import line_plan
 from gearmon.signatures.measured.measurement import family_levels, measure_signature
@@ -153,7 +153,7 @@ def test_scatter_is_the_standard_error_of_the_level():
     levels, scatters = [], []
     for seed in range(20):
         samples = lines_on(turns, [23.0], [0.1]) + white((1, len(TIME)), seed=seed)
-        lines = order_lines(samples, RATE, track, plan.orders, 20.0)
+        lines = OrderBlocks(samples, RATE, track, plan.orders, 20.0).lines()
         level, scatter, _ = family_levels(lines, plan)
         levels.append(level[0, 0])
         scatters.append(scatter[0, 0])
@@ -166,7 +166,7 @@ def test_noise_alone_is_rarely_heard():
     track = track_of(lambda t: SPEED * t, TIME[-1], 3)
     plan = line_plan(kinematics(MACHINE), 75.0, 0.09)
     samples = white((6, len(TIME)), seed=9)
-    lines = order_lines(samples, RATE, track, plan.orders, 20.0)
+    lines = OrderBlocks(samples, RATE, track, plan.orders, 20.0).lines()
     _, _, heard = family_levels(lines, plan)
     assert heard.mean() < 0.06  # twice the standard error, one side
 

@@ -7,14 +7,14 @@ transform) and the fine ones of `spectra` build. All work block by block.
 
 >>> import numpy as np
 >>> from gearmon.signals.angle import AngleTrack
->>> from gearmon.signals.orders import order_lines
+>>> from gearmon.signals.orders import OrderBlocks
 >>> turns = 10.0 * np.arange(8000) / 1000
 >>> track = AngleTrack(
 ...     time_s=np.array([0.0, 8.0]), turns=np.array([0.0, 80.0]), method="tacho",
 ...     uncertainty_turns=0.0,
 ... )
 >>> samples = 3.0 * np.cos(2 * np.pi * 12 * turns)[None]
->>> lines = order_lines(samples, 1000.0, track, np.array([12.0]), block_turns=10)
+>>> lines = OrderBlocks(samples, 1000.0, track, np.array([12.0]), block_turns=10).lines()
 >>> np.abs(lines.mean).round(3)
 array([[3.]])
 """
@@ -23,7 +23,7 @@ from gearmon.lazy import lazily
 
 _OFFERED = {
     "averages": ("one_turn", "time_synchronous_average"),
-    "lines": ("OrderLines", "OrderSums", "order_lines", "variance_of_mean", "without_knocks"),
+    "lines": ("OrderBlocks", "OrderLines", "OrderSums", "variance_of_mean", "without_knocks"),
     "resampling": ("AngleGrid", "angular_waveform", "resample_to_angle"),
     "spectra": ("OrderMap", "clear_peaks", "fine_order_spectrum", "fine_spectrum", "order_map"),
 }

@@ -26,12 +26,7 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
-from gearmon.signals.orders.resampling import (
-    READ_UP_TO,
-    resample_to_angle,
-    steps_to_keep_all,
-    whole_turns,
-)
+from gearmon.signals.orders.resampling import AngularWaveform, angular_waveform, steps_to_keep_all
 from gearmon.signals.spectra.spectrum import fast_length, half_lobe, window
 
 # Neighbours of a line that tell its error: at least so many on either side, at most an eighth of
@@ -159,31 +154,21 @@ def time_synchronous_average(
         raise ArgumentError(f"per_turn={per_turn} must be a whole number, at least 4")
     steps = fast_length(max(steps_to_keep_all(sampling_rate_hz, shaft), per_turn or 4))
     wanted = steps if per_turn is None else int(per_turn)
-    first, turns = whole_turns(samples.shape[-1], sampling_rate_hz, shaft)
-    lobe = half_lobe(window_name)
-    if turns < 2 * lobe:
-        raise RecordingError(
-            f"recording of {samples.shape[-1] / sampling_rate_hz:.3g} s: whole turns of the shaft: "
-            f"{turns}; an average with its scatter needs {2 * lobe}"
-        )
-    highest = READ_UP_TO * sampling_rate_hz / float(shaft.speed_hz.max())
-    top = min((wanted - 1) // 2, int(highest))
-    neighbours = max(_FEWEST_NEIGHBOURS, turns // _SHARE_OF_GAP)
-    near = np.arange(lobe, min(turns // 2, lobe - 1 + neighbours) + 1)
-    weights = window(window_name, turns * steps)
-    weights = weights / weights.mean()
-    found = []
+    found, fewest = [], 2 * half_lobe(window_name)
     for channel in samples:
         # a channel at a time: memory holds one in angle
-        values = resample_to_angle(
-            channel[None], sampling_rate_hz, shaft, steps, float(first), turns * steps
-        )
-        found.append(_of_record(values[0], weights, turns, top, wanted, near))
+        wave = angular_waveform(channel[None], sampling_rate_hz, shaft, steps)
+        if wave.turns < fewest:
+            raise RecordingError(
+                f"recording of {len(channel) / sampling_rate_hz:.3g} s: whole turns of the shaft: "
+                f"{wave.turns}; an average with its scatter needs {fewest}"
+            )
+        found.append(_of_record(wave, wanted, window_name))
     lines, line_error, waveform_error = (np.array(own) for own in zip(*found, strict=True))
     return SynchronousAverage(
         rotation_order=float(rotation_order),
-        turns=turns,
-        first_turn=first,
+        turns=wave.turns,
+        first_turn=wave.first_turn,
         lines=lines,
         line_error=line_error,
         waveform=one_turn(lines, wanted),
@@ -212,11 +197,16 @@ def one_turn(lines: ComplexArray, per_turn: int) -> FloatArray:
 
 
 def _of_record(
-    values: FloatArray, weights: FloatArray, turns: int, top: int, per_turn: int, near: IntArray
+    wave: AngularWaveform, per_turn: int, window_name: str
 ) -> tuple[ComplexArray, FloatArray, FloatArray]:
     """Lines, their errors and those of the waveform, of one channel at equal steps of angle."""
-    steps = values.shape[-1] // turns
-    course = _courses((values * weights).reshape(turns, steps), np.concatenate([[0], near]))
+    steps, turns, lobe = wave.per_turn, wave.turns, half_lobe(window_name)
+    top = min((per_turn - 1) // 2, int(wave.top_order))
+    neighbours = max(_FEWEST_NEIGHBOURS, turns // _SHARE_OF_GAP)
+    near = np.arange(lobe, min(turns // 2, lobe - 1 + neighbours) + 1)
+    weights = window(window_name, turns * steps)
+    values = wave.values[0] * (weights / weights.mean())
+    course = _courses(values.reshape(turns, steps), np.concatenate([[0], near]))
     # column b holds the transform of the record at the bins n N + b, n from 0 and from below
     angle = np.arange(steps)[:, None] * np.concatenate([[0], near]) / (turns * steps)
     course *= np.exp(-2j * np.pi * angle)

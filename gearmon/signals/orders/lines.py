@@ -147,17 +147,8 @@ class OrderLines:
         return np.asarray(self.block_powers()[0].mean(axis=0))
 
 
-def order_lines(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    orders: FloatArray,
-    block_turns: float,
-    *,
-    error: float = 1e-6,
-    left_out: Sequence[tuple[int, int]] = (),
-) -> OrderLines:
-    """Measure complex line amplitudes at arbitrary orders in half-overlapped Hann blocks of angle.
+class OrderBlocks:
+    """Half-overlapped Hann blocks of a recording: complex line amplitudes at arbitrary orders.
 
     The samples are spread onto equal steps of angle (`resampling.Spreading`) half a block at a
     time, so that memory stays bounded, by all cores. Each half is transformed once: its transform
@@ -185,46 +176,30 @@ def order_lines(
         lines.
     left_out : sequence of (int, int)
         First samples and ends of stretches; blocks that hold some of one are left out.
-
-    Returns
-    -------
-    OrderLines
-        Amplitudes a block; phases count from the start of the recording.
+    held : bool
+        Whether `spreading` is to hold all steps, enough of them for the whole band.
 
     Raises
     ------
     ArgumentError
         If an order is negative, the recording holds too few samples, or no block is left.
     """
-    blocks = OrderBlocks(samples, sampling_rate_hz, track, orders, block_turns, error, left_out)
-    return blocks.lines()
-
-
-class OrderBlocks:
-    """Half blocks of a recording at equal steps of angle, their transforms and lines.
-
-    Parameters
-    ----------
-    samples, sampling_rate_hz, track, orders, block_turns, error, left_out
-        As of `order_lines`.
-    held : bool
-        Whether `spreading` is to hold all steps, enough of them for the whole band.
-    """
 
     def __init__(
         self,
         samples: FloatArray,
-        rate: float,
+        sampling_rate_hz: float,
         track: AngleTrack,
         orders: FloatArray,
         block_turns: float,
-        error: float,
+        error: float = 1e-6,
         left_out: Sequence[tuple[int, int]] = (),
         held: bool = False,
     ) -> None:
         if len(orders) == 0 or orders.min() < 0:
             raise ArgumentError("orders: at least one, all >= 0, are needed")
-        top, whole = float(orders.max()), rate / float(track.speed_hz.min())
+        top, rate = float(orders.max()), sampling_rate_hz
+        whole = rate / float(track.speed_hz.min())
         grid = AngleGrid.of(samples.shape[-1], rate, track, top)
         # rounded down: the last of the blocks that just fill a recording must not fall off its end
         block = min(grid.count, max(8, int(block_turns * grid.per_turn + 1e-6)))
@@ -261,7 +236,7 @@ class OrderBlocks:
         self.sampled = self.sound[every - 1 :: every].tolist()
 
     def lines(self) -> OrderLines:
-        """Return the lines in all blocks that are sound."""
+        """Return the lines in all blocks that are sound; phases count from the start."""
         plan = GriddedPlan(self.steps, 0.5 * self.orders * self.block_turns, self.beside)
         together, samples = max(1, _STEPS_TOGETHER // self.steps), self.spreading.samples
 
@@ -360,11 +335,8 @@ def _with_neighbours(weight: ComplexArray, share: FloatArray) -> ComplexArray:
 
     Phases turn by a quarter from bin to bin on the way there and back: none is left.
     """
-    wide = np.zeros((len(weight), weight.shape[1] + 2), dtype=np.complex128)
-    wide[:, 1:-1] += 0.5 * weight
-    wide[:, :-2] += share[0][:, None] * weight
-    wide[:, 2:] += share[1][:, None] * weight
-    return wide
+    middle, below, above = (np.pad(weight, ((0, 0), (k, 2 - k))) for k in (1, 0, 2))
+    return np.asarray(0.5 * middle + share[0][:, None] * below + share[1][:, None] * above)
 
 
 def variance_of_mean(blocks: ComplexArray) -> FloatArray:
@@ -564,7 +536,9 @@ class OrderSums:
         """Return the angle of a track at the edges of stretches, and sums that suit it."""
         if self._read is not None:
             angle = track.turns_at(self._read.edges_s)
-            if self._read.departure(angle) < _NEAR:
+            # cycles a stretch by which it differs from the one that the sums were made with
+            change = np.log(np.diff(angle)) - self._read.slopes
+            if np.sqrt(np.mean(change**2)) * self._read.cycles < _NEAR:
                 return angle, self._read
         self._noise = {}
         self._read = Stretches(self.samples, self.sampling_rate_hz, track, self.orders)
@@ -620,8 +594,3 @@ class Stretches:
         order, ends = np.argsort(number, kind="stable"), np.cumsum(np.unique_counts(number).counts)
         alike = np.split(order, np.union1d(ends[:-1], np.arange(_TOGETHER, count, _TOGETHER)))
         side_by_side(read, alike, samples.size)
-
-    def departure(self, angle: FloatArray) -> float:
-        """Cycles a stretch that a track differs by from the one these sums were made with."""
-        change = np.log(np.diff(angle)) - self.slopes
-        return float(np.sqrt(np.mean(change**2))) * self.cycles

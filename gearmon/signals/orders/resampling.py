@@ -61,8 +61,8 @@ _PIECE = 1 << 13
 _HELD = 2048
 # Reach of a kernel that reads a line to 0.3 % [steps].
 _QUICK = 4
-# Steps whose places are found together.
-_PLACED = 1 << 16
+# Steps that a thread makes at a time where all are held.
+_TOGETHER = 1 << 16
 
 
 def resample_to_angle(
@@ -441,10 +441,11 @@ class Spreading:
 
     def holding(self) -> Spreading:
         """Return the same with all its steps at hand."""
-        starts, count = range(0, self.grid.count, _PLACED), self.grid.count
-        parts = side_by_side(
-            lambda first: self.steps(first, min(_PLACED, count - first)), starts, self.samples.size
-        )
+
+        def part(first: int) -> FloatArray:
+            return self.steps(first, min(_TOGETHER, self.grid.count - first))
+
+        parts = side_by_side(part, range(0, self.grid.count, _TOGETHER), self.samples.size)
         return replace(self, held=np.concatenate(parts, axis=1))
 
     @property
@@ -462,24 +463,18 @@ class Spreading:
         if self.held is not None:
             return self.held[:, first : first + count]
         out = np.empty((len(self.samples), count))
-        for start in range(0, count, _PLACED):
-            size = min(_PLACED, count - start)
-            turn = self.grid.first_turn + (first + start) / self.grid.per_turn
-            position, steps = self._positions(turn, size)
-            drift = np.gradient(steps) * steps if size > 1 else np.zeros(size)
-            for begin in range(0, size, _PIECE):
-                own = slice(begin, min(begin + _PIECE, size))
-                part = self._piece(position[own], steps[own], drift[own])
-                out[:, start + own.start : start + own.stop] = part
+        for start in range(0, count, _PIECE):
+            number = first + np.arange(start, min(start + _PIECE, count))
+            time_s, slope = self.track.time_and_slope_at(
+                self.grid.first_turn + number / self.grid.per_turn
+            )
+            steps = self.grid.per_turn / (slope * self.sampling_rate_hz)
+            out[:, start : start + _PIECE] = self._piece(time_s * self.sampling_rate_hz, steps)
         return out
 
-    def _positions(self, first_turn: float, count: int) -> tuple[FloatArray, FloatArray]:
-        """Places [samples] of equal steps of angle, and steps a sample there."""
-        turns = first_turn + np.arange(count) / self.grid.per_turn
-        time_s, slope = self.track.time_and_slope_at(turns)
-        return time_s * self.sampling_rate_hz, self.grid.per_turn / (slope * self.sampling_rate_hz)
-
-    def _piece(self, position: FloatArray, steps: FloatArray, drift: FloatArray) -> FloatArray:
+    def _piece(self, position: FloatArray, steps: FloatArray) -> FloatArray:
+        """Values at some places [samples], where so many steps last a sample."""
+        drift = np.gradient(steps) * steps if len(steps) > 1 else np.zeros(1)
         taps = int(np.ceil(self.kernel.width / float(steps.min())))
         first = np.rint(position - 0.5 * (taps - 1))
         begin, away = int(first[0]), first - position

@@ -338,7 +338,10 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
         for row, level in zip(ratio, spectrum.power, strict=True)
     ]
     places = np.unique(np.concatenate(found))
-    return _clearest(places, ratio[:, places].max(axis=0), round(_LOBES[0][0] * per_width))
+    # of peaks that channels place a little differently, the clearest of each heap
+    edges = np.flatnonzero(np.diff(places) > round(_LOBES[0][0] * per_width)) + 1
+    heaps = (heap for heap in np.split(places, edges) if len(heap))
+    return np.array([h[np.argmax(ratio[:, h].max(axis=0))] for h in heaps], dtype=np.intp)
 
 
 def _peaks(level: FloatArray, high: NDArray[np.intp], per_width: float) -> NDArray[np.intp]:
@@ -350,16 +353,6 @@ def _peaks(level: FloatArray, high: NDArray[np.intp], per_width: float) -> NDArr
         ends = np.searchsorted(high, [high - reach, high + reach + 1]).T.ravel()
         kept &= value[:-1] >= share * np.maximum.reduceat(value, ends)[::2]
     return high[kept]
-
-
-def _clearest(places: NDArray[np.intp], ratio: FloatArray, reach: int) -> NDArray[np.intp]:
-    """Of peaks that channels place a little differently, the clearest of each heap."""
-    if len(places) == 0:
-        return places
-    heaps = np.concatenate([[0], np.cumsum(np.diff(places) > reach)])
-    order = np.lexsort((-ratio, heaps))
-    first = np.concatenate([[True], np.diff(heaps[order]) > 0])
-    return np.sort(places[order][first])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

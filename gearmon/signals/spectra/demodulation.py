@@ -195,7 +195,7 @@ class Kurtogram:
         ]
 
 
-def kurtogram(samples: FloatArray, rate: float, levels: int | None = None) -> Kurtogram:
+def kurtogram(samples: FloatArray, rate: float, levels: int = 8) -> Kurtogram:
     """Fast kurtogram of one signal.
 
     Parameters
@@ -204,9 +204,9 @@ def kurtogram(samples: FloatArray, rate: float, levels: int | None = None) -> Ku
         The signal, n >= 64.
     rate : float
         Sampling rate [Hz], > 0.
-    levels : int, optional
-        Halvings of the bandwidth, 0 to 12, with thirds between: 2 * levels rows and one. By default
-        as many as leave 32 samples of every envelope, at most 8.
+    levels : int
+        Halvings of the bandwidth, 0 to 12, with thirds between: 2 * levels rows and one; at most as
+        many as leave 32 samples of every envelope.
 
     Returns
     -------
@@ -215,7 +215,7 @@ def kurtogram(samples: FloatArray, rate: float, levels: int | None = None) -> Ku
     Raises
     ------
     ArgumentError
-        If the signal is too short for that many levels, constant, or an argument is out of range.
+        If the signal is too short or constant, or an argument is out of range.
     """
     check_positive("rate", rate)
     signal = np.asarray(samples, dtype=float)
@@ -223,13 +223,8 @@ def kurtogram(samples: FloatArray, rate: float, levels: int | None = None) -> Ku
         raise ArgumentError(
             f"samples: shape {signal.shape}, one row of at least {2 * LEAST_SAMPLES} is needed"
         )
-    half = len(signal) // 2
-    possible = min(12, int(np.log2(half / LEAST_SAMPLES)))
-    wanted = min(8, possible) if levels is None else int(check_range("levels", levels, 0, 12))
-    if wanted > possible:
-        raise ArgumentError(
-            f"levels={wanted}: {len(signal)} samples allow {possible}; record longer"
-        )
+    deepest = int(np.log2(len(signal) // 2 / LEAST_SAMPLES))
+    wanted = min(int(check_range("levels", levels, 0, 12)), deepest)
     if np.ptp(signal) == 0:
         raise ArgumentError("samples: the signal is constant, it has no kurtosis")
     length = quick_length(len(signal))
@@ -267,23 +262,7 @@ def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
     return np.asarray(ratio - 2.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Cepstrum:
-    """Cepstrum of real signals.
-
-    Parameters
-    ----------
-    quefrency_s : ndarray of float, shape (n // 2 + 1,)
-        Quefrencies [s] (or turns).
-    values : ndarray of float, shape (channels, n // 2 + 1)
-        Real or power cepstrum [1]; the value at quefrency 0 is the mean logarithm.
-    """
-
-    quefrency_s: FloatArray
-    values: FloatArray
-
-
-def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
+def real_cepstrum(samples: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
     """Real cepstrum, the inverse transform of ln|X|.
 
     Parameters
@@ -292,6 +271,13 @@ def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
         The signals, n >= 16; the mean is taken off.
     rate : float
         Sampling rate [Hz], or samples a turn.
+
+    Returns
+    -------
+    quefrency_s : ndarray of float, shape (n // 2 + 1,)
+        Quefrencies [s] (or turns).
+    values : ndarray of float, shape (channels, n // 2 + 1)
+        The cepstrum [1]; the value at quefrency 0 is the mean logarithm.
 
     Raises
     ------
@@ -306,4 +292,4 @@ def real_cepstrum(samples: FloatArray, rate: float) -> Cepstrum:
         raise ArgumentError("samples: a signal is constant, it has no cepstrum")
     logarithm = np.log(np.maximum(size, largest * 10.0 ** (-FLOOR_DB / 20)))
     values = np.fft.irfft(logarithm, n=count, axis=-1)[:, : count // 2 + 1]
-    return Cepstrum(quefrency_s=np.arange(count // 2 + 1) / rate, values=values)
+    return np.arange(count // 2 + 1) / rate, values

@@ -276,20 +276,7 @@ def amplitude_spectrum(
     length = quick_length(count) if length is None else length
     if length < count:
         raise ArgumentError(f"length={length} must be at least the {count} samples")
-    weights = window(window_name, count)
-    values = np.array([np.abs(transform(signal, length, weights)) for signal in signals])
-    if quantity == "energy":
-        values *= values / (length * (weights @ weights))
-    else:
-        values /= weights.sum()
-    _fold(values, length, np.sqrt(2.0) if quantity == "rms" else 2.0)
-    _check_finite(values)
-    return Spectrum(
-        frequency_hz=sampling_rate_hz / length * np.arange(length // 2 + 1.0),
-        values=values,
-        quantity=quantity,
-        resolution_hz=noise_bandwidth(window_name) * sampling_rate_hz / count,
-    )
+    return _spectrum(signals, sampling_rate_hz, window_name, quantity, count, length)
 
 
 def power_density(
@@ -328,22 +315,32 @@ def power_density(
     signals = checked(samples, sampling_rate_hz)
     if not 2 <= block <= signals.shape[-1]:
         raise ArgumentError(f"block={block} samples must lie in [2, {signals.shape[-1]}]")
-    weights, length = window(window_name, block), quick_length(block)
+    return _spectrum(signals, sampling_rate_hz, window_name, "density", block, quick_length(block))
+
+
+def _spectrum(
+    signals: FloatArray, rate: float, name: str, quantity: str, block: int, length: int
+) -> Spectrum:
+    """Mean square of half-overlapped blocks line by line, scaled to what is asked for."""
+    weights, rows = window(name, block), rows_in_cache(length)
     blocks = np.lib.stride_tricks.sliding_window_view(signals, block, axis=-1)
     blocks = blocks[:, :: max(1, block // 2)]
     values = np.zeros((len(signals), length // 2 + 1))
-    rows = rows_in_cache(length)
-    for first in range(0, blocks.shape[1], rows):
-        lines = transform(blocks[:, first : first + rows], length, weights)
-        values += (lines.real**2 + lines.imag**2).sum(axis=1)
-    values /= blocks.shape[1] * sampling_rate_hz * (weights @ weights)
-    _fold(values, length, 2.0)
+    for power, own in zip(values, blocks, strict=True):
+        for first in range(0, len(own), rows):
+            lines = transform(own[first : first + rows], length, weights)
+            power += (lines.real**2 + lines.imag**2).sum(axis=0)
+    scale = {"density": rate, "energy": length}.get(quantity)
+    values /= blocks.shape[1] * (scale * (weights @ weights) if scale else weights.sum() ** 2)
+    values = values if scale else np.sqrt(values)
+    # lines count with their mirror images at negative frequencies, where there are such
+    values[:, 1 : (length + 1) // 2] *= np.sqrt(2.0) if quantity == "rms" else 2.0
     _check_finite(values)
     return Spectrum(
-        frequency_hz=sampling_rate_hz / length * np.arange(length // 2 + 1.0),
+        frequency_hz=rate / length * np.arange(length // 2 + 1.0),
         values=values,
-        quantity="density",
-        resolution_hz=noise_bandwidth(window_name) * sampling_rate_hz / block,
+        quantity=quantity,
+        resolution_hz=noise_bandwidth(name) * rate / block,
     )
 
 
@@ -385,11 +382,6 @@ def checked(samples: FloatArray, sampling_rate_hz: float, fewest: int = 2) -> Fl
     if signals.ndim != 2 or signals.shape[-1] < fewest:
         raise ArgumentError(f"samples: shape {signals.shape}, at least {fewest} values are needed")
     return signals
-
-
-def _fold(values: FloatArray, length: int, factor: float) -> None:
-    """Count lines with their mirror images at negative frequencies, where there are such."""
-    values[:, 1 : (length + 1) // 2] *= factor
 
 
 def _check_finite(values: FloatArray) -> None:

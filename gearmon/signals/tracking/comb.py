@@ -82,13 +82,10 @@ class SpeedTrack:
         Centres of the blocks [s].
     speed_hz : ndarray of float, shape (blocks,)
         Rotation frequency of shaft 1 [Hz].
-    resolution_hz : float
-        Half width of the comb's peak: what a block can tell apart [Hz].
     """
 
     time_s: FloatArray
     speed_hz: FloatArray
-    resolution_hz: float
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """Return the speed [Hz] at the given times, linear between blocks, constant outside."""
@@ -177,7 +174,6 @@ class SpeedScan:
         return SpeedTrack(
             time_s=self.centre_s[rows],
             speed_hz=self.nominal_hz * peak_refined(scores, path, self.ratio),
-            resolution_hz=self.resolution_hz,
         )
 
     @property

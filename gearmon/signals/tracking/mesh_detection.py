@@ -187,14 +187,13 @@ def _evidence(
     shared = judged.comb_score(combined_comb(others, shaft_orders)) if others or shaft_orders else 0
     own, *decoys = (judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes)))
     decoys = [strength for strength in decoys if len(strength)]
-    if len(own) == 0 or len(decoys) < 8:
-        return MeshEvidence(decoys_above=len(decoys), decoys=len(decoys))
-    strengths = np.array(list(zip_longest(own, *decoys, fillvalue=np.nan))).T
-    rivals = strengths[1:, : len(own)]
-    common = np.sum(~np.isnan(rivals), axis=0) >= 8
+    columns = list(zip_longest(own, *decoys, fillvalue=np.nan))
+    strengths = np.reshape(columns, (-1, 1 + len(decoys))).T[:, : len(own)]
+    common = np.sum(~np.isnan(strengths[1:]), axis=0) >= 8
     if not common.any():
         return MeshEvidence(decoys_above=len(decoys), decoys=len(decoys))
-    strengths, rivals = strengths[:, : len(own)][:, common], rivals[:, common]
+    strengths = strengths[:, common]
+    rivals = strengths[1:]
     middle = np.nanmedian(rivals, axis=0)
     spread = np.maximum(1.4826 * np.nanmedian(np.abs(rivals - middle), axis=0), 1e-12)
     clear = (strengths[0] - middle) / spread >= _CLEAR

@@ -15,10 +15,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, uniform_filter1d
 
@@ -181,20 +183,17 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     scatter = np.median(np.abs(phase), axis=0) / 0.6745
     clear = scatter < _CLEAR_CYCLES
     time_s = track.time_at(lines.angle)
-    if not clear.any():
-        return _no_clear_line(time_s, lines.angle)
     coherence = _coherence(lines.amplitude[:, clear], mean[:, clear])
     stretches = _stretches(coherence, hop)
     # sound and lost blocks take turns between these
     cuts = [0, *chain(*stretches), len(time_s)]
     sound = np.repeat(np.arange(len(cuts) - 1) % 2 == 0, np.diff(cuts))
-    if not sound.any():
-        return _no_clear_line(time_s, lines.angle)
     told = replace(lines, orders=lines.orders[clear], amplitude=lines.amplitude[:, clear])
     lost = tuple(_lost(told, time_s, cuts[k : k + 4]) for k in range(0, len(cuts) - 2, 2))
-    weight = lines.orders[clear] ** 2 / (scatter[clear] ** 2 + FLOOR_CYCLES**2)
-    variance = _variance(told, phase[:, clear], weight, sound, time_s)
-    variance += _astray(cuts, lost) ** 2
+    variance = _astray(cuts, lost) ** 2
+    if sound.any():
+        weight = told.orders**2 / (scatter[clear] ** 2 + FLOOR_CYCLES**2)
+        variance += _variance(told, phase[:, clear], weight, sound, time_s)
     return SlipCheck(
         time_s=time_s, coherence=coherence, uncertainty_turns=np.sqrt(variance), lost=lost
     )
@@ -253,16 +252,13 @@ def _led_over(track: AngleTrack, stretch: LostStretch) -> AngleTrack | None:
     behind = angle > end
     inside = np.linspace(begin, end, 1 + int(np.ceil((end - begin) / _KNOTS)))
     one_sided = behind.all() or not behind.any()
-    time = track.time_at(angle)
-    middle, half = time.mean(), np.ptp(time) / 2
-    powers = np.vander((time - middle) / half, 2 if one_sided else _DEGREE + 1)
+    fitted = partial(Polynomial.fit, track.time_at(angle), deg=1 if one_sided else _DEGREE)
     ahead = stretch.slipped_turns or 0.0
     if stretch.slipped_turns is None and not one_sided:
-        columns = np.column_stack([powers, behind])
-        ahead = float(np.linalg.lstsq(columns, angle, rcond=None)[0][-1])
-    curve = np.linalg.lstsq(powers, angle - ahead * behind, rcond=None)[0]
-    clock = np.vander((track.time_at(inside) - middle) / half, powers.shape[1])
-    shift = clock @ curve - inside
+        # of what no curve through the turns explains, the share that is a step between them
+        step = behind - fitted(behind)(track.time_at(angle))
+        ahead = float(step @ angle / (step @ step))
+    shift = fitted(angle - ahead * behind)(track.time_at(inside)) - inside
     gaps = shift[[0, -1]] + [0.0, ahead]
     # the end of the recording may be anywhere, the turns beside the stretch may not
     fits = np.abs(gaps[[begin > first, end < last]]).max(initial=0.0) < _KNOTS
@@ -276,21 +272,6 @@ def _led_over(track: AngleTrack, stretch: LostStretch) -> AngleTrack | None:
     )
 
 
-def _no_clear_line(time_s: FloatArray, angle: FloatArray) -> SlipCheck:
-    """Return the check of an angle that no line holds."""
-    turns = float(angle[-1] - angle[0])
-    return SlipCheck(
-        time_s=time_s,
-        coherence=np.zeros(len(time_s)),
-        uncertainty_turns=np.full(len(time_s), _ASTRAY * turns / np.sqrt(3)),
-        lost=(
-            LostStretch(
-                start_s=float(time_s[0]), end_s=float(time_s[-1]), turns=turns, slipped_turns=None
-            ),
-        ),
-    )
-
-
 def _about(rows: NDArray[Any], width: float) -> NDArray[Any]:
     """Mean of the rows about each, cut at the ends: three running means, nearly a Gaussian."""
     size = 2 * max(1, round(0.25 * width)) + 1
@@ -301,7 +282,9 @@ def _about(rows: NDArray[Any], width: float) -> NDArray[Any]:
 
 
 def _coherence(amplitude: ComplexArray, mean: ComplexArray) -> FloatArray:
-    """Mean over the lines of their part in phase with their mean, over three blocks."""
+    """Mean over the lines of their part in phase with their mean, over three blocks; 0 of none."""
+    if not amplitude.shape[1]:
+        return np.zeros(len(amplitude))
     size = np.abs(mean)
     size = np.maximum(size, _FAINT * np.median(size, axis=0))
     part = np.clip((amplitude * np.conj(mean)).real / size**2, -1, 1).mean(axis=1)

@@ -390,18 +390,15 @@ def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
         return np.zeros(1)
     turns = len(time_s) // per_turn
     table = time_s[: turns * per_turn].reshape(turns, per_turn)
-    first = table[:, 0]
-    if turns < 4:
-        length = np.diff(first)[:, None]
-        return np.asarray(np.median((table[:-1] - first[:-1, None]) / length, axis=0))
-    # the angles -1, 0, 1, 2 of the same pulse
-    four = [part[:, None] for part in (first[:-3], first[1:-2], first[2:-1], first[3:])]
-    angle = _curve_at(table[1:-2], four, [np.float64(k) for k in (-1, 0, 1, 2)])
-    return np.asarray(np.median(angle, axis=0))
+    # the angles -1, 0, 1, 2 of the same pulse; of few turns a straight line from 0 to 1 does
+    near = range(-1, 3) if turns >= 4 else range(2)
+    chosen = np.arange(-near[0], turns - near[-1])
+    nodes = [table[chosen + k, :1] for k in near]
+    return np.asarray(np.median(_curve_at(table[chosen], nodes, near), axis=0))
 
 
 def _curve_at(
-    x: FloatArray, nodes: Sequence[FloatArray], values: Sequence[FloatArray | np.float64]
+    x: FloatArray, nodes: Sequence[FloatArray], values: Sequence[FloatArray | float]
 ) -> FloatArray:
     """Return Lagrange's polynomial through the values at some nodes."""
     curve = np.zeros(x.shape)
@@ -526,16 +523,12 @@ def track_through(time_s: FloatArray, turns: FloatArray, duration_s: float) -> A
     duration_s : float
         Where the recording ends [s].
     """
-    slope = np.diff(turns) / np.diff(time_s)
-    first = turns[0] - time_s[0] * slope[0]
-    last = turns[-1] + (duration_s - time_s[-1]) * slope[-1]
-    inside = (time_s > 0) & (time_s < duration_s)
-    return AngleTrack(
-        time_s=np.concatenate([[0.0], time_s[inside], [duration_s]]),
-        turns=np.concatenate([[first], turns[inside], [last]]),
-        method="tacho",
-        uncertainty_turns=float("nan"),
-    )
+    from scipy.interpolate import make_interp_spline
+
+    inside = time_s[(time_s > 0) & (time_s < duration_s)]
+    knots = np.concatenate([[0.0], inside, [duration_s]])
+    angle = make_interp_spline(time_s, turns, k=1)(knots)
+    return AngleTrack(time_s=knots, turns=angle, method="tacho", uncertainty_turns=float("nan"))
 
 
 def _jitter(time_s: FloatArray, turns: FloatArray) -> float:

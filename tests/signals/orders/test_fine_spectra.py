@@ -10,7 +10,7 @@ from gearmon.errors import ArgumentError
 from gearmon.signals.orders import clear_peaks, fine_order_spectrum, fine_spectrum
 from gearmon.signals.orders import spectra as module
 from gearmon.signals.orders.lines import OrderBlocks
-from gearmon.signals.orders.spectra import fine_envelope_spectrum
+from gearmon.signals.orders.spectra import FineSpectrum, fine_envelope_spectrum
 
 RATE, DURATION, SPEED = 4000.0, 6.0, 20.0
 TIME = np.arange(round(RATE * DURATION)) / RATE
@@ -175,3 +175,14 @@ def test_quality_peaks_at_the_lines(pieces):
     # the scale of a channel does not matter
     other = fine_order_spectrum(samples * [[5.0], [0.01]], RATE, TRACK, pieces).quality
     np.testing.assert_allclose(other, quality, rtol=1e-6)
+
+
+@pytest.mark.parametrize("heights", [(50.0, 200.0), (200.0, 50.0)])
+def test_of_a_peak_that_channels_place_differently_the_clearest_is_taken(heights):
+    power = np.ones((2, 400))
+    power[0, 100], power[1, 102] = heights
+    power[:, 300] = 90.0
+    spectrum = FineSpectrum(power=power, floor=np.ones_like(power), step=1.0, width=4.0, pieces=1)
+    clearest = 100 if heights[0] > heights[1] else 102
+    assert clear_peaks(spectrum, 10.0).tolist() == [clearest, 300]
+    assert clear_peaks(spectrum, 1e3).tolist() == []

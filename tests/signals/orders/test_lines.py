@@ -11,7 +11,7 @@ from reference.synthetic_signals import constant_track, lines_on, track_of, wand
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack
-from gearmon.signals.orders import AngleGrid, OrderLines, one_turn, order_lines, without_knocks
+from gearmon.signals.orders import AngleGrid, OrderBlocks, OrderLines, one_turn, without_knocks
 from gearmon.signals.orders import lines as lines_module
 
 RATE = 2000.0
@@ -45,7 +45,7 @@ def test_order_lines_equal_a_direct_sum(block_turns):
         [lines_on(speed * time, tones, levels, 0.4), lines_on(speed * time, tones[::-1], levels)]
     )
     orders = np.array([0.0, 0.05, 0.731, 1.0, 3.0, 5.3, 5.37, 9.9001, 10.0])
-    found = order_lines(samples, RATE, curve, orders, block_turns)
+    found = OrderBlocks(samples, RATE, curve, orders, block_turns).lines()
     per_turn = AngleGrid.of(len(time), RATE, curve, orders.max()).per_turn
     count = AngleGrid.of(len(time), RATE, curve, orders.max()).count
     at = np.arange(count) / per_turn
@@ -71,7 +71,7 @@ def test_transform_at_any_bin_equals_a_direct_sum():
 def test_line_reads_its_complex_amplitude():
     turns, curve = wandering()
     samples = lines_on(turns(np.arange(20_000) / RATE), [12.0], [3.0], 0.7) + 5.0
-    found = order_lines(samples, RATE, curve, np.array([0.0, 12.0]), 10.0)
+    found = OrderBlocks(samples, RATE, curve, np.array([0.0, 12.0]), 10.0).lines()
     np.testing.assert_allclose(found.amplitude[:, 0, 1], 3 * np.exp(0.7j), rtol=1e-4)
     np.testing.assert_allclose(found.amplitude[:, 0, 0], 5.0, rtol=1e-4)
     np.testing.assert_allclose(found.mean[0, 1], 3 * np.exp(0.7j), rtol=1e-4)
@@ -80,7 +80,7 @@ def test_line_reads_its_complex_amplitude():
 def test_quick_resampling_follows_the_phase_as_well():
     turns, curve = wandering()
     samples = lines_on(turns(np.arange(20_000) / RATE), [12.0], [3.0], 0.7)
-    found = order_lines(samples, RATE, curve, np.array([12.0]), 10.0, error=1e-3)
+    found = OrderBlocks(samples, RATE, curve, np.array([12.0]), 10.0, error=1e-3).lines()
     np.testing.assert_allclose(found.amplitude, 3 * np.exp(0.7j), rtol=2e-3)
 
 
@@ -88,9 +88,9 @@ def test_quick_resampling_follows_the_phase_as_well():
 def test_lines_scale_and_turn_with_the_angle(factor, shift, seed):
     samples = white((3, 6000), seed=seed)
     orders = np.array([0.7, 2.0, 9.3])
-    plain = order_lines(samples, RATE, constant_track(20.0, 3.0), orders, 8.0)
+    plain = OrderBlocks(samples, RATE, constant_track(20.0, 3.0), orders, 8.0).lines()
     later = track([0.0, 3.0], [shift, 60.0 + shift])
-    other = order_lines(factor * samples[[2, 0, 1]], RATE, later, orders, 8.0)
+    other = OrderBlocks(factor * samples[[2, 0, 1]], RATE, later, orders, 8.0).lines()
     turned = factor * plain.amplitude[:, [2, 0, 1]] * np.exp(-2j * np.pi * orders * shift)
     np.testing.assert_allclose(other.amplitude, turned, atol=1e-6 * factor)
     np.testing.assert_allclose(other.noise, factor**2 * plain.noise[[2, 0, 1]], rtol=1e-5)
@@ -99,7 +99,9 @@ def test_lines_scale_and_turn_with_the_angle(factor, shift, seed):
 @pytest.mark.parametrize("orders", [[], [1.0, -0.5]])
 def test_lines_need_orders_that_are_not_negative(orders):
     with pytest.raises(ArgumentError, match="at least one, all >= 0"):
-        order_lines(np.zeros((1, 2000)), RATE, constant_track(20.0, 1.0), np.array(orders), 5.0)
+        OrderBlocks(
+            np.zeros((1, 2000)), RATE, constant_track(20.0, 1.0), np.array(orders), 5.0
+        ).lines()
 
 
 def noise_lines(block_turns, seeds=6, duration_s=60.0, signal=0.0):
@@ -110,7 +112,7 @@ def noise_lines(block_turns, seeds=6, duration_s=60.0, signal=0.0):
     samples = white((seeds, len(time)), seed=3)
     if signal:
         samples += lines_on(20.0 * time, orders, signal)
-    return order_lines(samples, RATE, curve, orders, block_turns)
+    return OrderBlocks(samples, RATE, curve, orders, block_turns).lines()
 
 
 @pytest.mark.parametrize("block_turns", [20.0, 100.0, 1e9])
@@ -191,7 +193,7 @@ def test_average_equals_cutting_turns_and_averaging_them(order, per_turn):
     samples = samples + lines_on(turns(time), [3.33], [1.0]) + white((1, count), 0.1, seed=4) + 2.0
     # up to the eleventh multiple: what the pattern holds
     orders = order * np.arange(1.0, 12.0)
-    lines = order_lines(samples, RATE, curve, orders, 40.0 / order)
+    lines = OrderBlocks(samples, RATE, curve, orders, 40.0 / order).lines()
     average = one_turn(np.pad(lines.mean, ((0, 0), (1, 0))), per_turn)
     number = np.arange(per_turn) / per_turn
     truth = lines_on(number, numbers, levels, phases)
@@ -227,7 +229,7 @@ def test_error_that_is_allowed_is_not_exceeded(tone):
     samples = lines_on(speed * np.arange(20_000) / RATE, [tone], [1.0], 0.3)
     curve = constant_track(speed, 20_000 / RATE)
     exact, quicker = (
-        order_lines(samples, RATE, curve, orders, 20.0, error=error).amplitude
+        OrderBlocks(samples, RATE, curve, orders, 20.0, error=error).lines().amplitude
         for error in (1e-6, 1e-4)
     )
     # what is read besides the line itself stands as far off as a Hann window sees

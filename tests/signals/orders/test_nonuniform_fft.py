@@ -80,7 +80,7 @@ def test_the_table_gives_the_kernel_at_every_number_of_steps_a_sample(width, ste
 
 
 @pytest.mark.parametrize("knots", [6, 40, 900, 6000])
-def test_steps_stand_where_the_track_has_them(knots):
+def test_steps_stand_where_the_track_has_them(knots, monkeypatch):
     rng = np.random.default_rng(7)
     # knots at random, steps beyond both ends
     time = np.sort(rng.uniform(0.5, 3.5, knots))
@@ -93,11 +93,14 @@ def test_steps_stand_where_the_track_has_them(knots):
     per_turn = 90.0
     grid = AngleGrid(per_turn=per_turn, first_turn=0.0, count=7001)
     spreading = Spreading(white((1, 8000), seed=1), RATE, track, grid, Kernel.of(8, 1.5))
-    for first, count in ((0.0, 7001), (33.3, 5), (21.7, 16)):
-        position, steps = spreading._positions(first, count)
-        time_s, slope = track.time_and_slope_at(first + np.arange(count) / per_turn)
-        np.testing.assert_allclose(position, RATE * time_s, rtol=0, atol=1e-8)
-        np.testing.assert_allclose(steps, per_turn / (RATE * slope), rtol=1e-8)
+    for first, count in ((0, 7001), (2997, 5), (1953, 16)):
+        time_s, slope = track.time_and_slope_at((first + np.arange(count)) / per_turn)
+        monkeypatch.setattr(Spreading, "_piece", lambda *own: own[1][None])
+        found = spreading.steps(first, count)[0]
+        np.testing.assert_allclose(found, RATE * time_s, rtol=0, atol=1e-8)
+        monkeypatch.setattr(Spreading, "_piece", lambda *own: own[2][None])
+        found = spreading.steps(first, count)[0]
+        np.testing.assert_allclose(found, per_turn / (RATE * slope), rtol=1e-8)
 
 
 def test_stretches_do_not_depend_on_where_they_begin(monkeypatch):

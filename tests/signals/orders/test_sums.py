@@ -1,4 +1,4 @@
-"""Lines from short sums: what order_lines reads, in any track, and their sums in closed form."""
+"""Lines from short sums: what blocks read, in any track, and their sums in closed form."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from reference.synthetic_signals import constant_track, lines_on, track_of, wandering_turns, white
 
 from gearmon.signals.angle import AngleTrack, phasors
-from gearmon.signals.orders import OrderSums, order_lines
+from gearmon.signals.orders import OrderBlocks, OrderSums
 
 RATE, DURATION, SPEED = 8000.0, 12.0, 25.0
 TIME = np.arange(int(DURATION * RATE)) / RATE
@@ -38,10 +38,10 @@ def recording(wander=0.003, noise=0.02, channels=1, seed=0):
 
 @pytest.mark.parametrize("block_turns", [5.0, 20.0])
 @pytest.mark.parametrize("channels", [1, 2])
-def test_noise_is_that_of_order_lines(block_turns, channels):
+def test_noise_is_that_of_blocks(block_turns, channels):
     samples, track = recording(channels=channels)
     found = OrderSums(samples, RATE, ORDERS).noise(track, block_turns)
-    quick = order_lines(samples, RATE, track, ORDERS, block_turns, error=1e-3)
+    quick = OrderBlocks(samples, RATE, track, ORDERS, block_turns, error=1e-3).lines()
     # of a wave both of whose sides count, a sliding sum reads half the peak
     np.testing.assert_allclose(found, 0.25 * quick.noise, rtol=1e-4)
 

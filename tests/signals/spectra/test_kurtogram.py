@@ -85,13 +85,20 @@ def test_rows_cover_the_band_at_every_level():
     [
         (lambda: kurtogram(np.ones(1000), RATE), "constant"),
         (lambda: kurtogram(np.arange(10.0), RATE), "at least 64"),
-        (lambda: kurtogram(np.arange(256.0), RATE, 5), "allow 2"),
+        (lambda: kurtogram(np.arange(256.0), RATE, 13), "levels"),
         (lambda: kurtogram(np.arange(256.0), 0.0), "rate"),
     ],
 )
 def test_impossible_requests_are_refused(call, words):
     with pytest.raises(ArgumentError, match=words):
         call()
+
+
+@pytest.mark.parametrize(("count", "bands"), [(64, 1), (127, 1), (128, 3), (255, 3), (256, 6)])
+def test_every_envelope_keeps_32_samples(count, bands):
+    found = kurtogram(impacts(1 << 12)[:count], RATE)
+    assert found.bands[-1] == bands
+    assert count // 2 // 2 ** (len(found.bands) // 2) >= 32
 
 
 @pytest.mark.parametrize("count", [16_411, 20_011])

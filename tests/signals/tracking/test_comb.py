@@ -51,9 +51,7 @@ def test_part_of_a_comb_keeps_at_least_its_lowest_line():
 
 
 def test_speed_is_linear_between_blocks_and_constant_outside():
-    track = SpeedTrack(
-        time_s=np.array([1.0, 3.0]), speed_hz=np.array([20.0, 22.0]), resolution_hz=0.1
-    )
+    track = SpeedTrack(time_s=np.array([1.0, 3.0]), speed_hz=np.array([20.0, 22.0]))
     np.testing.assert_allclose(track.at(np.array([0.0, 1.5, 9.0])), [20.0, 20.5, 22.0])
     assert track.mean_hz == pytest.approx(21.0)
 

@@ -208,3 +208,14 @@ def test_sidebands_of_the_other_gear_are_no_mismatch():
 def test_spectrum_without_any_spread_is_no_mismatch():
     told = sideband_spacing(np.zeros(10_000), 0.01, parallel(23, 61), 1.0)
     assert (told.excess, told.departure) == (0.0, 0.0)
+
+
+def test_a_mesh_with_few_decoys_in_the_band_is_not_judged():
+    # decoys of fewer teeth begin at order 3, those of more lie beyond the 11 orders of the band
+    rate, mesh = 2 * 11.5 * NOMINAL, MeshComb(order=10.0, groups=((10.0,),), spacings=(1.0,))
+    samples = lines_on(NOMINAL * np.arange(int(rate * DURATION)) / rate, 10.0, 1.0)
+    scan = scan_speed(samples, rate, combined_comb([mesh], [1.0]), NOMINAL)
+    (found,) = mesh_evidence(scan, [mesh], [1.0], NOMINAL)
+    assert found.decoys < 8
+    assert (found.visible, found.clear, found.decoys_above) == (0, 0, found.decoys)
+    assert not found.stands_out

@@ -47,7 +47,7 @@ def phase_error(track, turns, time=TIME):
 
 def test_integrated_ramp_is_a_parabola():
     time = np.linspace(0.5, 9.5, 19)
-    speed = SpeedTrack(time_s=time, speed_hz=20 + 0.3 * time, resolution_hz=0.1)
+    speed = SpeedTrack(time_s=time, speed_hz=20 + 0.3 * time)
     track = integrate_speed(speed, 10.0)
     at = np.linspace(1.0, 9.0, 100)
     gained = track.turns_at(at) - track.turns_at(np.array([1.0]))

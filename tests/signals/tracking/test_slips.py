@@ -15,7 +15,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
 from gearmon.signals.tracking import check_slips
-from gearmon.signals.tracking.slips import mend_slips
+from gearmon.signals.tracking.slips import LostStretch, _led_over, mend_slips
 from gearmon.signatures.tracking import track_recording
 
 RATE, DURATION, SPEED = 5000.0, 12.0, 25.0
@@ -225,3 +225,17 @@ def test_a_slip_of_a_few_turns_is_mended_wherever_it_is(periods, at_s, lasting_s
     error = (mended.turns_at(at) - turns[:: int(RATE / 10)]) * FIRST
     # where an end is lost too near to the edge to show, that end alone is off
     assert np.std(error[5:-5]) < 0.03
+
+
+@pytest.mark.parametrize("slip_turns", [-0.3, 0.05, 0.4])
+@pytest.mark.parametrize("told", [False, True])
+def test_an_angle_that_is_a_cubic_is_led_over_a_slip_exactly(slip_turns, told):
+    def turns(time_s):
+        return SPEED * time_s + 0.1 * (time_s - 6) ** 2 + 0.05 * (time_s - 6) ** 3
+
+    lost = LostStretch(
+        start_s=6.0, end_s=6.2, turns=5.0, slipped_turns=slip_turns if told else None
+    )
+    led = _led_over(track_with(turns(TIME), slip_turns, lasting_s=0.2), lost)
+    at = np.linspace(5.0, 7.5, 100)
+    np.testing.assert_allclose(led.turns_at(at), turns(at), atol=1e-3)
