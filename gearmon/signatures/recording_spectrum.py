@@ -152,25 +152,11 @@ def _envelope(vibration: Recording, band: Band, _window_name: str) -> _Made:
     notes: tuple[str, ...] = ()
     if band is None:
         # narrow bands through which a wandering line passes now and then would look impulsive
-<<<<<<< HEAD
-        maps = zip(vibration.channel_names, _kurtograms(vibration, _ENVELOPE_LEVELS), strict=True)
-        best = ((name, *own.best) for name, own in maps)
-        name, low, high, height = max(best, key=lambda own: own[3])
+        maps = [(name, *own.best) for name, own in _kurtograms(vibration, _ENVELOPE_LEVELS)]
+        name, low, high, height = max(maps, key=lambda own: own[3])
         by = f"by the kurtogram of {name} (kurtosis {height:.3g})"
         band, notes = (low, high), (f"band {low:.6g} to {high:.6g} Hz {by}",)
     found = envelope_spectrum(vibration.samples, vibration.sampling_rate_hz, *band)
-=======
-        maps = (kurtogram(channel, rate, _ENVELOPE_LEVELS) for channel in vibration.samples)
-        found_bands = [own.best for own in maps]
-        channel = int(np.argmax([height for _, _, height in found_bands]))
-        low, high, height = found_bands[channel]
-        band = (low, high)
-        notes.append(
-            f"band {low:.6g} to {high:.6g} Hz by the kurtogram of "
-            f"{vibration.channel_names[channel]} (kurtosis {height:.3g})"
-        )
-    found = envelope_spectrum(vibration.samples, rate, *band)
->>>>>>> sig2
     return {
         "place": found.frequency_hz[1:],
         "values": found.values[:, 1:],
@@ -190,25 +176,19 @@ def _cepstrum(vibration: Recording, band: Band, _window_name: str) -> _Made:
 def _kurtogram(vibration: Recording, band: Band, _window_name: str) -> _Made:
     if band is not None:
         raise ArgumentError("band: a kurtogram covers all frequencies; leave the band out")
-<<<<<<< HEAD
-    maps = _kurtograms(vibration, _MAP_LEVELS)
+    named = _kurtograms(vibration, _MAP_LEVELS)
     heads = ("channel", "low_hz", "high_hz", "kurtosis")
-    best = ((name, *own.best) for name, own in zip(vibration.channel_names, maps, strict=True))
-    peaks = tuple(dict(zip(heads, own, strict=True)) for own in best)
+    peaks = tuple(dict(zip(heads, (name, *own.best), strict=True)) for name, own in named)
+    maps = tuple(own for _, own in named)
     empty = {"place": np.zeros(0), "values": np.zeros((len(maps), 0))}
     return empty | {"kurtograms": maps, "peaks": peaks}
 
 
-def _kurtograms(vibration: Recording, most: int) -> tuple[Kurtogram, ...]:
-    """Return the kurtogram of every channel, as deep as its length allows."""
-    levels = max(0, min(most, int(np.log2(vibration.samples.shape[-1] / 64))))
-    rate = vibration.sampling_rate_hz
-    return tuple(kurtogram(channel, rate, levels) for channel in vibration.samples)
-=======
-    rate = vibration.sampling_rate_hz
-    maps = tuple(kurtogram(channel, rate, _MAP_LEVELS) for channel in vibration.samples)
-    return {"place": np.zeros(0), "values": np.zeros((len(maps), 0)), "kurtograms": maps}
->>>>>>> sig2
+def _kurtograms(vibration: Recording, most: int) -> list[tuple[str, Kurtogram]]:
+    """Return the kurtogram of every channel by its name."""
+    rate, channels = vibration.sampling_rate_hz, vibration.samples
+    maps = [kurtogram(channel, rate, most) for channel in channels]
+    return list(zip(vibration.channel_names, maps, strict=True))
 
 
 # What each is called, the unit of its values from that of the channel, and how it is computed: of
