@@ -169,7 +169,7 @@ class RackTooth:
         turned = 1j * self.radius - depth / np.sin(slope) * np.exp(1j * slope)
         return np.asarray(turned * np.exp(-1j * rolled), dtype=np.complex128)
 
-    @property
+    @cached_property
     def base_half_angle(self) -> float:
         """Half the angle that a tooth takes on the base circle [rad]; of a ring that of a space."""
         alpha, signed = self.transverse_pressure_angle_rad, -1 if self.internal else 1

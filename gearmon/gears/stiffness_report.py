@@ -119,7 +119,7 @@ class _Frame:
     def drawn(self, faults: Sequence[Fault]) -> DrawnGear:
         """Return the gear with those faults whose sizes are no losses."""
         tooth, profile = self.tooth, half_profile(self.tooth)
-        pitch = tooth.sign * 2 * math.pi / tooth.teeth
+        pitch = tooth.sign * 2 * math.pi / tooth.rack.teeth
         # teeth one after the other across the tooth in the middle
         turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
         row = [turn * _between(-profile.conj(), profile) for turn in turns]
