@@ -460,42 +460,26 @@ class MeshPair:
         """
         instead = "contact_ratio" if self.is_main else ""
         module = 1e-3 * self.need("module_mm", "contact ratio", instead)
-        width, (distance, shortening) = self.stage.face_width_mm, self._fixed_by_others()
+        first, distance = self.first, _length(self.stage, "centre_distance_mm")
+        if self.inner is not None:
+            # the planet is one body on one axis, which its mesh with the sun has placed
+            inner = self.inner.geometry
+            first = replace(first, tip_shortening=inner.tip_shortening[1])
+            distance = inner.centre_distance_m
         try:
             return pair_geometry(
-                *self.members,
+                first,
+                self.second,
                 module_m=module,
                 pressure_angle_rad=self.pressure_angle_rad,
                 helix_angle_rad=self.helix_angle_rad,
-                face_width_m=None if width is None else 1e-3 * width,
+                face_width_m=_length(self.stage, "face_width_mm"),
                 centre_distance_m=distance,
                 internal=self.second.internal,
-                tip_shortening=shortening,
                 check=self.given("contact_ratio") is None,
             )
         except ArgumentError as error:
             raise ArgumentError(f"{self.where}: {error}") from None
-
-    def _fixed_by_others(self) -> tuple[float | None, tuple[float | None, float | None]]:
-        """Return centre distance and tip shortening where they are not this pair's to choose."""
-        one, two = self._told_shortening(0), self._told_shortening(1)
-        if self.inner is not None:
-            # the planet is one body on one axis, which its mesh with the sun has placed
-            inner = self.inner.geometry
-            return inner.centre_distance_m, (inner.tip_shortening[1], two or 0.0)
-        distance, usual = self.stage.centre_distance_mm, self.stage.tip_shortening
-        told = usual if one is None else one, usual if two is None else two
-        return None if distance is None else 1e-3 * distance, told
-
-    def _told_shortening(self, index: int) -> float | None:
-        """Return the tip shortening [modules] that a given tip diameter means."""
-        member, module = self.members[index], self.stage.module_mm
-        if member.tip_diameter_m is None or module is None:
-            return None
-        reference = member.teeth * module / math.cos(self.helix_angle_rad)
-        height = (1e3 * member.tip_diameter_m - reference) / (2 * module)
-        sign = -1 if member.internal else 1
-        return sign * height - member.tip_factor - member.profile_shift
 
 
 # the faults of a family all ask for the same pair, and share what it works out
@@ -526,16 +510,21 @@ def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple
 
 
 def _member(stage: Stage, name: str) -> GearTeeth:
+    shift, ring = getattr(stage, f"profile_shift_{name}"), name == "ring"
+    addendum, dedendum = (getattr(stage, f"{part}_factor_{name}") for part in ("tip", "root"))
+    # the tips of a ring are cut back only where it tells how far they reach
+    shortening = None if ring else stage.tip_shortening
+    tip, root = (_above_reference(stage, name, part) for part in ("tip", "root"))
     return GearTeeth(
         teeth=getattr(stage, f"{name}_teeth"),
-        profile_shift=getattr(stage, f"profile_shift_{name}"),
-        tip_factor=getattr(stage, f"tip_factor_{name}"),
-        root_factor=_root_factor(stage, name),
+        profile_shift=shift,
+        tip_factor=addendum,
+        root_factor=dedendum if root is None else shift - root,
         name=name,
-        internal=name == "ring",
+        internal=ring,
         elastic_modulus_pa=getattr(stage, f"elastic_modulus_{name}_pa"),
         bore_m=_length(stage, f"bore_diameter_{name}_mm") or 0.0,
-        tip_diameter_m=_length(stage, f"tip_diameter_{name}_mm"),
+        tip_shortening=shortening if tip is None else tip - addendum - shift,
         web_m=_length(stage, f"web_width_{name}_mm"),
         rim_m=_length(stage, f"rim_thickness_{name}_mm"),
     )
@@ -547,12 +536,14 @@ def _length(stage: Stage, key: str) -> float | None:
     return None if value is None else 1e-3 * float(value)
 
 
-def _root_factor(stage: Stage, name: str) -> float:
-    """Return the dedendum of the rack, from the root diameter where that is given."""
-    diameter = getattr(stage, f"root_diameter_{name}_mm")
+def _above_reference(stage: Stage, name: str, circle: str) -> float | None:
+    """Return how far a circle lies from the reference circle towards the tips, if it is given.
+
+    In modules; `circle` is "tip" or "root".
+    """
+    diameter = getattr(stage, f"{circle}_diameter_{name}_mm")
     if diameter is None or stage.module_mm is None:
-        return float(getattr(stage, f"root_factor_{name}"))
+        return None
     reference = getattr(stage, f"{name}_teeth") * stage.module_mm
     reference /= math.cos(math.radians(stage.helix_angle_deg))
-    depth = (reference - diameter) / (2 * stage.module_mm) * (-1 if name == "ring" else 1)
-    return float(depth + getattr(stage, f"profile_shift_{name}"))
+    return float((diameter - reference) / (2 * stage.module_mm) * (-1 if name == "ring" else 1))

@@ -212,6 +212,29 @@ def test_published_planetary_stage_with_its_webbed_planet(mesh, expected):
     assert row(mesh_pairs(TURBINE)[mesh]) == pytest.approx(expected, rel=5e-4)
 
 
+@pytest.mark.parametrize("gear", ["sun", "planet", "ring"])
+def test_given_diameters_go_before_factors(gear):
+    """The circles of a gear, told as diameters beside factors that say something else."""
+    helical = {"helix_angle_deg": 8.0, "centre_distance_mm": 590.0}
+    stage = replace(TURBINE, tip_shortening=-0.02, **helical)
+    mesh, index = {"sun": (0, 0), "planet": (1, 0), "ring": (1, 1)}[gear]
+    known = mesh_pairs(stage)[mesh].geometry
+    for circle in ("tip", "root"):
+        diameter = {
+            f"{circle}_diameter_{gear}_mm": 2e3 * getattr(known, f"{circle}_radii_m")[index]
+        }
+        told = replace(stage, **diameter, **{f"{circle}_factor_{gear}": 1.1})
+        found = mesh_pairs(told)[mesh].geometry
+        assert found.tip_radii_m == pytest.approx(known.tip_radii_m, rel=1e-12)
+        assert found.root_radii_m == pytest.approx(known.root_radii_m, rel=1e-12)
+
+
+def test_the_shortening_of_a_stage_is_that_of_sun_and_planet_alone():
+    inner, outer = (pair.geometry for pair in mesh_pairs(replace(TURBINE, tip_shortening=-0.05)))
+    assert inner.tip_shortening == (-0.05, -0.05)
+    assert outer.tip_shortening == (-0.05, 0.0)
+
+
 def test_speed_increasing_stage_has_the_same_stiffness():
     """Index 1 is the gear with fewer teeth, whichever drives."""
     swapped = replace(
