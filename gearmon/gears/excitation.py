@@ -124,21 +124,23 @@ def contact_offsets(pair: MeshPair, errors: Sequence[GearError]) -> tuple[Contac
 
 
 def state_of(
-    offsets: Iterable[ContactOffset], angles: Iterable[FloatArray], free_gap_m: float
+    offsets: Iterable[ContactOffset], phase: FloatArray, free_gap_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a and b [mesh periods] with gears turned, and the part of the face that carries.
 
     Parameters
     ----------
     offsets : iterable of ContactOffset
-    angles : iterable of ndarray
-        Of each gear [rad]; shapes that broadcast.
+    phase : ndarray
+        [mesh periods].
     free_gap_m : float
         Lead deviation that the load just closes.
     """
     leaving, entering, lead = sum(
-        np.multiply.outer([own.leaving, own.entering, own.lead_m], np.exp(1j * angle)).real
-        for own, angle in zip(offsets, angles, strict=True)
+        np.multiply.outer(
+            [own.leaving, own.entering, own.lead_m], np.exp(1j * (2 * np.pi * phase / own.teeth))
+        ).real
+        for own in offsets
     )
     return leaving, entering, carrying_share(np.abs(lead), free_gap_m)
 
@@ -351,17 +353,13 @@ class ModulationTrain:
     def _turning(self, phase: FloatArray) -> FloatArray:
         """Return the mesh stiffness [N/m] with the gears moving."""
         flat = phase.ravel()
-        leaving, entering, share = self._state(flat)
+        leaving, entering, share = state_of(self.offsets, flat, self.free_gap_m)
         if any(offset.leaving or offset.entering for offset in self.offsets):
             found = self.family.at(flat, leaving, entering)
         else:
             # every pair is like the next
             found = self._still.at(flat)
         return np.asarray((share * found).reshape(phase.shape))
-
-    def _state(self, phase: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        angles = [2 * np.pi * phase / offset.teeth for offset in self.offsets]
-        return state_of(self.offsets, angles, self.free_gap_m)
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -373,7 +371,7 @@ class ModulationTrain:
         # put where the contact is when it is reached
         for _ in range(ROUNDS):
             flat = place.ravel()
-            leaving, entering, _ = self._state(flat)
+            leaving, entering, _ = state_of(self.offsets, flat, self.free_gap_m)
             own = family.limits(leaving + entering).reshape(*place.shape, -1)
             entry = family.entry(leaving, entering).reshape(place.shape)
             place = entries + face + entry + own[..., edges, edges]
