@@ -32,9 +32,8 @@ N_PER_MM_UM = 1e9
 Stage = ParallelStage | PlanetaryStage
 
 
-@dataclass(frozen=True, kw_only=True)
-class Body:
-    """Web and rim of a gear that is no solid disc.
+def blank_factor(web_ratio: float, rim_factor: float) -> tuple[float, list[str]]:
+    """Return C_R of a gear that is no solid disc, and what lies outside its range, in words.
 
     Parameters
     ----------
@@ -42,30 +41,21 @@ class Body:
         b_s/b, web over face width; used within 0.2 to 1.2.
     rim_factor : float
         s_R/m_n, rim thickness in modules; used from 1 on.
+
+    Notes
+    -----
+    ``C_R = 1 + ln(b_s/b)/(5 exp(s_R/(5 m_n)))``.
     """
-
-    web_ratio: float
-    rim_factor: float
-
-    def __post_init__(self) -> None:
-        check_positive("web_ratio", self.web_ratio)
-        check_positive("rim_factor", self.rim_factor)
-
-    @property
-    def factor(self) -> float:
-        """C_R = 1 + ln(b_s/b)/(5 exp(s_R/(5 m_n)))."""
-        web = min(max(self.web_ratio, WEB_RATIOS[0]), WEB_RATIOS[1])
-        return 1 + math.log(web) / (5 * math.exp(max(self.rim_factor, LEAST_RIM) / 5))
-
-    @property
-    def limits(self) -> Iterator[str]:
-        """What lies outside the range of C_R, in words."""
-        low, high = WEB_RATIOS
-        if not low <= self.web_ratio <= high:
-            told = f"web ratio b_s/b = {self.web_ratio:.4g} is outside {low} ... {high}"
-            yield f"{told}: the nearer end is used"
-        if self.rim_factor < LEAST_RIM:
-            yield f"rim s_R/m_n = {self.rim_factor:.4g} is below 1: 1 is used"
+    check_positive("web_ratio", web_ratio)
+    check_positive("rim_factor", rim_factor)
+    (low, high), notes = WEB_RATIOS, []
+    if not low <= web_ratio <= high:
+        told = f"web ratio b_s/b = {web_ratio:.4g} is outside {low} ... {high}"
+        notes.append(f"{told}: the nearer end is used")
+    if rim_factor < LEAST_RIM:
+        notes.append(f"rim s_R/m_n = {rim_factor:.4g} is below 1: 1 is used")
+    web, rim = min(max(web_ratio, low), high), max(rim_factor, LEAST_RIM)
+    return 1 + math.log(web) / (5 * math.exp(rim / 5)), notes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +108,7 @@ def method_b(
     contact_ratio: float,
     pressure_angle_rad: float = math.radians(20),
     helix_angle_rad: float = 0.0,
-    web: Body | None = None,
+    web: tuple[float, float] | None = None,
     load_n_per_mm: float | None = None,
 ) -> MethodB:
     """Return tooth-pair and mesh stiffness by ISO 6336-1 Method B.
@@ -133,9 +123,9 @@ def method_b(
         Normal pressure angle of the basic rack [rad].
     helix_angle_rad : float
         Helix angle at the reference circle [rad].
-    web : Body, optional
-        Of the more flexible gear: the factor of the standard is meant for mates that are equal or
-        stiffer. Both are taken as solid when not given.
+    web : (float, float), optional
+        b_s/b and s_R/m_n, see `blank_factor`, of the more flexible gear: the factor of the standard
+        is meant for mates that are equal or stiffer. Both are taken as solid when not given.
     load_n_per_mm : float, optional
         Tangential load per face width F_t K_A/b [N/mm]; without it the branch for at least
         100 N/mm is taken.
@@ -176,7 +166,7 @@ def method_b(
     theoretical = _theoretical(first, second, virtual)
     angle = 1 - 0.02 * (20 - math.degrees(pressure_angle_rad))
     rack = 0.5 * sum((1 + 0.5 * (1.2 - gear.root_factor)) * angle for gear in (first, second))
-    blank = 1.0 if web is None else web.factor
+    blank, beyond = (1.0, []) if web is None else blank_factor(*web)
     load = 1.0
     if load_n_per_mm is not None:
         low = check_positive("load_n_per_mm", load_n_per_mm, "N/mm") / LOW_LOAD_N_PER_MM
@@ -187,8 +177,7 @@ def method_b(
     single = theoretical * CORRECTION_MEASURED * blank * rack * math.cos(helix_angle_rad) * modulus
     single *= load
     mesh = single * (0.75 * contact_ratio + 0.25)
-    limits = [*_limits(first, second, contact_ratio, helix_angle_rad, load_n_per_mm)]
-    limits += web.limits if web else ()
+    limits = [*_limits(first, second, contact_ratio, helix_angle_rad, load_n_per_mm), *beyond]
     return MethodB(
         theoretical=theoretical,
         blank=blank,
@@ -422,7 +411,7 @@ class MeshPair:
             contact_ratio=self.contact_ratio,
             pressure_angle_rad=self.pressure_angle_rad,
             helix_angle_rad=self.helix_angle_rad,
-            web=self._body(),
+            web=self._web(),
             load_n_per_mm=self.specific_load(force_n),
         )
 
@@ -439,15 +428,15 @@ class MeshPair:
         tangential = force_n * math.cos(self.stage.transverse_pressure_angle_rad)
         return tangential * self.stage.application_factor / self.stage.face_width_mm
 
-    def _body(self) -> Body | None:
-        """Return web and rim of the more flexible gear; None where both are solid."""
+    def _web(self) -> tuple[float, float] | None:
+        """Return b_s/b and s_R/m_n of the more flexible gear; None where both are solid."""
         found = []
         for own in self.members:
             if own.web_m is not None and own.rim_m is not None:
                 width = 1e-3 * self.need("face_width_mm", "web factor")
                 module = 1e-3 * self.need("module_mm", "web factor")
-                found.append(Body(web_ratio=own.web_m / width, rim_factor=own.rim_m / module))
-        return min(found, key=lambda body: body.factor, default=None)
+                found.append((own.web_m / width, own.rim_m / module))
+        return min(found, key=lambda web: blank_factor(*web)[0], default=None)
 
     @cached_property
     def geometry(self) -> PairGeometry:
