@@ -434,6 +434,7 @@ def measured_losses(
     return losses
 
 
+@lru_cache(maxsize=64)
 def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
     """Return the loss of pair stiffness that a fault means.
 
@@ -485,7 +486,7 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
     if not 0 <= loss < 1:
         raise ArgumentError(f"loss={loss:g} must lie in [0, 1)")
     most_size = largest_size(fault, pair.teeth[index])
-    most = _loss_of_size(replace(fault, size=most_size), pair, index)
+    most = stiffness_loss(replace(fault, size=most_size), pair, index).mean
     if loss > most:
         raise ArgumentError(
             f"a {fault.kind} costs at most {100 * most:.3g} % of the stiffness of its pair, at "
@@ -493,14 +494,9 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
         )
 
     def missed(size: float) -> float:
-        return _loss_of_size(replace(fault, size=size), pair, index) - loss
+        return stiffness_loss(replace(fault, size=size), pair, index).mean - loss
 
     return replace(fault, size=brentq(missed, 0.0, most_size, rtol=1e-9))
-
-
-@lru_cache(maxsize=64)
-def _loss_of_size(fault: Fault, pair: ToothPair, index: int) -> float:
-    return stiffness_loss(fault, pair, index).mean
 
 
 def _broken(fault: Fault, pair: ToothPair, index: int) -> Losses:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Literal
 
@@ -390,11 +390,6 @@ class MeshStiffness:
     def parts(self) -> tuple[PulseTrain | ModulationTrain, ...]:
         """All parts; their sum is the stiffness."""
         return *self.trains, *self.modulations
-
-    @property
-    def unmarked(self) -> MeshStiffness:
-        """The same with all mesh periods alike."""
-        return replace(self, pulses=(), modulations=())
 
     @cached_property
     def mean_n_per_m(self) -> float:

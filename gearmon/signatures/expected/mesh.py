@@ -166,7 +166,7 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
-        return self._with(lambda k: k.unmarked, errors=())
+        return self._with(lambda k: replace(k, pulses=(), modulations=()), errors=())
 
     def scaled(self, factor: float) -> PosedStage:
         """Return the same with `factor` times what its damaged teeth lose."""
