@@ -149,7 +149,7 @@ def stage_mechanics(
     planet, a ring does not yield. The torque passes through the train without loss and divides
     equally among planets. c = 2 zeta sqrt(k m).
     """
-    pair = _pair(machine, number, mesh)
+    pair = pair_of(machine, number, mesh)
     running = machine.operating[0] if point is None else point
     train = kinematics(machine)
     notes: list[str] = []
@@ -202,12 +202,13 @@ def load_share(machine: Machine, number: int) -> float:
     for point in machine.operating:
         with suppress(ArgumentError):
             force = stage_mechanics(machine, number, point).force_n
-            load = _pair(machine, number, 0).specific_load(force)
+            load = pair_of(machine, number, 0).specific_load(force)
             loads.append(math.inf if load is None else load)
     return max(loads, default=math.inf) / LOW_LOAD_N_PER_MM
 
 
-def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
+def pair_of(machine: Machine, number: int, mesh: int = 0) -> MeshPair:
+    """Return a pair of a stage, counted from 1; of a planetary stage 0 is sun-planet."""
     check_range("stage", number, 1, len(machine.stages))
     pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
     if mesh not in range(len(pairs)):

@@ -19,7 +19,7 @@ from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
 from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
-from gearmon.gears.mechanics import stage_mechanics
+from gearmon.gears.mechanics import pair_of, stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth import Tooth
@@ -289,8 +289,7 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
     ArgumentError
         If the machine lacks data, or has no such stage.
     """
-    check_range("stage", stage, 1, len(machine.stages))
-    pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0]
+    pair = pair_of(machine, stage)
     force, hertz = _running(machine, stage)
     phase, curves = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH, []
     for group, name in FOUR_FORMS:
@@ -419,7 +418,7 @@ class StageStiffness:
         return [{"stage": self.stage, "mesh": self.mesh} | row for row in rows]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the table and the picture in built-in types."""
+        """Return everything but the picture in built-in types."""
         return {
             "stage": self.stage,
             "mesh": self.mesh,
@@ -436,6 +435,7 @@ class StageStiffness:
                 for name, share in self.shares.items()
             },
             "warnings": list(self.warnings),
+            "table": self.rows(),
         }
 
 
@@ -458,11 +458,6 @@ class StiffnessReport(Result):
     def rows(self) -> list[dict[str, Any]]:
         """Return the tables of all stages, one after the other."""
         return [row for stage in self.stages for row in stage.rows()]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the report, with its tables, in built-in types."""
-        stages = [stage.to_dict() | {"table": stage.rows()} for stage in self.stages]
-        return {"machine": self.machine, "stages": stages}
 
 
 def stiffness_report(
