@@ -100,7 +100,7 @@ def stiffness(arguments: Namespace) -> int:
                 "--form all: compares healthy meshes; leave out --fault, or name a form"
             )
         forms = compare_forms(machine, stage=arguments.stage or 1)
-        return finish(arguments, forms, lambda: table_lines(forms.line_rows()))
+        return finish(arguments, forms, lambda: table_lines(forms.spectrum))
     named = given(arguments, "form", "stage")
     report = stiffness_report(machine, arguments.fault, **named)
     return finish(arguments, report, lambda: _thinned(report.rows(), "rows"))

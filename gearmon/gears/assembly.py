@@ -163,7 +163,7 @@ class _Assembly:
         self.forces: list[float | None] = []
         for (pair, *_), shaft in zip(self.pairs, kinematics(machine).shafts, strict=False):
             known = point.torque_nm or pair.stage.force_n
-            self.forces.append(static_force(pair, point, shaft.order)[0] if known else None)
+            self.forces.append(static_force(pair, point, shaft.order) if known else None)
         lines = [replace(own, rows=np.zeros((len(own.at), 3, width))) for own in found]
         for line in lines:
             self.moving(line)

@@ -124,21 +124,23 @@ def contact_offsets(pair: MeshPair, errors: Sequence[GearError]) -> tuple[Contac
 
 
 def state_of(
-    offsets: Iterable[ContactOffset], angles: Iterable[FloatArray], free_gap_m: float
+    offsets: Iterable[ContactOffset], phase: FloatArray, free_gap_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a and b [mesh periods] with gears turned, and the part of the face that carries.
 
     Parameters
     ----------
     offsets : iterable of ContactOffset
-    angles : iterable of ndarray
-        Of each gear [rad]; shapes that broadcast.
+    phase : ndarray
+        [mesh periods].
     free_gap_m : float
         Lead deviation that the load just closes.
     """
     leaving, entering, lead = sum(
-        np.multiply.outer([own.leaving, own.entering, own.lead_m], np.exp(1j * angle)).real
-        for own, angle in zip(offsets, angles, strict=True)
+        np.multiply.outer(
+            [own.leaving, own.entering, own.lead_m], np.exp(1j * (2 * np.pi * phase / own.teeth))
+        ).real
+        for own in offsets
     )
     return leaving, entering, carrying_share(np.abs(lead), free_gap_m)
 
@@ -351,17 +353,13 @@ class ModulationTrain:
     def _turning(self, phase: FloatArray) -> FloatArray:
         """Return the mesh stiffness [N/m] with the gears moving."""
         flat = phase.ravel()
-        leaving, entering, share = self._state(flat)
+        leaving, entering, share = state_of(self.offsets, flat, self.free_gap_m)
         if any(offset.leaving or offset.entering for offset in self.offsets):
             found = self.family.at(flat, leaving, entering)
         else:
             # every pair is like the next
             found = self._still.at(flat)
         return np.asarray((share * found).reshape(phase.shape))
-
-    def _state(self, phase: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        angles = [2 * np.pi * phase / offset.teeth for offset in self.offsets]
-        return state_of(self.offsets, angles, self.free_gap_m)
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -373,7 +371,7 @@ class ModulationTrain:
         # put where the contact is when it is reached
         for _ in range(ROUNDS):
             flat = place.ravel()
-            leaving, entering, _ = self._state(flat)
+            leaving, entering, _ = state_of(self.offsets, flat, self.free_gap_m)
             own = family.limits(leaving + entering).reshape(*place.shape, -1)
             entry = family.entry(leaving, entering).reshape(place.shape)
             place = entries + face + entry + own[..., edges, edges]
@@ -474,97 +472,62 @@ def tip_corner_gap(pair: ToothPair, beyond_m: FloatArray, *, leaving: bool) -> F
 
 
 @dataclass(frozen=True, eq=False)
-class TurningError:
-    """Material missing alike from all pairs in contact, as a gear turns: a few lines of its turn.
+class FlankError:
+    """Material missing from the flanks of a gear.
 
     Parameters
     ----------
-    gear : str
+    wrong : GearError or Fault
+        What is wrong with the gear.
     teeth : int
-        Teeth of the gear: the error repeats after as many mesh periods.
-    kind : {"eccentricity", "cumulative", "misalignment", "wear"}
-    size_m : float
-    phase_rad : float
+        Teeth of the gear.
+    gap : Pulse or None
+        Missing material [m] over the contact of a pair; None where all pairs miss it alike.
     free_gap_m : float
         Lead deviation that the load just closes; 0 for teeth without load. The face of a misaligned
         gear touches where it stands out, and is moved by ``g (f - 1)/2`` with g the lead deviation
         and f the part of the face that carries.
     """
 
-    gear: str
+    wrong: GearError | Fault
     teeth: int
-    kind: str
-    size_m: float
-    phase_rad: float = 0.0
+    gap: Pulse | None = None
     free_gap_m: float = 0.0
 
     @property
     def period_mesh(self) -> int:
-        """True period [mesh periods]."""
-        return 1 if self.kind == "wear" else self.teeth
+        """Mesh periods after which it repeats."""
+        is_turning = self.wrong.tooth is not None or self.wrong.kind in WHOLE_KINDS
+        return self.teeth if is_turning else 1
 
     def at(self, phase: FloatArray) -> FloatArray:
-        """Return the missing material [m] at mesh phases."""
-        if self.kind == "wear":
-            return np.full(phase.shape, self.size_m)
-        turned = np.cos(2 * math.pi * phase / self.teeth + self.phase_rad)
-        if self.kind != "misalignment":
-            return np.asarray(self.size_m * turned)
+        """Return what all pairs miss alike [m] at mesh phases."""
+        if isinstance(self.wrong, Fault):
+            # even wear, which shifts the mean and makes no line
+            return np.full(phase.shape, 1e-3 * self.wrong.size)
+        turned = np.cos(2 * math.pi * phase / self.teeth + self.wrong.phase_rad)
+        if self.wrong.kind != "misalignment":
+            return np.asarray(self.wrong.size_m * turned)
         # whichever end of the face stands out carries: twice per turn
-        gap = self.size_m * np.abs(turned)
-        share = carrying_share(gap, self.free_gap_m)
-        return np.asarray(0.5 * gap * (share - 1))
+        gap = self.wrong.size_m * np.abs(turned)
+        return np.asarray(0.5 * gap * (carrying_share(gap, self.free_gap_m) - 1))
 
 
-@dataclass(frozen=True, eq=False)
-class FlankError:
-    """Material missing from one tooth of a gear, or from all of them, along their contact.
-
-    Parameters
-    ----------
-    gear : str
-    teeth : int
-        Teeth of the gear.
-    tooth : int or None
-        The only tooth that it concerns; None for all.
-    gap : Pulse
-        Missing material [m] over the contact of a pair.
-    """
-
-    gear: str
-    teeth: int
-    tooth: int | None
-    gap: Pulse
-
-    @property
-    def period_mesh(self) -> int:
-        """Mesh periods after which it repeats."""
-        return 1 if self.tooth is None else self.teeth
-
-
-def _moved_by(
-    wrong: GearError | Fault, pair: MeshPair, free_gap_m: float
-) -> TurningError | FlankError | None:
-    """Return what an error, wear, a through spall or a missing tooth takes from the pairs.
-
-    Even wear moves all pairs alike, which shifts the mean and makes no line.
-    """
-    gear, index = wrong.gear, pair.names.index(wrong.gear)
-    teeth, gap = pair.teeth[index], None
+def _moved_by(wrong: GearError | Fault, pair: MeshPair, free_gap_m: float) -> FlankError | None:
+    """Return what an error, wear, a through spall or a missing tooth takes from the pairs."""
+    index, gap = pair.names.index(wrong.gear), None
     if isinstance(wrong, Fault):
-        if wrong.kind == "wear" and wrong.size:
-            return TurningError(gear, teeth, "wear", 1e-3 * wrong.size)
         if wrong.kind in ("spall", "missing"):
             gap = _lost_profile(wrong, teeth_of(pair), index)
-    elif wrong.size_m:
-        size, length = wrong.size_m, pair.contact_ratio
-        if wrong.kind in WHOLE_KINDS:
-            return TurningError(gear, teeth, wrong.kind, size, wrong.phase_rad, free_gap_m)
-        power = 0 if wrong.kind == "pitch" else 2
-        # a contact that is nominal, as that of the half-duty forms, may be longer
-        edges = [0.0, math.ceil(length) + 1.0]
-        gap = Pulse.of(edges, lambda phase: size * (2 * phase / length - 1) ** power, 3)
-    return None if gap is None else FlankError(gear, teeth, wrong.tooth, gap)
+        is_moving = gap is not None or (wrong.kind == "wear" and wrong.size > 0)
+    else:
+        size, length, is_moving = wrong.size_m, pair.contact_ratio, bool(wrong.size_m)
+        if is_moving and wrong.kind not in WHOLE_KINDS:
+            power = 0 if wrong.kind == "pitch" else 2
+            # a contact that is nominal, as that of the half-duty forms, may be longer
+            edges = [0.0, math.ceil(length) + 1.0]
+            gap = Pulse.of(edges, lambda phase: size * (2 * phase / length - 1) ** power, 3)
+    return FlankError(wrong, pair.teeth[index], gap, free_gap_m) if is_moving else None
 
 
 def _lost_profile(fault: Fault, teeth: ToothPair, index: int) -> Pulse | None:
@@ -612,12 +575,12 @@ class Excitation:
     ----------
     stiffness : MeshStiffness
         Shares the errors among the pairs in contact.
-    errors : tuple of TurningError or FlankError
+    errors : tuple of FlankError
     warnings : tuple of str
     """
 
     stiffness: MeshStiffness
-    errors: tuple[TurningError | FlankError, ...]
+    errors: tuple[FlankError, ...]
     warnings: tuple[str, ...] = ()
 
     @property
@@ -628,7 +591,7 @@ class Excitation:
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return e [m] at mesh phases, any shape; positive where material is missing."""
         x = np.asarray(phase, dtype=np.float64)
-        turning = (error.at(x) for error in self.errors if isinstance(error, TurningError))
+        turning = (error.at(x) for error in self.errors if error.gap is None)
         total = sum(turning, np.zeros(x.shape))
         if self._forces:
             stiffness = replace(self.stiffness, modulations=()).at(x)
@@ -643,15 +606,15 @@ class Excitation:
         found, healthy = [], self.stiffness.healthy
         periods = [train.period_mesh for train in self.stiffness.pulses]
         for error in self.errors:
-            if isinstance(error, FlankError):
-                period = math.lcm(error.period_mesh, *periods)
-                terms = tuple(self._closing(error, period))
-                found.append(replace(healthy, gear=error.gear, period_mesh=period, terms=terms))
+            if error.gap is not None:
+                period, gear = math.lcm(error.period_mesh, *periods), error.wrong.gear
+                terms = tuple(self._closing(error, error.gap, period))
+                found.append(replace(healthy, gear=gear, period_mesh=period, terms=terms))
         return found
 
-    def _closing(self, error: FlankError, period: int) -> Iterator[PulseTerm]:
+    def _closing(self, error: FlankError, gap: Pulse, period: int) -> Iterator[PulseTerm]:
         """Give what makes up the stiffness of the pairs with an error, times the error."""
-        entries = range((error.tooth or 1) - 1, period, error.period_mesh)
+        entries = range((error.wrong.tooth or 1) - 1, period, error.period_mesh)
         if len(entries) > MOST_CONTACTS:
             raise ArgumentError(
                 f"the errors repeat after {period} mesh periods only, in which their flanks meet "
@@ -662,10 +625,10 @@ class Excitation:
             for term in train.terms:
                 # a term without pieces takes nothing
                 if len(term.pulse.series):
-                    gap = term.pulse * error.gap
+                    closed = term.pulse * gap
                     for entry in entries:
                         if (entry - round(term.offset)) % train.period_mesh == 0:
-                            yield replace(term, pulse=gap, offset=float(entry))
+                            yield replace(term, pulse=closed, offset=float(entry))
 
 
 def displacement_excitation(

@@ -169,7 +169,7 @@ class RackTooth:
         turned = 1j * self.radius - depth / np.sin(slope) * np.exp(1j * slope)
         return np.asarray(turned * np.exp(-1j * rolled), dtype=np.complex128)
 
-    @property
+    @cached_property
     def base_half_angle(self) -> float:
         """Half the angle that a tooth takes on the base circle [rad]; of a ring that of a space."""
         alpha, signed = self.transverse_pressure_angle_rad, -1 if self.internal else 1
@@ -264,8 +264,9 @@ class GearTeeth:
         Young's modulus [Pa].
     bore_m : float
         Bore diameter [m], 0 for a solid disc.
-    tip_diameter_m : float or None
-        Finished tip diameter [m] where it is given.
+    tip_shortening : float or None
+        k, in modules, where it is given. Else what keeps the tip clearance of unshifted gears,
+        ``k = (a_w - a)/m_n - (x1 + x2)`` where that is negative, and 0 for internal pairs.
     web_m, rim_m : float or None
         Width of the web and thickness of the rim [m]; both None for a solid disc.
     """
@@ -279,7 +280,7 @@ class GearTeeth:
     internal: bool = False
     elastic_modulus_pa: float = 206e9
     bore_m: float = 0.0
-    tip_diameter_m: float | None = None
+    tip_shortening: float | None = None
     web_m: float | None = None
     rim_m: float | None = None
 
@@ -474,7 +475,6 @@ def pair_geometry(
     face_width_m: float | None = None,
     centre_distance_m: float | None = None,
     internal: bool = False,
-    tip_shortening: float | tuple[float | None, float | None] | None = None,
     check: bool = True,
 ) -> PairGeometry:
     """Return the geometry of a pair of cylindrical involute gears.
@@ -495,10 +495,6 @@ def pair_geometry(
         Working centre distance [m]; by default the one without backlash.
     internal : bool
         Whether `second` has internal teeth.
-    tip_shortening : float or (float, float), optional
-        k, in modules, of both gears or of each. By default, or None, what keeps the tip clearance
-        of unshifted gears, ``k = (a_w - a)/m_n - (x1 + x2)`` where that is negative, and 0 for
-        internal pairs.
     check : bool
         Whether pairs that cannot run are refused: negative backlash, undercut that reaches the
         path of contact, interference, pointed tips, a contact ratio below 1.
@@ -547,8 +543,7 @@ def pair_geometry(
     excess -= first.profile_shift + second.profile_shift
     # a centre distance above the tight one, or a ring, needs no cutting back
     usual = 0.0 if internal else min(0.0, excess)
-    given = tip_shortening if isinstance(tip_shortening, tuple) else (tip_shortening,) * 2
-    one, two = (usual if k is None else k for k in given)
+    one, two = (usual if k is None else k for k in (first.tip_shortening, second.tip_shortening))
     pair = _with_tips(replace(pair, tip_shortening=(one, two)))
     return check_pair(trim_ring(pair)) if check else pair
 

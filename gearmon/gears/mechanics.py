@@ -70,11 +70,7 @@ class StageMechanics:
         c/(2 sqrt(k m)).
     force_n : float
         Static force on the line of action.
-    torque_nm : float or None
-        Torque on the first gear of the mesh; None where the force was given.
     mesh_frequency_hz : float
-    base_radii_m : (float, float) or None
-        None where no module is known.
     assumptions : tuple of str
         What was not in the machine file and had to be taken, in words.
     warnings : tuple of str
@@ -88,9 +84,7 @@ class StageMechanics:
     damping_ns_per_m: float
     damping_ratio: float
     force_n: float
-    torque_nm: float | None
     mesh_frequency_hz: float
-    base_radii_m: tuple[float, float] | None
     assumptions: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -155,11 +149,11 @@ def stage_mechanics(
     planet, a ring does not yield. The torque passes through the train without loss and divides
     equally among planets. c = 2 zeta sqrt(k m).
     """
-    pair = _pair(machine, number, mesh)
+    pair = pair_of(machine, number, mesh)
     running = machine.operating[0] if point is None else point
     train = kinematics(machine)
     notes: list[str] = []
-    force, torque = static_force(pair, running, train.shaft(number).order)
+    force = static_force(pair, running, train.shaft(number).order)
     given = faults_of(faults, errors=False, stages=len(machine.stages))
     wrong = [error for error in errors if error.stage == number]
     own = [fault for fault in given if fault.stage == number]
@@ -175,9 +169,7 @@ def stage_mechanics(
         damping_ns_per_m=damping,
         damping_ratio=ratio,
         force_n=force,
-        torque_nm=torque,
         mesh_frequency_hz=train.mesh(number).order * running.shaft1_hz,
-        base_radii_m=None if pair.stage.module_mm is None else pair.base_radii_m,
         assumptions=tuple(notes),
         warnings=stiffness.warnings,
     )
@@ -210,12 +202,13 @@ def load_share(machine: Machine, number: int) -> float:
     for point in machine.operating:
         with suppress(ArgumentError):
             force = stage_mechanics(machine, number, point).force_n
-            load = _pair(machine, number, 0).specific_load(force)
+            load = pair_of(machine, number, 0).specific_load(force)
             loads.append(math.inf if load is None else load)
     return max(loads, default=math.inf) / LOW_LOAD_N_PER_MM
 
 
-def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
+def pair_of(machine: Machine, number: int, mesh: int = 0) -> MeshPair:
+    """Return a pair of a stage, counted from 1; of a planetary stage 0 is sun-planet."""
     check_range("stage", number, 1, len(machine.stages))
     pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
     if mesh not in range(len(pairs)):
@@ -224,13 +217,11 @@ def _pair(machine: Machine, number: int, mesh: int) -> MeshPair:
     return pairs[mesh]
 
 
-def static_force(
-    pair: MeshPair, point: OperatingPoint, input_order: float
-) -> tuple[float, float | None]:
-    """Return static force on the line of action and torque on the first gear of the pair."""
+def static_force(pair: MeshPair, point: OperatingPoint, input_order: float) -> float:
+    """Return the static force on the line of action [N]."""
     # the forces of sun and ring on a planet balance, so one override serves both meshes
     if pair.stage.force_n is not None:
-        return float(pair.stage.force_n), None
+        return float(pair.stage.force_n)
     if not point.torque_nm:
         shown = "is missing" if point.torque_nm is None else "= 0 leaves the teeth unloaded"
         raise ArgumentError(
@@ -244,8 +235,7 @@ def static_force(
         sun, ring = pair.stage.sun_teeth, pair.stage.ring_teeth
         weights = {"sun": sun, "ring": ring, "carrier": sun + ring}
         torque *= weights["sun"] / weights[pair.stage.driving] / pair.planets
-    force = torque / main.base_radii_m[0]
-    return force, force * pair.base_radii_m[0]
+    return torque / main.base_radii_m[0]
 
 
 def equivalent_mass(pair: MeshPair, notes: list[str]) -> float:

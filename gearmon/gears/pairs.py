@@ -32,9 +32,8 @@ N_PER_MM_UM = 1e9
 Stage = ParallelStage | PlanetaryStage
 
 
-@dataclass(frozen=True, kw_only=True)
-class Body:
-    """Web and rim of a gear that is no solid disc.
+def blank_factor(web_ratio: float, rim_factor: float) -> tuple[float, list[str]]:
+    """Return C_R of a gear that is no solid disc, and what lies outside its range, in words.
 
     Parameters
     ----------
@@ -42,30 +41,21 @@ class Body:
         b_s/b, web over face width; used within 0.2 to 1.2.
     rim_factor : float
         s_R/m_n, rim thickness in modules; used from 1 on.
+
+    Notes
+    -----
+    ``C_R = 1 + ln(b_s/b)/(5 exp(s_R/(5 m_n)))``.
     """
-
-    web_ratio: float
-    rim_factor: float
-
-    def __post_init__(self) -> None:
-        check_positive("web_ratio", self.web_ratio)
-        check_positive("rim_factor", self.rim_factor)
-
-    @property
-    def factor(self) -> float:
-        """C_R = 1 + ln(b_s/b)/(5 exp(s_R/(5 m_n)))."""
-        web = min(max(self.web_ratio, WEB_RATIOS[0]), WEB_RATIOS[1])
-        return 1 + math.log(web) / (5 * math.exp(max(self.rim_factor, LEAST_RIM) / 5))
-
-    @property
-    def limits(self) -> Iterator[str]:
-        """What lies outside the range of C_R, in words."""
-        low, high = WEB_RATIOS
-        if not low <= self.web_ratio <= high:
-            told = f"web ratio b_s/b = {self.web_ratio:.4g} is outside {low} ... {high}"
-            yield f"{told}: the nearer end is used"
-        if self.rim_factor < LEAST_RIM:
-            yield f"rim s_R/m_n = {self.rim_factor:.4g} is below 1: 1 is used"
+    check_positive("web_ratio", web_ratio)
+    check_positive("rim_factor", rim_factor)
+    (low, high), notes = WEB_RATIOS, []
+    if not low <= web_ratio <= high:
+        told = f"web ratio b_s/b = {web_ratio:.4g} is outside {low} ... {high}"
+        notes.append(f"{told}: the nearer end is used")
+    if rim_factor < LEAST_RIM:
+        notes.append(f"rim s_R/m_n = {rim_factor:.4g} is below 1: 1 is used")
+    web, rim = min(max(web_ratio, low), high), max(rim_factor, LEAST_RIM)
+    return 1 + math.log(web) / (5 * math.exp(rim / 5)), notes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,7 +108,7 @@ def method_b(
     contact_ratio: float,
     pressure_angle_rad: float = math.radians(20),
     helix_angle_rad: float = 0.0,
-    web: Body | None = None,
+    web: tuple[float, float] | None = None,
     load_n_per_mm: float | None = None,
 ) -> MethodB:
     """Return tooth-pair and mesh stiffness by ISO 6336-1 Method B.
@@ -133,9 +123,9 @@ def method_b(
         Normal pressure angle of the basic rack [rad].
     helix_angle_rad : float
         Helix angle at the reference circle [rad].
-    web : Body, optional
-        Of the more flexible gear: the factor of the standard is meant for mates that are equal or
-        stiffer. Both are taken as solid when not given.
+    web : (float, float), optional
+        b_s/b and s_R/m_n, see `blank_factor`, of the more flexible gear: the factor of the standard
+        is meant for mates that are equal or stiffer. Both are taken as solid when not given.
     load_n_per_mm : float, optional
         Tangential load per face width F_t K_A/b [N/mm]; without it the branch for at least
         100 N/mm is taken.
@@ -176,7 +166,7 @@ def method_b(
     theoretical = _theoretical(first, second, virtual)
     angle = 1 - 0.02 * (20 - math.degrees(pressure_angle_rad))
     rack = 0.5 * sum((1 + 0.5 * (1.2 - gear.root_factor)) * angle for gear in (first, second))
-    blank = 1.0 if web is None else web.factor
+    blank, beyond = (1.0, []) if web is None else blank_factor(*web)
     load = 1.0
     if load_n_per_mm is not None:
         low = check_positive("load_n_per_mm", load_n_per_mm, "N/mm") / LOW_LOAD_N_PER_MM
@@ -187,8 +177,7 @@ def method_b(
     single = theoretical * CORRECTION_MEASURED * blank * rack * math.cos(helix_angle_rad) * modulus
     single *= load
     mesh = single * (0.75 * contact_ratio + 0.25)
-    limits = [*_limits(first, second, contact_ratio, helix_angle_rad, load_n_per_mm)]
-    limits += web.limits if web else ()
+    limits = [*_limits(first, second, contact_ratio, helix_angle_rad, load_n_per_mm), *beyond]
     return MethodB(
         theoretical=theoretical,
         blank=blank,
@@ -422,7 +411,7 @@ class MeshPair:
             contact_ratio=self.contact_ratio,
             pressure_angle_rad=self.pressure_angle_rad,
             helix_angle_rad=self.helix_angle_rad,
-            web=self._body(),
+            web=self._web(),
             load_n_per_mm=self.specific_load(force_n),
         )
 
@@ -439,15 +428,15 @@ class MeshPair:
         tangential = force_n * math.cos(self.stage.transverse_pressure_angle_rad)
         return tangential * self.stage.application_factor / self.stage.face_width_mm
 
-    def _body(self) -> Body | None:
-        """Return web and rim of the more flexible gear; None where both are solid."""
+    def _web(self) -> tuple[float, float] | None:
+        """Return b_s/b and s_R/m_n of the more flexible gear; None where both are solid."""
         found = []
         for own in self.members:
             if own.web_m is not None and own.rim_m is not None:
                 width = 1e-3 * self.need("face_width_mm", "web factor")
                 module = 1e-3 * self.need("module_mm", "web factor")
-                found.append(Body(web_ratio=own.web_m / width, rim_factor=own.rim_m / module))
-        return min(found, key=lambda body: body.factor, default=None)
+                found.append((own.web_m / width, own.rim_m / module))
+        return min(found, key=lambda web: blank_factor(*web)[0], default=None)
 
     @cached_property
     def geometry(self) -> PairGeometry:
@@ -460,42 +449,26 @@ class MeshPair:
         """
         instead = "contact_ratio" if self.is_main else ""
         module = 1e-3 * self.need("module_mm", "contact ratio", instead)
-        width, (distance, shortening) = self.stage.face_width_mm, self._fixed_by_others()
+        first, distance = self.first, _length(self.stage, "centre_distance_mm")
+        if self.inner is not None:
+            # the planet is one body on one axis, which its mesh with the sun has placed
+            inner = self.inner.geometry
+            first = replace(first, tip_shortening=inner.tip_shortening[1])
+            distance = inner.centre_distance_m
         try:
             return pair_geometry(
-                *self.members,
+                first,
+                self.second,
                 module_m=module,
                 pressure_angle_rad=self.pressure_angle_rad,
                 helix_angle_rad=self.helix_angle_rad,
-                face_width_m=None if width is None else 1e-3 * width,
+                face_width_m=_length(self.stage, "face_width_mm"),
                 centre_distance_m=distance,
                 internal=self.second.internal,
-                tip_shortening=shortening,
                 check=self.given("contact_ratio") is None,
             )
         except ArgumentError as error:
             raise ArgumentError(f"{self.where}: {error}") from None
-
-    def _fixed_by_others(self) -> tuple[float | None, tuple[float | None, float | None]]:
-        """Return centre distance and tip shortening where they are not this pair's to choose."""
-        one, two = self._told_shortening(0), self._told_shortening(1)
-        if self.inner is not None:
-            # the planet is one body on one axis, which its mesh with the sun has placed
-            inner = self.inner.geometry
-            return inner.centre_distance_m, (inner.tip_shortening[1], two or 0.0)
-        distance, usual = self.stage.centre_distance_mm, self.stage.tip_shortening
-        told = usual if one is None else one, usual if two is None else two
-        return None if distance is None else 1e-3 * distance, told
-
-    def _told_shortening(self, index: int) -> float | None:
-        """Return the tip shortening [modules] that a given tip diameter means."""
-        member, module = self.members[index], self.stage.module_mm
-        if member.tip_diameter_m is None or module is None:
-            return None
-        reference = member.teeth * module / math.cos(self.helix_angle_rad)
-        height = (1e3 * member.tip_diameter_m - reference) / (2 * module)
-        sign = -1 if member.internal else 1
-        return sign * height - member.tip_factor - member.profile_shift
 
 
 # the faults of a family all ask for the same pair, and share what it works out
@@ -526,16 +499,21 @@ def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple
 
 
 def _member(stage: Stage, name: str) -> GearTeeth:
+    shift, ring = getattr(stage, f"profile_shift_{name}"), name == "ring"
+    addendum, dedendum = (getattr(stage, f"{part}_factor_{name}") for part in ("tip", "root"))
+    # the tips of a ring are cut back only where it tells how far they reach
+    shortening = None if ring else stage.tip_shortening
+    tip, root = (_above_reference(stage, name, part) for part in ("tip", "root"))
     return GearTeeth(
         teeth=getattr(stage, f"{name}_teeth"),
-        profile_shift=getattr(stage, f"profile_shift_{name}"),
-        tip_factor=getattr(stage, f"tip_factor_{name}"),
-        root_factor=_root_factor(stage, name),
+        profile_shift=shift,
+        tip_factor=addendum,
+        root_factor=dedendum if root is None else shift - root,
         name=name,
-        internal=name == "ring",
+        internal=ring,
         elastic_modulus_pa=getattr(stage, f"elastic_modulus_{name}_pa"),
         bore_m=_length(stage, f"bore_diameter_{name}_mm") or 0.0,
-        tip_diameter_m=_length(stage, f"tip_diameter_{name}_mm"),
+        tip_shortening=shortening if tip is None else tip - addendum - shift,
         web_m=_length(stage, f"web_width_{name}_mm"),
         rim_m=_length(stage, f"rim_thickness_{name}_mm"),
     )
@@ -547,12 +525,14 @@ def _length(stage: Stage, key: str) -> float | None:
     return None if value is None else 1e-3 * float(value)
 
 
-def _root_factor(stage: Stage, name: str) -> float:
-    """Return the dedendum of the rack, from the root diameter where that is given."""
-    diameter = getattr(stage, f"root_diameter_{name}_mm")
+def _above_reference(stage: Stage, name: str, circle: str) -> float | None:
+    """Return how far a circle lies from the reference circle towards the tips, if it is given.
+
+    In modules; `circle` is "tip" or "root".
+    """
+    diameter = getattr(stage, f"{circle}_diameter_{name}_mm")
     if diameter is None or stage.module_mm is None:
-        return float(getattr(stage, f"root_factor_{name}"))
+        return None
     reference = getattr(stage, f"{name}_teeth") * stage.module_mm
     reference /= math.cos(math.radians(stage.helix_angle_deg))
-    depth = (reference - diameter) / (2 * stage.module_mm) * (-1 if name == "ring" else 1)
-    return float(depth + getattr(stage, f"profile_shift_{name}"))
+    return float((diameter - reference) / (2 * stage.module_mm) * (-1 if name == "ring" else 1))

@@ -19,7 +19,7 @@ from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
 from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
-from gearmon.gears.mechanics import stage_mechanics
+from gearmon.gears.mechanics import pair_of, stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth import Tooth
@@ -29,13 +29,17 @@ from gearmon.result import Result, channel_rows
 
 #: Points of each curve of an outline.
 POINTS = 60
-#: The four forms, each with its variants: the duty of the rectangle is eps_a - 1, or one half.
-FOUR_FORMS: dict[str, tuple[str, ...]] = {
-    "parabolic": ("parabolic",),
-    "wave": ("wave",),
-    "rectangular": ("rectangular", "rectangular-half"),
-    "fourier": ("fourier-true", "fourier"),
-}
+#: Points of a table on a mesh period, and mesh harmonics of a spectrum.
+POINTS_PER_MESH, HARMONICS = 200, 20
+#: The four forms and their variants: the duty of the rectangle is eps_a - 1, or one half.
+FOUR_FORMS = (
+    ("parabolic", "parabolic"),
+    ("wave", "wave"),
+    ("rectangular", "rectangular"),
+    ("rectangular", "rectangular-half"),
+    ("fourier", "fourier-true"),
+    ("fourier", "fourier"),
+)
 #: Sizes at which a curve of loss against size is taken.
 CURVE_POINTS = 25
 #: Unit and dimensions in which a loss of each kind is told as a size.
@@ -115,7 +119,7 @@ class _Frame:
     def drawn(self, faults: Sequence[Fault]) -> DrawnGear:
         """Return the gear with those faults whose sizes are no losses."""
         tooth, profile = self.tooth, half_profile(self.tooth)
-        pitch = tooth.sign * 2 * math.pi / tooth.teeth
+        pitch = tooth.sign * 2 * math.pi / tooth.rack.teeth
         # teeth one after the other across the tooth in the middle
         turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
         row = [turn * _between(-profile.conj(), profile) for turn in turns]
@@ -210,25 +214,26 @@ class FormCurve:
 
     Parameters
     ----------
-    group, name : str
+    group, form : str
         The form, and the variant of it.
     stiffness : MeshStiffness
     stiffness_n_per_m : ndarray, shape (p,)
         At the phases of the comparison [N/m].
-    lines : complex ndarray, shape (n,)
-        c_1 ... c_n of ``k = mean (1 + sum_n (c_n exp(2 pi i n phase) + conj))``.
+    amplitudes_n_per_m : ndarray, shape (n,)
+        Of the mesh harmonics [N/m], exact and none aliased.
     """
 
     group: str
-    name: str
+    form: str
     stiffness: MeshStiffness
     stiffness_n_per_m: FloatArray
-    lines: ComplexArray
+    amplitudes_n_per_m: FloatArray
 
-    @property
-    def amplitudes_n_per_m(self) -> FloatArray:
-        """Amplitudes 2 |c_n| mean of the mesh harmonics [N/m]."""
-        return np.asarray(2 * np.abs(self.lines) * self.stiffness.healthy_mean_n_per_m)
+    def to_dict(self) -> dict[str, Any]:
+        """Return what it makes of the mesh in built-in types."""
+        mean, variation = self.stiffness.healthy_mean_n_per_m, self.stiffness.variation
+        told = {"mean_stiffness_n_per_m": mean, "stiffness_variation": variation}
+        return {"form": self.form} | told
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -240,11 +245,14 @@ class FormComparison(Result):
     machine : str
     stage : int
     mesh : str
-    mesh_frequency_hz : float or None
-        None where the machine has no operating point.
-    phase : ndarray, shape (p,)
-        [mesh periods].
-    curves : tuple of FormCurve
+    contact_ratio, overlap_ratio : float
+        Transverse contact ratio and overlap ratio.
+    forms : tuple of FormCurve
+    table : list of dict
+        The curves: one row a phase, one column a form, in N/m.
+    spectrum : list of dict
+        One row a mesh harmonic, amplitudes in N/m; without frequencies where the machine tells
+        no load.
     """
 
     picture = "stiffness_plots.form_figure"
@@ -252,61 +260,18 @@ class FormComparison(Result):
     machine: str
     stage: int
     mesh: str
-    mesh_frequency_hz: float | None
-    phase: FloatArray
-    curves: tuple[FormCurve, ...]
-
-    @property
-    def contact_ratio(self) -> float:
-        """Transverse contact ratio."""
-        return self.curves[0].stiffness.contact_ratio
+    contact_ratio: float
+    overlap_ratio: float
+    forms: tuple[FormCurve, ...]
+    table: list[dict[str, Any]]
+    spectrum: list[dict[str, Any]]
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the curves: one row a phase, one column a form, in N/m."""
-        values = [curve.stiffness_n_per_m for curve in self.curves]
-        rows = channel_rows("mesh_phase", self.phase, values, list(map(_column, self.curves)))
-        return [{"stage": self.stage} | row for row in rows]
-
-    def line_rows(self) -> list[dict[str, Any]]:
-        """Return the spectra: one row a mesh harmonic, amplitudes in N/m."""
-        hertz, columns = self.mesh_frequency_hz, list(map(_column, self.curves))
-        amplitudes = np.transpose([curve.amplitudes_n_per_m for curve in self.curves]).tolist()
-        return [
-            {"stage": self.stage, "mesh_harmonic": n}
-            | ({} if hertz is None else {"frequency_hz": n * hertz})
-            | dict(zip(columns, row, strict=True))
-            for n, row in enumerate(amplitudes, start=1)
-        ]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return everything in built-in types."""
-        return {
-            "machine": self.machine,
-            "stage": self.stage,
-            "mesh": self.mesh,
-            "contact_ratio": self.contact_ratio,
-            "overlap_ratio": self.curves[0].stiffness.overlap_ratio,
-            "forms": [
-                {
-                    "form": curve.name,
-                    "mean_stiffness_n_per_m": curve.stiffness.healthy_mean_n_per_m,
-                    "stiffness_variation": curve.stiffness.variation,
-                }
-                for curve in self.curves
-            ],
-            "table": self.rows(),
-            "spectrum": self.line_rows(),
-        }
+        return self.table
 
 
-def compare_forms(
-    machine: Any,
-    stage: int = 1,
-    *,
-    forms: Iterable[tuple[str, AnyForm]] | None = None,
-    points_per_mesh: int = 200,
-    harmonics: int = 20,
-) -> FormComparison:
+def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
     """Return the four forms of the stiffness of a healthy mesh side by side, with their spectra.
 
     Parameters
@@ -314,11 +279,6 @@ def compare_forms(
     machine : Machine
     stage : int
         Counted from 1; of a planetary stage its sun-planet mesh.
-    forms : iterable of (str, form), optional
-        Group and form of each curve; by default `FOUR_FORMS`.
-    points_per_mesh : int, 2 to 100,000
-    harmonics : int, 1 to 10,000
-        Mesh harmonics of the spectra, exact and none aliased.
 
     Returns
     -------
@@ -327,31 +287,30 @@ def compare_forms(
     Raises
     ------
     ArgumentError
-        If the machine lacks data, or a form or number has no meaning.
+        If the machine lacks data, or has no such stage.
     """
-    check_range("stage", stage, 1, len(machine.stages))
-    check_range("points_per_mesh", points_per_mesh, 2, 100_000)
-    check_range("harmonics", harmonics, 1, 10_000)
-    usual = [(group, name) for group, names in FOUR_FORMS.items() for name in names]
-    wanted = usual if forms is None else list(forms)
-    if not wanted:
-        raise ArgumentError("forms: at least one form must be given")
-    pair = mesh_pairs(machine.stages[stage - 1], stage, machine.path)[0]
+    pair = pair_of(machine, stage)
     force, hertz = _running(machine, stage)
-    phase = np.arange(2 * points_per_mesh + 1) / points_per_mesh
-
-    def curve(group: str, form: AnyForm) -> FormCurve:
-        found = mesh_stiffness(pair, (), form, force_n=force)
-        name = form if isinstance(form, str) else form.name
-        return FormCurve(group, name, found, found.at(phase), found.mesh_harmonics(harmonics))
-
+    phase, curves = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH, []
+    for group, name in FOUR_FORMS:
+        found = mesh_stiffness(pair, (), name, force_n=force)
+        lines = 2 * np.abs(found.mesh_harmonics(HARMONICS)) * found.healthy_mean_n_per_m
+        curves.append(FormCurve(group, name, found, found.at(phase), lines))
+    heads = [f"{own.form.replace('-', '_')}_n_per_m" for own in curves]
+    table = channel_rows("mesh_phase", phase, [own.stiffness_n_per_m for own in curves], heads)
+    spectrum = []
+    for n, row in enumerate(np.transpose([own.amplitudes_n_per_m for own in curves]).tolist(), 1):
+        place = {"mesh_harmonic": n} | ({} if hertz is None else {"frequency_hz": n * hertz})
+        spectrum.append({"stage": stage} | place | dict(zip(heads, row, strict=True)))
     return FormComparison(
         machine=machine.name,
         stage=stage,
         mesh=pair.name,
-        mesh_frequency_hz=hertz,
-        phase=phase,
-        curves=tuple(curve(*one) for one in wanted),
+        contact_ratio=pair.contact_ratio,
+        overlap_ratio=pair.overlap_ratio,
+        forms=tuple(curves),
+        table=[{"stage": stage} | row for row in table],
+        spectrum=spectrum,
     )
 
 
@@ -362,10 +321,6 @@ def _running(machine: Any, stage: int, mesh: int = 0) -> tuple[float | None, flo
     except ArgumentError:
         return None, None
     return mechanics.force_n, mechanics.mesh_frequency_hz
-
-
-def _column(curve: FormCurve) -> str:
-    return f"{curve.name.replace('-', '_')}_n_per_m"
 
 
 @dataclass(frozen=True)
@@ -463,7 +418,7 @@ class StageStiffness:
         return [{"stage": self.stage, "mesh": self.mesh} | row for row in rows]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the table and the picture in built-in types."""
+        """Return everything but the picture in built-in types."""
         return {
             "stage": self.stage,
             "mesh": self.mesh,
@@ -480,6 +435,7 @@ class StageStiffness:
                 for name, share in self.shares.items()
             },
             "warnings": list(self.warnings),
+            "table": self.rows(),
         }
 
 
@@ -503,11 +459,6 @@ class StiffnessReport(Result):
         """Return the tables of all stages, one after the other."""
         return [row for stage in self.stages for row in stage.rows()]
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the report, with its tables, in built-in types."""
-        stages = [stage.to_dict() | {"table": stage.rows()} for stage in self.stages]
-        return {"machine": self.machine, "stages": stages}
-
 
 def stiffness_report(
     machine: Any,
@@ -515,7 +466,6 @@ def stiffness_report(
     *,
     form: AnyForm = "potential-energy",
     stage: int | None = None,
-    points_per_mesh: int = 200,
 ) -> StiffnessReport:
     """Return the stiffness of the meshes of a machine, healthy and damaged.
 
@@ -528,7 +478,6 @@ def stiffness_report(
         See `gears.stiffness.mesh_stiffness`.
     stage : int, optional
         Only this stage, counted from 1; by default all of them.
-    points_per_mesh : int, 2 to 100,000
 
     Returns
     -------
@@ -539,7 +488,6 @@ def stiffness_report(
     ArgumentError
         If the machine lacks data, its gears cannot run, or a fault does not fit.
     """
-    check_range("points_per_mesh", points_per_mesh, 2, 100_000)
     last = len(machine.stages)
     known = faults_of(faults, errors=False, stages=last)
     if stage is not None:
@@ -550,7 +498,7 @@ def stiffness_report(
         for mesh, pair in enumerate(mesh_pairs(machine.stages[number - 1], number, machine.path)):
             # overrides of a planetary stage are meant for sun and planet
             if pair.is_main or pair.stage.module_mm is not None:
-                stages.append(_mesh(machine, pair, mesh, own, form, points_per_mesh))
+                stages.append(_mesh(machine, pair, mesh, own, form))
     return StiffnessReport(machine=machine.name, stages=tuple(stages))
 
 
@@ -575,7 +523,7 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
 
 
 def _mesh(
-    machine: Any, pair: MeshPair, mesh: int, faults: tuple[Fault, ...], form: AnyForm, points: int
+    machine: Any, pair: MeshPair, mesh: int, faults: tuple[Fault, ...], form: AnyForm
 ) -> StageStiffness:
     number = pair.number or 1
     force = _running(machine, number, mesh)[0]
@@ -591,7 +539,7 @@ def _mesh(
         mesh=pair.name,
         healthy=healthy,
         damaged=damaged,
-        phase=_window(losses, healthy, points),
+        phase=_window(losses, healthy),
         contact_phase=contact,
         shares=teeth.compliances(teeth.roll(contact)).shares if teeth else {},
         faults=losses,
@@ -609,13 +557,12 @@ def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
         return None
 
 
-def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness, points: int) -> FloatArray:
+def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness) -> FloatArray:
     tooth = next((entry.fault.tooth for entry in losses if entry.fault.tooth is not None), None)
-    if tooth is None:
-        return np.arange(points + 1) / points
     # the tooth before and the tooth after show what is sound
-    meshes = math.ceil(mesh.total_contact_ratio) + 2
-    return tooth - 2 + np.arange(meshes * points + 1) / points
+    meshes = 1 if tooth is None else math.ceil(mesh.total_contact_ratio) + 2
+    first = 0 if tooth is None else tooth - 2
+    return first + np.arange(meshes * POINTS_PER_MESH + 1) / POINTS_PER_MESH
 
 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:

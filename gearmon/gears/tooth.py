@@ -190,9 +190,8 @@ class Tooth:
     Parameters
     ----------
     name : str
-    teeth : float
-        Positive, for a ring too; of helical gears that of their normal section.
     rack : RackTooth
+        Of helical gears that of their normal section.
     module_m : float
         Normal module [m]; the rack is in such modules.
     base_radius_m, reference_radius_m, root_radius_m, tip_radius_m : float
@@ -209,12 +208,9 @@ class Tooth:
         circle); a straight part of constant thickness from the base circle to the root circle (an
         involute cut by the root circle where that is larger, and in a ring); or nothing below the
         base circle (Yang & Lin 1987), an option for comparison only.
-    internal : bool
-        Whether the tooth belongs to a ring.
     """
 
     name: str
-    teeth: float
     rack: RackTooth
     module_m: float
     base_radius_m: float
@@ -227,7 +223,6 @@ class Tooth:
     elastic_modulus_pa: float
     poisson_ratio: float = 0.3
     root: Root = "fillet"
-    internal: bool = False
 
     def __post_init__(self) -> None:
         thickness = self.bore_radius_m - self.root_radius_m
@@ -254,10 +249,10 @@ class Tooth:
         """Return -1 for a ring, whose teeth point to its centre, else 1."""
         return -1 if self.internal else 1
 
-    @cached_property
-    def base_half_angle_rad(self) -> float:
-        """Half the angle that the tooth takes on the base circle; of a ring that of its spaces."""
-        return self.rack.base_half_angle
+    @property
+    def internal(self) -> bool:
+        """Whether the tooth belongs to a ring."""
+        return self.rack.internal
 
     @cached_property
     def start(self) -> float:
@@ -274,11 +269,11 @@ class Tooth:
     def angle(self, roll_m: ArrayLike) -> FloatArray:
         """Return the profile angle t [rad] of roll lengths [m]."""
         rolled = np.asarray(roll_m, dtype=np.float64) / self.base_radius_m
-        return np.asarray(self.sign * (rolled - self.base_half_angle_rad))
+        return np.asarray(self.sign * (rolled - self.rack.base_half_angle))
 
     def roll(self, angle: ArrayLike) -> FloatArray:
         """Return the roll length [m] of profile angles t [rad]; the inverse of `angle`."""
-        return self.base_radius_m * (self.slope(angle) + self.base_half_angle_rad)
+        return self.base_radius_m * (self.slope(angle) + self.rack.base_half_angle)
 
     def slope(self, angle: ArrayLike) -> FloatArray:
         """Return the angle [rad] by which the force on the flank points into the tooth's root.
@@ -290,7 +285,7 @@ class Tooth:
     def angle_at_radius(self, radius_m: float) -> float:
         """Return the profile angle t [rad] on a circle outside the base circle."""
         rolled = math.sqrt(max((radius_m / self.base_radius_m) ** 2 - 1, 0.0))
-        return self.sign * (rolled - self.base_half_angle_rad)
+        return self.sign * (rolled - self.rack.base_half_angle)
 
     def radius_below_tip(self, depth_m: float) -> float:
         """Return the radius [m] of a circle this far below the tip circle."""
@@ -304,7 +299,7 @@ class Tooth:
     def flank(self, angle: ArrayLike) -> ComplexArray:
         """Return points of the loaded side: half thickness + i height [m], from the centre."""
         slope = self.slope(angle)
-        along = np.exp(1j * slope) * (slope + self.base_half_angle_rad + 1j)
+        along = np.exp(1j * slope) * (slope + self.rack.base_half_angle + 1j)
         return np.asarray(self.sign * self.base_radius_m * along)
 
     def height(self, angle: ArrayLike) -> FloatArray:
@@ -332,7 +327,7 @@ class Tooth:
             return fillet_root(self.rack, self.module_m)
         if self.root == "base" or self.internal or self.root_radius_m >= self.base_radius_m:
             return None
-        return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle_rad)
+        return straight_root(self.base_radius_m, self.root_radius_m, self.rack.base_half_angle)
 
     @cached_property
     def crack_start(self) -> complex:
@@ -455,7 +450,6 @@ def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Roo
         roll = roomy_roll(base, root_m, half, math.pi / gear.teeth, roll)
     return Tooth(
         name=gear.name,
-        teeth=gear.teeth,
         rack=pair.rack(index),
         module_m=pair.normal_module_m,
         base_radius_m=base,
@@ -468,7 +462,6 @@ def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Roo
         elastic_modulus_pa=gear.elastic_modulus_pa,
         poisson_ratio=nu,
         root=root,
-        internal=pair.sign(index) < 0,
     )
 
 
@@ -631,7 +624,7 @@ class Foundation:
         rack = self.tooth.rack
         alpha, rounding = rack.pressure_angle_rad, rack.rounding
         across = math.pi / 2 + 2 * math.tan(alpha) * (rack.straight_depth - rounding)
-        return (across + 2 * rounding / math.cos(alpha)) / self.tooth.teeth
+        return (across + 2 * rounding / math.cos(alpha)) / self.tooth.rack.teeth
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -685,7 +678,7 @@ class Foundation:
         inner, root = tooth.bore_radius_m, tooth.root_radius_m
         stiff = tooth.elastic_modulus_pa / (4 * math.pi * tooth.shear_modulus_pa)
         torsion = stiff * tooth.base_radius_m**2 * (inner**-2 - root**-2)
-        dip = COUPLING_SLOPE * math.log(tooth.teeth / apart) + COUPLING_CONSTANT
+        dip = COUPLING_SLOPE * math.log(tooth.rack.teeth / apart) + COUPLING_CONSTANT
         dip += COUPLING_BORE * inner / tooth.reference_radius_m
         return max(0.0, torsion + dip) / (tooth.elastic_modulus_pa * tooth.face_width_m)
 
@@ -748,7 +741,7 @@ class RingBody:
         ahead, behind : ndarray
             Profile angles of the contacts of the tooth that entered first and of the other.
         """
-        away = -2 * math.pi * apart / self.tooth.teeth
+        away = -2 * math.pi * apart / self.tooth.rack.teeth
         return np.maximum(self.deflection(ahead, behind, away), 0.0)
 
     def deflection(

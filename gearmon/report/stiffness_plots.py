@@ -219,14 +219,14 @@ def form_figure(comparison: FormComparison) -> Picture:
     -------
     Picture
     """
-    groups = list(dict.fromkeys(curve.group for curve in comparison.curves))
+    groups = list(dict.fromkeys(curve.group for curve in comparison.forms))
     figure = sheet(11.5, 0.9 + 2.0 * len(groups))
     axes = figure.subplots(len(groups), 2, sharex="col", squeeze=False)
     for group, (left, right) in zip(groups, axes, strict=True):
         _plot_form(comparison, group, left)
         _plot_form_lines(comparison, group, right)
     axes[-1][0].set_xlabel("mesh phase in mesh periods")
-    frequency = comparison.mesh_frequency_hz
+    frequency = comparison.spectrum[0].get("frequency_hz")
     times = "" if frequency is None else f" (times {frequency:.5g} Hz)"
     axes[-1][1].set_xlabel(f"mesh harmonic{times}")
     figure.suptitle(
@@ -239,16 +239,16 @@ def form_figure(comparison: FormComparison) -> Picture:
 
 def _plot_form(comparison: FormComparison, group: str, ax: Axes) -> None:
     """Draw the curves of one form over the mesh periods, the first form of all in grey."""
-    phase, reference = comparison.phase, comparison.curves[0]
+    phase, reference = [row["mesh_phase"] for row in comparison.table], comparison.forms[0]
     if reference.group != group:
         known = _GN * reference.stiffness_n_per_m
         ax.plot(phase, known, color=_GREY, linewidth=0.9, alpha=0.7, label="reference")
-    own = [curve for curve in comparison.curves if curve.group == group]
+    own = [curve for curve in comparison.forms if curve.group == group]
     for curve, colour, width in zip(own, (BLUE, RED), (1.6, 1.1), strict=False):
-        name = _FORMS.get(curve.name, curve.name)
+        name = _FORMS[curve.form]
         ax.plot(phase, _GN * curve.stiffness_n_per_m, color=colour, linewidth=width, label=name)
-    least = _GN * min(curve.stiffness_n_per_m.min() for curve in comparison.curves)
-    most = _GN * max(curve.stiffness_n_per_m.max() for curve in comparison.curves)
+    least = _GN * min(curve.stiffness_n_per_m.min() for curve in comparison.forms)
+    most = _GN * max(curve.stiffness_n_per_m.max() for curve in comparison.forms)
     ax.set_xlim(phase[0], phase[-1])
     # room for the names of the curves above them
     ax.set_ylim(least - 0.08 * (most - least), most + 0.55 * (most - least))
@@ -258,14 +258,14 @@ def _plot_form(comparison: FormComparison, group: str, ax: Axes) -> None:
 
 def _plot_form_lines(comparison: FormComparison, group: str, ax: Axes) -> None:
     """Draw the spectrum of one form: amplitudes of the mesh harmonics, without the mean."""
-    own = [curve for curve in comparison.curves if curve.group == group]
+    own = [curve for curve in comparison.forms if curve.group == group]
     shifts = [0.0] if len(own) == 1 else [-0.13, 0.13]
     for curve, colour, shift in zip(own, (BLUE, RED), shifts, strict=False):
-        orders = np.arange(1, len(curve.lines) + 1) + shift
         height = _MN * curve.amplitudes_n_per_m
+        orders = np.arange(1, len(height) + 1) + shift
         ax.vlines(orders, 0, height, color=colour, linewidth=1.4)
         ax.plot(orders, height, "o", color=colour, markersize=3.5)
-    top = _MN * max(float(curve.amplitudes_n_per_m.max()) for curve in comparison.curves)
-    ax.set(xlim=(0.3, len(own[0].lines) + 0.7), ylim=(0, 1.08 * top if top else 1.0))
+    top = _MN * max(float(curve.amplitudes_n_per_m.max()) for curve in comparison.forms)
+    ax.set(xlim=(0.3, len(height) + 0.7), ylim=(0, 1.08 * top if top else 1.0))
     ax.set_ylabel("amplitude in MN/m")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))

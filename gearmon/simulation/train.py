@@ -322,7 +322,7 @@ def _mesh(
     mechanics = stage_mechanics(
         made.machine, number, made.point, faults=faults, mesh=int(pair.second.internal)
     )
-    if mechanics.torque_nm is None:  # the stage gives its force, which the load must scale
+    if pair.stage.force_n is not None:  # the load must scale it, as it does a torque
         mechanics = replace(mechanics, force_n=made.load * mechanics.force_n)
     first, second = (_errors(made, pair, member, planet) for member in pair.members)
     mesh = ToothMesh(

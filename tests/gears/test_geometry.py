@@ -56,11 +56,10 @@ def pairs(draw, internal=False):
 PUBLISHED = [
     (
         pair_geometry(
-            gear(16, 0.1817),
-            gear(24, 0.1715),
+            gear(16, 0.1817, tip_shortening=0.0),
+            gear(24, 0.1715, tip_shortening=0.0),
             module_m=0.0045,
             centre_distance_m=0.0915,
-            tip_shortening=0.0,
         ),
         (41.318, 59.272, 91.5, 22.439, 19.4291, 1.46253),
     ),
@@ -121,12 +120,11 @@ def test_contact_ratio_of_another_published_pair():
 def test_planet_in_ring_matches_published_contact_ratio():
     """The planet's tips are those of its mesh with the sun."""
     ring = pair_geometry(
-        gear(36, 0.5039),
+        gear(36, 0.5039, tip_shortening=-0.083376),
         gear(93, 0.1171, name="ring"),
         module_m=0.021,
         centre_distance_m=0.584,
         internal=True,
-        tip_shortening=(-0.083376, 0.0),
     )
     assert ring.transverse_contact_ratio == pytest.approx(1.618, abs=1e-3)
 
@@ -395,11 +393,10 @@ def test_the_cure_in_the_message_cures():
 def test_undercut_outside_the_path_of_contact_is_a_warning():
     """FZG type A, a standard test gear, has a slightly undercut wheel that runs well."""
     pair = pair_geometry(
-        gear(16, 0.8532, name="pinion"),
-        gear(24, -0.5, name="gear"),
+        gear(16, 0.8532, name="pinion", tip_shortening=0.0),
+        gear(24, -0.5, name="gear", tip_shortening=0.0),
         module_m=0.0045,
         centre_distance_m=0.0915,
-        tip_shortening=0.0,
     )
     assert any("gear are undercut below the path of contact" in text for text in pair.warnings)
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.mechanics import equivalent_mass
-from gearmon.gears.pairs import Body, mesh_pairs, method_b
+from gearmon.gears.pairs import mesh_pairs, method_b
 from gearmon.machine import ParallelStage, PlanetaryStage
 
 DEG = math.pi / 180
@@ -42,14 +42,14 @@ ROWS = {
     "sun and planet": (
         tooth(18, 0.3890),
         tooth(36, 0.5039),
-        {"contact_ratio": 1.370, "web": Body(web_ratio=0.25, rim_factor=3.5)},
+        {"contact_ratio": 1.370, "web": (0.25, 3.5)},
         (18.1986, 0.8623, 0.975, 12.240, 15.640, 13.294),
         5e-4,
     ),
     "planet and ring": (
         tooth(36, 0.5039),
         tooth(93, 0.1171, internal=True),
-        {"contact_ratio": 1.618, "web": Body(web_ratio=0.25, rim_factor=3.5)},
+        {"contact_ratio": 1.618, "web": (0.25, 3.5)},
         (20.8939, 0.8623, 0.975, 14.053, 20.563, 17.479),
         5e-4,
     ),
@@ -137,9 +137,7 @@ def test_pressure_angle_and_rack_factor():
 
 @pytest.mark.parametrize(("web", "rim"), [(0.1, 2.0), (0.2, 0.5), (2.0, 3.0)])
 def test_blank_factor_stays_in_its_range(web, rim):
-    found = method_b(
-        tooth(20), tooth(40), contact_ratio=1.5, web=Body(web_ratio=web, rim_factor=rim)
-    ).blank
+    found = method_b(tooth(20), tooth(40), contact_ratio=1.5, web=(web, rim)).blank
     expected = 1 + math.log(min(max(web, 0.2), 1.2)) / (5 * math.exp(max(rim, 1.0) / 5))
     assert found == pytest.approx(expected)
 
@@ -212,6 +210,29 @@ def test_published_planetary_stage_with_its_webbed_planet(mesh, expected):
     assert row(mesh_pairs(TURBINE)[mesh]) == pytest.approx(expected, rel=5e-4)
 
 
+@pytest.mark.parametrize("gear", ["sun", "planet", "ring"])
+def test_given_diameters_go_before_factors(gear):
+    """The circles of a gear, told as diameters beside factors that say something else."""
+    helical = {"helix_angle_deg": 8.0, "centre_distance_mm": 590.0}
+    stage = replace(TURBINE, tip_shortening=-0.02, **helical)
+    mesh, index = {"sun": (0, 0), "planet": (1, 0), "ring": (1, 1)}[gear]
+    known = mesh_pairs(stage)[mesh].geometry
+    for circle in ("tip", "root"):
+        diameter = {
+            f"{circle}_diameter_{gear}_mm": 2e3 * getattr(known, f"{circle}_radii_m")[index]
+        }
+        told = replace(stage, **diameter, **{f"{circle}_factor_{gear}": 1.1})
+        found = mesh_pairs(told)[mesh].geometry
+        assert found.tip_radii_m == pytest.approx(known.tip_radii_m, rel=1e-12)
+        assert found.root_radii_m == pytest.approx(known.root_radii_m, rel=1e-12)
+
+
+def test_the_shortening_of_a_stage_is_that_of_sun_and_planet_alone():
+    inner, outer = (pair.geometry for pair in mesh_pairs(replace(TURBINE, tip_shortening=-0.05)))
+    assert inner.tip_shortening == (-0.05, -0.05)
+    assert outer.tip_shortening == (-0.05, 0.0)
+
+
 def test_speed_increasing_stage_has_the_same_stiffness():
     """Index 1 is the gear with fewer teeth, whichever drives."""
     swapped = replace(
@@ -278,8 +299,8 @@ def test_resonance_speed_of_the_published_helical_pair():
         ({"profile_shift": 2.3}, {}, "outside -0.5 ... 2"),
         ({}, {"load_n_per_mm": 50.0}, "below 100 N/mm"),
         ({}, {"load_n_per_mm": 2000.0}, "above 1600 N/mm"),
-        ({}, {"web": Body(web_ratio=0.1, rim_factor=2.0)}, "b_s/b = 0.1 is outside 0.2 ... 1.2"),
-        ({}, {"web": Body(web_ratio=0.3, rim_factor=0.6)}, "s_R/m_n = 0.6 is below 1"),
+        ({}, {"web": (0.1, 2.0)}, "b_s/b = 0.1 is outside 0.2 ... 1.2"),
+        ({}, {"web": (0.3, 0.6)}, "s_R/m_n = 0.6 is below 1"),
     ],
 )
 def test_limits_that_are_left_are_reported(change, data, match):

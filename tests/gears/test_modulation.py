@@ -121,8 +121,7 @@ def test_contact_begins_and_ends_where_circles_say(stage, mesh, index, monkeypat
                 )
                 offsets = contact_offsets(pair, [error])
                 found = meets(circles, who, rolls[who], even, teeth)
-                angle = 2 * math.pi * found / teeth[index]
-                leaving, entering, _ = state_of(offsets, [np.array(angle)], 0.0)
+                leaving, entering, _ = state_of(offsets, np.array(found), 0.0)
                 shift = float(leaving if name == "leaving" else entering)
                 moved = found - even if name == "entering" else even - found
                 worst = max(worst, abs(moved - shift))

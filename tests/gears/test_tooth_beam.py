@@ -19,7 +19,6 @@ from gearmon.gears.tooth_pairs import (
     PotentialEnergy,
     hertz_compliance,
     tooth_pair,
-    weber_banaschek_compliance,
 )
 
 
@@ -42,7 +41,7 @@ def test_ross_pair():
     pair = teeth(62, 62, 2, 20, (17.5, 17.5))
     bodies = [Foundation(tooth=tooth, arm="contact") for tooth in pair.teeth]
     tooth, foundation = pair.first, bodies[0]
-    assert tooth.base_half_angle_rad == pytest.approx(0.04023980849, rel=1e-9)
+    assert tooth.rack.base_half_angle == pytest.approx(0.04023980849, rel=1e-9)
     assert foundation.root_angle_rad == pytest.approx(0.04565847873, rel=1e-9)
     assert pair.contact_ratio == pytest.approx(1.78977987, rel=1e-8)
     hertz = float(hertz_compliance(0.02, (206e9, 206e9), 0.3))
@@ -53,7 +52,7 @@ def test_ross_pair():
     def total(angles):
         found = hertz
         for angle, beam, body in zip(angles, pair.sound, bodies, strict=True):
-            t = np.array([math.tan(angle) - tooth.base_half_angle_rad])
+            t = np.array([math.tan(angle) - tooth.rack.base_half_angle])
             found += sum(part[0] for part in beam.compliances(t)) + body.compliance(t)[0]
         return 1 / found
 
@@ -72,7 +71,7 @@ def test_ross_pair_with_the_arm_to_the_axis():
     def total(angles):
         found = float(hertz_compliance(0.02, (206e9, 206e9), 0.3))
         for angle, beam, body in zip(angles, pair.sound, pair.foundations, strict=True):
-            t = np.array([math.tan(angle) - pair.first.base_half_angle_rad])
+            t = np.array([math.tan(angle) - pair.first.rack.base_half_angle])
             found += sum(part[0] for part in beam.compliances(t)) + body.compliance(t)[0]
         return 1 / found
 
@@ -140,8 +139,8 @@ def test_parts_of_the_paper_pair(fraction, expected, pair):
 
 
 def test_paper_pair_angles_and_path():
-    assert PAPER.first.base_half_angle_rad == pytest.approx(0.0753196, abs=5e-8)
-    assert PAPER.second.base_half_angle_rad == pytest.approx(0.0445421, abs=5e-8)
+    assert PAPER.first.rack.base_half_angle == pytest.approx(0.0753196, abs=5e-8)
+    assert PAPER.second.rack.base_half_angle == pytest.approx(0.0445421, abs=5e-8)
     assert PAPER.foundations[0].root_angle_rad == pytest.approx(0.1088779, abs=5e-8)
     assert PAPER.foundations[1].root_angle_rad == pytest.approx(0.0534118, abs=5e-8)
     np.testing.assert_allclose(PAPER.path_m, (3.683127e-3, 13.677609e-3), rtol=1e-6)
@@ -245,44 +244,6 @@ def test_single_pair_of_the_beam(numbers, expected):
 
 
 @pytest.mark.parametrize(
-    ("z1", "z2", "finite_elements", "both"),
-    [
-        (26, 53, 15.47, 13.24),
-        (19, 48, 15.31, 13.00),
-        (50, 50, 15.47, 13.42),
-        (24, 95, 15.18, 13.06),
-    ],
-)
-def test_load_dependent_contact_at_300_n_per_mm(z1, z2, finite_elements, both):
-    """Finite elements with k_h and with this contact, module 2 mm: the difference is the contact.
-
-    58 to 65 N/(mm um) against 177.8 of the constant form.
-    """
-    pair = teeth(z1, z2, 2, 20, (0.4 * z1, 0.4 * z2), contact="load-dependent")
-    roll = pair.roll(0.5 * pair.contact_ratio)
-    hertz = 1e-6 / float(pair.compliances(roll, force_n=300e3 * 0.02).hertz) / 20
-    assert 58 < hertz < 65
-    assert hertz == pytest.approx(1 / (1 / both - 1 / finite_elements + 1 / 177.793), rel=5e-3)
-
-
-def test_load_dependent_contact_stiffens_with_load():
-    soft, hard = (
-        weber_banaschek_compliance(
-            np.array([force]),
-            0.02,
-            np.array([5e-3]),
-            (np.array([2e-3]), np.array([2e-3])),
-            (206e9, 206e9),
-            0.3,
-        )
-        for force in (1e3, 1e4)
-    )
-    plane = (1 - 0.3**2) / (math.pi * 206e9)
-    # ten times the load adds ln(10)/2 to the bracket
-    assert soft - hard == pytest.approx(4 * plane / 0.02 * math.log(10) / 2)
-
-
-@pytest.mark.parametrize(
     ("width", "modulus", "expected"), [(0.020, 206e9, 3.555869e9), (0.016, 206.8e9, 2.855742e9)]
 )
 def test_contact_stiffness(width, modulus, expected):
@@ -316,7 +277,7 @@ def test_closed_form_of_the_straight_root():
     """Integrals from the root circle to the base circle in closed form."""
     tooth = STRAIGHT.first
     a1 = 0.2
-    alpha2, ratio = tooth.base_half_angle_rad, tooth.root_radius_m / tooth.base_radius_m
+    alpha2, ratio = tooth.rack.base_half_angle, tooth.root_radius_m / tooth.base_radius_m
     alpha3 = math.asin(math.sin(alpha2) / ratio)
     c = math.cos(a1)
     bending = (1 - ratio * c * math.cos(alpha3)) ** 3 - (1 - c * math.cos(alpha2)) ** 3
@@ -404,8 +365,6 @@ def test_bores_that_do_not_fit_are_refused(bore):
 def test_unknown_choices_are_refused():
     with pytest.raises(ArgumentError, match="root='round' is not one of fillet, straight, base"):
         PotentialEnergy(root="round")
-    with pytest.raises(ArgumentError, match="contact='hard' is not one of"):
-        PotentialEnergy(contact="hard")
 
 
 def test_range_of_the_foundation_fit_is_reported():

@@ -160,9 +160,7 @@ def test_orders_maps_averages_and_indicators():
 
 def test_stiffness_forms_and_stability():
     pair = load_machine(SIGNATURES / "reference_pair.toml")
-    (sheet,) = stiffness_figures(
-        stiffness_report(pair, ["crack:1:pinion:5:20%"], points_per_mesh=20)
-    ).values()
+    (sheet,) = stiffness_figures(stiffness_report(pair, ["crack:1:pinion:5:20%"])).values()
     assert labels(sheet) == {
         "across the line of centres in mm",
         "along the line of centres in mm",
@@ -175,12 +173,12 @@ def test_stiffness_forms_and_stability():
         "depth of the root crack (pinion) in mm",
         "loss of pair stiffness in %",
     }
-    forms = compare_forms(pair, harmonics=5)
+    forms = compare_forms(pair)
     assert labels(form_figure(forms)) == {
         "mesh phase in mesh periods",
         "stiffness in GN/m",
         "amplitude in MN/m",
-        f"mesh harmonic (times {forms.mesh_frequency_hz:.5g} Hz)",
+        f"mesh harmonic (times {forms.spectrum[0]['frequency_hz']:.5g} Hz)",
     }
     chart = stability_map(FourierShape(np.array([0.5])), 0.02, (1.5, 2.5), 0.5, points=(12, 6))
     assert labels(stability_figure(chart)) == {

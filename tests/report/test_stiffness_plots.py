@@ -82,13 +82,13 @@ def test_size_curve(stage, sheet):
     ],
 )
 def test_sheets_of_every_kind(fault, tmp_path):
-    report = stiffness_report(machine(), [fault], points_per_mesh=20)
+    report = stiffness_report(machine(), [fault])
     assert len(stiffness_figure(report.stages[0]).axes) >= 4
     (path,) = save_all(stiffness_figures(report), tmp_path / "sheet.svg")
     assert path.read_bytes().startswith(b"<?xml")
 
 
 def test_each_stage_has_its_file(tmp_path):
-    report = stiffness_report(machine(2), points_per_mesh=20)
+    report = stiffness_report(machine(2))
     paths = save_all(stiffness_figures(report), tmp_path / "sheet.png")
     assert [path.name for path in paths] == ["sheet-stage1.png", "sheet-stage2.png"]

@@ -13,6 +13,7 @@ from reference.simulated_machines import one_pair, planetary, two_stages
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.mechanics import stage_mechanics
+from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, OperatingPoint, load_machine
 from gearmon.simulation.train import build_train
 
@@ -48,7 +49,7 @@ def test_static_forces_follow_the_torque_through_the_train():
     for machine in (two_stages(), held_rigidly()):
         train = build_train(machine)
         first, second = deflections(train) * train.system.mesh_stiffness
-        levers = [m.base_radii_m for m in train.mechanics]
+        levers = [mesh_pairs(stage)[0].base_radii_m for stage in machine.stages]
         assert first * levers[0][0] == pytest.approx(98.0)
         assert second * levers[1][0] == pytest.approx(98.0 * 53 / 26)
 

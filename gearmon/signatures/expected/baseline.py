@@ -24,7 +24,6 @@ import numpy.typing as npt
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import Method, steady_state
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.excitation import FlankError
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.gears.pulses import PulseTrain
@@ -484,10 +483,10 @@ def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[i
             yield train.period_mesh, np.concatenate([face + limits for face in faces])
     even = posed.stiffness.healthy
     for error in posed.excitation.errors:
-        if isinstance(error, FlankError):
+        if error.gap is not None:
             # what is missing beyond the contact of a pair moves nothing
             limits = np.minimum(error.gap.edges, even.terms[0].pulse.length)
-            limits = (error.tooth or 1) - 1 + limits
+            limits = (error.wrong.tooth or 1) - 1 + limits
             yield error.period_mesh, np.add.outer([0.0, even.overlap_ratio], limits).ravel()
 
 
@@ -496,5 +495,5 @@ def _all_corners(mesh: PosedMesh) -> Iterator[tuple[int, FloatArray]]:
     yield from ((train.period_mesh, train.corners) for train in moving)
     # damaged teeth lose what they lose where the teeth would be without the errors, and single
     # errors are shared as by these
-    apart = moving and not any(isinstance(e, FlankError) for e in mesh.excitation.errors)
+    apart = moving and not any(e.gap is not None for e in mesh.excitation.errors)
     yield from _corners(mesh, stiffness.pulses if apart else stiffness.trains)

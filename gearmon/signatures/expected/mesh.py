@@ -41,7 +41,7 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train, of_told_bearings
-from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
+from gearmon.gears.excitation import Excitation, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
 from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
@@ -89,13 +89,13 @@ class PosedMesh:
         """Gears that differ from tooth to tooth, and their teeth."""
         # an error that modulates the stiffness moves the flanks too
         trains = {t.gear: t.period_mesh for t in self.stiffness.pulses if " and " not in t.gear}
-        return trains | {e.gear: e.teeth for e in self.excitation.errors if e.period_mesh > 1}
+        return trains | {e.wrong.gear: e.teeth for e in self.excitation.errors if e.period_mesh > 1}
 
     @property
     def is_local(self) -> bool:
         """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
         return not self.stiffness.modulations and all(
-            isinstance(e, FlankError) or e.period_mesh == 1 for e in self.excitation.errors
+            e.gap is not None or e.period_mesh == 1 for e in self.excitation.errors
         )
 
 
@@ -166,7 +166,7 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
-        return self._with(lambda k: k.unmarked, errors=())
+        return self._with(lambda k: replace(k, pulses=(), modulations=()), errors=())
 
     def scaled(self, factor: float) -> PosedStage:
         """Return the same with `factor` times what its damaged teeth lose."""
