@@ -1,12 +1,13 @@
 """What a healthy verdict is worth: the damage that would have been heard."""
 
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from reference.gear_departures import complex_noise
 
-from gearmon.diagnosis.decision.evidence import heard_from, noticed_from
+from gearmon.diagnosis.decision.evidence import Evidence, heard_from, noticed_from, unheard
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law import GearDeviation
@@ -81,3 +82,21 @@ def test_levels_of_lightly_loaded_teeth_mean_little_beside_one_reference():
     assert gear(loaded=1.2, references=1).load_unlearned
     assert not gear(loaded=1.2, references=2).load_unlearned
     assert not gear(loaded=2.0, references=1).load_unlearned
+
+
+def test_what_was_not_looked_at_or_not_heard_is_named():
+    stage = ParallelStage(pinion_teeth=TEETH, gear_teeth=47)
+    pair = Machine(name="pair", operating=(OperatingPoint(speed_rpm=1500.0),), stages=(stage,))
+    clear = gear(1e4)
+    loss = heard_from(clear)
+    finding = SimpleNamespace(searched=(clear,))
+    found = Evidence(deviation=clear.deviation, finding=finding, references=2)
+    other = "the gear of stage 1"
+    assert unheard(found, pair, [], 2 * loss) == (other,)
+    assert unheard(found, pair, ["a2"], loss / 2) == (
+        "the pinion of stage 1",
+        other,
+        "what channel a2 hears",
+    )
+    nothing = Evidence(deviation=clear.deviation, finding=None, references=2)
+    assert unheard(nothing, pair, [], 0.4) == ("the pinion of stage 1", other)

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
 
-from gearmon.diagnosis.alone import own_teeth_flags, own_teeth_reason
+from gearmon.diagnosis.alone import mesh_lost, own_teeth_flags, own_teeth_reason
 from gearmon.diagnosis.decision import Evidence
 from gearmon.diagnosis.decision.evidence import decide
-from gearmon.diagnosis.decision.flags import Flagging, sentences
+from gearmon.diagnosis.decision.flags import Flagging, level_changes, sentences
 from gearmon.diagnosis.decision.words import fault_sentence, reason
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
 from gearmon.diagnosis.fault_types.judgement import rule_probabilities
@@ -21,7 +21,8 @@ from gearmon.diagnosis.hypotheses.runout import TurnChange, runout_growth
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
-from gearmon.diagnosis.results import Change, ToothProfile
+from gearmon.diagnosis.results import Analysis, Change, ToothProfile
+from gearmon.signatures.measured.line_plan import Family
 
 
 def levels(standardised=0.0, gain_db=0.0):
@@ -351,3 +352,49 @@ def test_sentences_begin_with_the_most_striking():
     assert "harmonic 1 rose 1.0 dB" in told[1]
     assert len(sentences([change(float(i)) for i in range(20)])) == 4
     assert sentences([]) == ()
+
+
+@pytest.mark.parametrize(
+    ("noise", "gain_db", "verdict", "told"),
+    [
+        (0.0, -30.0, "cannot tell", "30 dB quieter"),
+        (0.0, -15.0, "no mesh found", "No gear mesh"),
+        (3.0, -15.0, "fault", "is gone"),
+        (3.0, -21.0, "cannot tell", "stood still"),
+    ],
+)
+def test_a_mesh_that_is_gone_is_a_fault_but_where_all_is_quiet(noise, gain_db, verdict, told):
+    alone = Analysis(
+        recording="a",
+        machine="m",
+        verdict="no mesh found",
+        reason="No gear mesh of this machine stands out.",
+        score=0.0,
+        false_alarm_probability=1.0,
+        compared_with="nothing",
+        signature=None,
+        indicators={},
+        warnings=(),
+    )
+    found = mesh_lost(alone, evidence(noise=noise, noise_gain_db=gain_db).deviation, 3)
+    assert found.verdict == verdict
+    assert told in found.reason
+    assert [flag.kind for flag in found.flags] == ["mesh lost"] * (verdict == "fault")
+    assert found.compared_with == ("nothing" if verdict == "no mesh found" else "reference")
+
+
+def test_a_changed_level_is_what_was_expected_and_the_rest():
+    rest = np.array([[1.0, np.nan, -2.0]])
+    told = replace(levels(), expected_db=np.array([[-10.0, -20.0, -30.0]]), rest_db=rest)
+    told = replace(told, sigma_db=np.array([[0.5, 0.6, 0.7]]))
+    named = {"stage": 1, "gear": "gear", "spacing": 0.4, "shaft": 2, "lines": (0,)}
+    families = [Family(kind="sidebands", harmonic=k, **named) for k in (1, 2, 3)]
+    one, other = level_changes(told, ["a1"], families)
+    assert (one.level_db, one.reference_db, one.change_db, one.scatter_db) == (
+        -9.0,
+        -10.0,
+        1.0,
+        0.5,
+    )
+    assert (other.level_db, other.reference_db, other.standardised) == (-32.0, -30.0, -2.0 / 0.7)
+    assert (other.channel, other.family, other.harmonic) == ("a1", families[2].name, 3)
