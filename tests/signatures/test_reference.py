@@ -291,6 +291,14 @@ def test_a_recording_is_held_against_the_channels_that_both_have():
     np.testing.assert_array_equal(turned.level_db, reference().profiles[0].level_db[::-1])
 
 
+def test_channels_are_matched_by_name_in_whatever_order_they_were_recorded():
+    names = ("a2", "tacho", "a1")
+    known, rows = reference().shared_with(SimpleNamespace(channel_names=names))
+    assert (known.channel_names, rows) == (("a2", "a1"), [0, 2])
+    for part, whole in zip(known.profiles, reference().profiles, strict=True):
+        np.testing.assert_array_equal(part.level_db, whole.level_db[::-1])
+
+
 def test_planes_beside_the_turn_keep_their_channels():
     wheel = reference().profiles[0].wheels[0]
     beside = np.arange(2.0 * 2 * len(wheel.number)).reshape(2, 2, -1)

@@ -511,6 +511,18 @@ def test_forecasts_are_those_of_their_time():
     assert len(dated) == sum(c.status == "ahead" for c in whole.forecasts.values()) > 3
 
 
+def test_a_limit_that_one_tooth_has_reached_stands_before_that_of_another():
+    times = np.arange(24.0)
+    entries = []
+    for one, other in zip(0.02 * times, 0.008 * times, strict=True):
+        places = [tooth(1, float(one), 0.01), tooth(2, float(other), 0.01)]
+        entries.append(entry(len(entries), places))
+    found = history_trends(History(machine="conveyor", entries=tuple(entries)), limit=0.25)
+    status = {own.tooth: own.crossing.status for own in found.shown}
+    assert status == {1: "reached", 2: "ahead"}
+    assert found.forecasts[entries[-1].time_s].status == "reached"
+
+
 def test_evidence_is_followed_where_no_loss_is_estimated():
     history = cracked()
     bare = History(
