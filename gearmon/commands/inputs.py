@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import glob
-import os
 import shutil
 import sys
 import tempfile
@@ -210,7 +209,7 @@ def _mapped(workers: int) -> Iterator[Callable[..., Iterator[Any]]]:
     from concurrent.futures import ProcessPoolExecutor  # a single file does without
     from concurrent.futures.process import BrokenProcessPool
 
-    pool = ProcessPoolExecutor(workers, None, alone_on_a_core, (os.getpid(),))
+    pool = ProcessPoolExecutor(workers, initializer=alone_on_a_core)
     try:
         yield pool.map
     except BrokenProcessPool as error:

@@ -188,7 +188,7 @@ def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcom
     """Work through a queue; return what was at work when a process died."""
     running: dict[Future[Outcome], Job] = {}
     # not forked: threads that deliver alarms may run
-    pool = ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core, (os.getpid(),))
+    pool = ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core)
     try:
         if width == 1:
             # a process that is killed as it begins says nothing of the recording

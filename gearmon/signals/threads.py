@@ -67,14 +67,10 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-def alone_on_a_core(parent: int) -> None:
-    """Keep a process to one core; Ctrl-C is for who began it, and it goes when that is killed.
+def alone_on_a_core() -> None:
+    """Keep a process to one core; Ctrl-C is for who began it, and it goes when that is killed."""
+    from multiprocessing import parent_process
 
-    Parameters
-    ----------
-    parent : int
-        Number of the process that began it.
-    """
     os.environ[THREADS] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -82,7 +78,9 @@ def alone_on_a_core(parent: int) -> None:
         import ctypes
 
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-        if os.getppid() != parent:
+        began = parent_process()
+        # killed before this was asked; it need not be the parent by number: a server may fork
+        if began is None or not began.is_alive():
             os._exit(1)
 
 

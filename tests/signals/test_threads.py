@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
 import numpy as np
 import pytest
 from reference.synthetic_signals import constant_track, lines_on, white
@@ -9,7 +12,7 @@ from reference.synthetic_signals import constant_track, lines_on, white
 from gearmon.signals import threads
 from gearmon.signals.orders import OrderBlocks, OrderSums, fine_order_spectrum
 from gearmon.signals.orders.spectra import fine_envelope_spectrum
-from gearmon.signals.threads import at_once, side_by_side
+from gearmon.signals.threads import alone_on_a_core, at_once, cores, side_by_side
 
 RATE, SPEED = 2000.0, 20.0
 
@@ -58,3 +61,10 @@ def test_numbers_do_not_depend_on_the_number_of_cores(monkeypatch):
 def _with_cores(monkeypatch, cores, results):
     monkeypatch.setattr(threads, "cores", lambda: cores)
     return list(results())
+
+
+@pytest.mark.parametrize("way", ["fork", "forkserver", "spawn"])
+def test_a_process_begun_in_any_way_keeps_to_its_core_and_works(way):
+    """Python 3.14 begins processes by a server, which is then their parent by number."""
+    with ProcessPoolExecutor(1, get_context(way), alone_on_a_core) as pool:
+        assert pool.submit(cores).result(timeout=60) == 1
