@@ -293,11 +293,13 @@ def simulate(arguments: Namespace) -> int:
     argument("--harvester FILE", "harvester file (TOML); a 15 mm bimorph by default"),
     argument("--count N", "harvesters of a set, 1 to 3", 1),
     argument("--share F...", "share of time of each recording, in their order", dest="shares"),
-    argument("--degraded RECORDING...", "operating points with a damaged gear, in the same order"),
+    argument("--degraded RECORDING...", "the same points with a damaged gear, in the same order"),
     fault(),
     argument("--path-gain G", "mesh to harvester (1)"),
     argument("--wander F", "of speed, relative (0.005)"),
-    argument("--wander-time S", "until it is forgotten (beyond a ring-down)", dest="wander_time_s"),
+    argument(
+        "--wander-time S", "its correlation time (long beside a ring-down)", dest="wander_time_s"
+    ),
     argument("--published", "show published harvesters beside the best one"),
     argument("--share-error F", "standard deviation of the shares (0)"),
     SAMPLING_RATE,

@@ -162,7 +162,7 @@ def reference_of(arguments: Namespace) -> gearmon.Reference | None:
 @command(
     *recordings("[RECORDING...]"),
     REFERENCE,
-    argument("--trained FILE", "classifier of this machine; if it is not there, trained and kept"),
+    argument("--trained FILE", "classifier of this machine; trained and written if there is none"),
     argument("--examples N", "simulated machines to train it on, in ten seconds", EXAMPLES),
     argument("--seed N", "of what is drawn at random", 0),
     help="how probable each kind of fault is, by a classifier trained on this machine file",
