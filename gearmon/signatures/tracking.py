@@ -561,7 +561,7 @@ def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
         return replace(found, coherent=0.0)
     check = check_slips(sums, track)
     if share >= _LOST and not check.locked:
-        track, check = mend_slips(sums, track, check)
+        track, check = mend_slips(sums, track, check, found.signal.comb)
     doubt, notes, held_s = check.typical_turns(), found.notes, None
     if share < _LOST:
         order = max(mesh.order for mesh in found.signal.train.meshes)

@@ -26,6 +26,16 @@ def slipped(track, turns, at_s, lasting_s=0.4):
     )
 
 
+def drowned(case, at_s, lasting_s):
+    """The case with nothing but noise in a stretch: no line tells the angle there."""
+    recording = case.recording
+    samples, rate = recording.samples.copy(), recording.sampling_rate_hz
+    inside = slice(round(at_s * rate), round((at_s + lasting_s) * rate))
+    noise = np.random.default_rng(3).standard_normal(samples[:, inside].shape)
+    samples[:, inside] = noise * samples.std(axis=1, keepdims=True)
+    return replace(case, recording=replace(recording, samples=samples))
+
+
 def told_of(case, periods, at_s, lasting_s):
     """What is said of the case's angle after it is made to slip by mesh periods."""
     found = track_recording(case.recording, case.machine)
@@ -45,9 +55,19 @@ def test_an_angle_that_slips_quickly_is_mended(periods):
     assert np.std(told.track.turns_at(time) - case.turns[::40]) * order < 0.02
 
 
+@pytest.mark.parametrize(("periods", "at_s", "lasting_s"), [(-5, 6.0, 3.0), (-9, 3.0, 5.0)])
+def test_a_slow_slip_is_found_again_by_the_comb(periods, at_s, lasting_s):
+    case = make_case(0, amount=0.002)
+    order, told = told_of(case, periods, at_s, lasting_s)
+    assert told.notes == ()
+    assert told.held_s is None
+    time = np.arange(0, len(case.turns), 40) / case.recording.sampling_rate_hz
+    assert np.std(told.track.turns_at(time) - case.turns[::40]) * order < 0.02
+
+
 @pytest.mark.parametrize("periods", [-5, 6])
 def test_what_lies_beyond_a_slow_slip_is_left_out(periods):
-    case = make_case(0, amount=0.002)
+    case = drowned(make_case(0, amount=0.002), 6.0, 3.0)
     order, told = told_of(case, periods, 6.0, 3.0)
     (note,) = told.notes
     assert "are looked at: beyond, the mesh lines do not hold the angle" in note
@@ -62,7 +82,7 @@ def test_what_lies_beyond_a_slow_slip_is_left_out(periods):
 
 
 def test_an_angle_that_slips_slowly_in_the_middle_is_doubtful():
-    order, told = told_of(make_case(0, amount=0.002), -9, 3.0, 5.0)
+    order, told = told_of(drowned(make_case(0, amount=0.002), 3.0, 5.0), -9, 3.0, 5.0)
     (note,) = told.notes
     assert note.startswith("the angle is doubtful: the mesh lines do not hold it from ")
     assert told.held_s is None

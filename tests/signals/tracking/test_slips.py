@@ -15,6 +15,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
 from gearmon.signals.tracking import check_slips
+from gearmon.signals.tracking.comb import Comb
 from gearmon.signals.tracking.slips import LostStretch, _led_over, mend_slips
 from gearmon.signatures.tracking import track_recording
 
@@ -219,7 +220,8 @@ def test_a_slip_of_a_few_turns_is_mended_wherever_it_is(periods, at_s, lasting_s
     turns = wandering_turns(TIME, SPEED, 0.005, seed=seed)
     sums = sums_of(machine(turns, meshes, seed=seed), meshes)
     track = track_with(turns, periods / FIRST, at_s, lasting_s)
-    mended, check = mend_slips(sums, track, check_slips(sums, track))
+    comb = Comb(orders=sums.orders, weights=np.ones(len(sums.orders)))
+    mended, check = mend_slips(sums, track, check_slips(sums, track), comb)
     assert check.locked
     at = TIME[:: int(RATE / 10)]
     error = (mended.turns_at(at) - turns[:: int(RATE / 10)]) * FIRST
