@@ -315,12 +315,14 @@ def _coherence(amplitude: ComplexArray, mean: ComplexArray) -> FloatArray:
 
 def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
     """Where the coherence is lost, as far as it is not sound."""
-    found: list[tuple[int, int]] = []
-    least = _FADING_TURNS if np.quantile(coherence, 0.1) < _STEADY_LINES else 0.0
     edges = np.flatnonzero(np.diff(coherence < _SOUND, prepend=False, append=False))
-    for start, stop in edges.reshape(-1, 2).tolist():
-        if float(coherence[start:stop].min()) >= _LOST or (stop - start) * hop < least:
-            continue
+    lost = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if coherence[a:b].min() < _LOST]
+    long = [(a, b) for a, b in lost if (b - a) * hop >= _FADING_TURNS]
+    # a long stretch tells nothing of whether lines fade by themselves elsewhere
+    beside = np.delete(coherence, np.concatenate([np.arange(0), *(np.arange(*s) for s in long)]))
+    fading = len(beside) and np.quantile(beside, 0.1) < _STEADY_LINES
+    found: list[tuple[int, int]] = []
+    for start, stop in long if fading else lost:
         # while the angle slips by several periods the lines come back once in each
         if found and (start - found[-1][1]) * hop < _APART_TURNS:
             start = found.pop()[0]

@@ -16,7 +16,7 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import OrderSums
 from gearmon.signals.tracking import check_slips
 from gearmon.signals.tracking.comb import Comb
-from gearmon.signals.tracking.slips import LostStretch, _led_over, mend_slips
+from gearmon.signals.tracking.slips import LostStretch, _led_over, _stretches, mend_slips
 from gearmon.signatures.tracking import track_recording
 
 RATE, DURATION, SPEED = 5000.0, 12.0, 25.0
@@ -241,3 +241,17 @@ def test_an_angle_that_is_a_cubic_is_led_over_a_slip_exactly(slip_turns, told):
     led = _led_over(track_with(turns(TIME), slip_turns, lasting_s=0.2), lost)
     at = np.linspace(5.0, 7.5, 100)
     np.testing.assert_allclose(led.turns_at(at), turns(at), atol=1e-3)
+
+
+def test_a_long_lost_stretch_does_not_hide_a_short_slip_elsewhere():
+    coherence = np.full(200, 0.95)
+    coherence[60:64], coherence[170:200] = -0.2, 0.1
+    assert _stretches(coherence, 0.5) == [(60, 64), (170, 200)]
+
+
+def test_of_lines_that_fade_again_and_again_only_long_stretches_are_lost():
+    coherence = np.full(200, 0.95)
+    coherence[5:160:20] = coherence[6:160:20] = coherence[7:160:20] = 0.2
+    coherence[170:200] = 0.1
+    assert _stretches(coherence, 0.5) == [(170, 200)]
+    assert _stretches(np.zeros(200), 0.5) == [(0, 200)]
