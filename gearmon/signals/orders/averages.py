@@ -27,7 +27,7 @@ from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.orders.resampling import AngularWaveform, angular_waveform, steps_to_keep_all
-from gearmon.signals.spectra.spectrum import fast_length, half_lobe, window
+from gearmon.signals.spectra import fast_length, half_lobe, window
 
 # Neighbours of a line that tell its error: at least so many on either side, at most an eighth of
 # the way to the next multiple, so that the noise there is the noise here.

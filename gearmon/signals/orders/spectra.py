@@ -26,7 +26,7 @@ from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Spreading, resample_to_angle
-from gearmon.signals.spectra.spectrum import (
+from gearmon.signals.spectra import (
     fast_length,
     hann,
     local_floor,

@@ -19,7 +19,7 @@ from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders.lines import OrderBlocks, OrderLines, without_knocks
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
-from gearmon.signals.spectra.spectrum import power_density
+from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.spectra import line_amplitude
-from gearmon.signals.spectra.spectrum import TERMS
+from gearmon.signals.spectra import TERMS, line_amplitude
 
 
 @given(
@@ -51,15 +50,6 @@ def test_several_lines_and_channels_at_once():
     np.testing.assert_allclose(found.amplitude[0], [2.0, 0.5], rtol=1e-4)
     np.testing.assert_allclose(found.frequency_hz[0], [100.37, 210.11], atol=1e-3)
     assert found.amplitude[1, 0] == pytest.approx(0.1, rel=1e-4)
-
-
-def test_a_given_frequency_is_taken_as_it_is():
-    time = np.arange(1000) / 1000.0
-    samples = 3.0 * np.cos(2 * np.pi * 50.3 * time + 0.4)
-    found = line_amplitude(samples, 1000.0, 50.3, within_bins=0.0)
-    assert found.frequency_hz[0, 0] == pytest.approx(50.3, rel=1e-15)
-    assert found.amplitude[0, 0] == pytest.approx(3.0, rel=1e-9)
-    assert found.phase_rad[0, 0] == pytest.approx(0.4, abs=1e-9)
 
 
 @pytest.mark.parametrize(
