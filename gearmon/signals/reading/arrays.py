@@ -18,8 +18,13 @@ from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import DataColumn, Table, describe_columns, find_columns
-from gearmon.signals.reading.source import shortened
+from gearmon.signals.reading.columns import (
+    DataColumn,
+    Table,
+    describe_columns,
+    find_columns,
+    shortened,
+)
 
 Read = Callable[[int, int], FloatArray]
 

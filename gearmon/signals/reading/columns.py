@@ -13,7 +13,6 @@ import numpy as np
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.source import shortened
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
@@ -49,6 +48,7 @@ _HARMLESS_SHARE = 1e-3
 MOST_SAMPLE = 1e30
 _NEIGHBOURHOOD, _ALIKE = 0.05, 1e-9  # of the range
 _SAMPLES_TO_COMPARE = 2**17  # from the first at the extreme on
+LONGEST_QUOTE = 60  # characters of a file that a message shows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -339,3 +339,10 @@ def _is_piled_up(values: FloatArray, range_: float) -> bool:
     # of an exact sine only the flat top is alike to the last digit
     _, counts = np.unique(np.round(near / (_ALIKE * range_)), return_counts=True)
     return bool(distance.size - beside.size >= _PILED_UP * counts.max())
+
+
+def shortened(text: str) -> str:
+    """Return the text, cut to what fits in a message, with no line ends or control characters."""
+    begin = text[: LONGEST_QUOTE + 1]
+    shown = "".join(character if character.isprintable() else "?" for character in begin)
+    return shown if len(shown) <= LONGEST_QUOTE else shown[: LONGEST_QUOTE - 3] + "..."

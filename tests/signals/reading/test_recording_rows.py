@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.layout import Dialect
-from gearmon.signals.reading.source import Block, is_number, open_source, to_number
-from gearmon.signals.reading.text import parse_rows, read_rows, read_table
+from gearmon.signals.reading.layout import Dialect, is_number, to_number
+from gearmon.signals.reading.text import Block, open_source, parse_rows, read_rows, read_table
 from gearmon.signals.recording import read_recording
 
 ONE = Dialect(separator="", decimal=".", columns=1)
