@@ -435,8 +435,7 @@ class OrderSpectra(RecordingSpectrum):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the peaks and what they mean, in built-in types."""
-        return {
-            "recording": self.recording,
+        return super().to_dict() | {
             "shaft": self.shaft,
             "speed": self.signature.speed.to_dict(),
             "resolution_orders": self.resolution,
@@ -446,9 +445,6 @@ class OrderSpectra(RecordingSpectrum):
                 "block_turns": self.map.block_turns,
                 "resolution_orders": self.map.resolution,
             },
-            "peaks": list(self.peaks),
-            "lines": [{"name": mark.name, "order": mark.place} for mark in self.marks],
-            "warnings": list(self.notes),
         }
 
 
