@@ -213,8 +213,7 @@ def nongear_lines(
     course = _Course(track)
     # pieces of the whole recording: of very many only some were looked at
     pieces = max(1, round(float(track.turns[-1] - track.turns[0]) * order_spectrum.width))
-    heard = order_spectrum.pieces
-    by_time = fine_spectrum(samples, sampling_rate_hz, pieces, heard)
+    by_time = fine_spectrum(samples, sampling_rate_hz, pieces)
     cell_hz = course.mean / _CELLS_AN_ORDER
     in_time = _highest_in_cells(by_time, cell_hz)
     grid = _noise_grid("spectrum", order_spectrum, course, in_time)
@@ -223,7 +222,7 @@ def nongear_lines(
     found += _sharp_in_time(_Standing(grid, by_time, course), order_spectrum)
     bearings = [line.order for line in train.lines if line.kind == "bearing"]
     top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
-    envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces, heard)
+    envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces)
     beats = _noise_grid("envelope", envelope, course)
     found += _of_envelope(_Standing(beats, envelope, course, train))
     found.sort(key=lambda line: -max(line.over_noise_db))
