@@ -393,7 +393,6 @@ def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> FloatA
             if part.shape[1] != stop - start:
                 raise ValueError("it is cut off: fewer samples than it announces")
             values[row:end, start:stop] = part
-            wanted.progress((row * total + (end - row) * stop) / (rows * total))
         row = end
     return values
 

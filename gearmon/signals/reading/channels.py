@@ -27,9 +27,6 @@ from gearmon.signals.reading.columns import (
 from gearmon.signals.threads import side_by_side
 from gearmon.units import acceleration_factor, plain_unit, time_factor
 
-#: Told the share of a file that has been read.
-Progress = Callable[[float], object]
-
 ACCELERATION_UNIT = "m/s2"
 # Up to this size a copy without gaps between the channels costs nothing worth saving.
 _SMALL_BYTES = 32 * 1024 * 1024
@@ -89,8 +86,6 @@ class Wanted:
         What columns hold.
     unit : str or None
         Unit of the vibration channels of which nothing else states one.
-    progress : callable
-        Called with the share of the file that has been read, 0 to 1.
     room : callable
         Gives an array for the numbers of a file, by its name and their shape.
     """
@@ -100,7 +95,6 @@ class Wanted:
     tacho: str | int | None = None
     sensors: tuple[SensorLike, ...] = ()
     unit: str | None = None
-    progress: Progress = lambda _share: None
     room: Callable[[str, tuple[int, int]], FloatArray] = lambda _path, shape: np.empty(shape)
 
 

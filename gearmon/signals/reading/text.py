@@ -462,7 +462,7 @@ def read_table(source: Source, wanted: Wanted = _PLAIN) -> Table:
     source : Source
         The file.
     wanted : Wanted
-        Where the numbers are to lie, and who is told how far it is.
+        Where the numbers are to lie.
 
     Raises
     ------
@@ -471,18 +471,15 @@ def read_table(source: Source, wanted: Wanted = _PLAIN) -> Table:
     """
     dialect = _layout_of(source)
     values, count = np.empty((dialect.columns, 0)), 0
-    done, size = 0, max(source.size_hint(), 1)
     for block, rows in _parsed_blocks(source, dialect):
-        done += len(block.text)
         if count + len(rows) > values.shape[1]:
-            estimate = int(_MARGIN * len(rows) * max(1.0, size / len(block.text))) + 1000
+            blocks = max(1.0, source.size_hint() / len(block.text))
+            estimate = int(_MARGIN * len(rows) * blocks) + 1000
             grown = count + len(rows) + values.shape[1] // 2 if count else estimate
             values, old = wanted.room(source.path, (len(values), grown)), values
             values[:, :count] = old[:, :count]
         values[:, count : count + len(rows)] = rows.T
         count += len(rows)
-        wanted.progress(min(1.0, done / size))
-    wanted.progress(1.0)
     columns = [*dialect.described()]
     if dialect.stamp is not None:
         columns[dialect.stamp] = replace(columns[dialect.stamp], kind="time", unit="s")

@@ -204,10 +204,7 @@ def written(path, rows=(), head="a,b\n", end="\n"):
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_a_file_of_several_blocks(tmp_path, head, end):
     path = written(tmp_path / "large.csv", head=head, end=end)
-    shares = []
-    assert np.array_equal(read_recording(path, 1000.0, progress=shares.append).samples, ROWS.T)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+    assert np.array_equal(read_recording(path, 1000.0).samples, ROWS.T)
 
 
 def test_numbers_are_converted_in_place(tmp_path):
