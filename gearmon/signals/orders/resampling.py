@@ -219,8 +219,6 @@ class AngularWaveform(Result):
         Samples a turn of the shaft.
     first_turn : int
         Angle of the shaft at the first sample [turns], counted from the zero of its track.
-    shaft_order : float
-        Turns of the shaft a turn of shaft 1.
     top_order : float
         Cycles a turn of the shaft up to which lines have their amplitude.
     """
@@ -228,7 +226,6 @@ class AngularWaveform(Result):
     values: FloatArray
     per_turn: int
     first_turn: int
-    shaft_order: float
     top_order: float
 
     @property
@@ -247,8 +244,6 @@ def angular_waveform(
     sampling_rate_hz: float,
     track: AngleTrack,
     per_turn: int | None = None,
-    *,
-    shaft_order: float = 1.0,
 ) -> AngularWaveform:
     """Sample signals at equal steps of the angle of a shaft, over all its whole turns.
 
@@ -264,12 +259,10 @@ def angular_waveform(
     sampling_rate_hz : float
         Sampling rate [Hz].
     track : AngleTrack
-        Angle of shaft 1 against time.
+        Angle of the shaft against time: that of another one than shaft 1 is `track.of_shaft`.
     per_turn : int, >= 4, optional
         Samples wanted a turn of the shaft; as many as keep the whole bandwidth at the lowest speed
         if not given.
-    shaft_order : float > 0
-        Turns of the shaft a turn of shaft 1.
 
     Returns
     -------
@@ -294,39 +287,37 @@ def angular_waveform(
     >>> wave.turns, wave.values.shape == (2, 512 * wave.turns)
     (73, True)
     """
-    from scipy.signal import firwin, kaiser_beta, resample_poly
-
-    check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    rate = check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_track(track)
-    rate, shaft = sampling_rate_hz, track.of_shaft(shaft_order)
-    enough = _steps_to_keep_all(rate, shaft)
+    enough = _steps_to_keep_all(rate, track)
     steps = _whole(per_turn) or enough
-    first, turns = _whole_turns(samples.shape[-1], rate, shaft)
-    highest, count = READ_UP_TO * rate / float(shaft.speed_hz.max()), turns * steps
-    # a grid finer by a whole factor, low-passed over Kaiser's length, every `factor`-th value
+    first, turns = _whole_turns(samples.shape[-1], rate, track)
+    highest, count = READ_UP_TO * rate / float(track.speed_hz.max()), turns * steps
+    # a grid finer by a whole factor
     factor = -(-enough // steps)
     if factor > 1:
         highest = min(highest, PASSED * steps)
-    half = math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * (_STOPPED - PASSED)) / 2) * factor
-    window = ("kaiser", kaiser_beta(_ATTENUATION_DB))
-    kernel = firwin(2 * half + 1, (PASSED + _STOPPED) / factor, window=window)
     # whole steps before and behind the turns that lie inside the recording
-    ends = shaft.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
+    ends = track.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
     before = max(0, math.floor(-ends[0] * steps))
     begin, over = first - before / steps, (before + math.floor(ends[1] * steps)) * factor + 1
     values = np.empty((len(samples), count))
     for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
-        found = resample_to_angle(channel[None], rate, shaft, steps * factor, begin, over)[0]
-        # by a factor of one nothing is changed
-        smooth = resample_poly(found, 1, factor, window=kernel, padtype="antireflect")
-        values[row] = smooth[before:][:count]
-    return AngularWaveform(
-        values=values,
-        per_turn=steps,
-        first_turn=first,
-        shaft_order=float(shaft_order),
-        top_order=highest,
-    )
+        found = resample_to_angle(channel[None], rate, track, steps * factor, begin, over)[0]
+        values[row] = _thinned(found, factor)[before:][:count]
+    return AngularWaveform(values=values, per_turn=steps, first_turn=first, top_order=highest)
+
+
+def _thinned(values: FloatArray, factor: int) -> FloatArray:
+    """Return every `factor`-th value, low-passed over Kaiser's length before."""
+    if factor == 1:
+        return values
+    from scipy.signal import firwin, kaiser_beta, resample_poly  # takes half a second to load
+
+    half = math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * (_STOPPED - PASSED)) / 2) * factor
+    window = ("kaiser", kaiser_beta(_ATTENUATION_DB))
+    kernel = firwin(2 * half + 1, (PASSED + _STOPPED) / factor, window=window)
+    return np.asarray(resample_poly(values, 1, factor, window=kernel, padtype="antireflect"))
 
 
 def _whole(per_turn: int | None) -> int | None:
