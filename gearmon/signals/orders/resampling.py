@@ -142,7 +142,7 @@ def resample_to_angle(
         first, end = int(position[0]) - _MARGIN, int(position[-1]) + 2 + _MARGIN
         doubled = np.empty(2 * (end - first))
         for row, channel in enumerate(samples):
-            chunk = odd_stretch(channel, first - _REACH, end + _REACH)
+            chunk = _odd_stretch(channel, first - _REACH, end + _REACH)
             doubled[::2] = chunk[_REACH:-_REACH]
             doubled[1::2] = np.convolve(chunk, _HALF_WAY, "valid")[1:]
             coordinates = 2 * (position - first)[None, :]
@@ -150,7 +150,7 @@ def resample_to_angle(
     return output
 
 
-def odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
+def _odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
     """Return samples from `begin` to before `end`, odd about the first and last one beyond.
 
     Value and slope then go on smoothly: a step there would ring through a transform, or stand out
@@ -505,7 +505,7 @@ class Spreading:
         index = (first - begin).astype(np.intp) + np.arange(taps)[:, None]
         end = begin + int(index[-1, -1]) + 1
         near = (
-            odd_stretch(channel, begin, end).take(index, mode="clip") for channel in self.samples
+            _odd_stretch(channel, begin, end).take(index, mode="clip") for channel in self.samples
         )
         return np.array([np.einsum("kn,kn->n", own, weights) for own in near])
 

@@ -27,7 +27,7 @@ from gearmon.signals.reading.columns import (
 from gearmon.signals.threads import side_by_side
 from gearmon.units import acceleration_factor, plain_unit, time_factor
 
-ACCELERATION_UNIT = "m/s2"
+_ACCELERATION_UNIT = "m/s2"
 # Up to this size a copy without gaps between the channels costs nothing worth saving.
 _SMALL_BYTES = 32 * 1024 * 1024
 # Deviation of a stamp from even spacing, in sampling intervals, beyond what rounding explains.
@@ -286,7 +286,7 @@ def _taken(values: FloatArray, kept: Sequence[int]) -> FloatArray:
 def _unit_and_scale(column: DataColumn) -> tuple[str | None, float]:
     """Return the physical unit of a channel, and what its numbers must be multiplied by."""
     factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
-    unit = column.unit if factor is None else ACCELERATION_UNIT
+    unit = column.unit if factor is None else _ACCELERATION_UNIT
     return unit, (factor or 1.0) / column.sensitivity
 
 

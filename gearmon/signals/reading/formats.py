@@ -56,7 +56,6 @@ from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Table, shortened
 from gearmon.signals.reading.text import Source, open_source, read_table
 
-Loader = Callable[[str], AbstractContextManager[Holding]]
 # Kinds of files that are read, for messages.
 _READ = "text, WAV, FLAC, npy, npz, MATLAB, HDF5, TDMS, UFF 58, Parquet"
 _NO_UNIT = "tells no unit: state unit and sensitivity in a [[sensor]] of the machine file"
@@ -102,7 +101,7 @@ class Format:
 
     what: str
     magic: bytes
-    loader: Loader | None = None
+    loader: Callable[[str], AbstractContextManager[Holding]] | None = None
     extra: str = ""
     remedy: str = "export it as CSV"
 

@@ -47,7 +47,7 @@ from gearmon.signals.threads import cores
 
 # With 256 kB reading takes 65 % more time, with 512 kB 20 %, with 1 MB 0 to 2 %, with 2 MB 10 %
 # (2e6 rows of 4 columns, two cores); every MB takes some 20 MB of memory while it is parsed.
-BLOCK_BYTES = 768 * 1024
+_BLOCK_BYTES = 768 * 1024
 # Files of a folder up to which a name is looked for that looks like a missing one.
 _NAMES_COMPARED = 50
 _LONGEST_LINE = 16 * 1024 * 1024
@@ -139,7 +139,7 @@ class Source:
         """Return roughly how many bytes the unpacked file has."""
         return self.size() * 4 if self.zipped else self.size()
 
-    def blocks(self, size: int = BLOCK_BYTES, *, line: int = 1) -> Iterator[Block]:
+    def blocks(self, size: int = _BLOCK_BYTES, *, line: int = 1) -> Iterator[Block]:
         """Yield the lines of the file, from the given one on, some `size` bytes at a time.
 
         Raises

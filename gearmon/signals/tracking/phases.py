@@ -43,9 +43,9 @@ from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_spee
 
 # Thresholds divide what `test_phases` and `test_speed_tracking` hold apart: simulated gears whose
 # speed wanders, jumps and ramps, in noise.
-#: Hann blocks a quarter of their length apart that are worth an independent one in a mean: 1 + 2
+# Hann blocks a quarter of their length apart that are worth an independent one in a mean: 1 + 2
 #: (0.659 + 0.167 + 0.008), by the correlations of such blocks (Harris 1978).
-QUARTER_HOP = 2.7
+_QUARTER_HOP = 2.7
 #: Phase noise that modulation and interference leave on even the clearest line, against its own
 #: slow mean [cycles].
 FLOOR_CYCLES = 0.005
@@ -75,6 +75,7 @@ _NOISE_VARIANCE = 1.0 / 12.0
 _UNWARP_TURNS, _UNWARPED = 10.0, 2
 # Share of the lines that is phase-coherent above which nothing is left to gain by that.
 _ALL_COHERENT = 0.93
+
 # Thresholds divide what `test_slips` holds apart: angles with slips of whole mesh periods planted,
 # lines that fade, paths that ring.
 # Phase scatter of a line that counts [cycles], and the share of its usual strength below which its
@@ -160,7 +161,7 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
     clear = (power > _CLEAR_POWER * noise) & (power >= loudest)
     if not clear.any():
         return 0.0
-    still = np.abs(amplitude.mean(axis=0)) ** 2 - noise * QUARTER_HOP / len(amplitude)
+    still = np.abs(amplitude.mean(axis=0)) ** 2 - noise * _QUARTER_HOP / len(amplitude)
     share = still[clear] / (power - noise)[clear]
     return float(np.clip(share, 0.0, 1.0).mean())
 
@@ -282,7 +283,7 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         variance = np.mean(rest**2, axis=0) + FLOOR_CYCLES**2
         clear = variance < 0.5 * _NOISE_VARIANCE
         weight = np.where(
-            clear & (np.abs(rest) < _SLIPPED_CYCLES), order**2 / (variance * QUARTER_HOP), 0.0
+            clear & (np.abs(rest) < _SLIPPED_CYCLES), order**2 / (variance * _QUARTER_HOP), 0.0
         )
         total = weight.sum(axis=1)
         departure = rest / order
@@ -737,7 +738,7 @@ def _turned(lines: SlidingLines, cuts: Sequence[int]) -> tuple[FloatArray, Float
             return np.zeros(0), np.zeros(0)
         rows = lines.amplitude[low:high]
         mean = rows.mean(axis=0)
-        noise = np.mean(np.abs(rows - mean) ** 2, axis=0) * QUARTER_HOP / len(rows)
+        noise = np.mean(np.abs(rows - mean) ** 2, axis=0) * _QUARTER_HOP / len(rows)
         variance += 0.5 * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny)
         means.append(mean)
     turned = np.angle(means[1] * np.conj(means[0])) / (2 * np.pi)
