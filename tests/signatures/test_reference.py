@@ -360,3 +360,40 @@ def test_numbers_that_must_be_above_zero_are_refused_otherwise(stored, tmp_path,
     archive(path, **arrays)
     with pytest.raises(SignatureError, match="cannot be"):
         read_reference(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *[("level_db", 7e3), ("level_db", -7.1e3), ("scatter_db", -1e-3), ("band_db", 7e3)],
+        *[("wheels/0/number", 0), ("wheels/0/number", 10**7), ("wheels/0/variance", -1e-300)],
+        *[("foreign/grids/0/noise_db", 1e12), ("foreign/in_time_db", 1e12)],
+    ],
+)
+def test_values_beyond_their_bounds_are_refused(stored, tmp_path, name, value):
+    path = tmp_path / "bad.ref"
+    with np.load(stored) as file:
+        arrays = {own: file[own] for own in file.files}
+    arrays[f"/profiles/0/{name}"].flat[-1] = value
+    archive(path, **arrays)
+    with pytest.raises(SignatureError, match=f"its {name.rpartition('/')[2]} cannot be"):
+        read_reference(path)
+
+
+@pytest.mark.parametrize("place", ["wheels", "foreign"])
+def test_words_and_numbers_of_parts_are_checked(stored, tmp_path, place):
+    path = tmp_path / "bad.ref"
+    with np.load(stored) as file:
+        arrays = {own: file[own] for own in file.files}
+    changes = {
+        "wheels": [{"stage": 0}, {"stage": 100}, {"teeth": 0}, {"order": 0.0}],
+        "foreign": [{"kind": "cepstrum"}, {"width": 0.0}, {"top": -1.0}, {"pieces": 0}],
+    }
+    for change in changes[place]:
+        header = json.loads(bytes(arrays["header"]))
+        part = header["reference"]["profiles"][0][place]
+        (part if place == "wheels" else part["grids"])[0] |= change
+        told = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+        archive(path, **arrays | {"header": told})
+        with pytest.raises(SignatureError, match="cannot be"):
+            read_reference(path)
