@@ -435,7 +435,8 @@ class OrderSpectra(RecordingSpectrum):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the peaks and what they mean, in built-in types."""
-        return super().to_dict() | {
+        told = super().to_dict()
+        return {name: told[name] for name in ("recording", "peaks", "lines", "warnings")} | {
             "shaft": self.shaft,
             "speed": self.signature.speed.to_dict(),
             "resolution_orders": self.resolution,
