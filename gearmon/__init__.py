@@ -81,8 +81,7 @@ _OFFERED = {
     "harvesting.tuning": ("tune_harvester",),
     "machine": ("Machine", "load_machine"),
     "report.html": ("write_report",),
-    "signals.orders.averages": ("time_synchronous_average",),
-    "signals.orders.resampling": ("angular_waveform",),
+    "signals.orders.resampling": ("angular_waveform", "time_synchronous_average"),
     "signals.orders.spectra": ("order_map",),
     "signals.recording": ("Recording", "read_recording", "open_recording"),
     "signatures.expected.baseline": ("expected_signature",),
@@ -118,8 +117,10 @@ if TYPE_CHECKING:
     from gearmon.machine import Machine as Machine
     from gearmon.machine import load_machine as load_machine
     from gearmon.report.html import write_report as write_report
-    from gearmon.signals.orders.averages import time_synchronous_average as time_synchronous_average
     from gearmon.signals.orders.resampling import angular_waveform as angular_waveform
+    from gearmon.signals.orders.resampling import (
+        time_synchronous_average as time_synchronous_average,
+    )
     from gearmon.signals.orders.spectra import order_map as order_map
     from gearmon.signals.recording import Recording as Recording
     from gearmon.signals.recording import open_recording as open_recording

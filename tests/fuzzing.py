@@ -56,8 +56,7 @@ from gearmon.harvesting.request import load_harvester
 from gearmon.machine import load_machine
 from gearmon.signals.reading import Wanted, interpret
 from gearmon.signals.reading.formats import identify
-from gearmon.signals.reading.source import open_source
-from gearmon.signals.reading.text import read_table
+from gearmon.signals.reading.text import open_source, read_table
 from gearmon.signals.recording import read_recording
 from gearmon.signatures.measured import indicators
 from gearmon.signatures.measured.reference import read_reference, write_reference

@@ -55,7 +55,7 @@ def test_names_are_listed_sorted_and_once():
 
 def test_homes_are_declared_for_type_checkers_too():
     text = open_text(gearmon.__file__)
-    typed = {line.split(" as ")[-1].strip() for line in text.splitlines() if " as " in line}
+    typed = {line.split(" as ")[-1].strip(" ,") for line in text.splitlines() if " as " in line}
     assert set(gearmon.__all__) - {"__version__"} <= typed
 
 

@@ -30,7 +30,7 @@ from gearmon.machine.fields import check_fields, within
 from gearmon.result import Result
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
-from gearmon.signals.spectra.spectrum import power_density
+from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import side_by_side
 from gearmon.units import STANDARD_GRAVITY
 

@@ -29,7 +29,7 @@ from gearmon.report.wording import (
     unit_text,
 )
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectra.spectrum import fast_length
+from gearmon.signals.spectra import fast_length
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import WheelPattern
 

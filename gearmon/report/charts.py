@@ -36,7 +36,7 @@ from gearmon.report.wording import base64_text, gear_text, printable, shaft_text
 from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import order_map
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectra.spectrum import fast_length
+from gearmon.signals.spectra import fast_length
 from gearmon.signals.tracking.comb import scan_speed
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import Reference, WheelPattern

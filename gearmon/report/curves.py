@@ -14,11 +14,10 @@ from gearmon.arrays import FloatArray
 from gearmon.diagnosis.results import Analysis
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
-from gearmon.signals.orders.averages import one_turn
-from gearmon.signals.orders.resampling import READ_UP_TO
+from gearmon.signals.orders.resampling import READ_UP_TO, one_turn
 from gearmon.signals.orders.spectra import order_map
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectra.spectrum import Spectrum, power_density
+from gearmon.signals.spectra import Spectrum, power_density
 from gearmon.signatures.measured.line_plan import Mark, mesh_harmonics
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.measured.reference import WheelPattern

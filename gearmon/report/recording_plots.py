@@ -16,7 +16,7 @@ from gearmon.arrays import FloatArray
 from gearmon.report import plots
 from gearmon.report.spectrum_plots import MOST_STRIPS, label_marks, line_marks, order_axis
 from gearmon.report.wording import shortened, strip_label, unit_text
-from gearmon.signals.orders.averages import one_turn
+from gearmon.signals.orders.resampling import one_turn
 from gearmon.signatures.gear_averages import GearAverage, GearAverages, gear_signals
 from gearmon.signatures.measured.indicators import IndicatorTable
 from gearmon.signatures.recording_spectrum import OrderSpectra

@@ -18,7 +18,7 @@ from gearmon.arrays import FloatArray
 from gearmon.diagnosis.results import Analysis
 from gearmon.report import curves, plots, wording
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectra.demodulation import Kurtogram
+from gearmon.signals.spectra import Kurtogram
 from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, Mark
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.recording_spectrum import OrderSpectra, RecordingSpectrum

@@ -104,21 +104,6 @@ def sideband_energy_ratio(sideband_amplitude: FloatArray, mesh_amplitude: FloatA
     return _ratio(np.sum(sideband_amplitude, axis=-1), mesh_amplitude)
 
 
-def fm4(difference: FloatArray) -> FloatArray:
-    """Kurtosis of the difference signal: 3 for Gaussian noise, more where one tooth departs."""
-    return normalised_moment(difference, 4)
-
-
-def m6a(difference: FloatArray) -> FloatArray:
-    """Normalised sixth moment of the difference signal: 15 for Gaussian noise."""
-    return normalised_moment(difference, 6)
-
-
-def m8a(difference: FloatArray) -> FloatArray:
-    """Normalised eighth moment of the difference signal: 105 for Gaussian noise."""
-    return normalised_moment(difference, 8)
-
-
 def sideband_index(first_sidebands: FloatArray) -> FloatArray:
     """Mean amplitude of the sidebands +-1 of the mesh fundamental, in the signal's unit.
 

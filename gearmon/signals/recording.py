@@ -15,7 +15,7 @@ import numpy.typing as npt
 from gearmon.errors import ArgumentError, RecordingError, check_range, check_word
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import Wanted, interpret, read_file, read_memory
-from gearmon.signals.reading.channels import Progress, SensorLike
+from gearmon.signals.reading.channels import SensorLike
 from gearmon.signals.reading.columns import DataColumn, all_finite, find_columns
 from gearmon.units import KNOWN_UNITS, is_unit
 
@@ -199,7 +199,6 @@ def read_recording(
     channels: str | int | Iterable[str | int] | None = None,
     tacho: str | int | None = None,
     sensors: Iterable[SensorLike] = (),
-    progress: Progress | None = None,
     *,
     unit: str | None = None,
     on_disk: bool = False,
@@ -233,8 +232,6 @@ def read_recording(
         What the columns hold: anything with `column`, `unit`, `sensitivity` and `kind`, such as
         `gearmon.machine.Sensor`. It goes before what the file says. Samples are divided by the
         sensitivity, which is the recorded number per `unit`.
-    progress : callable, optional
-        Called with the share of the file that has been read, from 0 to 1.
     unit : str, optional
         Unit of the vibration channels, such as "m/s2", "g" or "mm/s", where nothing else states it.
     on_disk : bool
@@ -273,7 +270,6 @@ def read_recording(
         tacho=tacho,
         sensors=tuple(sensors),
         unit=unit,
-        progress=progress or (lambda _share: None),
         room=_room_on_disk if on_disk else _room_in_memory,
     )
     if isinstance(source, Recording) or hasattr(source, "channel_kinds"):

@@ -36,7 +36,7 @@ from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.orders.averages import SynchronousAverage, one_turn, time_synchronous_average
+from gearmon.signals.orders.resampling import SynchronousAverage, one_turn, time_synchronous_average
 from gearmon.signals.recording import RecordingLike, read_recording
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature

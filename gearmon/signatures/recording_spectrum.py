@@ -21,18 +21,16 @@ from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import OrderMap, order_map
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
-from gearmon.signals.spectra.demodulation import (
+from gearmon.signals.spectra import (
     Kurtogram,
-    envelope_spectrum,
-    kurtogram,
-    real_cepstrum,
-)
-from gearmon.signals.spectra.spectrum import (
     amplitude_spectrum,
+    envelope_spectrum,
     fast_length,
     half_lobe,
+    kurtogram,
     line_amplitude,
     power_density,
+    real_cepstrum,
 )
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
@@ -283,7 +281,7 @@ def _between_bins(
     bin_hz = rate / len(samples)
     inner = (place > 0.6 * bin_hz) & (place < rate / 2 - 0.6 * bin_hz)
     if found.kind in ("amplitude", "rms") and inner.any() and len(samples) >= 16:
-        own = line_amplitude(samples, rate, place[inner], window_name=window_name, within_bins=1.0)
+        own = line_amplitude(samples, rate, place[inner], window_name=window_name)
         place[inner], value[inner] = own.frequency_hz[0], own.amplitude[0]
     return place, value / np.sqrt(2) if found.kind == "rms" else value
 
@@ -437,8 +435,8 @@ class OrderSpectra(RecordingSpectrum):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the peaks and what they mean, in built-in types."""
-        return {
-            "recording": self.recording,
+        told = super().to_dict()
+        return {name: told[name] for name in ("recording", "peaks", "lines", "warnings")} | {
             "shaft": self.shaft,
             "speed": self.signature.speed.to_dict(),
             "resolution_orders": self.resolution,
@@ -448,9 +446,6 @@ class OrderSpectra(RecordingSpectrum):
                 "block_turns": self.map.block_turns,
                 "resolution_orders": self.map.resolution,
             },
-            "peaks": list(self.peaks),
-            "lines": [{"name": mark.name, "order": mark.place} for mark in self.marks],
-            "warnings": list(self.notes),
         }
 
 

@@ -126,7 +126,7 @@ class Signature(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return machine, origin, header and rows as built-in types that JSON can hold."""
         told = {name: own for name, own in _about(self).items() if name != "format"}
-        return told | {"rows": [plain(row) for row in self.rows()]}
+        return told | {"rows": _plain(list(self.rows()))}
 
 
 def _column(name: str, values: npt.ArrayLike) -> Array:
@@ -154,21 +154,14 @@ def _numbers(name: str, array: Array) -> Array:
     return whole
 
 
-def plain(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     """Turn numbers and arrays into built-in types; numbers that JSON lacks into their names."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray | list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return plain(value.item())
-    if isinstance(value, float) and not np.isfinite(value):
-        return str(value)
-    return value
+    text = json.dumps(value, default=lambda own: own.tolist())
+    return json.loads(text, parse_constant=lambda name: str(float(name)))
 
 
 def _restored(value: Any) -> Any:
-    """Undo what `plain` did to numbers that JSON lacks."""
+    """Undo what `_plain` did to numbers that JSON lacks."""
     if isinstance(value, dict):
         return {key: _restored(item) for key, item in value.items()}
     if isinstance(value, list):
@@ -255,7 +248,7 @@ def _suffix(path: Path) -> str:
 def _about(signature: Signature) -> dict[str, Any]:
     """Return everything but the lines."""
     about = {"format": FORMAT, "machine": signature.machine, "origin": signature.origin}
-    return {**about, **plain(signature.header)}
+    return {**about, **_plain(dict(signature.header))}
 
 
 def _assembled(about: Any, columns: dict[str, Any]) -> Signature:

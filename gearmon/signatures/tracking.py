@@ -33,14 +33,17 @@ from gearmon.signals.tracking.mesh_detection import (
     sideband_spacing,
 )
 from gearmon.signals.tracking.phases import (
+    LEAST_TURNS,
+    SlipCheck,
+    check_slips,
     coherent_share,
     follow_lines,
     integrate_speed,
     lock_track,
+    mend_slips,
     scan_angle,
     unwarp,
 )
-from gearmon.signals.tracking.slips import LEAST_TURNS, SlipCheck, check_slips, mend_slips
 from gearmon.signals.tracking.tacho import find_pulses, join, pulses_per_turn, track_from_pulses
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 

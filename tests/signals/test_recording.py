@@ -79,16 +79,6 @@ class TestRecording:
             recording(samples=np.zeros((3, 1)))
 
 
-def test_progress_goes_to_one(tmp_path):
-    path = tmp_path / "recording.csv"
-    path.write_text("".join(f"{k % 7}.5;{k % 11}.25\n" for k in range(60_000)))
-    shares: list[float] = []
-    read_recording(path, 1000.0, progress=shares.append)
-    assert shares == sorted(shares)
-    assert len(shares) > 1
-    assert shares[-1] == pytest.approx(1.0)
-
-
 def run(code, *arguments):
     command = [sys.executable, "-c", code, *map(str, arguments)]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout

@@ -225,7 +225,7 @@ def test_16_modulations_of_amplitude_and_phase_are_told_apart_where_a_sideband_c
     turn = 2 * np.pi * 20.0 * TIME
     amplitude, phase = 0.1 * np.cos(turn), 0.1 * np.sin(turn)
     samples = (1 + amplitude) * np.cos(2 * np.pi * 460.0 * TIME + phase)
-    lower, upper = line_amplitude(samples, RATE, [440.0, 480.0], within_bins=0).amplitude[0]
+    lower, upper = line_amplitude(samples, RATE, [440.0, 480.0]).amplitude[0]
     assert min(lower, upper) < 0.03 * max(lower, upper)
     found = band_envelope(samples, RATE, 360.0, 560.0)
     time_s = np.arange(found.values.shape[-1]) / found.rate

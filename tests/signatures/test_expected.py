@@ -13,6 +13,7 @@ from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import stage_mechanics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.signatures.expected.baseline import expected_signature
+from gearmon.signatures.expected.contact_motion import fourier_sums
 from gearmon.signatures.signature import COLUMNS
 
 POINT = OperatingPoint(speed_rpm=1460.0, torque_nm=98.12)
@@ -317,3 +318,13 @@ def test_an_error_of_a_set_acts_in_the_mesh_of_its_gear(gear, mesh):
     assert found.header["stages"][0]["mesh"] == mesh
     assert gear in set(found["sideband_of"])
     assert not any("does not act" in own for own in found.header["stages"][0]["warnings"])
+
+
+@pytest.mark.parametrize("highest", [1, 37, 400])
+def test_lines_at_uneven_places_are_the_direct_sums(highest):
+    rng = np.random.default_rng(1)
+    turns, values = rng.uniform(size=(20, 16)), rng.normal(size=(3, 20, 16))
+    waves = np.exp(-2j * np.pi * np.arange(1, highest + 1)[:, None, None] * turns)
+    direct = np.einsum("cpi,rpi->cr", values, waves)
+    found = fourier_sums(turns, values, highest)
+    np.testing.assert_allclose(found, direct, atol=1e-12 * np.abs(values).sum())

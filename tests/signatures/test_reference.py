@@ -23,6 +23,7 @@ from gearmon.signatures.measured.reference import (
     make_reference,
     other_speed,
     read_reference,
+    taken,
     tooth_counts,
     write_reference,
 )
@@ -303,7 +304,7 @@ def test_planes_beside_the_turn_keep_their_channels():
     wheel = reference().profiles[0].wheels[0]
     beside = np.arange(2.0 * 2 * len(wheel.number)).reshape(2, 2, -1)
     planetary_wheel = replace(wheel, beside=beside + 0j, beside_variance=1.0 + beside)
-    part = planetary_wheel.part([1])
+    part = taken(planetary_wheel, [1])
     np.testing.assert_array_equal(part.beside, beside[:, 1:])
     np.testing.assert_array_equal(part.beside_variance, 1.0 + beside[:, 1:])
 
@@ -315,3 +316,84 @@ def test_families_are_told_in_the_order_asked_for():
         own.of_families(names), (own.level_db, own.scatter_db, own.heard), strict=True
     ):
         np.testing.assert_array_equal(told, whole[:, [2, 1, 0]])
+
+
+def altered(array):
+    """An array as damage leaves it: with other axes, without a channel or line, with odd values."""
+    yield array.ravel()[:, None]
+    yield from (np.delete(array, 0, axis) for axis in range(array.ndim))
+    for value in (np.nan, np.inf, 1e302) if array.dtype.kind in "fc" else ():
+        own = array.copy()
+        own.flat[:1] = np.array(value, dtype=complex).astype(array.dtype)
+        yield own
+
+
+# bands without a bin hold no number, and spectra may have any number of cells
+SOUND = {"band_db": {3}, "noise_db": {2}, "hidden_db": {2}, "in_time_db": {2}}
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_arrays_of_other_shapes_and_numbers_that_none_records_are_refused(stored, tmp_path):
+    path = tmp_path / "bad.ref"
+    with np.load(stored) as file:
+        arrays = {name: file[name] for name in file.files}
+    assert len(arrays) > 20
+    for name in [own for own in arrays if own.startswith("/profiles/0/") and arrays[own].size]:
+        for number, own in enumerate(altered(arrays[name])):
+            if number in SOUND.get(name.rpartition("/")[2], ()):
+                continue
+            archive(path, **arrays | {name: own})
+            with pytest.raises(SignatureError, match="not a readable gearmon reference"):
+                read_reference(path)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0, 0.0])
+@pytest.mark.parametrize("name", ["speed_hz", "duration_s", "sampling_rate_hz", "cell_hz"])
+def test_numbers_that_must_be_above_zero_are_refused_otherwise(stored, tmp_path, name, value):
+    path = tmp_path / "bad.ref"
+    with np.load(stored) as file:
+        arrays = {own: file[own] for own in file.files}
+    header = json.loads(bytes(arrays["header"]))
+    profile = header["reference"]["profiles"][0]
+    (profile["foreign"] if name == "cell_hz" else profile)[name] = value
+    arrays["header"] = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+    archive(path, **arrays)
+    with pytest.raises(SignatureError, match="cannot be"):
+        read_reference(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *[("level_db", 7e3), ("level_db", -7.1e3), ("scatter_db", -1e-3), ("band_db", 7e3)],
+        *[("wheels/0/number", 0), ("wheels/0/number", 10**7), ("wheels/0/variance", -1e-300)],
+        *[("foreign/grids/0/noise_db", 1e12), ("foreign/in_time_db", 1e12)],
+    ],
+)
+def test_values_beyond_their_bounds_are_refused(stored, tmp_path, name, value):
+    path = tmp_path / "bad.ref"
+    with np.load(stored) as file:
+        arrays = {own: file[own] for own in file.files}
+    arrays[f"/profiles/0/{name}"].flat[-1] = value
+    archive(path, **arrays)
+    with pytest.raises(SignatureError, match=f"its {name.rpartition('/')[2]} cannot be"):
+        read_reference(path)
+
+
+@pytest.mark.parametrize("place", ["wheels", "foreign"])
+def test_words_and_numbers_of_parts_are_checked(stored, tmp_path, place):
+    path = tmp_path / "bad.ref"
+    with np.load(stored) as file:
+        arrays = {own: file[own] for own in file.files}
+    changes = {
+        "wheels": [{"stage": 0}, {"stage": 100}, {"teeth": 0}, {"order": 0.0}],
+        "foreign": [{"kind": "cepstrum"}, {"width": 0.0}, {"top": -1.0}, {"pieces": 0}],
+    }
+    for change in changes[place]:
+        header = json.loads(bytes(arrays["header"]))
+        part = header["reference"]["profiles"][0][place]
+        (part if place == "wheels" else part["grids"])[0] |= change
+        told = np.frombuffer(json.dumps(header).encode(), dtype=np.uint8)
+        archive(path, **arrays | {"header": told})
+        with pytest.raises(SignatureError, match="cannot be"):
+            read_reference(path)

@@ -22,7 +22,7 @@ def spacing_about(samples, rate, speed_hz, *teeth, own=()):
     """What `foreign_spacing` says of a pair at a speed."""
     train = kinematics(train_of(teeth, speed_hz=speed_hz))
     track = constant_track(speed_hz, (samples.shape[-1] - 1) / rate)
-    spectrum = fine_order_spectrum(samples, rate, track, 1, 8)
+    spectrum = fine_order_spectrum(samples, rate, track)
     turning = [1.0, teeth[0] / teeth[1]]
     (comb,) = mesh_combs(train, speed_hz)
     return foreign_spacing(spectrum, comb, turning, [], own)

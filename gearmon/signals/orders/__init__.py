@@ -22,9 +22,11 @@ array([[3.]])
 from gearmon.lazy import lazily
 
 _OFFERED = {
-    "averages": ("one_turn", "time_synchronous_average"),
     "lines": ("OrderBlocks", "OrderLines", "OrderSums", "variance_of_mean", "without_knocks"),
-    "resampling": ("AngleGrid", "angular_waveform", "resample_to_angle"),
+    "resampling": (
+        *("AngleGrid", "angular_waveform", "one_turn", "resample_to_angle"),
+        "time_synchronous_average",
+    ),
     "spectra": ("OrderMap", "clear_peaks", "fine_order_spectrum", "fine_spectrum", "order_map"),
 }
 

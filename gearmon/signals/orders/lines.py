@@ -39,7 +39,7 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
-from gearmon.signals.spectra.spectrum import (
+from gearmon.signals.spectra import (
     fast_length,
     hann,
     local_floor,

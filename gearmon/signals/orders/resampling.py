@@ -1,4 +1,4 @@
-"""Signals at equal steps of the angle of a shaft: read between their samples, or spread there.
+"""Signals at equal steps of the angle of a shaft: read between their samples, averaged, or spread.
 
 For waveforms, averages and maps, which must show what was recorded, signals are read between their
 samples without aliases. For transforms at given orders samples are spread onto the steps by a short
@@ -15,6 +15,13 @@ of w steps.
 The kernel is that of Kaiser and Bessel, phi(u) = I0(b sqrt(1 - (2 u / w)^2)) / I0(b), read from a
 table that is straight from one of its places to the next.
 
+Time-synchronous average. The recording is read over all whole turns of a rotation. Of the Fourier
+transform of N turns every N-th line is a multiple of the rotation: these lines *are* the average.
+What stands right beside them does not repeat from turn to turn and says how far the average can be
+trusted, whatever it is: noise, lines of other shafts, a load that drifts. Only these lines and
+neighbours are computed: across the turns first, then around the turn, which takes no time more
+where the number of turns is awkward.
+
 References
 ----------
 J. F. Kaiser, Nonrecursive digital filter design using the I0-sinh window function, Proc. IEEE Int.
@@ -22,20 +29,26 @@ Symp. Circuits and Systems (1974) 20-23: length and shape of the low-pass. Fessl
 Nonuniform fast Fourier transforms using min-max interpolation, IEEE Trans. Signal Processing 51
 (2003) 560-574; Beatty, Nishimura and Pauly, Rapid gridding reconstruction with a minimal
 oversampling ratio, IEEE Trans. Medical Imaging 24 (2005) 799-808.
+P. D. McFadden, A revised model for the extraction of periodic waveforms by time domain averaging,
+Mech. Syst. Signal Process. 1 (1987) 83-95: averaging over N turns as a comb filter.
+D. R. Brillinger, Time Series: Data Analysis and Theory, SIAM 2001, ch. 5: variance of a mean from
+the periodogram near frequency zero.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
 
-from gearmon.arrays import FloatArray
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
+from gearmon.signals.spectra import fast_length
 from gearmon.signals.threads import side_by_side
 
 #: Share of the sampling rate up to which tones are read; above, they fade towards half the rate.
@@ -63,6 +76,12 @@ _HELD = 2048
 _QUICK = 4
 # Steps that a thread makes at a time where all are held.
 _TOGETHER = 1 << 16
+# Neighbours of a line that tell its error: at least so many on either side, at most an eighth of
+# the way to the next multiple, so that the noise there is the noise here.
+_FEWEST_NEIGHBOURS = 8
+_SHARE_OF_GAP = 8
+# Angles of a turn whose course from turn to turn is transformed at a time [numbers].
+_COURSES = 1 << 22
 
 
 def resample_to_angle(
@@ -123,7 +142,7 @@ def resample_to_angle(
         first, end = int(position[0]) - _MARGIN, int(position[-1]) + 2 + _MARGIN
         doubled = np.empty(2 * (end - first))
         for row, channel in enumerate(samples):
-            chunk = odd_stretch(channel, first - _REACH, end + _REACH)
+            chunk = _odd_stretch(channel, first - _REACH, end + _REACH)
             doubled[::2] = chunk[_REACH:-_REACH]
             doubled[1::2] = np.convolve(chunk, _HALF_WAY, "valid")[1:]
             coordinates = 2 * (position - first)[None, :]
@@ -131,7 +150,7 @@ def resample_to_angle(
     return output
 
 
-def odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
+def _odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
     """Return samples from `begin` to before `end`, odd about the first and last one beyond.
 
     Value and slope then go on smoothly: a step there would ring through a transform, or stand out
@@ -200,8 +219,6 @@ class AngularWaveform(Result):
         Samples a turn of the shaft.
     first_turn : int
         Angle of the shaft at the first sample [turns], counted from the zero of its track.
-    shaft_order : float
-        Turns of the shaft a turn of shaft 1.
     top_order : float
         Cycles a turn of the shaft up to which lines have their amplitude.
     """
@@ -209,7 +226,6 @@ class AngularWaveform(Result):
     values: FloatArray
     per_turn: int
     first_turn: int
-    shaft_order: float
     top_order: float
 
     @property
@@ -228,8 +244,6 @@ def angular_waveform(
     sampling_rate_hz: float,
     track: AngleTrack,
     per_turn: int | None = None,
-    *,
-    shaft_order: float = 1.0,
 ) -> AngularWaveform:
     """Sample signals at equal steps of the angle of a shaft, over all its whole turns.
 
@@ -245,12 +259,10 @@ def angular_waveform(
     sampling_rate_hz : float
         Sampling rate [Hz].
     track : AngleTrack
-        Angle of shaft 1 against time.
+        Angle of the shaft against time: that of another one than shaft 1 is `track.of_shaft`.
     per_turn : int, >= 4, optional
         Samples wanted a turn of the shaft; as many as keep the whole bandwidth at the lowest speed
         if not given.
-    shaft_order : float > 0
-        Turns of the shaft a turn of shaft 1.
 
     Returns
     -------
@@ -275,49 +287,52 @@ def angular_waveform(
     >>> wave.turns, wave.values.shape == (2, 512 * wave.turns)
     (73, True)
     """
-    from scipy.signal import firwin, kaiser_beta, resample_poly
-
-    check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    rate = check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_track(track)
-    rate, shaft = sampling_rate_hz, track.of_shaft(shaft_order)
-    enough = steps_to_keep_all(rate, shaft)
-    steps = enough if per_turn is None else per_turn
-    if steps != int(steps) or steps < 4:
-        raise ArgumentError(f"per_turn={per_turn} must be a whole number, at least 4")
-    first, turns = whole_turns(samples.shape[-1], rate, shaft)
-    highest, count = READ_UP_TO * rate / float(shaft.speed_hz.max()), turns * steps
-    # a grid finer by a whole factor, low-passed over Kaiser's length, every `factor`-th value
+    enough = _steps_to_keep_all(rate, track)
+    steps = _whole(per_turn) or enough
+    first, turns = _whole_turns(samples.shape[-1], rate, track)
+    highest, count = READ_UP_TO * rate / float(track.speed_hz.max()), turns * steps
+    # a grid finer by a whole factor
     factor = -(-enough // steps)
     if factor > 1:
         highest = min(highest, PASSED * steps)
-    half = math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * (_STOPPED - PASSED)) / 2) * factor
-    window = ("kaiser", kaiser_beta(_ATTENUATION_DB))
-    kernel = firwin(2 * half + 1, (PASSED + _STOPPED) / factor, window=window)
     # whole steps before and behind the turns that lie inside the recording
-    ends = shaft.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
+    ends = track.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
     before = max(0, math.floor(-ends[0] * steps))
     begin, over = first - before / steps, (before + math.floor(ends[1] * steps)) * factor + 1
     values = np.empty((len(samples), count))
     for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
-        found = resample_to_angle(channel[None], rate, shaft, steps * factor, begin, over)[0]
-        # by a factor of one nothing is changed
-        smooth = resample_poly(found, 1, factor, window=kernel, padtype="antireflect")
-        values[row] = smooth[before:][:count]
-    return AngularWaveform(
-        values=values,
-        per_turn=int(steps),
-        first_turn=first,
-        shaft_order=float(shaft_order),
-        top_order=highest,
-    )
+        found = resample_to_angle(channel[None], rate, track, steps * factor, begin, over)[0]
+        values[row] = _thinned(found, factor)[before:][:count]
+    return AngularWaveform(values=values, per_turn=steps, first_turn=first, top_order=highest)
 
 
-def steps_to_keep_all(sampling_rate_hz: float, shaft: AngleTrack) -> int:
+def _thinned(values: FloatArray, factor: int) -> FloatArray:
+    """Return every `factor`-th value, low-passed over Kaiser's length before."""
+    if factor == 1:
+        return values
+    from scipy.signal import firwin, kaiser_beta, resample_poly  # takes half a second to load
+
+    half = math.ceil((_ATTENUATION_DB - 7.95) / (14.36 * (_STOPPED - PASSED)) / 2) * factor
+    window = ("kaiser", kaiser_beta(_ATTENUATION_DB))
+    kernel = firwin(2 * half + 1, (PASSED + _STOPPED) / factor, window=window)
+    return np.asarray(resample_poly(values, 1, factor, window=kernel, padtype="antireflect"))
+
+
+def _whole(per_turn: int | None) -> int | None:
+    """Return the wanted samples a turn, if any are; refuse what is no number of samples."""
+    if per_turn is not None and (per_turn != int(per_turn) or per_turn < 4):
+        raise ArgumentError(f"per_turn={per_turn} must be a whole number, at least 4")
+    return per_turn and int(per_turn)
+
+
+def _steps_to_keep_all(sampling_rate_hz: float, shaft: AngleTrack) -> int:
     """Return the samples a turn at which no step of angle lasts longer than a step of time."""
     return math.ceil(sampling_rate_hz / float(shaft.speed_hz.min()) * (1 - 1e-12))
 
 
-def whole_turns(count: int, sampling_rate_hz: float, shaft: AngleTrack) -> tuple[int, int]:
+def _whole_turns(count: int, sampling_rate_hz: float, shaft: AngleTrack) -> tuple[int, int]:
     """Return the angle at which the first whole turn begins, and how many whole turns follow.
 
     Parameters
@@ -490,6 +505,210 @@ class Spreading:
         index = (first - begin).astype(np.intp) + np.arange(taps)[:, None]
         end = begin + int(index[-1, -1]) + 1
         near = (
-            odd_stretch(channel, begin, end).take(index, mode="clip") for channel in self.samples
+            _odd_stretch(channel, begin, end).take(index, mode="clip") for channel in self.samples
         )
         return np.array([np.einsum("kn,kn->n", own, weights) for own in near])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SynchronousAverage(Result):
+    """What repeats with every turn of a rotation.
+
+    Parameters
+    ----------
+    rotation_order : float
+        Turns of the rotation a turn of shaft 1.
+    turns : int
+        Turns averaged.
+    first_turn : int
+        Angle of the rotation at which the first of them begins [turns].
+    lines : ndarray of complex, shape (channels, top + 1)
+        Peak amplitudes A_n of the multiples 0 (the mean) to `top`: line n is
+        Re(A_n exp(2 pi i n angle)), angle in turns of the rotation.
+    line_error : ndarray of float, shape (channels, top + 1)
+        Standard error of each: root mean square of |A_n less its true value|, in the complex plane.
+    waveform : ndarray of float, shape (channels, per_turn)
+        The same lines as one turn, in the units of the channels, from a whole angle on.
+    waveform_error : ndarray of float, shape (channels, per_turn)
+        Standard error of every value.
+    """
+
+    rotation_order: float
+    turns: int
+    first_turn: int
+    lines: ComplexArray
+    line_error: FloatArray
+    waveform: FloatArray
+    waveform_error: FloatArray
+
+    @property
+    def per_turn(self) -> int:
+        """Values a turn."""
+        return int(self.waveform.shape[-1])
+
+    @property
+    def top(self) -> int:
+        """Highest multiple of the rotation."""
+        return int(self.lines.shape[-1]) - 1
+
+    @property
+    def amplitude(self) -> FloatArray:
+        """Peak amplitudes, shape (channels, top + 1)."""
+        return np.abs(self.lines)
+
+
+def time_synchronous_average(
+    samples: FloatArray,
+    sampling_rate_hz: float,
+    track: AngleTrack,
+    *,
+    rotation_order: float | Fraction = 1,
+    per_turn: int | None = None,
+) -> SynchronousAverage:
+    """Average signals over the turns of a rotation.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n)
+        The signals, in any unit.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
+    track : AngleTrack
+        Angle of shaft 1 against time.
+    rotation_order : float or Fraction > 0
+        Turns of the rotation a turn of shaft 1: of an output shaft or a planet a ratio of tooth
+        counts. Its turn need be no whole number of turns of shaft 1.
+    per_turn : int, >= 4, optional
+        Values wanted a turn; as many as keep the whole bandwidth if not given. With fewer, lines
+        from half of them on are left out, not folded.
+
+    Returns
+    -------
+    SynchronousAverage
+        Of all whole turns, with the lines up to 0.45 of the sampling rate at the highest speed.
+
+    Raises
+    ------
+    RecordingError
+        If the recording holds fewer than two whole turns: they tell no scatter.
+    ArgumentError
+        If an argument is out of its range.
+
+    Notes
+    -----
+    With X_b the transform of N turns, their mean has the lines X_nN. The variance of a mean of N
+    turns is the power density of what departs from it, near frequency zero, over N; here the mean
+    of abs(X_nN+b)^2 over M = max(8, N/8) bins b on either side, as far as b <= N/2. Turns need not
+    be independent: a drift over many turns shows at small b. For N <= 16 the error of the waveform
+    is the usual sqrt(s^2 / N). With some 2 M degrees of freedom it is itself known to about
+    1/sqrt(4 M), 18 % or better from 16 turns on.
+
+    Lines of another rotation, d turns off the next multiple, leak into the average by up to
+    1/(N sin(pi d)). Those that fall on a multiple cannot be told from it.
+
+    Examples
+    --------
+    >>> vibration = gearmon.read_recording(new).vibration()
+    >>> track = analysis.signature.track
+    >>> average = gearmon.time_synchronous_average(vibration.samples, 8000.0, track)
+    >>> average.turns, average.waveform.shape == (2, average.per_turn)
+    (73, True)
+    """
+    check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
+    check_track(track)
+    shaft = track.of_shaft(float(rotation_order))
+    given = _whole(per_turn)
+    steps = fast_length(max(_steps_to_keep_all(sampling_rate_hz, shaft), given or 4))
+    wanted = given or steps
+    found = []
+    for channel in samples:
+        # a channel at a time: memory holds one in angle
+        wave = angular_waveform(channel[None], sampling_rate_hz, shaft, steps)
+        if wave.turns < 2:
+            raise RecordingError(
+                f"recording of {len(channel) / sampling_rate_hz:.3g} s: whole turns of the shaft: "
+                f"{wave.turns}; an average with its scatter needs 2"
+            )
+        found.append(_of_record(wave, wanted))
+    lines, line_error, waveform_error = (np.array(own) for own in zip(*found, strict=True))
+    return SynchronousAverage(
+        rotation_order=float(rotation_order),
+        turns=wave.turns,
+        first_turn=wave.first_turn,
+        lines=lines,
+        line_error=line_error,
+        waveform=one_turn(lines, wanted),
+        waveform_error=waveform_error,
+    )
+
+
+def one_turn(lines: ComplexArray, per_turn: int) -> FloatArray:
+    """Return one turn of lines.
+
+    Parameters
+    ----------
+    lines : ndarray of complex, shape (..., top + 1)
+        Peak amplitudes of the multiples 0 to top.
+    per_turn : int, > 2 top
+        Values wanted.
+
+    Returns
+    -------
+    ndarray of float, shape (..., per_turn)
+    """
+    half = np.zeros((*lines.shape[:-1], per_turn // 2 + 1), dtype=complex)
+    half[..., : lines.shape[-1]] = 0.5 * lines
+    half[..., 0] = lines[..., 0].real
+    return np.asarray(np.fft.irfft(half, n=per_turn, axis=-1, norm="forward"))
+
+
+def _of_record(wave: AngularWaveform, per_turn: int) -> tuple[ComplexArray, FloatArray, FloatArray]:
+    """Lines, their errors and those of the waveform, of one channel at equal steps of angle."""
+    steps, turns = wave.per_turn, wave.turns
+    top = min((per_turn - 1) // 2, int(wave.top_order))
+    near = np.arange(1, min(turns // 2, max(_FEWEST_NEIGHBOURS, turns // _SHARE_OF_GAP)) + 1)
+    course = _courses(wave.values[0].reshape(turns, steps), np.concatenate([[0], near]))
+    # column b holds the transform of the record at the bins n N + b, n from 0 and from below
+    angle = np.arange(steps)[:, None] * np.concatenate([[0], near]) / (turns * steps)
+    course *= np.exp(-2j * np.pi * angle)
+    bins = np.fft.fft(course, axis=0)
+    upper = bins[: top + 1]
+    lower = bins[-np.arange(top + 1)]
+    scale = np.full(top + 1, 2.0 / (turns * steps))
+    scale[0] *= 0.5  # the mean is no peak amplitude
+    lines = upper[:, 0] * scale
+    power = 0.5 * (_squared(upper[:, 1:]) + _squared(lower[:, 1:])).mean(axis=1)
+    error: FloatArray = scale * np.sqrt(power)
+    return lines, error, _waveform_error(bins[:, 1:], turns, top, per_turn, near)
+
+
+def _courses(record: FloatArray, wanted: IntArray) -> ComplexArray:
+    """Transform a record over its turns, at the wanted bins: shape (steps, bins)."""
+    turns, steps = record.shape
+    course = np.empty((steps, len(wanted)), dtype=complex)
+    width = max(1, _COURSES // turns)
+    for start in range(0, steps, width):
+        columns = np.ascontiguousarray(record[:, start : start + width].T)
+        course[start : start + width] = np.fft.rfft(columns, axis=1)[:, wanted]
+    return course
+
+
+def _waveform_error(
+    bins: ComplexArray, turns: int, top: int, per_turn: int, near: IntArray
+) -> FloatArray:
+    """Return standard errors of the mean over turns at every angle."""
+    # of the highest bin of an even count there is one, of the others one on either side
+    weight = np.where(2 * near == turns, 1.0, 2.0)
+    variance = np.zeros(per_turn)
+    for column, own in zip(bins.T, weight, strict=True):
+        # what lies beyond the lines that are kept is no part of the waveform
+        kept = np.zeros(per_turn, dtype=complex)
+        kept[: top + 1] = column[: top + 1]
+        if top:
+            kept[-top:] = column[-top:]
+        variance += own * _squared(np.fft.ifft(kept, norm="forward"))
+    return np.asarray(np.sqrt(variance / weight.sum()) / len(bins) / turns)
+
+
+def _squared(values: ComplexArray) -> FloatArray:
+    return np.asarray(values.real**2 + values.imag**2)

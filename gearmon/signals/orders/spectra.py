@@ -26,7 +26,7 @@ from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Spreading, resample_to_angle
-from gearmon.signals.spectra.spectrum import (
+from gearmon.signals.spectra import (
     fast_length,
     hann,
     local_floor,
@@ -39,8 +39,8 @@ from gearmon.signals.threads import side_by_side
 
 # Bins of the running median that tells the noise under the lines.
 _FLOOR_BINS = 384
-#: Pieces of a long recording that are looked at, spread over all of it.
-MOST_PIECES = 16
+# Pieces of a long recording that are looked at, spread over all of it.
+_MOST_PIECES = 8
 # Places between 0 and half a step at which what it takes of a line is computed.
 _SHARES = 4096
 # Power of a Hann window's side lobes over that of its main lobe, with 8 dB to spare: the share not
@@ -116,7 +116,6 @@ def fine_order_spectrum(
     sampling_rate_hz: float,
     track: AngleTrack,
     pieces: int = 1,
-    most: int = MOST_PIECES,
     spreading: Spreading | None = None,
 ) -> FineSpectrum:
     """Spectrum of whole signals against the angle of shaft 1.
@@ -130,9 +129,8 @@ def fine_order_spectrum(
     track : AngleTrack
         Angle of shaft 1 against time.
     pieces : int
-        Consecutive pieces whose powers are averaged, >= 1.
-    most : int
-        Of more pieces only so many are looked at, spread evenly.
+        Consecutive pieces whose powers are averaged, >= 1; of more than eight, eight that are
+        spread evenly.
     spreading : Spreading, optional
         The samples onto steps as many a turn as samples, if they are at hand.
 
@@ -154,12 +152,10 @@ def fine_order_spectrum(
     def share(orders: FloatArray) -> FloatArray:
         return np.interp(orders, places * per_turn, shares)
 
-    return _of_pieces(part, block, (pieces, most), per_turn, share)
+    return _of_pieces(part, block, pieces, per_turn, share)
 
 
-def fine_spectrum(
-    samples: FloatArray, sampling_rate_hz: float, pieces: int = 1, most: int = MOST_PIECES
-) -> FineSpectrum:
+def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1) -> FineSpectrum:
     """Spectrum of whole signals against time, made like `fine_order_spectrum`.
 
     Parameters
@@ -168,7 +164,7 @@ def fine_spectrum(
         The signals.
     sampling_rate_hz : float
         Sampling rate [Hz], > 0.
-    pieces, most : int
+    pieces : int
         As for `fine_order_spectrum`.
 
     Returns
@@ -181,7 +177,7 @@ def fine_spectrum(
     return _of_pieces(
         lambda piece: samples[:, piece * block : (piece + 1) * block],
         block,
-        (pieces, most),
+        pieces,
         sampling_rate_hz,
     )
 
@@ -192,7 +188,6 @@ def fine_envelope_spectrum(
     track: AngleTrack,
     top_order: float,
     pieces: int = 1,
-    most: int = MOST_PIECES,
 ) -> FineSpectrum:
     """Spectrum of the squared envelope of whitened signals against the angle of shaft 1.
 
@@ -210,7 +205,7 @@ def fine_envelope_spectrum(
         Angle of shaft 1 against time.
     top_order : float
         Highest order wanted, > 0; cut to an eighth of the sampling rate.
-    pieces, most : int
+    pieces : int
         As for `fine_order_spectrum`.
 
     Returns
@@ -251,7 +246,7 @@ def fine_envelope_spectrum(
         mean = np.maximum(read.mean(axis=-1, keepdims=True), np.finfo(float).tiny)
         return np.asarray(read / mean)
 
-    spectrum = _of_pieces(part, count, (pieces, most), per_turn)
+    spectrum = _of_pieces(part, count, pieces, per_turn)
     last = int(top_order / spectrum.step) + 1
     return replace(spectrum, power=spectrum.power[:, :last], floor=spectrum.floor[:, :last])
 
@@ -279,17 +274,16 @@ def _whitened_envelope(samples: FloatArray) -> FloatArray:
 def _of_pieces(
     part: Callable[[int], FloatArray],
     block: int,
-    pieces_and_most: tuple[int, int],
+    pieces: int,
     rate: float,
     share: Callable[[FloatArray], FloatArray] | None = None,
 ) -> FineSpectrum:
     """Average the powers of pieces; `share` tells what of them stands at each place."""
-    pieces, most = pieces_and_most
     if pieces < 1 or block < 8:
         raise ArgumentError(f"pieces={pieces}: each must hold 8 samples or more, got {block}")
     length = fast_length(2 * block)
     weights = hann(block)
-    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, most)).astype(int))
+    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
 
     def power_of(piece: int) -> FloatArray:
         values = part(piece)

@@ -7,11 +7,10 @@
 >>> interpret(table, Wanted())["units"][0]                          # doctest: +SKIP
 'm/s2'
 
-Text: `source` (bytes to whole lines, and what a number is), `layout` (separator, decimal character,
-first row, names) and `text` (lines to numbers, compiled or with care). Other files: `formats` and
-`extras`, which give `arrays`, as frames and arrays in memory do. All end in a `Table` of `columns`
-(names, units, kinds, defects); `timebase` (the sampling rate) and `channels` (which columns are
-the recording) interpret it.
+Text: `layout` (what a number is, separator, decimal character, first row, names) and `text` (bytes
+to whole lines, lines to numbers, compiled or with care). Other files: `formats`, which gives
+`arrays`, as frames and arrays in memory do. All end in a `Table` of `columns` (names, units, kinds,
+defects); `channels` (the sampling rate, and which columns are the recording) interprets it.
 """
 
 from gearmon.signals.reading.arrays import read_memory

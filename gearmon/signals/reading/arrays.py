@@ -18,8 +18,13 @@ from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import DataColumn, Table, describe_columns, find_columns
-from gearmon.signals.reading.source import shortened
+from gearmon.signals.reading.columns import (
+    DataColumn,
+    Table,
+    describe_columns,
+    find_columns,
+    shortened,
+)
 
 Read = Callable[[int, int], FloatArray]
 
@@ -243,7 +248,7 @@ def hold(items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
 def _told_beside(data: Any) -> dict[str, Any]:
     """Return unit and sampling rate of an array as its attributes tell, if it has any."""
     attributes = getattr(data, "attrs", {})
-    return {"unit": unit_in(attributes), "rate_hz": stated_rate(numbers_in(attributes))[0]}
+    return {"unit": unit_in(attributes), "rate_hz": _stated_rate(numbers_in(attributes))[0]}
 
 
 def _names_beside(data: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
@@ -255,7 +260,7 @@ def _names_beside(data: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
     return usual
 
 
-def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
+def _stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
     """Return the sampling rate among the facts, and a remark where that is not certain.
 
     A name that means nothing else counts if all such names agree; else the plausible number under
@@ -263,11 +268,11 @@ def stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
 
     Examples
     --------
-    >>> stated_rate({"data.Fs": 12000.0, "rpm": 1796.0})
+    >>> _stated_rate({"data.Fs": 12000.0, "rpm": 1796.0})
     (12000.0, '')
-    >>> stated_rate({"sr": 97656.0})
+    >>> _stated_rate({"sr": 97656.0})
     (97656.0, 'sampling rate 97656 Hz taken from sr')
-    >>> stated_rate({"sr": 48828.0, "SampFreq": 97656.0})
+    >>> _stated_rate({"sr": 48828.0, "SampFreq": 97656.0})
     (None, 'sr = 48828, SampFreq = 97656 may be it')
     """
 
@@ -388,13 +393,12 @@ def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> FloatA
             if part.shape[1] != stop - start:
                 raise ValueError("it is cut off: fewer samples than it announces")
             values[row:end, start:stop] = part
-            wanted.progress((row * total + (end - row) * stop) / (rows * total))
         row = end
     return values
 
 
 def _table(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Table:
-    rate, remark = stated_rate(holding.facts)
+    rate, remark = _stated_rate(holding.facts)
     own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
     notes = [*holding.notes, remark if rate is not None and own is None else ""]
     speeds = (name for name in holding.facts if _plain(name).endswith("rpm"))

@@ -1,4 +1,8 @@
-"""From columns of numbers to channels: what each is, which are used, in which unit."""
+"""From columns of numbers to channels: what each is, which are used, in which unit, at which rate.
+
+The sampling rate is as the file tells it, from its time column, or as given; it is never guessed.
+Time stamps are judged by how they follow each other, rounded as they are printed.
+"""
 
 from __future__ import annotations
 
@@ -6,23 +10,44 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 
-from gearmon.arrays import FloatArray
+from gearmon.arrays import BoolArray, FloatArray
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import DataColumn, Defect, Table, find_columns, find_defect
-from gearmon.signals.reading.timebase import even_step, sampling_rate
+from gearmon.signals.reading.columns import (
+    DataColumn,
+    Defect,
+    Table,
+    find_columns,
+    find_defect,
+    missing_rows,
+)
 from gearmon.signals.threads import side_by_side
-from gearmon.units import acceleration_factor, plain_unit
+from gearmon.units import acceleration_factor, plain_unit, time_factor
 
-#: Told the share of a file that has been read.
-Progress = Callable[[float], object]
-
-ACCELERATION_UNIT = "m/s2"
+_ACCELERATION_UNIT = "m/s2"
 # Up to this size a copy without gaps between the channels costs nothing worth saving.
 _SMALL_BYTES = 32 * 1024 * 1024
+# Deviation of a stamp from even spacing, in sampling intervals, beyond what rounding explains.
+_JITTER = 0.1
+# Rounding to more than this share of an interval hides lost samples.
+_COARSE = 0.75
+# ... and to more than this share hides them from the differences, though not from a straight line.
+_DOUBTFUL = 0.45
+# Deviation from a straight line, over all stamps, of a step that changes by 0.1 % at half time.
+_DRIFT = 1e-3 / 8
+_CHUNK = 2**18
+
+_AGREEMENT = 1e-3
+# Stamps without a unit are seconds; but a step this long would be no vibration recording.
+_LONGEST_STEP_S = 0.1
+_USUAL_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0))
+_REMEDY = (
+    "if the samples are evenly spaced all the same, delete the time column and give "
+    "--sampling-rate HZ, otherwise resample"
+)
 
 
 class SensorLike(Protocol):
@@ -61,8 +86,6 @@ class Wanted:
         What columns hold.
     unit : str or None
         Unit of the vibration channels of which nothing else states one.
-    progress : callable
-        Called with the share of the file that has been read, 0 to 1.
     room : callable
         Gives an array for the numbers of a file, by its name and their shape.
     """
@@ -72,7 +95,6 @@ class Wanted:
     tacho: str | int | None = None
     sensors: tuple[SensorLike, ...] = ()
     unit: str | None = None
-    progress: Progress = lambda _share: None
     room: Callable[[str, tuple[int, int]], FloatArray] = lambda _path, shape: np.empty(shape)
 
 
@@ -264,5 +286,254 @@ def _taken(values: FloatArray, kept: Sequence[int]) -> FloatArray:
 def _unit_and_scale(column: DataColumn) -> tuple[str | None, float]:
     """Return the physical unit of a channel, and what its numbers must be multiplied by."""
     factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
-    unit = column.unit if factor is None else ACCELERATION_UNIT
+    unit = column.unit if factor is None else _ACCELERATION_UNIT
     return unit, (factor or 1.0) / column.sensitivity
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spacing:
+    """How time stamps follow each other.
+
+    Parameters
+    ----------
+    step : float > 0
+        Mean difference over the whole span, in the unit of the stamps.
+    uncertainty : float
+        Relative uncertainty of the step that rounding of the stamps leaves, at most.
+    coarse : bool
+        Whether the stamps are rounded so much that neighbours are alike or nearly so.
+    fault : str
+        What is irregular; "" if nothing.
+    row : int
+        Index of the stamp where that shows first.
+    """
+
+    step: float
+    uncertainty: float = 0.0
+    coarse: bool = False
+    fault: str = ""
+    row: int = 0
+
+
+def spacing(stamps: FloatArray) -> Spacing:
+    """Return the spacing of time stamps, and what is irregular about it.
+
+    Rounding of the stamps when they were printed is allowed for: their resolution is the last
+    decimal that any of them uses.
+
+    Parameters
+    ----------
+    stamps : ndarray of float64, shape (n,), n >= 2
+        Finite time stamps.
+
+    Examples
+    --------
+    >>> spacing(np.array([0.0, 0.001, 0.002, 0.004])).fault
+    'a step of 0.002 where 0.001 is usual: about 1 sample is missing'
+    """
+    step = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
+    usual, exact = _usual_step(stamps)
+    resolution = _resolution(stamps)
+    if exact and resolution > _DOUBTFUL * step:
+        resolution = 0.0  # a step such as 0.001 with three decimals: nothing was rounded
+    coarse = resolution > _COARSE * step
+    # coarse stamps may repeat, if not all do; of others that mostly do not rise none may
+    least = 0.0 if coarse and step > 0 else np.finfo(float).tiny
+    tolerance = np.inf if coarse or usual <= 0 else resolution + _JITTER * usual
+    fault, row = _fault(stamps, usual, max(usual - tolerance, least), usual + tolerance)
+    slope, off = _straight_line(stamps)
+    drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * len(stamps)
+    rounded = resolution if coarse else 0.5 * resolution
+    if not fault and max(off.max(), -off.min()) > rounded + (_JITTER + drift) * step:
+        row = int(np.abs(off).argmax())
+        fault = f"{stamps[row]:.9g} is off the even spacing of {step:.6g}"
+    found = Spacing(step=abs(step), coarse=coarse, fault=fault, row=row)
+    if exact or fault:
+        return found
+    return replace(found, step=slope, uncertainty=resolution / (step * len(stamps)))
+
+
+def even_step(values: FloatArray) -> float:
+    """Return by what values go up evenly, as time stamps and counters do; 0 if they do not."""
+    # the ends decide for nearly every channel; a NaN anywhere shows in the extremes
+    if len(values) < 3 or not (values[1] > values[0] and values[-1] > values[-2]):
+        return 0.0
+    if not np.isfinite(values.max() - values.min()) or values[-1] <= values[0]:
+        return 0.0
+    found = spacing(values)
+    return 0.0 if found.fault or found.coarse else found.step
+
+
+def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple[str, int]:
+    """Say which step is the first that is not as usual, and in which row it ends."""
+    row = _first(stamps, lambda steps: steps < 0)  # tells more than what it does to others
+    if row < 0:
+        row = _first(stamps, lambda steps: (steps < least) | (steps > most))
+    if row < 0:
+        return "", 0
+    before, after = stamps[row - 1], stamps[row]
+    if after <= before:
+        what = f"comes after {before:.9g}" if after < before else "is repeated"
+        return f"{after:.9g} {what}", row
+    found = float(after - before)
+    lost = round(found / usual) - 1
+    text = f"a step of {found:.6g} where {usual:.6g} is usual"
+    if lost >= 1 and abs(found / usual - lost - 1) <= 0.2:
+        text += f": about {lost} {'sample is' if lost == 1 else 'samples are'} missing"
+    return text, row
+
+
+def _usual_step(stamps: FloatArray) -> tuple[float, bool]:
+    """Return the median step, and whether nearly all steps are equal to it (nothing rounded)."""
+    steps = np.diff(stamps[: 2 * _CHUNK])
+    if len(stamps) > 2 * _CHUNK:
+        steps = np.concatenate([steps[:_CHUNK], np.diff(stamps[-_CHUNK:])])
+    usual = float(np.median(steps))
+    slack = 1e-6 * abs(usual) + 4 * np.spacing(np.abs(stamps[[0, -1]]).max())
+    others = int(np.count_nonzero(np.abs(steps - usual) > slack))
+    return usual, others <= max(1, 0.01 * len(steps))
+
+
+def _resolution(stamps: FloatArray) -> float:
+    """Return the unit of the last decimal of the stamps, or of their single precision."""
+    parts = stamps[:1000], stamps[-1000:]
+    ends = np.concatenate(parts)
+    with np.errstate(over="ignore"):
+        single = ends.astype(np.float32).astype(np.float64)
+    if np.all(np.abs(ends - single) <= 1e-9 * np.abs(ends)):
+        return float(np.spacing(np.float32(np.abs(ends).max())))
+    decimals = range(-3, 16)
+    return max(
+        next((10.0**-k for k in decimals if np.array_equal(np.round(part, k), part)), 0.0)
+        for part in parts
+    )
+
+
+def _first(stamps: FloatArray, wrong: Callable[[FloatArray], BoolArray]) -> int:
+    """Return the index of the first stamp whose step from the one before is wrong; -1: none."""
+    for start in range(0, len(stamps) - 1, _CHUNK):
+        bad = wrong(np.diff(stamps[start : start + _CHUNK + 1]))
+        if bad.any():
+            return start + int(bad.argmax()) + 1
+    return -1
+
+
+def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
+    """Return the slope of the best straight line, and what is left beside it.
+
+    Rounding averages out of the slope.
+    """
+    count = len(stamps)
+    number, beside = np.arange(count) - 0.5 * (count - 1), stamps - stamps.mean()
+    slope = float(beside @ number) * 12.0 / (count * (count**2 - 1.0))
+    number *= slope
+    beside -= number
+    return slope, beside
+
+
+def sampling_rate(
+    table: Table, column: DataColumn | None, given_hz: float | None, hint: str = ""
+) -> tuple[float, str]:
+    """Return the sampling rate of a recording.
+
+    Parameters
+    ----------
+    table : Table
+        What stands in the file.
+    column : Column or None
+        The time column.
+    given_hz : float > 0 or None
+        The sampling rate as the user knows it.
+    hint : str
+        What else in the file may help, for the message.
+
+    Returns
+    -------
+    rate_hz : float > 0
+        Samples per second.
+    note : str
+        What was assumed; "" if nothing.
+
+    Raises
+    ------
+    RecordingError
+        If there is neither a rate nor a time column in the file and none was given, they contradict
+        each other by more than 0.1 %, or the time column is irregular.
+    """
+    stated = table.rate_hz
+    if stated and given_hz and abs(stated / given_hz - 1.0) > _AGREEMENT:
+        raise RecordingError(
+            f"{table.path}: the file says {stated:.7g} Hz, but {given_hz:.7g} Hz was given; "
+            "leave --sampling-rate out, or correct it"
+        )
+    # some formats round the rate; the user may know it better
+    rate_hz, note = given_hz or stated, ""
+    if column is not None:
+        told = "{:.7g} Hz was given" if given_hz else "the file says {:.7g} Hz as well"
+        rate_hz, note = _from_stamps(table, column, rate_hz, told)
+    if rate_hz is not None:
+        return rate_hz, note
+    told = hint or table.rate_hint
+    raise RecordingError(
+        f"{table.path}: has no time column and does not say its sampling rate; give "
+        f"--sampling-rate HZ{f' ({told})' if told else ''}"
+    )
+
+
+def _from_stamps(
+    table: Table, column: DataColumn, given_hz: float | None, contradiction: str
+) -> tuple[float, str]:
+    """Return the rate that time stamps tell, or the given one that agrees, and what was assumed."""
+    where = f"{table.path}, {column.label}"
+    index = [own.number for own in table.columns].index(column.number)
+    stamps = table.values[index]
+
+    def refuse(row: int, what: str) -> NoReturn:
+        place = f"{table.path}, {table.locate(row, index)[0]}, {column.label}"
+        raise RecordingError(f"{place}: the time is {what}; {_REMEDY}")
+
+    missing = missing_rows(stamps)
+    if len(missing):
+        refuse(int(missing[0]), f"missing (in {len(missing)} of {len(stamps)} rows)")
+    if len(stamps) < 2:
+        raise RecordingError(f"{where}: a single sample is no recording; it tells no sampling rate")
+    found = spacing(stamps)
+    if found.fault:
+        refuse(found.row, f"irregular: {found.fault}")
+    if given_hz is not None and column.unit is None and found.step == 1.0:
+        return given_hz, f"{column.label} counts samples; the given rate is used"
+    factor, note = _unit(where, column, found, given_hz)
+    derived_hz = float(f"{1.0 / (found.step * factor):.13g}")  # 1000, not 1000.0000000000001
+    if given_hz is None:
+        if found.coarse:
+            raise RecordingError(
+                f"{where}: its stamps are rounded so much that neighbours can be alike; give "
+                f"--sampling-rate HZ (it must be about {derived_hz:.4g})"
+            )
+        return derived_hz, note
+    if abs(derived_hz / given_hz - 1.0) > _AGREEMENT + found.uncertainty:
+        raise RecordingError(
+            f"{where}: its stamps say {derived_hz:.7g} Hz, but {contradiction.format(given_hz)}; "
+            "leave --sampling-rate out, or correct it or the unit of the time column"
+        )
+    return given_hz, note
+
+
+def _unit(
+    where: str, column: DataColumn, found: Spacing, given_hz: float | None
+) -> tuple[float, str]:
+    """Return the seconds in one unit of the time column, and what was assumed."""
+    known = time_factor(column.unit)
+    if known is not None:
+        return known, ""
+    if given_hz is None and found.step >= _LONGEST_STEP_S:
+        raise RecordingError(
+            f"{where}: it goes up by {found.step:.6g} in an unknown unit; name it with its unit, "
+            "such as time_ms, or give --sampling-rate HZ"
+        )
+    if given_hz is None:
+        return 1.0, f"{column.label} has no unit: taken as seconds"
+    for name, factor in _USUAL_UNITS:
+        if abs(found.step * factor * given_hz - 1.0) <= _AGREEMENT + found.uncertainty:
+            return factor, f"{column.label} has no unit: by the given rate it is in {name}"
+    return 1.0, ""

@@ -13,7 +13,6 @@ import numpy as np
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.signals.reading.source import shortened
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
@@ -46,9 +45,10 @@ _PILED_UP = 5.0
 _FEWEST_SAMPLES = 10
 _HARMLESS_SHARE = 1e-3
 # No sensor gives more, in whatever unit; bytes read in another order do.
-MOST_SAMPLE = 1e30
+_MOST_SAMPLE = 1e30
 _NEIGHBOURHOOD, _ALIKE = 0.05, 1e-9  # of the range
 _SAMPLES_TO_COMPARE = 2**17  # from the first at the extreme on
+LONGEST_QUOTE = 60  # characters of a file that a message shows
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,14 +265,14 @@ class Defect:
 
 def all_finite(values: FloatArray) -> bool:
     """Tell whether all values are numbers that a sensor can give."""
-    return not len(values) or bool(values.min() > -MOST_SAMPLE and values.max() < MOST_SAMPLE)
+    return not len(values) or bool(values.min() > -_MOST_SAMPLE and values.max() < _MOST_SAMPLE)
 
 
 def missing_rows(values: FloatArray) -> IntArray:
     """Return the indices of values that are no numbers a sensor can give."""
     if all_finite(values):
         return np.zeros(0, dtype=np.int64)
-    return np.flatnonzero(~(np.abs(values) < MOST_SAMPLE))
+    return np.flatnonzero(~(np.abs(values) < _MOST_SAMPLE))
 
 
 def find_defect(values: FloatArray) -> Defect | None:
@@ -295,7 +295,7 @@ def find_defect(values: FloatArray) -> Defect | None:
     if count < 2 and all_finite(values):
         return None
     low, high = float(values.min()), float(values.max())
-    if not (low > -MOST_SAMPLE and high < MOST_SAMPLE):  # also if they are no numbers
+    if not (low > -_MOST_SAMPLE and high < _MOST_SAMPLE):  # also if they are no numbers
         return _missing(values)
     if low == high:
         return Defect(text=f"is constant ({low:g} in all {count} samples)", row=-1)
@@ -339,3 +339,10 @@ def _is_piled_up(values: FloatArray, range_: float) -> bool:
     # of an exact sine only the flat top is alike to the last digit
     _, counts = np.unique(np.round(near / (_ALIKE * range_)), return_counts=True)
     return bool(distance.size - beside.size >= _PILED_UP * counts.max())
+
+
+def shortened(text: str) -> str:
+    """Return the text, cut to what fits in a message, with no line ends or control characters."""
+    begin = text[: LONGEST_QUOTE + 1]
+    shown = "".join(character if character.isprintable() else "?" for character in begin)
+    return shown if len(shown) <= LONGEST_QUOTE else shown[: LONGEST_QUOTE - 3] + "..."

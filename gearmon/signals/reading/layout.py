@@ -1,7 +1,8 @@
 """How a table of numbers is written and what stands above it.
 
 Separator, decimal character, number of columns and first row; then the lines above: names of the
-columns, their units, and what else they tell.
+columns, their units, and what else they tell. Last, what counts as a number, a missing value or a
+time stamp in one field of a line.
 """
 
 from __future__ import annotations
@@ -14,18 +15,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import DataColumn, describe_columns
-from gearmon.signals.reading.source import (
-    LONGEST_QUOTE,
-    is_comment,
-    is_missing,
-    is_number,
-    shortened,
-    split_fields,
-    to_microseconds,
-    to_number,
-    without_empty_end,
-)
+from gearmon.signals.reading.columns import LONGEST_QUOTE, DataColumn, describe_columns, shortened
 from gearmon.units import are_units
 
 # Lines that are looked at to find the dialect; the last ones, as those are rows most surely.
@@ -53,6 +43,25 @@ _CLOSED_QUOTES = re.compile(r'"[^"]*"')
 _FEWEST_BELOW = 5  # rows of decimals that tell names 0, 1, 2 ... from one more row
 
 Line = tuple[int, str]
+_EXPONENT_LETTERS = str.maketrans("dD", "ee")
+_NUMBER = {
+    mark: re.compile(rf"[+-]?(?:[0-9]+(?:[{mark}][0-9]*)?|[{mark}][0-9]+)(?:[eEdD][+-]?[0-9]+)?")
+    for mark in ".,"
+}
+_QUOTED = re.compile(r'[ \t]*"((?:[^"]|"")*)"[ \t]*')
+# Fields, with their quotes, in which a separator is no end.
+_FIELDS = {
+    mark: re.compile(rf'(?:^|{mark})((?:[^"{mark}]|"[^"]*(?:"|\Z))*)') for mark in "\t;,"
+} | {" ": re.compile(r'((?:[^"\s]|"[^"]*(?:"|\Z))+)')}
+_TIME_OF_DAY = re.compile(r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?")
+_DATE = re.compile(r"\d{4}-\d{2}-\d{2}[T ]\d{2}:\d{2}")
+_SPREADSHEET_ERROR = re.compile(r"#(n/a|nv|div/0!|wert!|value!|ref!|num!|zahl!|name\?|null!)")
+# What loggers, spreadsheets and C libraries print instead of a number.
+_NO_VALUE = """
+    nan -nan +nan nan(ind) -nan(ind) nan(snan) 1.#qnan -1.#qnan 1.#ind -1.#ind 1.#inf -1.#inf
+    inf +inf -inf infinity +infinity -infinity na n/a null none missing overflow - -- ? *
+"""
+MISSING = frozenset(_NO_VALUE.split())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -405,3 +414,93 @@ def _stands_below_names(lines: Sequence[Line], cells: Sequence[str], dialect: Di
 def _is_metadata(text: str) -> bool:
     """Tell ``Operator: Smith`` from names of columns."""
     return ":" in text or "=" in text
+
+
+def is_number(field: str, decimal: str) -> bool:
+    """Tell whether the field is a number: digits, one decimal character, an exponent (e or d).
+
+    Examples
+    --------
+    >>> is_number("-1,5d-3", ","), is_number("1.5.2", ".")
+    (True, False)
+    """
+    return _NUMBER[decimal].fullmatch(field) is not None
+
+
+def to_number(field: str, decimal: str) -> float:
+    """Return the value of a field for which `is_number` holds."""
+    return float(field.replace(decimal, ".").translate(_EXPONENT_LETTERS))
+
+
+def is_missing(field: str) -> bool:
+    """Tell whether the field is empty or says, in a usual way, that there is no finite value."""
+    return not field or field.lower() in MISSING or _is_spreadsheet_error(field)
+
+
+def _is_spreadsheet_error(text: str) -> bool:
+    """Tell whether the text begins with an error value of a spreadsheet, such as ``#N/A``."""
+    return _SPREADSHEET_ERROR.match(text.lower()) is not None
+
+
+def is_comment(line: str) -> bool:
+    """Tell whether the line is a remark: it begins with ``#`` or ``%``."""
+    text = line.lstrip()
+    return text.startswith(("#", "%")) and not _is_spreadsheet_error(text)
+
+
+def to_microseconds(field: str) -> int | None:
+    """Return a time stamp (ISO 8601 date and time, or time of day) in microseconds, or None.
+
+    They count from midnight; for dates, from the start of the year 1, without time zones.
+
+    Examples
+    --------
+    >>> to_microseconds("00:01:00.25"), to_microseconds("1.5")
+    (60250000, None)
+    """
+    if _TIME_OF_DAY.fullmatch(field):
+        field = "0001-01-01T" + "0" * (field[1] == ":") + field
+    if _DATE.match(field) is None:
+        return None
+    from datetime import datetime, timedelta  # few recordings have dates
+
+    try:
+        moment = datetime.fromisoformat(field)
+    except ValueError:
+        return None
+    return (moment.replace(tzinfo=None) - datetime.min) // timedelta(microseconds=1)
+
+
+def split_fields(line: str, separator: str) -> list[str]:
+    """Return the fields of a line, without blanks around them and without their quotes.
+
+    Parameters
+    ----------
+    line : str
+        One line.
+    separator : str
+        "," or ";" or a tab; " " for any run of spaces and tabs; "" for one field per line.
+
+    Examples
+    --------
+    >>> split_fields('1; "2,5" ;', ";")
+    ['1', '2,5', '']
+    """
+    if separator == "":
+        return [_unquoted(line)]
+    if '"' not in line:
+        return line.split() if separator == " " else [own.strip() for own in line.split(separator)]
+    return [_unquoted(part) for part in _FIELDS[separator].findall(line)]
+
+
+def without_empty_end(fields: Sequence[str]) -> Sequence[str]:
+    """Return the fields up to the last one that is not empty."""
+    count = len(fields)
+    while count and not fields[count - 1]:
+        count -= 1
+    return fields[:count]
+
+
+def _unquoted(field: str) -> str:
+    match = _QUOTED.fullmatch(field)
+    return match[1].replace('""', '"').strip() if match else field.strip()

@@ -2,8 +2,8 @@
 
 With a tachometer `tacho` finds its pulses and mends their train, and lets the phases of the mesh
 lines tell the angle between them. Without one `comb` finds the speed that puts known
-orders onto the lines of the spectrum, steady or changing, `phases` makes an angle of it, `slips`
-tells where that is lost; `mesh_detection` judges whether the mesh is there at all.
+orders onto the lines of the spectrum, steady or changing, `phases` makes an angle of it and tells
+where that is lost; `mesh_detection` judges whether the mesh is there at all.
 
 >>> import numpy as np
 >>> from gearmon.signals.tracking import find_pulses, track_from_pulses
@@ -19,8 +19,10 @@ from gearmon.lazy import lazily
 _OFFERED = {
     "comb": ("Comb", "SpeedScan", "SpeedTrack", "find_path", "scan_speed"),
     "mesh_detection": ("MeshComb", "MeshEvidence", "foreign_spacing", "mesh_evidence"),
-    "phases": ("coherent_share", "follow_lines", "integrate_speed", "lock_track"),
-    "slips": ("SlipCheck", "check_slips", "mend_slips"),
+    "phases": (
+        *("SlipCheck", "check_slips", "coherent_share", "follow_lines", "integrate_speed"),
+        *("lock_track", "mend_slips"),
+    ),
     "tacho": ("TachoPulses", "find_pulses", "join", "pulses_per_turn", "track_from_pulses"),
 }
 

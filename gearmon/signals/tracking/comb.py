@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.orders.resampling import Spreading
-from gearmon.signals.spectra.spectrum import fast_length, hann, local_floor, window_powers
+from gearmon.signals.spectra import fast_length, hann, local_floor, window_powers
 from gearmon.signals.threads import side_by_side
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from gearmon.arrays import FloatArray, IntArray
-from gearmon.errors import ArgumentError, RecordingError, check_positive, check_range
+from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.tracking.phases import FLOOR_CYCLES, lock_track, roughness
@@ -36,8 +36,10 @@ from gearmon.signals.tracking.phases import FLOOR_CYCLES, lock_track, roughness
 # Fewest pulses that are believed, the share of them that may be repaired, and the share from which
 # on a train is only counted.
 _FEWEST_PULSES, _REPAIRABLE, _HOPELESS = 4, 0.02, 0.1
-# How far a nominal speed may be off.
-_NOMINAL_OFF = 0.03
+# Part of the distance between the extremes that a waveform must pass the threshold by.
+_HYSTERESIS = 0.1
+# How far a nominal speed may be off, and the rate of pulses from a whole number of them a turn.
+_NOMINAL_OFF, _NOT_WHOLE = 0.03, 0.05
 # Intervals over the typical one below which a pulse is extra, and from which on some are missing.
 _SHORT, _LONG = 0.6, 1.5
 # How far off the cubic through its neighbours a pulse may be: smaller intervals beside it, and
@@ -103,16 +105,14 @@ class TachoPulses:
 
 
 def find_pulses(
-    waveform: FloatArray,
-    sampling_rate_hz: float,
-    per_turn: int | None = None,
-    hysteresis: float = 0.1,
+    waveform: FloatArray, sampling_rate_hz: float, per_turn: int | None = None
 ) -> TachoPulses:
     """Find the rising edges of a tachometer waveform.
 
-    The threshold is half way between the extremes, with a hysteresis on either side; edges are
-    interpolated between samples. Missing pulses are filled in and extra ones left out; of several
-    pulses a turn the spacing is learned first, so that uneven ones are left alone.
+    The threshold is half way between the extremes; the waveform must pass it by a tenth of their
+    distance, on either side, before a next edge counts. Edges are interpolated between samples.
+    Missing pulses are filled in and extra ones left out; of several pulses a turn the spacing is
+    learned first, so that uneven ones are left alone.
 
     Parameters
     ----------
@@ -122,9 +122,6 @@ def find_pulses(
         Sampling rate [Hz].
     per_turn : int, optional
         Pulses a turn, if known.
-    hysteresis : float
-        Part of the distance between the extremes that the waveform must pass the threshold by,
-        on either side, before a next edge counts; in [0.001, 0.45].
 
     Returns
     -------
@@ -134,12 +131,9 @@ def find_pulses(
     ------
     RecordingError
         If there are fewer than four pulses, or more than 2 % have to be repaired.
-    ArgumentError
-        If the hysteresis is out of its range.
     """
-    check_range("hysteresis", hysteresis, 1e-3, 0.45)
     low, high = float(np.min(waveform)), float(np.max(waveform))
-    raw = _edges(waveform, 0.5 * (low + high), hysteresis * (high - low)) / sampling_rate_hz
+    raw = _edges(waveform, 0.5 * (low + high), _HYSTERESIS * (high - low)) / sampling_rate_hz
     if len(raw) < _FEWEST_PULSES:
         times = len(waveform) > _FEWEST_PULSES and bool(np.all(np.diff(waveform) > 0))
         rise = "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
@@ -538,7 +532,7 @@ def _jitter(time_s: FloatArray, turns: FloatArray) -> float:
     return float(np.std(off / np.sqrt(1 + share**2 + (1 - share) ** 2)))
 
 
-def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.05) -> int:
+def pulses_per_turn(pulses: TachoPulses, shaft_hz: float) -> int:
     """Tell how many pulses a turn a tachometer gives from the nominal speed.
 
     Parameters
@@ -547,8 +541,6 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.0
         The pulses.
     shaft_hz : float
         Nominal rotation frequency of the shaft [Hz].
-    tolerance : float
-        How far the speed may be from nominal.
 
     Returns
     -------
@@ -570,10 +562,10 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, tolerance: float = 0.0
             f"{shaft_hz:.4g} Hz, too many to count while the speed may be "
             f"{_NOMINAL_OFF:.0%} off; give pulses_per_turn in a [[sensor]] of the machine file"
         )
-    if abs(rate / shaft_hz / count - 1) > tolerance:
+    if abs(rate / shaft_hz / count - 1) > _NOT_WHOLE:
         raise RecordingError(
             f"tacho channel: {rate:.4g} pulses a second are {rate / shaft_hz:.3g} a turn at the "
-            f"nominal {shaft_hz:.4g} Hz, not within {tolerance:.0%} of a whole number; give shaft "
+            f"nominal {shaft_hz:.4g} Hz, not within {_NOT_WHOLE:.0%} of a whole number; give shaft "
             "and pulses_per_turn in a [[sensor]] of the machine file"
         )
     return count

@@ -73,7 +73,8 @@ class LossResponse(Result):
         Frequency over that of shaft 1, and in Hz at the operating point.
     acceleration : complex ndarray, shape (n,)
         Change of acceleration over loss [m/s2], tooth 1; half of peak amplitudes. At `loss`, or at
-        small losses, the lines are ``mesh_acceleration + loss * acceleration``.
+        small losses, the lines are ``mesh_acceleration + loss * acceleration``; tooth j turns it by
+        ``exp(-2 pi i r (j - 1) / z)``.
     mesh_acceleration : complex ndarray, shape (n,)
         The healthy mesh [m/s2]; zero but at multiples of z.
     """
@@ -90,12 +91,6 @@ class LossResponse(Result):
     frequency_hz: FloatArray
     acceleration: ComplexArray
     mesh_acceleration: ComplexArray
-
-    def at_tooth(self, tooth: int | IntArray) -> ComplexArray:
-        """Return `acceleration` for other teeth, shape (..., n) for teeth of shape (...)."""
-        numbers = np.asarray(tooth)
-        turns = np.multiply.outer(numbers - 1, self.number) % self.teeth
-        return np.asarray(self.acceleration * np.exp(-2j * np.pi / self.teeth * turns))
 
 
 def loss_response(

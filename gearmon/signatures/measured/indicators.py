@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -80,9 +81,9 @@ INDICATORS = {
     ),
     "NA4": Indicator("residual", indicators.na4, ("residual", "run")),
     "NA4*": Indicator("residual", indicators.na4, ("residual", "run", "baseline")),
-    "FM4": Indicator("difference", indicators.fm4),
-    "M6A": Indicator("difference", indicators.m6a),
-    "M8A": Indicator("difference", indicators.m8a),
+    "FM4": Indicator("difference", indicators.kurtosis),
+    "M6A": Indicator("difference", partial(indicators.normalised_moment, order=6)),
+    "M8A": Indicator("difference", partial(indicators.normalised_moment, order=8)),
     "energy ratio": Indicator("regular", indicators.energy_ratio, ("difference", "regular")),
     "NB4": Indicator("envelope", indicators.na4, ("envelope", "run")),
     "NB4*": Indicator("envelope", indicators.na4, ("envelope", "run", "baseline")),

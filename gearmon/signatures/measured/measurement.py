@@ -19,7 +19,7 @@ from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders.lines import OrderBlocks, OrderLines, without_knocks
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
-from gearmon.signals.spectra.spectrum import power_density
+from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
@@ -34,8 +34,6 @@ from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, track_
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4
-#: Pieces of a long recording in which lines of other origin are looked for.
-PIECES_HEARD = 8
 # Samples up to which all steps of angle are held: 16 MB.
 _HELD_SAMPLES = 1 << 21
 # Mesh periods over which phases hold an angle alone: a speed 1 % off that on both sides slips by a
@@ -228,7 +226,7 @@ def measure_signature(
     def others() -> tuple[FineSpectrum, NonGearLines]:
         # at most some millions of points: the test needs the resolution of seconds, not of hours
         pieces = max(1, piece.shape[-1] >> 18)
-        spectrum = fine_order_spectrum(piece, rate, part, pieces, PIECES_HEARD, steps)
+        spectrum = fine_order_spectrum(piece, rate, part, pieces, steps)
         return spectrum, nongear_lines(piece, rate, part, train, spectrum)
 
     lines, (spectrum, foreign) = at_once(blocks.lines, others, samples.size)

@@ -53,8 +53,6 @@ _ENVELOPE_ORDER, _ENVELOPE_HARMONICS = 20.0, 3.5
 _MULTIPLES, _CHANCE = 20, 0.01
 KINDS = ("spectrum", "envelope")
 LOCKS = ("shaft", "time", "either")
-# No level, order, frequency or count is larger.
-_MUCH = 1e12
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -181,36 +179,6 @@ class NonGearLines:
         return np.asarray(self.in_time_db[:, first : last + 1].max(axis=-1))
 
 
-def taken(lines: NonGearLines, rows: Sequence[int]) -> NonGearLines:
-    """Keep some channels of the lines only.
-
-    Parameters
-    ----------
-    lines : NonGearLines
-        Lines of all channels.
-    rows : sequence of int
-        Channels to keep, in their new order.
-
-    Returns
-    -------
-    NonGearLines
-    """
-    kept = tuple(
-        replace(
-            line,
-            level_db=tuple(line.level_db[row] for row in rows),
-            over_noise_db=tuple(line.over_noise_db[row] for row in rows),
-        )
-        for line in lines
-    )
-    own = list(rows)
-    grids = tuple(
-        replace(grid, noise_db=grid.noise_db[own], hidden_db=grid.hidden_db[own])
-        for grid in lines.grids
-    )
-    return replace(lines, lines=kept, grids=grids, in_time_db=lines.in_time_db[own])
-
-
 def nongear_lines(
     samples: FloatArray,
     sampling_rate_hz: float,
@@ -245,8 +213,7 @@ def nongear_lines(
     course = _Course(track)
     # pieces of the whole recording: of very many only some were looked at
     pieces = max(1, round(float(track.turns[-1] - track.turns[0]) * order_spectrum.width))
-    heard = order_spectrum.pieces
-    by_time = fine_spectrum(samples, sampling_rate_hz, pieces, heard)
+    by_time = fine_spectrum(samples, sampling_rate_hz, pieces)
     cell_hz = course.mean / _CELLS_AN_ORDER
     in_time = _highest_in_cells(by_time, cell_hz)
     grid = _noise_grid("spectrum", order_spectrum, course, in_time)
@@ -255,7 +222,7 @@ def nongear_lines(
     found += _sharp_in_time(_Standing(grid, by_time, course), order_spectrum)
     bearings = [line.order for line in train.lines if line.kind == "bearing"]
     top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
-    envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces, heard)
+    envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces)
     beats = _noise_grid("envelope", envelope, course)
     found += _of_envelope(_Standing(beats, envelope, course, train))
     found.sort(key=lambda line: -max(line.over_noise_db))
@@ -528,31 +495,3 @@ def _multiples(orders: Sequence[float], width: float) -> list[int]:
             if number > at:
                 known, at = orders[place] / number, number
     return found if found and pdtrc(len(found) - 1, expected) <= _CHANCE else []
-
-
-def check_lines(lines: NonGearLines, channels: int) -> None:
-    """Refuse what no recording of so many channels gives: a file may be damaged.
-
-    Raises
-    ------
-    ValueError
-    """
-    by_channel: list[NDArray[np.floating]] = [lines.in_time_db]
-    positive, numbers = [lines.speed_hz, lines.cell_hz], list[float]()
-    for grid in lines.grids:
-        by_channel += [grid.noise_db, grid.hidden_db]
-        positive += [grid.width, grid.top, grid.pieces]
-        numbers += [grid.least_db, grid.looked_at]
-    right = tuple(grid.kind for grid in lines.grids) == KINDS
-    for line in lines:
-        right &= line.kind in KINDS and line.locked in LOCKS
-        right &= len(line.level_db) == len(line.over_noise_db) == channels
-        right &= all(own < _MUCH for own in (*line.level_db, *line.over_noise_db))
-        numbers += [line.order, line.frequency_hz, line.low_order, line.high_order]
-    # nothing at all is minus infinity
-    right &= all(
-        part.ndim == 2 and len(part) == channels and part.size and bool((part < _MUCH).all())
-        for part in by_channel
-    )
-    if not (right and min(positive) > 0 and all(abs(own) < _MUCH for own in positive + numbers)):
-        raise ValueError("its lines of no gear cannot be")

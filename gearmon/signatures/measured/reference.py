@@ -33,15 +33,25 @@ from gearmon.result import Result
 from gearmon.signals.orders.lines import OrderLines, variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature
-from gearmon.signatures.measured.nongear_lines import NonGearLines, check_lines, taken
+from gearmon.signatures.measured.nongear_lines import KINDS, LOCKS, NonGearLines
 
 # Least variance of a line over that of the noise between lines. Among the lines of a second stage
 # the latter is far too large; with few blocks it is still the better guess.
 _FEW_BLOCKS = 9
 _LEAST_OF_FEW, _LEAST = 0.25, 0.01
 FORMAT = "gearmon reference 5"
+# The axis of the channels in all that a reference holds of each, by the name of the field.
+_CHANNELS = dict.fromkeys(("channel_names", "units", "level_db", "scatter_db", "heard"), 0)
+_CHANNELS |= dict.fromkeys(("band_db", "amplitude", "variance", "over_noise_db", "noise_db"), 0)
+_CHANNELS |= {"hidden_db": 0, "in_time_db": 0, "beside": 1, "beside_variance": 1}
 # More than any recording gives: what claims to be larger is damaged, or made to do harm.
-_MOST_DB, _MOST_LINES, _MOST_AMPLITUDE = 7000.0, 10_000_000, 1e150
+_MUCH, _MOST_DB, _MOST_AMPLITUDE = 1e12, 7000.0, 1e150
+_POSITIVE = ("speed_hz", "duration_s", "sampling_rate_hz", "cell_hz", "width", "top", "pieces")
+_BOUNDS = dict.fromkeys((*_POSITIVE, "order"), (1e-9, _MUCH))
+_BOUNDS |= dict.fromkeys(("level_db", "band_db"), (-_MOST_DB, _MOST_DB))
+_BOUNDS |= dict.fromkeys(("amplitude", "beside"), (0.0, _MOST_AMPLITUDE))
+_BOUNDS |= dict.fromkeys(("variance", "beside_variance"), (0.0, _MOST_AMPLITUDE**2))
+_BOUNDS |= {"scatter_db": (0.0, _MOST_DB), "number": (1, 1e7), "stage": (1, 100), "teeth": (1, 1e5)}
 # Rates that are told by time stamps differ by less, and so little moves no level.
 _SAME_RATE = 1e-2
 # Of the speeds of the reference: beyond it lines lie elsewhere on resonances. Of 4 sound machines,
@@ -129,15 +139,6 @@ class WheelPattern:
         key = self.stage, self.gear, self.teeth
         return next((own for own in wheels if (own.stage, own.gear, own.teeth) == key), None)
 
-    def part(self, rows: Sequence[int]) -> WheelPattern:
-        """Return the same of some channels only."""
-        own = list(rows)
-        held: dict[str, Any] = {"amplitude": self.amplitude[own], "variance": self.variance[own]}
-        if self.beside.size:
-            held["beside"] = self.beside[:, own]
-            held["beside_variance"] = self.beside_variance[:, own]
-        return dataclasses.replace(self, **held)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
@@ -201,12 +202,8 @@ class Profile:
     def part(self, rows: Sequence[int]) -> Profile:
         """Return the same of some channels only, in this order."""
         own = list(rows)
-        if own == list(range(len(self.level_db))):
-            return self
-        of_channels = ("level_db", "scatter_db", "heard", "band_db")
-        held: dict[str, Any] = {name: getattr(self, name)[own] for name in of_channels}
-        held["wheels"] = tuple(wheel.part(rows) for wheel in self.wheels)
-        return dataclasses.replace(self, foreign=taken(self.foreign, own), **held)
+        whole: Profile = self if own == list(range(len(self.level_db))) else taken(self, own)
+        return whole
 
     def of_families(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
         """Return level, its standard error and whether it is heard, of some families of lines."""
@@ -283,13 +280,32 @@ class Reference(Result):
 # several recordings are held against one reference
 @lru_cache(maxsize=4)
 def _part(reference: Reference, names: tuple[str, ...]) -> Reference:
-    rows = [reference.channel_names.index(name) for name in names]
-    return dataclasses.replace(
-        reference,
-        channel_names=names,
-        units=tuple(reference.units[row] for row in rows),
-        profiles=tuple(profile.part(rows) for profile in reference.profiles),
-    )
+    own: Reference = taken(reference, [reference.channel_names.index(name) for name in names])
+    return own
+
+
+def taken(held: Any, rows: Sequence[int], axis: int | None = None) -> Any:
+    """Return what a reference holds of some channels only, in this order.
+
+    Parameters
+    ----------
+    held : Reference, or any part of one
+    rows : sequence of int
+        Channels to keep.
+    axis : int, optional
+        The axis of the channels, of an array or a tuple that has one.
+    """
+    if dataclasses.is_dataclass(held) and not isinstance(held, type):
+        names = [own.name for own in dataclasses.fields(held)]
+        kept = {name: taken(getattr(held, name), rows, _CHANNELS.get(name)) for name in names}
+        return dataclasses.replace(held, **kept)
+    if isinstance(held, tuple):
+        return (
+            tuple(taken(own, rows) for own in held)
+            if axis is None
+            else tuple(held[k] for k in rows)
+        )
+    return held if axis is None or not held.size else held.take(rows, axis)
 
 
 def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) -> Reference:
@@ -415,49 +431,49 @@ def read_reference(path: str | Path) -> Reference:
 def _check(reference: Reference) -> None:
     """Refuse what no recording gives: a file may be damaged and still be an archive."""
     channels, profiles = len(reference.channel_names), reference.profiles
-    _need(0 < channels == len(set(reference.channel_names)) == len(reference.units), "channels")
+    _need(0 < channels == len(set(reference.channel_names)), "channels")
     _need(bool(profiles) and bool(reference.family_names), "recordings")
+    _check_held("", reference, channels)
     _need(len({profile.band_db.shape for profile in profiles}) == 1, "broadband levels")
     gears = {tuple((own.stage, own.gear, own.teeth) for own in p.wheels) for p in profiles}
     _need(len(gears) == 1 and all(gears), "gears")
     for profile in profiles:
-        _check_profile(profile, channels, set(reference.family_names))
+        levels, foreign = (profile.level_db, profile.scatter_db, profile.heard), profile.foreign
+        _need(all(len(own.T) == len(profile.family_names) for own in levels), "levels")
+        _need(set(reference.family_names) <= set(profile.family_names), "families")
+        _need(tuple(grid.kind for grid in foreign.grids) == KINDS, "spectra")
+        looked_at = [own for grid in foreign.grids for own in (grid.noise_db, grid.hidden_db)]
+        _need(all(own.size for own in (foreign.in_time_db, *looked_at)), "spectra")
+        _need(all(line.kind in KINDS and line.locked in LOCKS for line in foreign), "other lines")
         for wheel in profile.wheels:
-            _check_wheel(wheel, channels)
+            of_lines = wheel.number, wheel.mesh, wheel.amplitude.T, wheel.variance.T
+            _need(len({len(own) for own in of_lines}) == 1, "lines")
+            _need(wheel.beside.shape == wheel.beside_variance.shape, "lines beside")
+            whole = not wheel.beside.size or wheel.beside.shape == (2, *wheel.amplitude.shape)
+            _need(whole, "lines beside")
 
 
-def _check_profile(profile: Profile, channels: int, families: set[str]) -> None:
-    shape, bands = (channels, len(profile.family_names)), profile.band_db
-    _need(families <= set(profile.family_names), "families")
-    for name in ("speed_hz", "duration_s", "sampling_rate_hz"):
-        _need(1e-6 < getattr(profile, name) < 1e12, name)
-    for values in (profile.level_db, profile.scatter_db, profile.heard):
-        _need(values.shape == shape and _within(values, -_MOST_DB, _MOST_DB), "levels")
-    _need(_within(profile.scatter_db, 0, _MOST_DB), "scatter_db")
-    # short recordings have bands without a bin
-    known = bands[~np.isnan(bands)]
-    fits = bands.ndim == 2 and len(bands) == channels
-    _need(fits and _within(known, -_MOST_DB, _MOST_DB), "band_db")
-    check_lines(profile.foreign, channels)
-
-
-def _check_wheel(wheel: WheelPattern, channels: int) -> None:
-    lines = len(wheel.number)
-    _need(0 < wheel.stage < 100 and 0 < wheel.teeth < 1e5 and 0 < wheel.order < 1e4, "gear")
-    _need(wheel.number.shape == wheel.mesh.shape == (lines,), "lines")
-    _need(_within(wheel.number, 1, _MOST_LINES), "lines")
-    _need(wheel.amplitude.shape == wheel.variance.shape == (channels, lines), "amplitudes")
-    _need(wheel.beside.shape == wheel.beside_variance.shape, "amplitudes")
-    _need(not wheel.beside.size or wheel.beside.shape == (2, channels, lines), "amplitudes")
-    for amplitude in (wheel.amplitude, wheel.beside):
-        _need(_within(np.abs(amplitude), 0, _MOST_AMPLITUDE), "amplitudes")
-    for variance in (wheel.variance, wheel.beside_variance):
-        _need(_within(variance, 0, _MOST_AMPLITUDE**2), "variances")
-
-
-def _within(values: NDArray[Any], low: float, high: float) -> bool:
-    """Whether all values lie in [low, high); what is no number does not."""
-    return bool(((values >= low) & (values < high)).all())
+def _check_held(name: str, held: Any, channels: int) -> None:
+    """Refuse other channels than those of a reference, and numbers beyond all that is recorded."""
+    axis, (low, high) = _CHANNELS.get(name), _BOUNDS.get(name, (-np.inf, _MUCH))
+    if dataclasses.is_dataclass(held):
+        for own in dataclasses.fields(held):
+            _check_held(own.name, getattr(held, own.name), channels)
+    elif isinstance(held, tuple):
+        _need(axis is None or len(held) == channels, name)
+        for own in held:
+            _check_held(name, own, channels)
+    elif isinstance(held, np.ndarray):
+        if axis is None:
+            _need(held.ndim == 1, name)
+        elif held.size or not name.startswith("beside"):
+            _need(held.ndim == axis + 2 and held.shape[axis] == channels, name)
+        size = np.abs(held) if held.dtype.kind == "c" else held
+        # short recordings have bands without a bin
+        size = size[~np.isnan(size)] if name == "band_db" else size
+        _need(bool(((size >= low) & (size < high)).all()), name)
+    elif isinstance(held, int | float):
+        _need(low <= held < high, name)
 
 
 def _need(ok: bool, what: str) -> None:

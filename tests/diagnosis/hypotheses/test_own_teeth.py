@@ -16,13 +16,14 @@ from gearmon.diagnosis.hypotheses.own_teeth import (
     departure_energy,
     locate,
 )
+from gearmon.signatures.measured.reference import taken
 
 BOTH = (0, 1)
 
 
 def departed(new, old, *, channels=BOTH, same_zero=False):
     """Energy around the turn beside a healthy recording."""
-    return departure_energy(*aligned(new, old.part(channels), same_zero=same_zero))
+    return departure_energy(*aligned(new, taken(old, channels), same_zero=same_zero))
 
 
 def apart(one, other, teeth=23):
@@ -111,7 +112,7 @@ def test_a_gross_tooth_shows_against_the_other_teeth(start):
     assert apart(found.position * 23, 8 - start + CONTACT_CENTRE) < 1.2
     assert apart(int(np.argmax(found.energy)), 8 - start + CONTACT_CENTRE) < 1.7
     assert found.log10_probability < -2
-    one = locate(_scaled(new, 1e6).part([1, 0]), numbered=True)
+    one = locate(taken(_scaled(new, 1e6), [1, 0]), numbered=True)
     assert one.log10_probability == pytest.approx(found.log10_probability, rel=1e-6)
 
 

@@ -82,8 +82,7 @@ def test_pulse_stays_where_it_is(per_turn):
 def test_any_shaft_by_its_ratio(ratio):
     turns, track = shaft()
     samples = lines_on(ratio * turns(TIME), [3.0], [1.5], 0.4)
-    found = angular_waveform(samples, RATE, track, 30, shaft_order=ratio)
-    assert found.shaft_order == ratio
+    found = angular_waveform(samples, RATE, track.of_shaft(ratio), 30)
     assert found.turns == pytest.approx(ratio * turns(TIME[-1]), abs=2)
     expected = 1.5 * np.cos(2 * np.pi * 3 * found.angle_turns + 0.4)
     np.testing.assert_allclose(found.values[0, 90:-90], expected[90:-90], atol=1e-3)
@@ -120,6 +119,4 @@ def test_less_than_a_turn_is_refused():
 @pytest.mark.parametrize("order", [0.0, -1.0, np.inf])
 def test_impossible_shafts_are_refused(order):
     with pytest.raises(ArgumentError, match="shaft_order"):
-        angular_waveform(
-            np.zeros((1, COUNT)), RATE, constant_track(20.0, TIME[-1]), shaft_order=order
-        )
+        constant_track(20.0, TIME[-1]).of_shaft(order)

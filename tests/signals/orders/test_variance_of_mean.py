@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearmon.signals.orders import variance_of_mean
-from gearmon.signals.spectra.spectrum import hann
+from gearmon.signals.spectra import hann
 
 HALF = 32
 LINES = np.arange(5, 29, 3)

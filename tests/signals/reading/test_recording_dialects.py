@@ -13,8 +13,7 @@ from reference.slow_csv import read_slowly
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.layout import Dialect
-from gearmon.signals.reading.source import Block, Source
-from gearmon.signals.reading.text import parse_rows, read_rows, read_table
+from gearmon.signals.reading.text import Block, Source, parse_rows, read_rows, read_table
 from gearmon.signals.recording import read_recording
 
 ROWS = [[0.5, -1.25, 3.0], [1e-3, 2.75, -0.125], [-12.5, 0.0, 7.5], [4.25, 1.5, -2.5]] * 8

@@ -11,8 +11,7 @@ from reference.slow_csv import NotATableError, read_slowly
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import text
 from gearmon.signals.reading.formats import identify
-from gearmon.signals.reading.source import Source, open_source
-from gearmon.signals.reading.text import read_table
+from gearmon.signals.reading.text import Source, open_source, read_table
 from gearmon.signals.recording import read_recording
 
 

@@ -154,7 +154,7 @@ def test_damaged_compression(path):
 
 
 def test_a_line_without_end(path, monkeypatch):
-    monkeypatch.setattr("gearmon.signals.reading.source._LONGEST_LINE", 1000)
+    monkeypatch.setattr("gearmon.signals.reading.text._LONGEST_LINE", 1000)
     monkeypatch.setattr("gearmon.signals.reading.text._HEAD_BYTES", 100)
     assert "line 2: over" in refusal(path, HEAD + "1" * 5000)
 

@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.layout import Dialect
-from gearmon.signals.reading.source import Block, is_number, open_source, to_number
-from gearmon.signals.reading.text import parse_rows, read_rows, read_table
+from gearmon.signals.reading.layout import Dialect, is_number, to_number
+from gearmon.signals.reading.text import Block, open_source, parse_rows, read_rows, read_table
 from gearmon.signals.recording import read_recording
 
 ONE = Dialect(separator="", decimal=".", columns=1)
@@ -205,10 +204,7 @@ def written(path, rows=(), head="a,b\n", end="\n"):
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 def test_a_file_of_several_blocks(tmp_path, head, end):
     path = written(tmp_path / "large.csv", head=head, end=end)
-    shares = []
-    assert np.array_equal(read_recording(path, 1000.0, progress=shares.append).samples, ROWS.T)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+    assert np.array_equal(read_recording(path, 1000.0).samples, ROWS.T)
 
 
 def test_numbers_are_converted_in_place(tmp_path):

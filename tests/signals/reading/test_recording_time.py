@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.signals.reading.timebase import even_step, spacing
+from gearmon.signals.reading.channels import even_step, spacing
 from gearmon.signals.recording import read_recording
 
 RATE_HZ = 4266.6667

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.spectra.demodulation import real_cepstrum
+from gearmon.signals.spectra import real_cepstrum
 
 RATE, COUNT = 4096.0, 16384
 

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.spectra import line_amplitude
-from gearmon.signals.spectra.spectrum import TERMS
+from gearmon.signals.spectra import TERMS, line_amplitude
 
 
 @given(
@@ -53,13 +52,13 @@ def test_several_lines_and_channels_at_once():
     assert found.amplitude[1, 0] == pytest.approx(0.1, rel=1e-4)
 
 
-def test_a_given_frequency_is_taken_as_it_is():
+def test_a_louder_line_farther_than_a_bin_away_is_left_alone():
     time = np.arange(1000) / 1000.0
-    samples = 3.0 * np.cos(2 * np.pi * 50.3 * time + 0.4)
-    found = line_amplitude(samples, 1000.0, 50.3, within_bins=0.0)
-    assert found.frequency_hz[0, 0] == pytest.approx(50.3, rel=1e-15)
-    assert found.amplitude[0, 0] == pytest.approx(3.0, rel=1e-9)
-    assert found.phase_rad[0, 0] == pytest.approx(0.4, abs=1e-9)
+    samples = np.cos(2 * np.pi * 100.2 * time) + 5.0 * np.cos(2 * np.pi * 106.3 * time + 1)
+    # the skirt of the louder one rises towards it
+    found = line_amplitude(samples, 1000.0, 100.0, window_name="blackman-harris")
+    assert found.frequency_hz[0, 0] == pytest.approx(100.2, abs=0.1)
+    assert found.amplitude[0, 0] == pytest.approx(1.0, abs=0.05)
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.spectra import window
-from gearmon.signals.spectra.spectrum import (
+from gearmon.signals.spectra import (
     TERMS,
     half_lobe,
     noise_bandwidth,
+    window,
     window_spectrum,
 )
 

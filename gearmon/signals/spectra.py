@@ -1,6 +1,6 @@
-"""Fourier transforms of real signals, their windows, and calibrated spectra.
+"""Spectra of signals against time: calibrated lines and densities, modulation and impacts.
 
-All windows are sums of cosines, w_n = sum_k (-1)^k a_k cos(2 pi k n / N), periodic in N. Their
+Windows are sums of cosines, w_n = sum_k (-1)^k a_k cos(2 pi k n / N), periodic in N. Their
 spectra are then a few shifted Dirichlet kernels in closed form, from which a line that falls
 between the bins of a transform is read without error: a line of amplitude A, frequency f and phase
 p shows at every bin as
@@ -11,22 +11,47 @@ with W the spectrum of the window. The bins about a peak are fitted by this and 
 squares, the place b by search: a single sine is read without error at any frequency and with any
 window, also where it meets its own image at 0.
 
+Envelope. A band is picked out of the Fourier transform and shifted to zero, which is an ideal
+band-pass and the Hilbert transform in one step: no phase lag, and the envelope comes out at the low
+rate that the band needs. Ends: the record is taken as periodic, so the first and last 3/bandwidth
+seconds of a record that is not are smeared.
+
+Kurtogram. The kurtosis of the envelope x of a band,
+
+    K = <|x|^4> / <|x|^2>^2 - 2,
+
+is 0 for stationary Gaussian noise, -1 for a steady tone, large where impacts pass. Mapped over
+centre frequency and bandwidth its maximum is the band to demodulate. One transform of the whole
+record is cut into bands, each of which is transformed back by itself: every level costs one batch
+of short inverse transforms, some at a time in buffers that fit the cache, and bands of a level
+neither overlap nor leak.
+
+Cepstrum. The real cepstrum is the inverse transform of ln|X(f)|. Sidebands that stand at equal
+distances f_r in the spectrum make a line at the quefrency 1/f_r and its multiples (rahmonics).
+Lines at negative amplitude mean nothing by themselves.
+
+>>> time_s = np.arange(1000) / 1000
+>>> found = amplitude_spectrum(3.0 * np.sin(2 * np.pi * 50 * time_s), 1000.0)
+>>> found.values[0, 50].round(6), found.frequency_hz[50]
+(np.float64(3.0), np.float64(50.0))
+
 References
 ----------
 Harris, Proc. IEEE 66 (1978) 51-83 (Hann, Blackman-Harris with four terms, noise bandwidth).
 D'Antona and Ferrero, Digital Signal Processing for Measurement Systems, Springer 2006 (flat-top
-with five terms).
+with five terms). Antoni, Mech. Syst. Signal Process. 20 (2006) 282-307 and 21 (2007) 108-124,
+kurtogram. Randall, Mech. Syst. Signal Process. 97 (2017) 3-19, cepstrum.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.fft import next_fast_len, rfft
+from scipy.fft import ifft, next_fast_len, rfft
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
@@ -44,6 +69,13 @@ _LONGEST_HELD = 1 << 19
 _CACHED = 1 << 15
 # Up to here any length transforms in milliseconds; above, awkward ones take ten times as long.
 _ANY_LENGTH_BELOW = 1 << 14
+# Samples of the envelope that a band keeps at least: fewer make a kurtosis meaningless.
+_LEAST_SAMPLES = 32
+# Samples of an envelope over the lines of its band. Two tones of one band beat at up to its width
+# B; sampled at B the modulus would fold from B/2 on.
+_OVERSAMPLED = 4
+# Spectral lines this far below the strongest are taken as that: the logarithm of zero is none.
+_FLOOR_DB = 200.0
 
 
 def quick_length(length: int) -> int:
@@ -57,14 +89,9 @@ def quick_length(length: int) -> int:
     >>> quick_length(1009), quick_length(1_000_000), quick_length(1_000_003)
     (1009, 1000000, 1012500)
     """
-    if length < _ANY_LENGTH_BELOW or is_smooth(length):
-        return length
-    return fast_length(length)
-
-
-def is_smooth(length: int) -> bool:
-    """Return whether a number has no prime factor above eleven: transforms of it are quick."""
-    return int(next_fast_len(length)) == length
+    # its own fast length if it has no prime factor above eleven
+    quick = length < _ANY_LENGTH_BELOW or next_fast_len(length) == length
+    return length if quick else fast_length(length)
 
 
 def fast_length(length: int) -> int:
@@ -78,7 +105,7 @@ def fast_length(length: int) -> int:
     return 2 * int(next_fast_len(max(1, -(-length // 2)), real=True))
 
 
-def rows_in_cache(length: int) -> int:
+def _rows_in_cache(length: int) -> int:
     """Return how many transforms of a length to take at a time."""
     return max(1, _CACHED // length)
 
@@ -129,10 +156,10 @@ def window(name: str, length: int) -> FloatArray:
         If there is no such window.
     """
     made = _weights if length <= _LONGEST_HELD else _weights.__wrapped__
-    return made(window_terms(name), length)
+    return made(_window_terms(name), length)
 
 
-def window_terms(name: str) -> tuple[float, ...]:
+def _window_terms(name: str) -> tuple[float, ...]:
     """Return the coefficients of a window.
 
     Raises
@@ -152,7 +179,7 @@ def noise_bandwidth(name: str) -> float:
 
 def half_lobe(name: str) -> int:
     """Return half the width of the main lobe of a window in bins: as many as it has terms."""
-    return len(window_terms(name))
+    return len(_window_terms(name))
 
 
 def window_spectrum(name: str, offset: FloatArray, length: int) -> ComplexArray:
@@ -172,7 +199,7 @@ def window_spectrum(name: str, offset: FloatArray, length: int) -> ComplexArray:
     ndarray of complex, shape of `offset`
         sum_n w_n exp(-2 pi i offset n / N) / sum_n w_n.
     """
-    terms = window_terms(name)
+    terms = _window_terms(name)
     result = terms[0] * _dirichlet(offset, length)
     for k, term in enumerate(terms[1:], start=1):
         half = 0.5 * term * (-1) ** k
@@ -270,7 +297,7 @@ def amplitude_spectrum(
     -----
     Energy: |X_k|^2 / (length sum w^2), times two but at 0 and half the rate (Parseval).
     """
-    signals = checked(samples, sampling_rate_hz)
+    signals = _checked(samples, sampling_rate_hz)
     count = signals.shape[-1]
     check_word("quantity=", quantity, ("amplitude", "rms", "energy"))
     length = quick_length(count) if length is None else length
@@ -312,7 +339,7 @@ def power_density(
     ----------
     Welch, IEEE Trans. Audio Electroacoust. 15 (1967) 70-73.
     """
-    signals = checked(samples, sampling_rate_hz)
+    signals = _checked(samples, sampling_rate_hz)
     if not 2 <= block <= signals.shape[-1]:
         raise ArgumentError(f"block={block} samples must lie in [2, {signals.shape[-1]}]")
     return _spectrum(signals, sampling_rate_hz, window_name, "density", block, quick_length(block))
@@ -322,7 +349,7 @@ def _spectrum(
     signals: FloatArray, rate: float, name: str, quantity: str, block: int, length: int
 ) -> Spectrum:
     """Mean square of half-overlapped blocks line by line, scaled to what is asked for."""
-    weights, rows = window(name, block), rows_in_cache(length)
+    weights, rows = window(name, block), _rows_in_cache(length)
     blocks = np.lib.stride_tricks.sliding_window_view(signals, block, axis=-1)
     blocks = blocks[:, :: max(1, block // 2)]
     values = np.zeros((len(signals), length // 2 + 1))
@@ -375,7 +402,7 @@ def local_floor(power: FloatArray, width: int) -> FloatArray:
     return np.maximum(np.reshape(rows, power.shape), np.finfo(float).tiny)
 
 
-def checked(samples: FloatArray, sampling_rate_hz: float, fewest: int = 2) -> FloatArray:
+def _checked(samples: FloatArray, sampling_rate_hz: float, fewest: int = 2) -> FloatArray:
     """Return signals as rows, of at least so many samples."""
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     signals = np.atleast_2d(np.asarray(samples, dtype=float))
@@ -411,7 +438,6 @@ def line_amplitude(
     frequency_hz: ArrayLike,
     *,
     window_name: str = "hann",
-    within_bins: float = 1.5,
 ) -> FittedLines:
     """Measure lines near given frequencies, wherever they stand between the bins.
 
@@ -422,12 +448,10 @@ def line_amplitude(
     sampling_rate_hz : float
         Sampling rate [Hz], > 0.
     frequency_hz : array of float, shape (lines,)
-        Where to look [Hz], above 0 and below half the rate.
+        Where to look [Hz], above 0 and below half the rate; the line is sought about the highest
+        bin within rate/n of there.
     window_name : {"hann", "flat-top", "blackman-harris", "rectangular"}
         The window.
-    within_bins : float
-        How far from there the highest bin is looked for [bins of rate/n], 0 to 1000; with 0 the
-        frequency is taken as given and only amplitude and phase are fitted.
 
     Returns
     -------
@@ -446,8 +470,7 @@ def line_amplitude(
     """
     from scipy.optimize import minimize_scalar
 
-    signals = checked(samples, sampling_rate_hz, 16)
-    check_range("within_bins", within_bins, 0.0, 1000.0)
+    signals = _checked(samples, sampling_rate_hz, 16)
     wanted = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
     for value in wanted:
         if not 0 < value < sampling_rate_hz / 2:
@@ -462,19 +485,16 @@ def line_amplitude(
 
     def line(own: ComplexArray, at: float) -> tuple[float, float, float]:
         """Place, amplitude and phase of the line of a channel near a place [bins]."""
-        if within_bins:
-            near = np.flatnonzero((np.abs(place - at) <= within_bins) & (place > 0))
-            near = near if len(near) else np.array([np.argmin(np.abs(place - max(at, 1.0)))])
-            at = float(place[near[np.argmax(np.abs(own[near]))]])
+        near = np.flatnonzero((np.abs(place - at) <= 1.0) & (place > 0))
+        at = float(place[near[np.argmax(np.abs(own[near]))]])
         # the bins about the place, as far as the main lobe reaches
         seen = np.abs(place - at) <= lobe
 
         def misfit(beside: float) -> float:
             return _fitted(own[seen], place[seen], at + beside, window_name, count)[1]
 
-        if within_bins:
-            ends = max(0.25 - at, -1.5), min(count / 2 - 1e-3 - at, 1.5)
-            at += minimize_scalar(misfit, bounds=ends, options={"xatol": 1e-9}).x
+        ends = max(0.25 - at, -1.5), min(count / 2 - 1e-3 - at, 1.5)
+        at += minimize_scalar(misfit, bounds=ends, options={"xatol": 1e-9}).x
         value, _ = _fitted(own[seen], place[seen], at, window_name, count)
         return at * sampling_rate_hz / count, 2 * abs(value), float(np.angle(value))
 
@@ -493,3 +513,245 @@ def _fitted(
     solution = np.linalg.lstsq(matrix, wanted, rcond=1e-12)[0]
     left = wanted - matrix @ solution
     return complex(solution[0], solution[1]), float(left @ left)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Envelope:
+    """Complex envelope of one band: signal = Re[values exp(2 pi i low t)] within the band.
+
+    Parameters
+    ----------
+    values : ndarray of complex, shape (channels, m)
+        Modulus is the amplitude (peak), angle the phase against the lower edge.
+    rate : float
+        Samples per unit of time or angle.
+    low, high : float
+        Edges of the band, per unit of time or angle; the lower one is what was shifted to zero.
+    """
+
+    values: ComplexArray
+    rate: float
+    low: float
+    high: float
+
+    @property
+    def amplitude(self) -> FloatArray:
+        """|values|, shape (channels, m)."""
+        return np.abs(self.values)
+
+
+def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> Envelope:
+    """Complex envelope of a band.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n) or (n,)
+        The signals, n >= 8.
+    rate : float
+        Samples per unit of time or angle, > 0.
+    low, high : float
+        Edges of the band, 0 <= low < high <= rate/2; rounded to lines of the transform.
+
+    Returns
+    -------
+    Envelope
+        At a rate of four times the width of the band or a little more: its modulus reaches beyond
+        that width, lines of what beats in the band and their harmonics.
+
+    Raises
+    ------
+    ArgumentError
+        If the band is out of its range or holds fewer than two lines.
+    """
+    signals = _checked(samples, rate, 8)
+    check_range("low", low, 0.0, rate / 2)
+    check_range("high", high, 0.0, rate / 2)
+    samples_in, count = signals.shape[-1], quick_length(signals.shape[-1])
+    first, last = round(low * count / rate), round(high * count / rate)
+    last = min(last, (count - 1) // 2)
+    if last - first < 2:
+        raise ArgumentError(
+            f"band {low:g} to {high:g} holds fewer than two lines; its width must be at least "
+            f"{2 * rate / count:.3g}"
+        )
+    lines = (2.0 / count) * transform(signals, count)[:, first : last + 1]
+    if first == 0:
+        lines[:, 0] *= 0.5  # the mean has no conjugate to be folded in
+    # the lowest line is shifted to zero
+    length = fast_length(_OVERSAMPLED * (last - first + 1))
+    values = ifft(lines, length, axis=-1, norm="forward")
+    return Envelope(
+        # of a record that was padded the padding is left out again
+        values=values[:, : -(-length * samples_in // count)],
+        rate=length * rate / count,
+        low=first * rate / count,
+        high=last * rate / count,
+    )
+
+
+def envelope_spectrum(samples: FloatArray, rate: float, low: float, high: float) -> Spectrum:
+    """Amplitude spectrum of the envelope of a band.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n) or (n,)
+    rate : float
+        Sampling rate [Hz], or samples a turn.
+    low, high : float
+        Edges of the band [Hz], or orders.
+
+    Returns
+    -------
+    Spectrum
+        Peak amplitudes in the signal's unit, Hann window, mean removed; up to the
+        width of the band: a band of width B carries no modulation faster than B.
+
+    Raises
+    ------
+    ArgumentError
+        As `band_envelope`.
+    """
+    envelope = band_envelope(samples, rate, low, high)
+    size = envelope.amplitude
+    size = size - size.mean(axis=-1, keepdims=True)
+    found = amplitude_spectrum(size, envelope.rate, length=size.shape[-1])
+    kept = found.frequency_hz <= (envelope.high - envelope.low) * (1 + 1e-12)
+    return replace(found, frequency_hz=found.frequency_hz[kept], values=found.values[:, kept])
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kurtogram:
+    """Kurtosis of the envelope by band, of one channel.
+
+    Parameters
+    ----------
+    bands : tuple of int
+        Number of bands of each level: 1, 2, 3, 4, 6, 8, 12, ...
+    kurtosis : tuple of ndarray of float
+        K of each band, one array of shape (bands,) a level.
+    rate : float
+        Sampling rate [Hz] (or samples a turn).
+    """
+
+    bands: tuple[int, ...]
+    kurtosis: tuple[FloatArray, ...]
+    rate: float
+
+    @property
+    def best(self) -> tuple[float, float, float]:
+        """Lower and upper edge [Hz] and kurtosis of the most impulsive band."""
+        tops = [float(level.max()) for level in self.kurtosis]
+        level = int(np.argmax(tops))
+        band = int(np.argmax(self.kurtosis[level]))
+        width = self.rate / 2 / self.bands[level]
+        return band * width, (band + 1) * width, tops[level]
+
+    def rows(self) -> list[dict[str, float]]:
+        """Return level, bandwidth_hz, low_hz, high_hz and kurtosis of every band."""
+        names = ("level", "bandwidth_hz", "low_hz", "high_hz", "kurtosis")
+        widths = [self.rate / 2 / count for count in self.bands]
+        return [
+            dict(zip(names, (level, width, k * width, (k + 1) * width, float(value)), strict=True))
+            for level, (width, own) in enumerate(zip(widths, self.kurtosis, strict=True))
+            for k, value in enumerate(own)
+        ]
+
+
+def kurtogram(samples: FloatArray, rate: float, levels: int = 8) -> Kurtogram:
+    """Fast kurtogram of one signal.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (n,)
+        The signal, n >= 64.
+    rate : float
+        Sampling rate [Hz], > 0.
+    levels : int
+        Halvings of the bandwidth, 0 to 12, with thirds between: 2 * levels rows and one; at most as
+        many as leave 32 samples of every envelope.
+
+    Returns
+    -------
+    Kurtogram
+
+    Raises
+    ------
+    ArgumentError
+        If the signal is too short or constant, or an argument is out of range.
+    """
+    check_positive("rate", rate)
+    signal = np.asarray(samples, dtype=float)
+    if signal.ndim != 1 or len(signal) < 2 * _LEAST_SAMPLES:
+        raise ArgumentError(
+            f"samples: shape {signal.shape}, one row of at least {2 * _LEAST_SAMPLES} is needed"
+        )
+    deepest = int(np.log2(len(signal) // 2 / _LEAST_SAMPLES))
+    wanted = min(int(check_range("levels", levels, 0, 12)), deepest)
+    if np.ptp(signal) == 0:
+        raise ArgumentError("samples: the signal is constant, it has no kurtosis")
+    length = quick_length(len(signal))
+    lines = transform((signal - signal.mean())[None, :], length)[0, 1 : length // 2 + 1]
+    counts = sorted({1} | {2**k for k in range(wanted + 1)} | {3 * 2**k for k in range(wanted)})
+    share = len(signal) / length
+    return Kurtogram(
+        bands=tuple(counts),
+        kurtosis=tuple(_band_kurtosis(lines, count, share) for count in counts),
+        rate=float(rate),
+    )
+
+
+def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:
+    """Kurtosis of the envelopes of equal bands; a few lines at the top are left over.
+
+    `share` is that of the record in the transform: what was padded has no say.
+    """
+    width = len(lines) // count
+    # twice as many points as lines: the squared envelope is then sampled without aliasing, and its
+    # mean square is exact wherever the impacts fall between the points
+    length = next_fast_len(2 * width)
+    rows = min(count, _rows_in_cache(length))
+    kept = max(2, int(length * share))
+    bands = lines[: width * count].reshape(count, width)
+    mean, square = np.empty(count), np.empty(count)
+    for first in range(0, count, rows):
+        group = slice(first, first + rows)
+        envelopes = ifft(bands[group], length, axis=-1, norm="forward")[:, :kept]
+        power = envelopes.real**2 + envelopes.imag**2
+        mean[group], square[group] = power.mean(axis=-1), (power**2).mean(axis=-1)
+    # an empty band has no kurtosis; rounding noise beside strong bands must not be taken for one
+    silent = mean <= 1e-24 * mean.max(initial=0.0)
+    ratio = np.divide(square, mean**2, out=np.full(count, 2.0), where=~silent)
+    return np.asarray(ratio - 2.0)
+
+
+def real_cepstrum(samples: FloatArray, rate: float) -> tuple[FloatArray, FloatArray]:
+    """Real cepstrum, the inverse transform of ln|X|.
+
+    Parameters
+    ----------
+    samples : ndarray of float, shape (channels, n) or (n,)
+        The signals, n >= 16; the mean is taken off.
+    rate : float
+        Sampling rate [Hz], or samples a turn.
+
+    Returns
+    -------
+    quefrency_s : ndarray of float, shape (n // 2 + 1,)
+        Quefrencies [s] (or turns).
+    values : ndarray of float, shape (channels, n // 2 + 1)
+        The cepstrum [1]; the value at quefrency 0 is the mean logarithm.
+
+    Raises
+    ------
+    ArgumentError
+        If there are too few samples or a signal is constant.
+    """
+    signals = _checked(samples, rate, 16)
+    count = quick_length(signals.shape[-1])
+    size = np.abs(transform(signals - signals.mean(axis=-1, keepdims=True), count))
+    largest = size.max(axis=-1, keepdims=True)
+    if (largest == 0).any():
+        raise ArgumentError("samples: a signal is constant, it has no cepstrum")
+    logarithm = np.log(np.maximum(size, largest * 10.0 ** (-_FLOOR_DB / 20)))
+    values = np.fft.irfft(logarithm, n=count, axis=-1)[:, : count // 2 + 1]
+    return np.arange(count // 2 + 1) / rate, values
