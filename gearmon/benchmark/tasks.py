@@ -86,12 +86,6 @@ def run_signals(progress: Progress | None = None, *, quick: bool = False) -> lis
     return [row for step in followed(steps, len(steps), progress) for row in step()]
 
 
-def signals_summary(rows: Sequence[Row]) -> list[Row]:
-    """Return the columns of the rows that a terminal has room for."""
-    shown = ("case", "method", "samples", "channels", "median_s", "times_own", "note")
-    return [{name: row[name] for name in shown} for row in rows]
-
-
 def _timed(
     case: str, tasks: Tasks, repeats: int, budget_s: float, samples: int, channels: int = 1
 ) -> list[Row]:

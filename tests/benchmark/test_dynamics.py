@@ -19,7 +19,7 @@ from gearmon.benchmark.dynamics import (
     sweep_rows,
 )
 from gearmon.benchmark.equations import CASES, QUICK, growing_turn, square_wave
-from gearmon.benchmark.timing import interleaved
+from gearmon.benchmark.timing import facts_of_run, interleaved
 from gearmon.errors import ArgumentError
 from gearmon.report.plots import save_all
 
@@ -83,13 +83,13 @@ def test_tuned_rivals_meet_the_target(rows):
         if case != "rectangle":
             assert chosen[OF_JOBS.get(case, "steady_state")]["times_ours"] == 1.0
         wanted = set() if case in {*OF_JOBS, "rectangle"} else {"SciPy odeint", "solve_banded"}
-        if not rivals.numba_is_missing():
+        if not rivals.NOT_COMPILED:
             wanted.add("compiled RK4")
         assert wanted <= set(chosen)
 
 
 def test_missing_numba_is_told(monkeypatch):
-    monkeypatch.setattr(rivals, "numba_is_missing", lambda: "numba is not installed")
+    monkeypatch.setattr(rivals, "NOT_COMPILED", "numba is not installed")
     rows = [*case_rows(CASES["resonance w"], quick=True), *sweep_rows(50, 0, quick=True)]
     absent = [row for row in rows if row["method"] == "compiled RK4"]
     assert len(absent) == 2
@@ -140,7 +140,10 @@ def test_runs_as_a_case(rows):
 
 def test_summary_and_pictures_by_case(rows, tmp_path):
     assert summary_rows("dynamics", rows) == headlines(rows)
-    assert summary_rows("memory", rows) == rows
+    shown = summary_rows("memory", rows)
+    # what it ran on is for the file
+    assert {*rows[0]} - {*shown[0]} == {"fastest_s", "repeats", *facts_of_run()} & {*rows[0]}
+    assert [row["median_s"] for row in shown] == [row["median_s"] for row in rows]
     paths = save_all(case_figures("dynamics", rows), tmp_path / "b.svg")
     assert [path.stem for path in paths] == ["b"]
     with pytest.raises(ArgumentError, match="'memory' has no pictures"):
