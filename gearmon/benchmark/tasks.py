@@ -38,8 +38,8 @@ from gearmon.gears.tooth import Foundation, ToothBeam
 from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.harvesting import InertialHarvester, OperatingShare, tune_harvester, vibration_of_lines
 from gearmon.harvesting.harvester import Harvester
-from gearmon.harvesting.request import built_in
 from gearmon.harvesting.response import mean_power_w
+from gearmon.harvesting.tuning import built_in
 from gearmon.machine import Machine, ParallelStage, load_machine
 from gearmon.machine.reading import example_machine
 from gearmon.signals.recording import Recording, read_recording

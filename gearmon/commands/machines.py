@@ -314,7 +314,7 @@ def simulate(arguments: Namespace) -> int:
 def harvest(arguments: Namespace) -> int:
     """Run `gearmon harvest`."""
     from gearmon.harvesting.placement import survey_expected, survey_measured
-    from gearmon.harvesting.request import built_in, load_harvester
+    from gearmon.harvesting.tuning import built_in, load_harvester
 
     machine = arguments.machine
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
