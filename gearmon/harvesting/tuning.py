@@ -49,14 +49,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.harvesting.cantilever import (
-    BEAM_MATERIALS,
-    PIEZO_MATERIALS,
-    BeamMaterial,
-    PiezoCantilever,
-    PiezoMaterial,
-    known,
-)
+from gearmon.harvesting import cantilever, response
 from gearmon.harvesting.harvester import (
     FREQUENCY,
     CoilHarvester,
@@ -66,13 +59,7 @@ from gearmon.harvesting.harvester import (
     Real,
     half_power_band,
 )
-from gearmon.harvesting.response import (
-    SensorBudget,
-    Tuned,
-    evaluate,
-    mean_power_w,
-    powers_and_shares,
-)
+from gearmon.harvesting.response import Tuned, evaluate, mean_power_w, powers_and_shares
 from gearmon.harvesting.vibration import Points, Shaking, check_duty, vibration_of_lines
 from gearmon.machine.fields import Choice, FieldError, Number
 from gearmon.machine.reading import read_part, read_source, read_table, refuse_unknown_keys
@@ -360,15 +347,15 @@ def beside_published(harvester: Harvester) -> list[dict[str, Any]]:
     (11950.0, 11896, 'no')
     """
     rows = []
-    for one in known()["published"]:
+    for one in cantilever.known()["published"]:
         row = dict.fromkeys(("load_ohm", "volume_cm3", "remark", "beam")) | one
         frequency, square = one["frequency_hz"], one["acceleration_ms2"] ** 2
         row["uw_per_cm3"] = one["power_uw"] / square / one.get("volume_cm3", math.nan)
         row |= {"model_uw": math.nan, "own_uw": math.nan, "own_uw_per_cm3": math.nan}
         if beam := row.pop("beam"):
-            kinds = {"piezo": PiezoMaterial, "passive": BeamMaterial}
+            kinds = {"piezo": cantilever.PiezoMaterial, "passive": cantilever.BeamMaterial}
             parts = {part: kind(name="published", **beam[part]) for part, kind in kinds.items()}
-            model = PiezoCantilever(**beam | parts, load_ohm=one["load_ohm"])
+            model = cantilever.PiezoCantilever(**beam | parts, load_ohm=one["load_ohm"])
             row["model_uw"] = 1e6 * square * float(model.gains(frequency).power_w[0])
         with suppress(ArgumentError):  # out of reach
             own = harvester.retuned(frequency)
@@ -478,24 +465,24 @@ GRAVITY_MS2 = 9.81
 _THOUSANDTHS = {"mm": "m", "g": "kg", "mh": "henry"}
 #: What the words of a file stand for, by key.
 _WORDS: dict[str, dict[str, Any]] = {
-    "piezo": PIEZO_MATERIALS,
-    "passive": BEAM_MATERIALS,
-    "tip_block_material": BEAM_MATERIALS,
+    "piezo": cantilever.PIEZO_MATERIALS,
+    "passive": cantilever.BEAM_MATERIALS,
+    "tip_block_material": cantilever.BEAM_MATERIALS,
     "air": {"included": False, "added": True},
 }
-_KINDS = {own.kind: own for own in (PiezoCantilever, InertialHarvester, CoilHarvester)}
+_KINDS = {own.kind: own for own in (cantilever.PiezoCantilever, InertialHarvester, CoilHarvester)}
 
 
-def built_in() -> tuple[Harvester, SensorBudget]:
+def built_in() -> tuple[Harvester, response.SensorBudget]:
     """Return the harvester and budget that are taken if no file is given.
 
     A bimorph of PZT-5A on brass, 15 x 10 x 0.6 mm, in series, its motion up and down: 70 Hz with
     20 g at the tip, 1.2 kHz bare.
     """
-    return _built("cantilever", {}), SensorBudget()
+    return _built("cantilever", {}), response.SensorBudget()
 
 
-def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
+def load_harvester(path: str | Path) -> tuple[Harvester, response.SensorBudget]:
     """Read a harvester file.
 
     Parameters
@@ -517,7 +504,7 @@ def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
     if not isinstance(kind, str) or kind not in _KINDS:
         raise source.error("kind", f'kind = {kind!r} must be "cantilever" or "inertial" or "coil"')
     document = {key: own for key, own in source.document.items() if key not in ("kind", "budget")}
-    keys = (*known()[kind], _KINDS[kind].load_name)
+    keys = (*cantilever.known()[kind], _KINDS[kind].load_name)
     refuse_unknown_keys(source, document, keys, "", homes={})
     try:
         harvester = _built(kind, document)
@@ -527,12 +514,14 @@ def load_harvester(path: str | Path) -> tuple[Harvester, SensorBudget]:
         raise source.error(key, said) from None
     except ArgumentError as error:
         raise source.error("kind", str(error)) from None
-    return harvester, read_part(source, SensorBudget, "budget", read_table(source, "budget"))
+    return harvester, read_part(
+        source, response.SensorBudget, "budget", read_table(source, "budget")
+    )
 
 
 def _built(kind: str, given: dict[str, Any]) -> Harvester:
     """Build a harvester from the keys of its file; what is left out has its default."""
-    table = known()[kind] | given
+    table = cantilever.known()[kind] | given
     for key, options in _WORDS.items():
         if key in table:
             table[key] = options[Choice(options=tuple(options)).checked(key, table[key])]
