@@ -41,7 +41,7 @@ from gearmon.harvesting.harvester import Harvester
 from gearmon.harvesting.response import mean_power_w
 from gearmon.harvesting.tuning import built_in
 from gearmon.machine import Machine, ParallelStage, load_machine
-from gearmon.machine.reading import example_machine
+from gearmon.machine.parts import example_machine
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
 from gearmon.signatures.measured.indicators import indicator_table

@@ -44,13 +44,19 @@ from gearmon.exposure.measures import (
     vibration_exposure,
 )
 from gearmon.machine import FieldError
-from gearmon.machine.fields import Checked, Choice, Several, Text, check_fields, held, within
-from gearmon.machine.reading import (
+from gearmon.machine.fields import (
+    Checked,
+    Choice,
+    Several,
+    Text,
+    check_fields,
+    held,
     read_part,
     read_source,
     read_table,
     read_tables,
     refuse_unknown_keys,
+    within,
 )
 from gearmon.result import Result
 

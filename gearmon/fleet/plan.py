@@ -18,26 +18,24 @@ from typing import Any
 from gearmon.diagnosis.history.entries import time_from_name
 from gearmon.diagnosis.results import VERDICTS
 from gearmon.errors import ArgumentError
+from gearmon.machine import load_machine
 from gearmon.machine.fields import (
     Choice,
     Column,
     Count,
     FieldError,
+    MachineSource,
     Several,
     Text,
     check_fields,
     held,
-    shown_value,
-    within,
-)
-from gearmon.machine.reading import (
-    MachineSource,
-    load_machine,
     read_part,
     read_source,
     read_table,
     read_tables,
     refuse_unknown_keys,
+    shown_value,
+    within,
 )
 
 _GROUPS = ("machine", "time", "class")

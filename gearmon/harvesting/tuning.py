@@ -61,8 +61,15 @@ from gearmon.harvesting.harvester import (
 )
 from gearmon.harvesting.response import Tuned, evaluate, mean_power_w, powers_and_shares
 from gearmon.harvesting.vibration import Points, Shaking, check_duty, vibration_of_lines
-from gearmon.machine.fields import Choice, FieldError, Number
-from gearmon.machine.reading import read_part, read_source, read_table, refuse_unknown_keys
+from gearmon.machine.fields import (
+    Choice,
+    FieldError,
+    Number,
+    read_part,
+    read_source,
+    read_table,
+    refuse_unknown_keys,
+)
 
 #: A harvester at one natural frequency, loads, their power at every operating point, and their
 #: largest peak over its limit.
@@ -505,7 +512,7 @@ def load_harvester(path: str | Path) -> tuple[Harvester, response.SensorBudget]:
         raise source.error("kind", f'kind = {kind!r} must be "cantilever" or "inertial" or "coil"')
     document = {key: own for key, own in source.document.items() if key not in ("kind", "budget")}
     keys = (*cantilever.known()[kind], _KINDS[kind].load_name)
-    refuse_unknown_keys(source, document, keys, "", homes={})
+    refuse_unknown_keys(source, document, keys, "")
     try:
         harvester = _built(kind, document)
     except FieldError as error:
