@@ -355,7 +355,8 @@ def _stiffness_row(case: str, positions: int, timing: Timing, **further: Any) ->
 
 
 def _sample(stage: ParallelStage, points: int, faults: Sequence[Fault] = ()) -> FloatArray:
-    return mesh_stiffness(stage, faults, FORM).sample(points)
+    mesh = mesh_stiffness(stage, faults, FORM)
+    return mesh.at(np.arange(mesh.period_mesh * points) / points)
 
 
 def _beside_ross(stage: ParallelStage, repeats: int) -> Row:
