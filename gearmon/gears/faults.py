@@ -14,17 +14,10 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any
 
-from gearmon.errors import (
-    ArgumentError,
-    check_finite,
-    check_positive,
-    check_range,
-    check_word,
-    nearest_name,
-)
+from gearmon.errors import ArgumentError, check_finite, check_word, nearest_name
+from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, held, optional
 
 #: What material a crack leaves without load, by name.
 LIMITS = ("flat", "parabolic")
@@ -47,9 +40,10 @@ KIND_OPTIONS: dict[str, tuple[str, ...]] = {
     "pitting": ("radius", "depth"),
     "breakage": ("height", "from"),
 }
-#: Those that are lengths above 0, and all, as they are written.
-LENGTHS = ("width", "length", "depth", "radius", "height")
-DIMENSIONS = ("angle", "limit", "far", "from", "at", *LENGTHS)
+#: All of them, and the sides of a spall.
+DIMENSIONS = ("angle", "limit", "far", "from", "at", "width", "length", "depth", "radius", "height")
+#: Rules of dimensions: none is longer than the largest gears are wide.
+_PLACE, _LENGTH = Number(0, 20_000, "mm"), Number(0, 20_000, "mm", open_low=True)
 
 
 #: What each kind means, for help texts.
@@ -89,19 +83,17 @@ class _OnGear:
     """What is wrong with a gear, and where; fields as of `Fault`."""
 
     kind: str
-    stage: int
-    gear: str
-    tooth: int | None
+    stage: int = held(Count(low=1, high=1000))
+    gear: str = held(Choice(options=GEARS))
+    tooth: int | None = held(Count(low=1, high=100_000), None)
 
     def __post_init__(self) -> None:
-        what, kinds = ("error", ERROR_KINDS) if isinstance(self, GearError) else ("fault", KINDS)
-        check_word(f"{what} kind ", self.kind, kinds)
-        check_word("gear ", self.gear, GEARS)
-        # no tooth is all of them
-        tooth = 1 if self.tooth is None else self.tooth
-        for name, number in (("stage", self.stage), ("tooth", tooth)):
-            if not isinstance(number, Real) or number % 1 or number < 1:
-                raise ArgumentError(f"{what} {name}={number} must be a whole number >= 1")
+        try:
+            check_fields(self)
+        except FieldError as error:
+            what = "error" if isinstance(self, GearError) else "fault"
+            word = "from" if error.key == "start" else error.key
+            raise ArgumentError(error.message(f"{what} {word}")) from None
 
     @property
     def _place(self) -> str:
@@ -161,26 +153,25 @@ class Fault(_OnGear):
     0.2
     """
 
+    kind: str = held(Choice(options=tuple(KINDS)))
     size: float
     unit: str = ""
-    angle: float | None = None
-    far: float | None = None
-    width: float | None = None
-    start: float | None = None
-    length: float | None = None
-    depth: float | None = None
-    at: float | None = None
-    radius: float | None = None
-    height: float | None = None
-    limit: str | None = None
+    angle: float | None = optional(5, 90, "deg")
+    far: float | None = held(_PLACE, None)
+    width: float | None = held(_LENGTH, None)
+    start: float | None = held(_PLACE, None)
+    length: float | None = held(_LENGTH, None)
+    depth: float | None = held(_LENGTH, None)
+    at: float | None = optional(-20_000, 20_000, "mm")
+    radius: float | None = held(_LENGTH, None)
+    height: float | None = held(_LENGTH, None)
+    limit: str | None = held(Choice(options=LIMITS), None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.tooth is None) != (self.kind == "wear"):
             wanted = "'all'" if self.kind == "wear" else "one tooth number"
             raise ArgumentError(f"fault {self.kind}: TOOTH must be {wanted}")
-        for key, value in self._dimensions.items():
-            self._check_dimension(key, value)
         if self.unit in LOSS_UNITS:
             self._check_loss()
         elif self.unit in KIND_UNITS[self.kind]:
@@ -198,17 +189,6 @@ class Fault(_OnGear):
         """Further dimensions that are given, by the words that name them."""
         every = {key: getattr(self, _field(key)) for key in DIMENSIONS}
         return {key: value for key, value in every.items() if value is not None}
-
-    def _check_dimension(self, key: str, value: Any) -> None:
-        name = f"{self.kind} {key}"
-        if key == "limit":
-            check_word(f"{name}=", value, LIMITS)
-        elif key == "angle":
-            check_range(name, value, 5, 90, "deg")
-        elif key in LENGTHS:
-            check_positive(name, value, "mm")
-        elif check_finite(name, value, "mm") < 0 and key != "at":
-            raise ArgumentError(f"{name}={value:g} mm must be >= 0")
 
     def _check_loss(self) -> None:
         told = f"fault size={self.size:g}{self.unit}"
@@ -425,6 +405,7 @@ class GearError(_OnGear):
         If a value has no meaning.
     """
 
+    kind: str = held(Choice(options=tuple(ERROR_KINDS)))
     size_m: float
     phase_rad: float = 0.0
 
