@@ -49,7 +49,7 @@ CASES = {
     "stiffness": _Case("tasks:time_stiffness"),
     "harvesting": _Case("tasks:time_harvesting"),
     "dynamics": _Case("dynamics:run_dynamics", "dynamics:headlines", "dynamics_figures"),
-    "stress": _Case("stress:run_stress", "stress:stress_summary"),
+    "stress": _Case("dynamics:run_stress", "dynamics:stress_summary"),
     "signals": _Case("tasks:run_signals"),
     "detection": _Case(
         "detection:run_detection", "detection:detection_summary", "detection_figures"
