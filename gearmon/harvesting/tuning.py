@@ -61,15 +61,7 @@ from gearmon.harvesting.harvester import (
 )
 from gearmon.harvesting.response import Tuned, evaluate, mean_power_w, powers_and_shares
 from gearmon.harvesting.vibration import Points, Shaking, check_duty, vibration_of_lines
-from gearmon.machine.fields import (
-    Choice,
-    FieldError,
-    Number,
-    read_part,
-    read_source,
-    read_table,
-    refuse_unknown_keys,
-)
+from gearmon.machine.fields import Choice, FieldError, Number, read_source
 
 #: A harvester at one natural frequency, loads, their power at every operating point, and their
 #: largest peak over its limit.
@@ -512,7 +504,7 @@ def load_harvester(path: str | Path) -> tuple[Harvester, response.SensorBudget]:
         raise source.error("kind", f'kind = {kind!r} must be "cantilever" or "inertial" or "coil"')
     document = {key: own for key, own in source.document.items() if key not in ("kind", "budget")}
     keys = (*cantilever.known()[kind], _KINDS[kind].load_name)
-    refuse_unknown_keys(source, document, keys, "")
+    source.refuse_unknown_keys(document, keys)
     try:
         harvester = _built(kind, document)
     except FieldError as error:
@@ -521,9 +513,7 @@ def load_harvester(path: str | Path) -> tuple[Harvester, response.SensorBudget]:
         raise source.error(key, said) from None
     except ArgumentError as error:
         raise source.error("kind", str(error)) from None
-    return harvester, read_part(
-        source, response.SensorBudget, "budget", read_table(source, "budget")
-    )
+    return harvester, source.part(response.SensorBudget, "budget", source.table("budget"))
 
 
 def _built(kind: str, given: dict[str, Any]) -> Harvester:

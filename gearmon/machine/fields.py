@@ -11,7 +11,7 @@ import numbers
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -235,7 +235,8 @@ def _literal(value: object) -> str:
     return str(value) if isinstance(value, numbers.Number) else repr(value)
 
 
-LARGEST_FILE_BYTES = 1 << 20
+LARGEST_FILE_BYTES, MOST_KEYS_LISTED = 1 << 20, 10
+_Part = TypeVar("_Part")
 
 # A text of several lines, which holds no keys; the head of a table; a key.
 _PLACE = re.compile(
@@ -273,6 +274,72 @@ class MachineSource:
         line = self.lines.get(key) or self.lines.get(key.rpartition(".")[0])
         place = f"{self.path}:{line}" if line else self.path or "machine"
         return MachineFileError(f"{place}: {message}")
+
+    def tables(self, name: str, single: bool = False) -> list[tuple[str, dict[str, Any]]]:
+        """Return the tables called `name` with their labels, such as ``stage[2]``.
+
+        Parameters
+        ----------
+        name : str
+        single : bool
+            Whether it may be one table, without a number.
+        """
+        content = self.document.get(name, [])
+        if single and isinstance(content, dict):
+            return [(name, content)]
+        if not isinstance(content, list) or not all(isinstance(table, dict) for table in content):
+            brackets = f"[{name}] or [[{name}]]" if single else f"[[{name}]], with double brackets"
+            raise self.error(name, f"{name} must be a table: write {brackets}")
+        return [(f"{name}[{number}]", table) for number, table in enumerate(content, start=1)]
+
+    def table(self, name: str) -> dict[str, Any]:
+        """Return the only table called `name`, empty if there is none."""
+        content = self.document.get(name, {})
+        if not isinstance(content, dict):
+            raise self.error(name, f"{name} must be one table: write [{name}]")
+        return content
+
+    def part(self, kind: type[_Part], label: str, table: dict[str, Any]) -> _Part:
+        """Build a dataclass, whose fields have rules, from a table with this label.
+
+        Raises
+        ------
+        MachineFileError
+            If a key is unknown, missing or breaks its rule; the line names file, key and value.
+        """
+        described = {own.name: own for own in fields(kind)}  # type: ignore[arg-type]
+        self.refuse_unknown_keys(table, described, label)
+        needed = [name for name, own in described.items() if own.default is MISSING]
+        missing = [name for name in needed if name not in table]
+        if missing:
+            example = f"{missing[0]} = {described[missing[0]].metadata['rule'].example}"
+            lacks = " and ".join(missing)
+            raise self.error(label, f"{label} lacks {lacks}; write for example {example}")
+        try:
+            return kind(**table)
+        except FieldError as error:
+            key = f"{label}.{error.key}" if label else error.key
+            raise self.error(key, error.message(key)) from None
+
+    def refuse_unknown_keys(
+        self, table: Mapping[str, Any], known: Iterable[str], label: str = ""
+    ) -> None:
+        """Refuse keys of a table that are not known, with the nearest one that is."""
+        names = tuple(known)
+        for key in table:
+            if key not in names:
+                where = f"{label}.{key}" if label else key
+                shown = where if where.isprintable() else repr(where)
+                raise self.error(where, f"{shown} is not a known key{self._hint(key, names)}")
+
+    def _hint(self, key: str, known: tuple[str, ...]) -> str:
+        """Return where a key belongs, what it resembles, or else what would be known here."""
+        for home, part in self.homes.items():
+            if key in {own.name for own in fields(part)}:
+                return f" here; it belongs to {home}"
+        if guess := nearest_name(key, known):
+            return f"; did you mean {guess}?"
+        return f"; known are {', '.join(known)}" if len(known) <= MOST_KEYS_LISTED else ""
 
 
 def read_source(path: str | Path) -> MachineSource:
@@ -389,86 +456,3 @@ def _reworded(complaint: str) -> str:
 
 def _one_line(text: str) -> str:
     return " ".join(text.split())
-
-
-MOST_KEYS_LISTED = 10
-
-_Part = TypeVar("_Part")
-
-
-def read_tables(
-    source: MachineSource, name: str, single: bool = False
-) -> list[tuple[str, dict[str, Any]]]:
-    """Return the tables called `name` with their labels, such as ``stage[2]``.
-
-    Parameters
-    ----------
-    source : MachineSource
-    name : str
-    single : bool
-        Whether it may be one table, without a number.
-    """
-    content = source.document.get(name, [])
-    if single and isinstance(content, dict):
-        return [(name, content)]
-    if not isinstance(content, list) or not all(isinstance(table, dict) for table in content):
-        brackets = f"[{name}] or [[{name}]]" if single else f"[[{name}]], with double brackets"
-        raise source.error(name, f"{name} must be a table: write {brackets}")
-    return [(f"{name}[{number}]", table) for number, table in enumerate(content, start=1)]
-
-
-def read_table(source: MachineSource, name: str) -> dict[str, Any]:
-    """Return the only table called `name`, empty if there is none."""
-    content = source.document.get(name, {})
-    if not isinstance(content, dict):
-        raise source.error(name, f"{name} must be one table: write [{name}]")
-    return content
-
-
-def read_part(source: MachineSource, part: type[_Part], label: str, table: dict[str, Any]) -> _Part:
-    """Build a dataclass, whose fields have rules, from a table with this label.
-
-    Raises
-    ------
-    MachineFileError
-        If a key is unknown, missing or breaks its rule; the line names file, key and value.
-    """
-    described = {own.name: own for own in fields(part)}  # type: ignore[arg-type]
-    refuse_unknown_keys(source, table, tuple(described), label)
-    needed = [name for name, own in described.items() if own.default is MISSING]
-    missing = [name for name in needed if name not in table]
-    if missing:
-        example = f"{missing[0]} = {described[missing[0]].metadata['rule'].example}"
-        lacks = " and ".join(missing)
-        raise source.error(label, f"{label} lacks {lacks}; write for example {example}")
-    try:
-        return part(**table)
-    except FieldError as error:
-        key = f"{label}.{error.key}" if label else error.key
-        raise source.error(key, error.message(key)) from None
-
-
-def refuse_unknown_keys(
-    source: MachineSource,
-    table: dict[str, Any],
-    known: tuple[str, ...],
-    label: str,
-) -> None:
-    """Refuse keys of a table that are not known, with the nearest one that is."""
-    for key in table:
-        if key not in known:
-            where = f"{label}.{key}" if label else key
-            shown = where if where.isprintable() else repr(where)
-            raise source.error(
-                where, f"{shown} is not a known key{_hint(key, known, source.homes)}"
-            )
-
-
-def _hint(key: str, known: tuple[str, ...], homes: Mapping[str, type]) -> str:
-    """Return where a key belongs, what it resembles, or else what would be known here."""
-    for home, part in homes.items():
-        if key in {own.name for own in fields(part)}:
-            return f" here; it belongs to {home}"
-    if guess := nearest_name(key, known):
-        return f"; did you mean {guess}?"
-    return f"; known are {', '.join(known)}" if len(known) <= MOST_KEYS_LISTED else ""

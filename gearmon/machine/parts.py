@@ -22,10 +22,7 @@ from gearmon.machine.fields import (
     check_fields,
     held,
     optional,
-    read_part,
     read_source,
-    read_tables,
-    refuse_unknown_keys,
     shown_value,
     within,
 )
@@ -502,11 +499,11 @@ def _source(source: object, tables: dict[str, Any]) -> MachineSource:
 
 
 def _machine(source: MachineSource) -> Machine:
-    refuse_unknown_keys(source, source.document, _TOP_KEYS, "")
+    source.refuse_unknown_keys(source.document, _TOP_KEYS)
     name = source.document.get("name", Path(source.path).stem or "machine")
     stages, notes = _stages(source)
     parts: dict[str, Any] = {
-        TABLES[table]: [read_part(source, part, *own) for own in read_tables(source, table)]
+        TABLES[table]: [source.part(part, *own) for own in source.tables(table)]
         for table, part in _PARTS.items()
     }
     try:
@@ -525,7 +522,7 @@ def _machine(source: MachineSource) -> Machine:
 
 
 def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
-    tables = read_tables(source, "operating", single=True)
+    tables = source.tables("operating", single=True)
     if not tables:
         told = "lacks an operating point; write [operating] with speed_rpm = 1460.0"
         raise source.error("", told)
@@ -534,11 +531,11 @@ def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
         told = f"{without[0]} lacks share; give it to every point or to none"
         raise source.error(without[0], told)
     equal = {"share": 1 / len(tables)} if without else {}
-    return tuple(read_part(source, OperatingPoint, label, equal | table) for label, table in tables)
+    return tuple(source.part(OperatingPoint, label, equal | table) for label, table in tables)
 
 
 def _stages(source: MachineSource) -> tuple[tuple[Stage, ...], tuple[str, ...]]:
-    tables = read_tables(source, "stage")
+    tables = source.tables("stage")
     if not tables:
         example = '[[stage]] with kind = "parallel", pinion_teeth = 26, gear_teeth = 53'
         raise source.error("", f"lacks a stage; write {example}")
@@ -557,7 +554,7 @@ def _stage(source: MachineSource, label: str, table: dict[str, Any]) -> tuple[St
     given, remarks = {key: own for key, own in table.items() if key != "kind"}, []
     if kind == "planetary" and "planet_teeth" not in given:
         remarks = _derive_planet_teeth(source, label, given)
-    stage = read_part(source, STAGE_KINDS[kind], label, given)
+    stage = source.part(STAGE_KINDS[kind], label, given)
     return stage, [*remarks, *(stage.notes if isinstance(stage, PlanetaryStage) else ())]
 
 
