@@ -487,7 +487,7 @@ def _broken(fault: Fault, pair: ToothPair, index: int) -> Losses:
     tooth, start, end = pair.teeth[index], 0.0, pair.contact_ratio
     begin, share = face_part(fault, tooth)
     if fault.height is not None:
-        broken = tooth.radius_below_tip(1e-3 * fault.height)
+        broken = tooth.tip_radius_m - tooth.sign * 1e-3 * fault.height
         angle = tooth.angle_at_radius(max(broken, tooth.base_radius_m))
         edge = pair.phase_of(index, angle)
         # the tip of the first gear leaves last, that of the second enters first

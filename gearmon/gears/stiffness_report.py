@@ -32,15 +32,9 @@ from gearmon.result import Result, channel_rows
 POINTS = 60
 #: Points of a table on a mesh period, and mesh harmonics of a spectrum.
 POINTS_PER_MESH, HARMONICS = 200, 20
-#: The four forms and their variants: the duty of the rectangle is eps_a - 1, or one half.
-FOUR_FORMS = (
-    ("parabolic", "parabolic"),
-    ("wave", "wave"),
-    ("rectangular", "rectangular"),
-    ("rectangular", "rectangular-half"),
-    ("fourier", "fourier-true"),
-    ("fourier", "fourier"),
-)
+#: The four forms, before the hyphen, and their variants: the duty of the rectangle is eps_a - 1, or
+#: one half.
+FOUR_FORMS = ("parabolic", "wave", "rectangular", "rectangular-half", "fourier-true", "fourier")
 #: Sizes at which a curve of loss against size is taken.
 CURVE_POINTS = 25
 #: Unit and dimensions in which a loss of each kind is told as a size.
@@ -292,10 +286,10 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
     pair, point = pair_of(machine, stage), machine.operating[0]
     force, hertz = _force(machine, pair), kinematics(machine).mesh(stage).order * point.shaft1_hz
     phase, curves = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH, []
-    for group, name in FOUR_FORMS:
+    for name in FOUR_FORMS:
         found = mesh_stiffness(pair, (), name, force_n=force)
         lines = 2 * np.abs(found.mesh_harmonics(HARMONICS)) * found.healthy_mean_n_per_m
-        curves.append(FormCurve(group, name, found, found.at(phase), lines))
+        curves.append(FormCurve(name.split("-")[0], name, found, found.at(phase), lines))
     heads = [f"{own.form.replace('-', '_')}_n_per_m" for own in curves]
     table = channel_rows("mesh_phase", phase, [own.stiffness_n_per_m for own in curves], heads)
     amplitudes = np.transpose([own.amplitudes_n_per_m for own in curves]).tolist()
