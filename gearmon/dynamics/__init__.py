@@ -2,7 +2,7 @@
 
 `steady_state` solves one problem, `sweep.sweep` thousands; `expand` shows the orders of the
 expansion, `transient` and `integrate` what happens before the steady state. Names load their module
-when first used. More stands in the modules: `stability`, `tongues`, `sweep`, ...
+when first used. More stands in the modules: `stability`, `sweep`, ...
 
 Examples
 --------
