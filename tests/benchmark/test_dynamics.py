@@ -17,6 +17,7 @@ from gearmon.benchmark.dynamics import (
     fitted_exponent,
     headlines,
     sweep_rows,
+    with_ratios,
 )
 from gearmon.benchmark.equations import CASES, QUICK, growing_turn, square_wave
 from gearmon.benchmark.timing import facts_of_run, interleaved
@@ -86,6 +87,23 @@ def test_tuned_rivals_meet_the_target(rows):
         if not rivals.NOT_COMPILED:
             wanted.add("compiled RK4")
         assert wanted <= set(chosen)
+
+
+def test_each_method_is_marked_where_it_is_cheapest_within_the_error():
+    told = [
+        ("steady_state", TARGET, 4.0, 1e-7),
+        ("steady_state", 1e-4, 1.0, 1e-8),  # a lucky one, which nobody asks for
+        ("compiled RK4", TARGET, 8.0, 1e-7),
+        ("plain sum", None, 3.0, 1e-3),
+        ("plain sum", None, 6.0, 1e-9),
+        ("plain sum", None, 5.0, 1e-8),
+        ("solve_banded", TARGET, None, None),
+    ]
+    names = ("method", "wanted", "median_s", "error")
+    rows = [dict(zip(names, one, strict=True)) | {"fastest_s": one[2]} for one in told]
+    marked = with_ratios(rows)
+    assert [row["at_target"] for row in marked] == [True, False, True, False, False, True, False]
+    assert [row["times_ours"] for row in marked] == [1.0, 0.25, 2.0, 0.75, 1.5, 1.25, None]
 
 
 def test_missing_numba_is_told(monkeypatch):
