@@ -12,24 +12,21 @@ import io
 import os
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from typing import NoReturn
 
 from gearmon import __version__
-from gearmon.commands import fleet, machines, recordings, setup, signals
-from gearmon.commands.command import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed
-from gearmon.commands.inputs import check_names, machine_of, outputs_claimed, recordings_named
+from gearmon.commands import machines, recordings, setup, signals
+from gearmon.commands.command import BAD_INPUT, DONE, OWN_FAULT, STOPPED, complain, flushed, perform
 from gearmon.errors import GearmonError, nearest_name
-from gearmon.signals.threads import cores
-from gearmon.terminal import progress_line
 
 #: All commands, in the order of a first use.
 COMMANDS = (
     setup.init,
     *(machines.lines, machines.stiffness, machines.baseline, machines.family),
     *(machines.stability, machines.modes, machines.simulate),
-    *(recordings.learn, setup.check, recordings.analyse, recordings.kinds, recordings.history),
-    fleet.fleet,
+    *(recordings.learn, recordings.check, recordings.analyse, recordings.kinds),
+    *(recordings.history, recordings.fleet),
     *(signals.indicators, signals.spectrum, signals.orders),
     *(machines.harvest, signals.exposure, setup.demo, setup.benchmark),
 )
@@ -96,17 +93,7 @@ def _run(argv: Sequence[str] | None, arguments: argparse.Namespace) -> int:
     if arguments.command is None:
         _parser().print_help()
         return DONE
-    if vars(arguments).get("recording"):
-        arguments.recording = recordings_named(arguments.recording)
-    check_names(arguments)
-    cores()  # refuses a wrong number of them before any work
-    line = nullcontext() if arguments.asked.waits else progress_line(arguments.command)
-    with outputs_claimed(arguments), line as arguments.progress:
-        if vars(arguments).get("machine"):
-            hint = vars(arguments).get("speed_hint")
-            arguments.machine = machine_of(arguments.machine, hint)
-        code: int = arguments.asked.run(arguments)
-    return code
+    return perform(arguments)
 
 
 def _completed(parser: argparse.ArgumentParser) -> None:

@@ -52,7 +52,7 @@ from gearmon.fleet import alarms, deliver, read_fleet, run_fleet
 from gearmon.fleet.ledger import write_results
 from gearmon.fleet.plan import Fleet, arrived
 from gearmon.fleet.rank import rank
-from gearmon.harvesting.request import load_harvester
+from gearmon.harvesting.tuning import load_harvester
 from gearmon.machine import load_machine
 from gearmon.signals.reading import Wanted, interpret
 from gearmon.signals.reading.formats import identify

@@ -23,8 +23,8 @@ from scipy.signal import lfilter
 from gearmon.harvesting import CoilHarvester, InertialHarvester, survey_measured
 from gearmon.harvesting.harvester import Harvester
 from gearmon.harvesting.placement import Survey
-from gearmon.harvesting.request import built_in
 from gearmon.harvesting.response import mean_power_w, respond
+from gearmon.harvesting.tuning import built_in
 from gearmon.harvesting.vibration import OperatingShare, vibration_of_samples
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signals.recording import Recording

@@ -13,7 +13,7 @@ from gearmon.demos.monitoring import FAULT
 from gearmon.errors import ArgumentError
 from gearmon.files import as_json as written_as_json
 from gearmon.machine import load_machine
-from gearmon.machine.reading import example_machine
+from gearmon.machine.parts import example_machine
 from gearmon.signatures.measured.reference import read_reference
 
 

@@ -13,8 +13,8 @@ import pytest
 from PIL import Image
 
 from gearmon.cli import main, parsed
+from gearmon.demos import farm as demo
 from gearmon.demos import run_demo
-from gearmon.demos import tractor as demo
 from gearmon.exposure import day, gearbox, measures
 from gearmon.report import exposure_lines
 

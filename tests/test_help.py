@@ -11,8 +11,8 @@ import pytest
 
 from gearmon import demos
 from gearmon.cli import COMMANDS, main, parsed
-from gearmon.commands.inputs import output_files
-from gearmon.dynamics import tongues
+from gearmon.commands.command import output_files
+from gearmon.dynamics import stability
 from gearmon.gears.faults import ERROR_KINDS, KINDS
 from gearmon.harvesting import tuning
 
@@ -64,7 +64,7 @@ def test_the_example_runs(shop, tmp_path, monkeypatch, capsys, name):
     for known, original in FILES.items():
         (tmp_path / known).symlink_to(shop / original)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(tongues, "MOST_TONGUES", 0)  # they take most of a minute
+    monkeypatch.setattr(stability, "MOST_TONGUES", 0)  # they take most of a minute
     monkeypatch.setattr(tuning, "MOST_STEPS", 10)  # near the best is enough
     words = example_in(help_of(capsys, name))[1:]
     # a shell finds files by their pattern; what is written must not be what is read

@@ -7,8 +7,7 @@ import json
 
 import pytest
 
-from gearmon.commands.command import Command
-from gearmon.commands.inputs import check_names, machine_of
+from gearmon.commands.command import Command, check_names, machine_of
 from gearmon.commands.recordings import kinds
 from gearmon.diagnosis.fault_types import KINDS as FAULT_TYPES
 from gearmon.errors import ArgumentError

@@ -10,8 +10,7 @@ from reference.small_gearbox import MACHINE_FILE
 
 import gearmon
 from gearmon.cli import main
-from gearmon.commands.command import loss_of
-from gearmon.commands.inputs import machine_of
+from gearmon.commands.command import loss_of, machine_of
 from gearmon.errors import ArgumentError
 from gearmon.signals.recording import Recording
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gearmon.errors import MachineFileError
 from gearmon.machine import ParallelStage, PlanetaryStage, load_machine
-from gearmon.machine.reading import key_lines
+from gearmon.machine.fields import key_lines
 
 EXAMPLES = sorted((Path(__file__).parent.parent / "signatures").glob("*.toml"))
 

@@ -8,7 +8,7 @@ from functools import partial
 import pytest
 
 from gearmon.cli import main
-from gearmon.commands.inputs import each_of
+from gearmon.commands.command import each_of
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.signals.threads import THREADS, cores
 

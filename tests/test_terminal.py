@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from gearmon.cli import main
-from gearmon.commands.inputs import recordings_named
+from gearmon.commands.command import recordings_named
 from gearmon.errors import ArgumentError
 from gearmon.terminal import coloured, part_of, progress_line
 

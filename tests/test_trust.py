@@ -49,7 +49,7 @@ def failing(monkeypatch, error):
     def fail(_):
         raise error
 
-    monkeypatch.setattr(cli, "check_names", fail)
+    monkeypatch.setattr(cli, "perform", fail)
 
 
 def test_an_error_of_our_own_has_its_own_exit_code_and_says_where_details_are(

@@ -32,7 +32,7 @@ class _Case:
     run : str
         Takes those of the options that it names, and gives rows.
     summary : str
-        Takes rows and gives those that a terminal shows; "" shows all.
+        Takes rows and gives those that a terminal shows; "" shows all, without what they ran on.
     figures : str
         Function of `plots` that takes rows and gives matplotlib figures by name ("" for the only
         one); "" has none.
@@ -49,8 +49,8 @@ CASES = {
     "stiffness": _Case("tasks:time_stiffness"),
     "harvesting": _Case("tasks:time_harvesting"),
     "dynamics": _Case("dynamics:run_dynamics", "dynamics:headlines", "dynamics_figures"),
-    "stress": _Case("stress:run_stress", "stress:stress_summary"),
-    "signals": _Case("tasks:run_signals", "tasks:signals_summary"),
+    "stress": _Case("dynamics:run_stress", "dynamics:stress_summary"),
+    "signals": _Case("tasks:run_signals"),
     "detection": _Case(
         "detection:run_detection", "detection:detection_summary", "detection_figures"
     ),
@@ -118,8 +118,10 @@ def summary_rows(case: str, rows: Sequence[Row]) -> list[Row]:
     -------
     list of dict
     """
-    place = CASES[case].summary
-    return list(_function(place)(rows) if place else rows)
+    if CASES[case].summary:
+        return list(_function(CASES[case].summary)(rows))
+    hidden = {*facts_of_run(), "fastest_s", "repeats"}
+    return [{name: row[name] for name in row if name not in hidden} for row in rows]
 
 
 def case_figures(case: str, rows: Sequence[Row]) -> dict[str, Any]:

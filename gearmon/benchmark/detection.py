@@ -18,7 +18,6 @@ tooth held against that at the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -48,20 +47,16 @@ from gearmon.terminal import Progress, followed
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Truth and findings of one analysis, and features of a learning detector: none if it was refused.
-Outcome = tuple[Row, FloatArray]
 #: A recording and its analysis.
 Heard = tuple[Taken, Analysis]
 #: A new recording: condition, setting, which of `VARIANTS`, and with and without its tacho.
 Trial = tuple[Condition, Setting, str, tuple[bool, ...]]
 
-OURS, LOCALISED, LEARNING = "gearmon", "localised difference", "plain learning"
+OURS, LOCALISED = "gearmon", "localised difference"
 #: Textbook detectors, by the names of their indicators in an analysis; the last two are made here.
 _TOLD = ("FM4", "energy ratio", "sideband energy ratio", "kurtosis", "residual energy", "NA4*")
 TEXTBOOK = {name: {"sideband energy ratio": "SER"}.get(name, name) for name in _TOLD}
-#: Indicators that only the learning detector sees beside them.
-FURTHER = ("M6A", "M8A")
-RIVALS = (*TEXTBOOK, LOCALISED, LEARNING)
+RIVALS = (*TEXTBOOK, LOCALISED)
 LOSSES = (0.01, 0.025, 0.05, 0.1, 0.2, 0.4)
 QUICK_LOSSES = (0.4,)
 #: Load, speed and gain of healthy recordings over nominal, by the name of the variant.
@@ -81,14 +76,10 @@ LOAD_SPREAD, SPEED_SPREAD = 0.02, 0.002
 TOOTH_WITHIN = 0.75
 QUICK_S = 3.0
 MACHINES, QUICK_MACHINES = 60, 2
-#: Groups of machines of which a learning detector sees all but the one that it judges.
-FOLDS = 5
 #: False-alarm probabilities at which the healthy recordings are counted.
 LEVELS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
 STATED = 0.01
 RESAMPLES = 400
-# Of the learning detector
-TREES = 100
 _LEAST = 1e-12
 #: What is known of a recording that was refused.
 _TEXTS = dict.fromkeys(("verdict", "flags", "found_kind", "note"), "")
@@ -132,44 +123,10 @@ def run_detection(
     if quick:
         count = min(count, QUICK_MACHINES)
     numbers = followed(range(count), count, progress)
-    outcomes = [one for number in numbers for one in machine_trials(number, seed, quick)]
-    return with_learning(outcomes, seed)
+    return [row for number in numbers for row in machine_trials(number, seed, quick)]
 
 
-def with_learning(outcomes: Sequence[Outcome], seed: int = 0) -> list[Row]:
-    """Add the scores of the learning detector, trained on healthy pairs of other machines.
-
-    What many monitoring systems do: an isolation forest (Liu, Ting and Zhou, ICDM 2008) that has
-    seen how the indicators of healthy machines change from one recording to the next.
-
-    Parameters
-    ----------
-    outcomes : sequence of Outcome
-    seed : int
-
-    Returns
-    -------
-    list of dict
-        The rows of the outcomes, in their order.
-    """
-    from sklearn.ensemble import IsolationForest
-
-    rows = [dict(row) for row, _ in outcomes]
-    for tacho, fold in product((True, False), range(FOLDS)):
-        heard = [n for n, (row, own) in enumerate(outcomes) if len(own) and row["tacho"] == tacho]
-        judged = [n for n in heard if rows[n]["machine"] % FOLDS == fold]
-        rest = [n for n in heard if rows[n]["machine"] % FOLDS != fold]
-        healthy = [n for n in rest if rows[n]["condition"] == "healthy"]
-        if len(healthy) < 2 or not judged:
-            continue
-        known, new = ([outcomes[number][1] for number in part] for part in (healthy, judged))
-        forest = IsolationForest(n_estimators=TREES, random_state=seed).fit(known)
-        for number, score in zip(judged, forest.score_samples(new), strict=True):
-            rows[number][LEARNING] = -float(score)
-    return rows
-
-
-def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outcome]:
+def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Row]:
     """Run all trials of one machine.
 
     Parameters
@@ -194,8 +151,7 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Outc
         truth |= {"tooth": condition.tooth, "size": condition.size}
         truth |= {name: getattr(setting, name) for name in ("load", "speed", "gain")}
         for tacho in tachos:
-            row, features = judges[tacho](condition, taken)
-            yield {**facts, **truth, "tacho": tacho, **NOTHING, **row}, features
+            yield facts | truth | {"tacho": tacho} | NOTHING | judges[tacho](condition, taken)
 
 
 def _setting(rng: np.random.Generator, variant: str, duration_s: float) -> Setting:
@@ -233,7 +189,7 @@ def _somewhere(rng: np.random.Generator, drawn: DrawnMachine, kind: str, size: f
     return Condition(kind=kind, size=size, seed=seed, **where)
 
 
-def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Condition, Taken], Outcome]:
+def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Condition, Taken], Row]:
     """Learn from one recording, with or without its tacho; return what judges new ones."""
     machine, refusal = drawn.machine, None
 
@@ -246,13 +202,13 @@ def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Conditio
     except GearmonError as error:
         refusal = error
 
-    def outcome(condition: Condition, taken: Taken) -> Outcome:
+    def outcome(condition: Condition, taken: Taken) -> Row:
         try:
             if refusal is not None:
                 raise refusal
             run_time_s, found = task_time(lambda: analyse(recording(taken), machine, reference))
         except GearmonError as error:
-            return {"verdict": "refused", "note": str(error)}, np.zeros(0)
+            return {"verdict": "refused", "note": str(error)}
         row: Row = {"run_time_s": run_time_s, "alone_s": alone_s, "verdict": found.verdict}
         row |= {"score": found.score, "probability": found.false_alarm_probability}
         row |= {"flags": "; ".join(flag.kind for flag in found.flags)}
@@ -267,10 +223,8 @@ def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Conditio
                 both = (taken, found), (first, healthy)
                 away = tooth_error(drawn, condition, flag, both) if right else None
                 row |= {"gear_right": right, "tooth_error": away}
-        if not (found.signature.found and healthy.signature.found):
-            return row, np.zeros(0)
-        risen, features = rises(found, healthy)
-        return row | risen, features
+        heard = found.signature.found and healthy.signature.found
+        return row | rises(found, healthy) if heard else row
 
     return outcome
 
@@ -320,7 +274,7 @@ def _around(distance: float, teeth: int) -> float:
     return min(away, teeth - away)
 
 
-def rises(new: Analysis, healthy: Analysis) -> tuple[dict[str, float], FloatArray]:
+def rises(new: Analysis, healthy: Analysis) -> dict[str, float]:
     """Compare a recording with the reference by indicators.
 
     Parameters
@@ -331,19 +285,14 @@ def rises(new: Analysis, healthy: Analysis) -> tuple[dict[str, float], FloatArra
     -------
     dict
         Greatest rise of each indicator, as natural logarithm.
-    ndarray
-        Features for a learning detector: greatest, mean and least rise of each.
     """
     ours, theirs = (_by_place(one, healthy.signature) for one in (new, healthy))
-    changes = {}
-    for name in (*TEXTBOOK.values(), *FURTHER):
+    found = {LOCALISED: localised_difference(new.signature, healthy.signature)}
+    for detector, name in TEXTBOOK.items():
         pairs = [(ours[key], theirs[key]) for key in ours if key[0] == name and key in theirs]
         own, known = np.maximum(pairs or [(1.0, 1.0)], _LEAST).T
-        changes[name] = np.log(own / known)
-    features = [[max(change), change.mean(), min(change)] for change in changes.values()]
-    found = {name: float(changes[known].max()) for name, known in TEXTBOOK.items()}
-    found[LOCALISED] = localised_difference(new.signature, healthy.signature)
-    return found, np.ravel(features)
+        found[detector] = float(np.log(own / known).max())
+    return found
 
 
 def _by_place(analysis: Analysis, healthy: MeasuredSignature) -> dict[tuple[str, ...], float]:

@@ -370,7 +370,6 @@ class Setting:
     ----------
     load, speed, gain : float
         Load, speed and sensor gain over nominal.
-    tacho : bool
     seed : int
         Of noise, wander and the angles at the start.
     duration_s : float
@@ -379,7 +378,6 @@ class Setting:
     load: float = 1.0
     speed: float = 1.0
     gain: float = 1.0
-    tacho: bool = True
     seed: int = 0
     duration_s: float = DURATION_S
 
@@ -468,16 +466,13 @@ class DrawnMachine:
         vibration += self._tones(condition, turns, vibration, rng)
         for row in vibration:
             row += _noise(rng, count, float(np.std(row)) * 10 ** (-SNR_DB / 20))
-        rows = [*(setting.gain * vibration)]
-        names = [f"a{n + 1}" for n in range(len(rows))]
-        if setting.tacho:
-            rows.append(tacho_pulses(turns, RATE_HZ, np.full(count, speed), 5.0, 0.1))
-            names.append("tacho")
+        pulses = tacho_pulses(turns, RATE_HZ, np.full(count, speed), 5.0, 0.1)
+        sensors = range(1, len(vibration) + 1)
         recording = Recording(
-            samples=np.array(rows),
+            samples=np.vstack([setting.gain * vibration, pulses]),
             sampling_rate_hz=RATE_HZ,
-            channel_names=tuple(names),
-            channel_kinds=tuple("tacho" if own == "tacho" else "vibration" for own in names),
+            channel_names=(*(f"a{n}" for n in sensors), "tacho"),
+            channel_kinds=(*("vibration" for _ in sensors), "tacho"),
             origin=f"{self.machine.name}, {condition.kind}",
         )
         return Taken(recording=recording, turns=turns)

@@ -1,4 +1,4 @@
-"""Methods for the steady vibration of a gear mesh: run time against error.
+"""Methods for the steady vibration of a gear mesh: run time against error, and a stress test.
 
 On named cases each method runs with several settings; the error is the relative L2 error of the
 acceleration against an accurate motion that no method shares. At one error all are set side by
@@ -17,36 +17,40 @@ of the larger multiplier, at points drawn from it, against collocation; compiled
 motions through the period of every point, on all cores. The faults of a machine are judged by the
 error of what a fault adds to the acceleration, against RK4 with finer steps, which end at the
 corners of the stiffness, where it jumps.
+
+The stress test holds `steady_state` on thousands of random systems against collocation in time.
+They come up to nine tenths of the variation that makes them unstable. Drawn log-uniformly: damping
+ratio 1e-3 to 3 and w0/w 0.1 to 50; uniformly: 1 to 64 stiffness harmonics with random phases and
+sizes that fall with a random power of 0 to 2 of their number, and the share 0 to 0.9 of the
+variation at which the system first turns unstable. A variation never exceeds twice the mean
+stiffness: the spring may turn negative for part of the period.
+
+Each answer is met (its bound and its true error are within the tolerance), refused (it says that it
+misses the tolerance, or that the system is unstable), wrong silently, or its bound is broken: less
+than the true error. Where the reference itself is known worse than a tenth of the tolerance, an
+answer that claims to meet it is not judged.
 """
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.benchmark import equations, rivals
+from gearmon.benchmark import equations, rivals, timing
 from gearmon.benchmark.equations import CASES, Case, Motion, Reference, as_lines, solve_reference
-from gearmon.benchmark.rivals import (
-    TARGET,
-    Contender,
-    Judge,
-    Rival,
-    about,
-    against,
-    measured,
-    with_ratios,
-)
-from gearmon.benchmark.timing import Row, Task
-from gearmon.dynamics import HillProblem, Response, stability_chart, steady_state
+from gearmon.benchmark.timing import Contender, Judge, Rival, Row, Task, about, against, measured
+from gearmon.dynamics import HillProblem, Response, floquet, stability_chart, steady_state
 from gearmon.dynamics.stability import FourierShape
 from gearmon.dynamics.sweep import Sweep
 from gearmon.dynamics.sweep import sweep as solve_sets
+from gearmon.errors import ArgumentError, check_range
 from gearmon.machine import Machine, OperatingPoint
 from gearmon.signatures.expected.baseline import contact_grid
 from gearmon.signatures.expected.contact_motion import fourier_sums
@@ -54,10 +58,15 @@ from gearmon.signatures.expected.fault_family import FamilyMember, fault_family
 from gearmon.signatures.expected.mesh import MeshPlace, PosedStage
 from gearmon.terminal import Progress, followed
 
-OURS, COMPILED, BANDED = rivals.OURS, rivals.COMPILED, rivals.BANDED
+#: Relative error at which methods are set side by side.
+TARGET = 1e-6
+OURS, SETS_AT_ONCE, CHART, FAMILY = "steady_state", "sweep", "stability_chart", "fault_family"
+ODEINT, COMPILED, BANDED = "SciPy odeint", "compiled RK4", "solve_banded"
+#: What others are compared with: the first row of these.
+BASES = (SETS_AT_ONCE, OURS, CHART, FAMILY)
 WANTED = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)
 #: Every rival by the column of its factor in the headlines.
-RIVALS = {"odeint": rivals.ODEINT, "compiled": COMPILED, "solve_banded": BANDED}
+RIVALS = {"odeint": ODEINT, "compiled": COMPILED, "solve_banded": BANDED}
 SWEEP, GROWTH = "parameter sets", "cost growth"
 #: Ranges of mass [kg], damping [Ns/m] and stiffness [N/m] of the parameter sets: those of the
 #: published study.
@@ -145,6 +154,21 @@ def case_rows(made: Callable[[], Case], quick: bool = False) -> list[Row]:
     return with_ratios(measured(listed, 3 if quick else 31, 0.05 if quick else 0.6))
 
 
+def with_ratios(rows: list[Row]) -> list[Row]:
+    """Add the run time over ours, and mark each method's cheapest row at the target."""
+    # the row that a user gets who asks for this error, or for none; not one that is lucky
+    asked = [row for row in rows if row["median_s"] and row["wanted"] in (None, TARGET)]
+    ours = next((row for row in asked if row["method"] in BASES), None)
+    within = [row for row in asked if row["error"] is not None and row["error"] <= TARGET]
+    falling = sorted(within, key=lambda row: float(row["median_s"]), reverse=True)
+    cheapest = {row["method"]: row for row in falling}
+    for row in rows:
+        for name, column in (("times_ours", "median_s"), ("times_ours_fastest", "fastest_s")):
+            row[name] = row[column] / ours[column] if ours and row[column] else None
+        row["at_target"] = cheapest.get(row["method"]) is row
+    return rows
+
+
 def _own(case: Case, judge: Judge, wanted: tuple[float, ...]) -> Iterator[Contender]:
     p, long = case.problem, case.meshes > 100
     for tolerance in wanted:
@@ -179,10 +203,10 @@ def _rivals(case: Case) -> Iterator[Rival]:
     p, ratio, words = case.problem, case.problem.frequency_ratio, "{:.0f} steps a period"
     # multiples of four: the jumps of a rectangle fall between steps
     steps, ready = about(24 * ratio + 48, 4), partial(_compiled, case)
-    yield Rival(COMPILED, words, steps, ready, rivals.numba_is_missing())
+    yield Rival(COMPILED, words, steps, ready, rivals.NOT_COMPILED)
     if case.rectangle is None:
         digits = np.linspace(2.0, 13.0, 111).tolist()
-        yield Rival(rivals.ODEINT, "{:.1f} digits a step", digits, partial(rivals.shooter, case))
+        yield Rival(ODEINT, "{:.1f} digits a step", digits, partial(rivals.shooter, case))
         highest = math.ceil(ratio) + equations.MESH_HARMONICS
         needed = rivals.banded_bytes(len(p.stiffness_harmonics), highest)
         note = f"not run: the matrix needs over {needed / 1e9:.0f} GB"
@@ -248,7 +272,7 @@ def sweep_rows(count: int, seed: int, quick: bool = False) -> list[Row]:
     def ready(of: Callable[[HillProblem, float], Task], factor: float) -> Task:
         return partial(_one_by_one, [of(p, factor) for p in many])
 
-    loop, note = "in a loop, {:.2f} (w0/w + ", rivals.numba_is_missing()
+    loop, note = "in a loop, {:.2f} (w0/w + ", rivals.NOT_COMPILED
     listed = [
         Rival(BANDED, loop + "10) harmonics", about(1.0), partial(ready, banded)),
         Rival(COMPILED, loop + "3) steps a period", about(30.0), partial(ready, compiled), note),
@@ -276,7 +300,7 @@ def _together(problems: Sequence[HillProblem], known: Sequence[Reference]) -> Co
         row = {"error": max(errors, default=None), "error_bound": bound}
         return row | {"note": f"{refused} sets refused" if refused else ""}
 
-    return Contender(rivals.SETS_AT_ONCE, "all at once", TARGET, run, judge, sets=len(problems))
+    return Contender(SETS_AT_ONCE, "all at once", TARGET, run, judge, sets=len(problems))
 
 
 def _own_loop(problems: Sequence[HillProblem], error_of: Judge) -> Contender:
@@ -354,9 +378,9 @@ def chart_rows(quick: bool = False) -> list[Row]:
 
     run = partial(stability_chart, SHAPE, speeds, variations, ZETA, CHART_TOLERANCE)
     words, ready = "{:.0f} steps, all cores", partial(_chart, *np.meshgrid(1 / speeds, variations))
-    rival = Rival(COMPILED, words, about(300, 1), ready, rivals.numba_is_missing())
+    rival = Rival(COMPILED, words, about(300, 1), ready, rivals.NOT_COMPILED)
     setting = f"tolerance {CHART_TOLERANCE:.0e}"
-    own = Contender(rivals.CHART, setting, TARGET, run, lambda found: judge(found.growth))
+    own = Contender(CHART, setting, TARGET, run, lambda found: judge(found.growth))
     listed = [own, rival.tuned(TARGET, judge)]
     return with_ratios(measured(listed, 3 if quick else 15, 0.1 if quick else 3.0))
 
@@ -369,10 +393,8 @@ def _growth(ratio: float, variation: float) -> float:
 
 def _chart(ratios: FloatArray, variations: FloatArray, steps: float) -> Task:
     """Growth a period at every point, by so many steps of two motions."""
-    from gearmon.benchmark import compiled  # numba is slow to load
-
     values = equations.folded(np.concatenate([[0.0 + 0j], SHAPE.harmonics]), 2 * int(steps))
-    return partial(compiled.growth, ratios, variations, ZETA, np.append(values, values[0]))
+    return partial(rivals.growth, ratios, variations, ZETA, np.append(values, values[0]))
 
 
 def family_rows(quick: bool = False) -> list[Row]:
@@ -394,7 +416,7 @@ def family_rows(quick: bool = False) -> list[Row]:
         pairs = zip(turns, marched, strict=True)
         return {"error": max(turn.error(turn.lines(*own)) for turn, own in pairs)}
 
-    note, words = rivals.numba_is_missing(), "{:.0f} steps a panel"
+    note, words = rivals.NOT_COMPILED, "{:.0f} steps a panel"
     ways = {
         COMPILED: from_tables,
         f"{COMPILED} and its tables": lambda steps: lambda: from_tables(steps)(),
@@ -402,7 +424,7 @@ def family_rows(quick: bool = False) -> list[Row]:
     # an estimate, where there is no RK4 to tell
     errors = [turn.member.lines.error if note else turn.own_error for turn in turns]
     known = {"error": max(errors)}
-    listed = [Contender(rivals.FAMILY, "", TARGET, run, lambda _: known, sets=len(family))]
+    listed = [Contender(FAMILY, "", TARGET, run, lambda _: known, sets=len(family))]
     for name, ready in ways.items():
         rival = Rival(name, words, about(200, 2), ready, note)
         listed.append(rival.tuned(TARGET, judge, len(turns)))
@@ -428,8 +450,6 @@ class _Turn:
 
     def marched(self, steps: int) -> Task:
         """Return the march with its tables made; it gives lengths of the steps and velocities."""
-        from gearmon.benchmark import compiled
-
         h = np.repeat(np.diff(self.edges) / steps, steps)
         begin = self.edges[:-1].repeat(steps) + np.tile(np.arange(steps), len(self.edges) - 1) * h
         # just inside of each step: what jumps belongs to the next
@@ -437,7 +457,7 @@ class _Turn:
         stiffness, around = self.posed.mechanics.stiffness, self.posed.around
         tables = [stiffness.at(place) * self.posed.scale for place in places]
         known = *tables, 1.0, float(around.damping[0, 0]), float(around.force[0])
-        return lambda: (h, compiled.shoot(h, *known)[0])
+        return lambda: (h, rivals.shoot(h, *known)[0])
 
     def lines(self, h: FloatArray, velocity: FloatArray) -> ComplexArray:
         """Acceleration lines of the turn [m/s2], by Simpson's rule on every panel."""
@@ -497,3 +517,209 @@ def headlines(rows: Sequence[Row]) -> list[Row]:
         exponents = (row["exponent"] for row in own if row["exponent"])
         lines.append(line | {"exponent": next(exponents, None)})
     return lines
+
+
+OUTCOMES = ("met", "refused", "wrong_silently", "bound_broken", "not_judged", "crashed")
+
+RATIOS, ZETAS, MOST_HARMONICS, MOST_SHARE = (0.1, 50.0), (1e-3, 3.0), 64, 0.9
+LARGEST_VARIATION = 2.0
+#: The limit is wanted to half a percent.
+TRACE_TOLERANCE = 1e-5
+TOLERANCES = (1e-6, 1e-10)
+QUICK = 40
+#: An error is known to ten per cent where it is so many times what the reference may be wrong by.
+KNOWN = 10
+
+
+class System(NamedTuple):
+    """One random system.
+
+    Parameters
+    ----------
+    problem : HillProblem
+    variation : float
+        Largest absolute value of phi.
+    limit : float
+        Variation at which the system turns unstable, or 2.
+    """
+
+    problem: HillProblem
+    variation: float
+    limit: float
+
+
+def draw_system(rng: np.random.Generator) -> System:
+    """Draw one system.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    """
+    ratio, zeta = np.exp(rng.uniform(*np.log([RATIOS, ZETAS]).T)).tolist()
+    count = int(rng.integers(1, MOST_HARMONICS + 1))
+    shape = rng.normal(size=count) + 1j * rng.normal(size=count)
+    shape /= np.arange(1, count + 1) ** rng.uniform(0.0, 2.0)
+    values = np.fft.irfft(np.append(0j, shape), 16 * count, norm="forward")
+    shape /= np.abs(values).max()
+    limit = instability_limit(ratio, zeta, shape)
+    variation = float(rng.uniform(0.0, MOST_SHARE)) * limit
+    problem = equations.pair(variation * shape, zeta=zeta, ratio=ratio)
+    return System(problem=problem, variation=variation, limit=limit)
+
+
+def instability_limit(ratio: float, zeta: float, shape: ComplexArray) -> float:
+    """Smallest variation, to half a percent, that makes a free vibration grow; at most 2.
+
+    Parameters
+    ----------
+    ratio, zeta : float
+        w0/w and damping ratio.
+    shape : complex ndarray, shape (J,)
+        Stiffness harmonics of a variation of 1.
+
+    Examples
+    --------
+    >>> import numpy as np                 # 2 w0 = w: unstable above 4 zeta, nearly
+    >>> bool(abs(instability_limit(0.5, 0.05, np.array([0.5 + 0j])) / 0.2 - 1) < 0.03)
+    True
+    """
+    low, high, points = 1e-3 * LARGEST_VARIATION, LARGEST_VARIATION, 28
+    # it only draws systems; whether one is stable is judged by the reference
+    while high > 1.005 * low:
+        grid = np.geomspace(low, high, points)
+        growing = floquet.growth_of(ratio, grid, zeta, shape, TRACE_TOLERANCE) > 0
+        # with the largest variation it may be stable still
+        first = int(np.argmax(np.append(growing[:-1], True)))
+        low, high, points = grid[max(0, first - 1)], grid[first], 8
+    return float(low)
+
+
+def run_stress(
+    count: int = 5000, seed: int = 0, quick: bool = False, progress: Progress | None = None
+) -> list[Row]:
+    """Judge `steady_state` on random systems.
+
+    Parameters
+    ----------
+    count : int, >= 1
+        Number of systems; drawn as told above.
+    seed : int
+    quick : bool
+        40 systems at most.
+    progress : callable, optional
+        Called with the share done, 0 to 1.
+
+    Returns
+    -------
+    list of dict
+        One row a system and tolerance: the system, the outcome ("met", "refused", "wrong silently",
+        "bound broken", "not judged", "crashed"), the reason of a refusal, true error and bound.
+
+    Raises
+    ------
+    ArgumentError
+        If `count` is out of its range.
+    """
+    check_range("count", count, 1, 10_000_000)
+    if quick:
+        count = min(count, QUICK)
+    rng = np.random.default_rng(seed)
+    return [
+        {"system": number, **row}
+        for number in followed(range(count), count, progress)
+        for row in judged(draw_system(rng))
+    ]
+
+
+def judged(system: System) -> list[Row]:
+    """Judge the answers for one system, to every tolerance.
+
+    Parameters
+    ----------
+    system : System
+    """
+    p = system.problem
+    reference, doubt = equations.reference_and_doubt(p)
+    facts: Row = {
+        "ratio": p.frequency_ratio,
+        "zeta": p.damping_ratio,
+        "harmonics": len(p.stiffness_harmonics),
+        "variation": system.variation,
+        "share_of_limit": system.variation / system.limit,
+        "log_multiplier": -reference.decay_rate * 2 * math.pi * p.frequency_ratio,
+        "reference_uncertainty": doubt,
+    }
+    return [facts | _verdict(p, reference, tolerance, facts) for tolerance in TOLERANCES]
+
+
+def _verdict(problem: HillProblem, reference: Reference, tolerance: float, facts: Row) -> Row:
+    doubt = facts["reference_uncertainty"]
+    row: Row = {"tolerance": tolerance, "outcome": "crashed", "reason": "", "method": ""}
+    row |= dict.fromkeys(("order", "error", "error_bound", "bound_over_error", "run_time_s"))
+    try:
+        elapsed, response = timing.task_time(partial(steady_state, problem, tolerance))
+    except ArgumentError as refusal:
+        return row | {"outcome": "refused", "reason": str(refusal)}
+    except (ArithmeticError, ValueError, np.linalg.LinAlgError) as crash:
+        return row | {"reason": f"{type(crash).__name__}: {crash}"}
+    error, bound = reference.error(as_lines(response)), response.error_bound
+    outcome, reason = _outcome(response, error, tolerance, doubt, facts["log_multiplier"])
+    row |= {"outcome": outcome, "reason": reason, "error": error, "run_time_s": elapsed}
+    row |= {"method": response.method, "order": response.order}
+    if math.isfinite(bound):  # an endless bound is no number in JSON
+        known = error > KNOWN * doubt
+        row |= {"error_bound": bound, "bound_over_error": bound / error if known else None}
+    return row
+
+
+def _outcome(
+    response: Response, error: float, tolerance: float, uncertainty: float, rate: float
+) -> tuple[str, str]:
+    if response.error_bound < error - 2 * uncertainty:
+        return "bound broken", response.message
+    if response.stable is False:
+        # the judge's multiplier is good to some digits only
+        return "refused", "unstable" if rate > -1e-6 else "called unstable, but is stable"
+    if response.error_bound > tolerance:
+        if math.isinf(response.error_bound):
+            return "refused", "no bound"
+        return "refused", "bound too wide" if error <= tolerance else "not accurate enough"
+    if uncertainty > 0.1 * tolerance:
+        return "not judged", "the reference is too uncertain"
+    return ("met", "") if error <= tolerance else ("wrong silently", "")
+
+
+def stress_summary(rows: Sequence[Row]) -> list[Row]:
+    """One line a tolerance: outcomes, refusals, and how the bounds compare with the errors.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        From `run_stress`.
+    """
+    tolerances = dict.fromkeys(row["tolerance"] for row in rows)
+    return [_summary(own, [row for row in rows if row["tolerance"] == own]) for own in tolerances]
+
+
+def _summary(tolerance: float, rows: list[Row]) -> Row:
+    outcomes = Counter(row["outcome"].replace(" ", "_") for row in rows)
+    stable = [row for row in rows if row["log_multiplier"] < 0]
+    refused = [row for row in stable if row["outcome"] == "refused"]
+    reasons = Counter(row["reason"] for row in refused)
+    ratios = [row["bound_over_error"] for row in rows if row["bound_over_error"]]
+    least, median, most = np.quantile(ratios, (0, 0.5, 0.95)).tolist() if ratios else 3 * [None]
+    errors_met = (row["error"] for row in rows if row["outcome"] == "met")
+    run_times = [row["run_time_s"] for row in rows if row["run_time_s"]]
+    return {
+        "tolerance": tolerance,
+        "systems": len(rows),
+        **{name: outcomes[name] for name in OUTCOMES},
+        "refused_of_stable_percent": 100 * len(refused) / max(1, len(stable)),
+        "reasons": "; ".join(f"{reason}: {n}" for reason, n in reasons.most_common()),
+        "least_bound_over_error": least,
+        "median_bound_over_error": median,
+        "p95_bound_over_error": most,
+        "largest_error_met": max(errors_met, default=None),
+        "worst_uncertainty": max(row["reference_uncertainty"] for row in rows),
+        "median_run_time_s": float(np.median(run_times)) if run_times else None,
+    }

@@ -1,186 +1,39 @@
-"""Contenders run in turn; rivals of `steady_state`, with the settings that meet an error.
+"""Rivals of `steady_state`, as strong as they can be made.
 
-Rivals are as strong as they can be made. The equation is dimensionless, z'' + 2 zeta z' + kappa(s)
-z = 1 in s = w0 t. SciPy's odeint (quicker than its solve_ivp) and compiled Runge-Kutta of order
-four with fixed steps both march three motions through one period and superpose them to the periodic
-one, so that nothing has to die out. The first reads stiffness from a table of cubics made
-beforehand, its right side is of plain Python numbers. The second, compiled by numba, is what a
-hand-written loop can reach: its stiffness is read from tables at the begin, middle and end of every
-step, so a jump between two steps costs no accuracy. Harmonic balance is solved by
-scipy.linalg.solve_banded.
+The equation is dimensionless, z'' + 2 zeta z' + kappa(s) z = 1 in s = w0 t. SciPy's odeint (quicker
+than its solve_ivp) and compiled Runge-Kutta of order four with fixed steps both march three motions
+through one period and superpose them to the periodic one, so that nothing has to die out. The first
+reads stiffness from a table of cubics made beforehand, its right side is of plain Python numbers.
+The second, compiled by numba, is what a hand-written loop can reach: its stiffness is read from
+tables at the begin, middle and end of every step, so a jump between two steps costs no accuracy.
+Harmonic balance is solved by scipy.linalg.solve_banded.
 """
 
 from __future__ import annotations
 
 import math
 from array import array
-from bisect import bisect_left
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
+from importlib import import_module
 from importlib.util import find_spec
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.benchmark.equations import Case, Lines, Motion, Reference, Samples, folded
-from gearmon.benchmark.timing import Row, Timing, interleaved
+from gearmon.benchmark.equations import Case, Lines, Samples, folded
 
-#: Relative error at which methods are set side by side.
-TARGET = 1e-6
-OURS, SETS_AT_ONCE, CHART, FAMILY = "steady_state", "sweep", "stability_chart", "fault_family"
-ODEINT, COMPILED, BANDED = "SciPy odeint", "compiled RK4", "solve_banded"
-#: What others are compared with: the first row of these.
-BASES = (SETS_AT_ONCE, OURS, CHART, FAMILY)
 BYTES_ALLOWED = 1e9
-Judge = Callable[[Any], Row]
-
-
-@dataclass(frozen=True, eq=False)
-class Contender:
-    """One method with one setting.
-
-    Parameters
-    ----------
-    method : str
-        Name in tables and pictures.
-    setting : str
-        Tolerance, order, steps or harmonics, in words.
-    wanted : float or None
-        Relative error aimed at, where the setting was made for one.
-    run : callable or None
-        What is timed; None if it cannot run, for the reason in `note`.
-    judge : callable
-        Takes what `run` returned and gives the columns error, error_bound, unknowns or note, as
-        far as they are known; not timed.
-    note : str
-    sets : int
-        How many solutions one run makes.
-    """
-
-    method: str
-    setting: str = ""
-    wanted: float | None = None
-    run: Callable[[], Any] | None = None
-    judge: Judge = lambda _: {}
-    note: str = ""
-    sets: int = 1
-
-
-def against(reference: Reference, motion: Callable[[Any], Motion] = lambda found: found) -> Judge:
-    """Return what judges an answer, of which `motion` gives the motion, by an accurate motion."""
-
-    def judge(found: Any) -> Row:
-        own, bound = motion(found), getattr(found, "error_bound", math.inf)
-        # an endless bound is no number in JSON
-        row: Row = {"error_bound": bound if math.isfinite(bound) else None}
-        return row | {"error": reference.error(own), "unknowns": len(own[0])}
-
-    return judge
-
-
-def measured(listed: Sequence[Contender], most: int, budget_s: float) -> list[Row]:
-    """Run contenders in turn; one row each.
-
-    Parameters
-    ----------
-    listed : sequence of Contender
-    most : int
-        Runs of each at most.
-    budget_s : float
-        Time for each [s].
-    """
-    tasks = {place: one.run for place, one in enumerate(listed) if one.run is not None}
-    timed = dict(zip(tasks, interleaved(list(tasks.values()), most, budget_s), strict=True))
-    return [_row(one, timed.get(place)) for place, one in enumerate(listed)]
-
-
-def _row(one: Contender, timing: Timing | None) -> Row:
-    row: Row = {"method": one.method, "setting": one.setting, "wanted": one.wanted}
-    row |= dict.fromkeys(("error", "error_bound", "unknowns"))
-    row |= {"sets": one.sets, "note": one.note, "median_s": None, "fastest_s": None}
-    row |= {"repeats": 0, "exponent": None}
-    if timing is None:
-        return row
-    each = timing.median_s / one.sets, timing.fastest_s / one.sets
-    row |= {"median_s": each[0], "fastest_s": each[1], "repeats": timing.repeats}
-    return row | one.judge(timing.result)
-
-
-def with_ratios(rows: list[Row]) -> list[Row]:
-    """Add the run time over ours, and mark each method's cheapest row at the target."""
-    asked = [row for row in rows if row["wanted"] == TARGET]
-    ours = next((row for row in asked if row["method"] in BASES and row["median_s"]), None)
-    cheapest: dict[str, Row] = {}
-
-    def judged(row: Row) -> bool:
-        # of ours the row that a user gets who asks for this error, not one that is lucky
-        told = row["median_s"] is not None and row["error"] is not None
-        asked = row["method"] != OURS or row["wanted"] == TARGET
-        return told and asked and bool(row["error"] <= TARGET)
-
-    for row in sorted(filter(judged, rows), key=lambda row: float(row["median_s"])):
-        cheapest.setdefault(row["method"], row)
-    for row in rows:
-        for name, column in (("times_ours", "median_s"), ("times_ours_fastest", "fastest_s")):
-            row[name] = row[column] / ours[column] if ours and row[column] else None
-        row["at_target"] = cheapest.get(row["method"]) is row
-    return rows
-
-
-@dataclass(frozen=True, eq=False)
-class Rival:
-    """A method with one setting to be tuned: the greater, the smaller its error.
-
-    Parameters
-    ----------
-    method, words : str
-        Its name, and the setting in words.
-    settings : sequence of float
-        What may be set, ascending.
-    ready : callable
-        Takes a setting and gives the task, with all made that may be made beforehand.
-    note : str
-        Why it cannot run.
-    """
-
-    method: str
-    words: str
-    settings: Sequence[float]
-    ready: Callable[[float], Callable[[], Any]]
-    note: str = ""
-
-    def tuned(self, wanted: float, judge: Judge, sets: int = 1) -> Contender:
-        """Return the contender with the least setting whose error is within `wanted`."""
-        if self.note:
-            return Contender(self.method, wanted=wanted, note=self.note, sets=sets)
-
-        def within(setting: float) -> bool:
-            return bool(judge(self.ready(setting)())["error"] <= wanted)
-
-        setting = self.settings[bisect_left(self.settings[:-1], True, key=within)]
-        words, task = self.words.format(setting), self.ready(setting)
-        return Contender(self.method, words, wanted, task, judge, sets=sets)
-
-
-def about(first: float, whole: int = 0) -> list[float]:
-    """Return settings three per cent apart, from a twentieth of one to twenty times it.
-
-    Parameters
-    ----------
-    first : float, > 0
-        What a search begins with.
-    whole : int
-        Settings are multiples of this; 0: any number.
-    """
-    settings = first * 1.03 ** np.arange(-102.0, 103.0)
-    found: list[float] = (
-        np.unique(whole * np.ceil(settings / whole)) if whole else settings
-    ).tolist()
-    return found
-
-
+#: Why nothing can be compiled; "" if it can.
+NOT_COMPILED = "" if find_spec("numba") else "numba is not installed"
+#: Without it loops stay as they are, and are not timed.
+numba: Any = (
+    SimpleNamespace(njit=lambda **_: lambda loop: loop, prange=range)
+    if NOT_COMPILED
+    else import_module("numba")
+)
 Read = Callable[[float], float]
 
 
@@ -286,11 +139,6 @@ def solve_band(bands: ComplexArray, ratio: float, zeta: float) -> Lines:
     return Lines(solution[highest:])
 
 
-def numba_is_missing() -> str:
-    """Return why nothing can be compiled; "" if it can."""
-    return "" if find_spec("numba") else "numba is not installed"
-
-
 #: Begin and length of steps through a period, in shares of it, and the stiffness at the begin, in
 #: the middle and at the end of each; what jumps between two steps has two values.
 Steps = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
@@ -309,7 +157,72 @@ def equal_steps(case: Case, count: int) -> Steps:
 
 def march_compiled(steps: Steps, ratio: float, zeta: float) -> Samples:
     """Return the periodic motion; `ratio` and `zeta` are w0/w and the damping ratio."""
-    from gearmon.benchmark import compiled  # numba is slow to load
-
     share, *tables = steps
-    return Samples(share, compiled.shoot(*tables, 2 * math.pi * ratio, 2 * zeta, 1.0)[1])
+    return Samples(share, shoot(*tables, 2 * math.pi * ratio, 2 * zeta, 1.0)[1])
+
+
+def _compiled(**options: Any) -> Callable[[Any], Any]:
+    made: Callable[[Any], Any] = numba.njit(fastmath=True, **options)
+    return made
+
+
+@_compiled()
+def move(z, v, force, k1, k2, k3, damping, h):  # type: ignore[no-untyped-def]
+    """Take one step; it is written out, so that nothing is called within."""
+    a1 = force - damping * v - k1 * z
+    v2 = v + 0.5 * h * a1
+    a2 = force - damping * v2 - k2 * (z + 0.5 * h * v)
+    v3 = v + 0.5 * h * a2
+    a3 = force - damping * v3 - k2 * (z + 0.5 * h * v2)
+    v4 = v + h * a3
+    a4 = force - damping * v4 - k3 * (z + h * v3)
+    sixth = h / 6
+    return z + sixth * (v + 2 * (v2 + v3) + v4), v + sixth * (a1 + 2 * (a2 + a3) + a4)
+
+
+@_compiled()
+def shoot(length, begin, middle, end, unit, damping, force):  # type: ignore[no-untyped-def]
+    """Return velocity and acceleration of the periodic motion at the begin of every step."""
+    count = len(begin)
+    kept, velocity, acceleration = np.empty((count, 6)), np.empty(count), np.empty(count)
+    a, b, c, d, z, v = 1.0, 0.0, 0.0, 1.0, 0.0, 0.0
+    for i in range(count):
+        h, k1, k2, k3 = unit * length[i], begin[i], middle[i], end[i]
+        row = kept[i]
+        row[0], row[1], row[2], row[3], row[4], row[5] = a, b, c, d, z, v
+        a, b = move(a, b, 0.0, k1, k2, k3, damping, h)
+        c, d = move(c, d, 0.0, k1, k2, k3, damping, h)
+        z, v = move(z, v, force, k1, k2, k3, damping, h)
+        if i % 256 == 255 and abs(a) + abs(b) + abs(c) + abs(d) < 1e-40:
+            # numbers below the smallest normal one would slow every step down
+            a = b = c = d = 0.0
+    scale = (1 - a) * (1 - d) - b * c
+    one, two = ((1 - d) * z + c * v) / scale, (b * z + (1 - a) * v) / scale
+    for i in range(count):
+        row = kept[i]
+        velocity[i] = one * row[1] + two * row[3] + row[5]
+        deflection = one * row[0] + two * row[2] + row[4]
+        acceleration[i] = force - damping * velocity[i] - begin[i] * deflection
+    return velocity, acceleration
+
+
+@_compiled(parallel=True)
+def growth(ratios, variations, zeta, values):  # type: ignore[no-untyped-def]
+    """Return the growth a period, ln of the larger multiplier, at every point of a chart."""
+    steps, found = (len(values) - 1) // 2, np.empty(ratios.shape)
+    for i in numba.prange(ratios.shape[0]):
+        for j in range(ratios.shape[1]):
+            eps, h = variations[i, j], 2 * math.pi * ratios[i, j] / steps
+            a, b, c, d = 1.0, 0.0, 0.0, 1.0
+            for n in range(steps):
+                k1, k2 = 1 + eps * values[2 * n], 1 + eps * values[2 * n + 1]
+                k3 = 1 + eps * values[2 * n + 2]
+                a, b = move(a, b, 0.0, k1, k2, k3, 2 * zeta, h)
+                c, d = move(c, d, 0.0, k1, k2, k3, 2 * zeta, h)
+            half, product = abs(a + d) / 2, a * d - b * c
+            root = half * half - product
+            if root > 0:
+                found[i, j] = math.log(half + math.sqrt(root))
+            else:
+                found[i, j] = math.log(product) / 2
+    return found

@@ -1,8 +1,9 @@
-"""Tasks taken in turn, so that a drifting machine speed hits all."""
+"""Tasks taken in turn, so that a drifting machine speed hits all, and methods tuned to an error."""
 
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 import platform
 import re
@@ -10,17 +11,26 @@ import statistics
 import sys
 import time
 import warnings
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
 
 from gearmon import __version__
 
+if TYPE_CHECKING:
+    from gearmon.benchmark.equations import Motion, Reference
+
 Row = dict[str, Any]
 Task = Callable[[], Any]
+#: Takes what a task gave, and tells what is known of it.
+Judge = Callable[[Any], Row]
 #: Packages whose versions are told.
 _PACKAGES = ("numpy", "scipy", "pandas", "numba")
 #: For rounds of long tasks, which are not cut short [s].
@@ -125,3 +135,126 @@ def competitor(module: str) -> Any:
 def absent(name: str) -> str:
     """Say why there is no figure of a competitor."""
     return f"{name} not run: it is not installed; the extra gearmon[benchmark] brings it"
+
+
+@dataclass(frozen=True, eq=False)
+class Contender:
+    """One method with one setting.
+
+    Parameters
+    ----------
+    method : str
+        Name in tables and pictures.
+    setting : str
+        Tolerance, order, steps or harmonics, in words.
+    wanted : float or None
+        Relative error aimed at, where the setting was made for one.
+    run : callable or None
+        What is timed; None if it cannot run, for the reason in `note`.
+    judge : callable
+        Takes what `run` returned and gives the columns error, error_bound, unknowns or note, as
+        far as they are known; not timed.
+    note : str
+    sets : int
+        How many solutions one run makes.
+    """
+
+    method: str
+    setting: str = ""
+    wanted: float | None = None
+    run: Callable[[], Any] | None = None
+    judge: Judge = lambda _: {}
+    note: str = ""
+    sets: int = 1
+
+
+def against(reference: Reference, motion: Callable[[Any], Motion] = lambda found: found) -> Judge:
+    """Return what judges an answer, of which `motion` gives the motion, by an accurate motion."""
+
+    def judge(found: Any) -> Row:
+        own, bound = motion(found), getattr(found, "error_bound", math.inf)
+        # an endless bound is no number in JSON
+        row: Row = {"error_bound": bound if math.isfinite(bound) else None}
+        return row | {"error": reference.error(own), "unknowns": len(own[0])}
+
+    return judge
+
+
+def measured(listed: Sequence[Contender], most: int, budget_s: float) -> list[Row]:
+    """Run contenders in turn; one row each.
+
+    Parameters
+    ----------
+    listed : sequence of Contender
+    most : int
+        Runs of each at most.
+    budget_s : float
+        Time for each [s].
+    """
+    tasks = {place: one.run for place, one in enumerate(listed) if one.run is not None}
+    timed = dict(zip(tasks, interleaved(list(tasks.values()), most, budget_s), strict=True))
+    return [_row(one, timed.get(place)) for place, one in enumerate(listed)]
+
+
+def _row(one: Contender, timing: Timing | None) -> Row:
+    row: Row = {"method": one.method, "setting": one.setting, "wanted": one.wanted}
+    row |= dict.fromkeys(("error", "error_bound", "unknowns"))
+    row |= {"sets": one.sets, "note": one.note, "median_s": None, "fastest_s": None}
+    row |= {"repeats": 0, "exponent": None}
+    if timing is None:
+        return row
+    each = timing.median_s / one.sets, timing.fastest_s / one.sets
+    row |= {"median_s": each[0], "fastest_s": each[1], "repeats": timing.repeats}
+    return row | one.judge(timing.result)
+
+
+@dataclass(frozen=True, eq=False)
+class Rival:
+    """A method with one setting to be tuned: the greater, the smaller its error.
+
+    Parameters
+    ----------
+    method, words : str
+        Its name, and the setting in words.
+    settings : sequence of float
+        What may be set, ascending.
+    ready : callable
+        Takes a setting and gives the task, with all made that may be made beforehand.
+    note : str
+        Why it cannot run.
+    """
+
+    method: str
+    words: str
+    settings: Sequence[float]
+    ready: Callable[[float], Callable[[], Any]]
+    note: str = ""
+
+    def tuned(self, wanted: float, judge: Judge, sets: int = 1) -> Contender:
+        """Return the contender with the least setting whose error is within `wanted`."""
+        if self.note:
+            return Contender(self.method, wanted=wanted, note=self.note, sets=sets)
+
+        def within(setting: float) -> bool:
+            return bool(judge(self.ready(setting)())["error"] <= wanted)
+
+        setting = self.settings[bisect_left(self.settings[:-1], True, key=within)]
+        words, task = self.words.format(setting), self.ready(setting)
+        return Contender(self.method, words, wanted, task, judge, sets=sets)
+
+
+def about(first: float, whole: int = 0) -> list[float]:
+    """Return settings three per cent apart, from a twentieth of one to twenty times it.
+
+    Parameters
+    ----------
+    first : float, > 0
+        What a search begins with.
+    whole : int
+        Settings are multiples of this; 0: any number.
+    """
+    settings = first * 1.03 ** np.arange(-102.0, 103.0)
+    found: list[float] = (
+        np.unique(whole * np.ceil(settings / whole)) if whole else settings
+    ).tolist()
+    return found

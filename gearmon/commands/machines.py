@@ -18,10 +18,10 @@ from gearmon.commands.command import (
     fault,
     finish,
     given,
+    recording_of,
     show,
     words,
 )
-from gearmon.commands.inputs import recording_of
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import table_lines
 from gearmon.terminal import followed
@@ -213,7 +213,7 @@ def stability(arguments: Namespace) -> int:
     result: dict[str, Any] = {"machine": machine.name, "rows": rows}
 
     def charts() -> dict[str, Any]:
-        from gearmon.dynamics.tongues import stability_map_of
+        from gearmon.dynamics.stability import stability_map_of
 
         drawn = {s: p for s, p in problems.items() if p.frequency_ratio <= MOST_RATIO_DRAWN}
         steps = followed(drawn.items(), len(drawn), arguments.progress)
@@ -314,7 +314,7 @@ def simulate(arguments: Namespace) -> int:
 def harvest(arguments: Namespace) -> int:
     """Run `gearmon harvest`."""
     from gearmon.harvesting.placement import survey_expected, survey_measured
-    from gearmon.harvesting.request import built_in, load_harvester
+    from gearmon.harvesting.tuning import built_in, load_harvester
 
     machine = arguments.machine
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()

@@ -1,4 +1,4 @@
-"""Commands for a start: init, check of a reference, demo and benchmark."""
+"""Commands for a start: init, demo and benchmark."""
 
 from __future__ import annotations
 
@@ -13,17 +13,15 @@ from typing import Any
 
 import gearmon
 from gearmon.commands.command import (
-    OF_MACHINE,
     SAMPLING_RATE,
     argument,
     command,
     finish,
     given,
     show,
-    words,
 )
 from gearmon.errors import ArgumentError
-from gearmon.report.wording import printable, table_lines
+from gearmon.report.wording import table_lines
 from gearmon.units import is_unit
 
 # Gears of one stage reduce by up to 8 or 10 (Niemann, Maschinenelemente II); beyond, a tooth count
@@ -144,22 +142,6 @@ def _recorded(arguments: Namespace, machine: gearmon.Machine, mesh_hz: float) ->
             "time_ms), or the speed in Hz?"
         )
     return found
-
-
-@command(
-    argument("REFERENCE", "what gearmon learn wrote"),
-    OF_MACHINE,
-    help="say what a reference covers, what it would find, and which recording to add",
-    example="gearmon check healthy.ref --machine machine.toml -o check.csv",
-)
-def check(arguments: Namespace) -> int:
-    """Run `gearmon check`."""
-    reference = gearmon.read_reference(arguments.reference)
-    found = gearmon.check_reference(reference, arguments.machine)
-    result = found.to_dict()
-    rows = [own | {"recording": printable(own["recording"])} for own in result["recordings"]]
-    lines = partial(words, "check", result, headline=found.headline(), rows=rows)
-    return finish(arguments, found, lines)
 
 
 @command(

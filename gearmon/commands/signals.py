@@ -17,14 +17,15 @@ from gearmon.commands.command import (
     Rows,
     argument,
     command,
+    each_of,
     fault,
     finish,
     given,
     judged,
+    recording_of,
     recordings,
     words,
 )
-from gearmon.commands.inputs import each_of, recording_of
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 

@@ -27,9 +27,9 @@ DEMOS = {
     "growth": "gearmon.demos.monitoring:growth_demo",
     "kinds": "gearmon.demos.monitoring:kinds_demo",
     "day": "gearmon.demos.monitoring:day_demo",
-    "harvest": "gearmon.demos.tractor:harvest_demo",
-    "exposure": "gearmon.demos.tractor:exposure_demo",
-    "fleet": "gearmon.demos.fleet:fleet_demo",
+    "harvest": "gearmon.demos.farm:harvest_demo",
+    "exposure": "gearmon.demos.farm:exposure_demo",
+    "fleet": "gearmon.demos.farm:fleet_demo",
     "study": "gearmon.study.report:write_study",
 }
 

@@ -23,7 +23,7 @@ from gearmon.diagnosis import history as histories
 from gearmon.diagnosis.decision import LIMITS
 from gearmon.diagnosis.fault_types.judgement import analysis_features, judge_kind
 from gearmon.files import write_atomically
-from gearmon.machine.reading import example_machine
+from gearmon.machine.parts import example_machine
 from gearmon.report.analysis_plots import kind_figure
 from gearmon.report.history_plots import day_figure
 from gearmon.report.history_text import moment_text

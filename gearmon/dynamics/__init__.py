@@ -2,7 +2,7 @@
 
 `steady_state` solves one problem, `sweep.sweep` thousands; `expand` shows the orders of the
 expansion, `transient` and `integrate` what happens before the steady state. Names load their module
-when first used. More stands in the modules: `stability`, `tongues`, `sweep`, ...
+when first used. More stands in the modules: `stability`, `sweep`, ...
 
 Examples
 --------
@@ -27,19 +27,17 @@ from gearmon.lazy import lazily
 if TYPE_CHECKING:
     from gearmon.dynamics.amplitude_equations import forced_resonance as forced_resonance
     from gearmon.dynamics.amplitude_equations import parametric_resonance as parametric_resonance
-    from gearmon.dynamics.free_vibration import transient as transient
+    from gearmon.dynamics.amplitude_equations import transient as transient
     from gearmon.dynamics.multiple_scales import expand as expand
     from gearmon.dynamics.stability import stability_chart as stability_chart
+    from gearmon.dynamics.system import combination_tongues as combination_tongues
     from gearmon.dynamics.system import integrate as integrate
-    from gearmon.dynamics.tongues import combination_tongues as combination_tongues
 
 _OFFERED = {
-    "amplitude_equations": ("forced_resonance", "parametric_resonance"),
-    "free_vibration": ("transient",),
+    "amplitude_equations": ("forced_resonance", "parametric_resonance", "transient"),
     "multiple_scales": ("expand",),
     "stability": ("stability_chart",),
-    "system": ("integrate",),
-    "tongues": ("combination_tongues",),
+    "system": ("combination_tongues", "integrate"),
 }
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Many coordinates and several meshes on one period: the problem, its vibration, its integration.
+"""Many coordinates and several meshes on one period: problem, vibration, tongues, integration.
 
     M q'' + (C + G) q' + [K + sum_j k_j(t) v_j v_j^T] q = F + f(t)
     k_j(t) = k_j [1 + phi_j(t)],    phi_j(t) = sum_i (c_ji e^{iiwt} + conjugate),    w = 2 pi/T
@@ -13,6 +13,23 @@ The force of a mesh, counted in the direction in which the steady load presses i
 
 so that the masses fly freely until spring and damper would press again, on either flank. A pair is
 a machine of one mesh and one coordinate.
+
+Combination tongues. With modes of unit mass, D^(l) = Phi^T [sum_j k_j c_jl v_j v_j^T] Phi of the
+l-th harmonic of the stiffness couples mode p to mode q where l w = w_p + w_q (p = q: principal
+resonance). To first order of multiple scales, with z_p = A_p e^{i w_p t} + conjugate,
+
+    A_p' = -mu_p A_p + i D_pq/(2 w_p) conj(A_q) e^{i s t},    s = l w - w_p - w_q
+
+and the same with p and q exchanged. With kappa = |D_pq|/(2 sqrt(w_p w_q)) free vibrations grow for
+
+    |s| < (mu_p + mu_q) sqrt(kappa^2/(mu_p mu_q) - 1),    undamped |s| < 2 kappa.
+
+Where modes share a frequency, as the translational ones of planetary sets, D is a block and its
+singular values take the place of |D_pq|. Differences of frequencies do not occur, because D is
+symmetric. The error is of second order in the variation of stiffness.
+
+Source: Nayfeh and Mook, Nonlinear Oscillations, 1979, chapter 5; for gears Lin and Parker,
+J. Vib. Acoust. 124 (2002) 68.
 """
 
 from __future__ import annotations
@@ -25,7 +42,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from gearmon.arrays import BoolArray
+from gearmon.arrays import BoolArray, IntArray
 from gearmon.dynamics.fourier import Complex, Real
 from gearmon.dynamics.hill import (
     HillProblem,
@@ -254,28 +271,6 @@ class SystemResponse(PeriodicVibration):
     def _period_s(self) -> float:
         return self.system.period_s
 
-    @property
-    def mesh_deflection(self) -> Complex:
-        """Lines of d_j = v_j . q [m], shape (N+1, meshes)."""
-        return self.displacement @ self.system.mesh_vectors.T
-
-    def spring_force(self, vectors: npt.ArrayLike, stiffness_n_per_m: npt.ArrayLike) -> Complex:
-        """Lines of the forces of springs of constant stiffness, such as bearings.
-
-        Parameters
-        ----------
-        vectors : float array, shape (springs, n)
-            Their deflections are vectors @ q; dimensionless.
-        stiffness_n_per_m : float array, shape (springs,)
-
-        Returns
-        -------
-        complex ndarray, shape (N+1, springs)
-            [N].
-        """
-        moved: Complex = self.displacement @ np.atleast_2d(np.asarray(vectors, dtype=float)).T
-        return np.asarray(moved * np.asarray(stiffness_n_per_m))
-
     @cached_property
     def mesh_force_margin(self) -> Real:
         """Smallest force of every mesh over its mean [1]; <= 0 where contact is lost."""
@@ -444,3 +439,106 @@ class _Equation:
         load = s.force_n + swing[len(self.sign) :] - s.mesh_vectors.T @ forces
         resisting = s.stiffness @ place + self.damping @ velocity
         return self.inverse @ (load - resisting), forces, apart
+
+
+#: Frequencies that agree so closely are one: rounding of eigenvalues is far below.
+SAME = 1e-6
+#: A coupling below this share of the largest is rounding.
+NO_COUPLING = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class CombinationTongue:
+    """Where two modes are unstable together.
+
+    Attributes
+    ----------
+    harmonic : int
+        l, of the stiffness.
+    modes : (int, int)
+        p <= q, the first of each frequency, counted from 0 in ascending order.
+    frequency_hz : float
+        Centre: 1/T at which l/T is the sum of both natural frequencies.
+    half_width_hz : float
+        Half width in 1/T; 0 where damping closes the tongue.
+    coupling_per_s : float
+        kappa [1/s]: rate of growth at the centre without damping.
+    damping_per_s : (float, float)
+        mu_p and mu_q [1/s].
+    """
+
+    harmonic: int
+    modes: tuple[int, int]
+    frequency_hz: float
+    half_width_hz: float
+    coupling_per_s: float
+    damping_per_s: tuple[float, float]
+
+
+def combination_tongues(system: HillSystem) -> list[CombinationTongue]:
+    """Principal and combination instabilities of first order, the widest first.
+
+    Parameters
+    ----------
+    system : HillSystem
+        Its own period does not matter: the tongues say at which it is unstable. Gyroscopic terms
+        are left out.
+
+    Returns
+    -------
+    list of Tongue
+        Every pair of modes that some harmonic couples, damped shut or not.
+
+    Examples
+    --------
+    >>> pair = HillSystem(0.28, 0.0, 0.0, 1.0, 8e8, [[0.065]], 1.6e-3, 4e3)
+    >>> tongue = combination_tongues(pair)[0]
+    >>> round(tongue.half_width_hz / tongue.frequency_hz, 6)    # eps/4 of 2 w0
+    0.0325
+    """
+    squares, shapes = system.modes
+    natural = np.sqrt(np.where(system.rigid, 0.0, squares))
+    damping = 0.5 * np.diag(shapes.T @ system.velocity_matrix @ shapes)
+    # modes of one frequency together, rigid-body motions left out
+    elastic = np.flatnonzero(natural)
+    rising = natural[elastic]
+    groups = np.split(elastic, np.flatnonzero(np.diff(rising) > SAME * rising[1:]) + 1)
+    meshes = shapes.T @ system.mesh_vectors.T
+    found = []
+    for index, c in enumerate(system.mesh_harmonics.T):
+        coupling = meshes @ ((system.mesh_stiffness_n_per_m * c)[:, None] * meshes.T)
+        for i, p in enumerate(groups):
+            for q in groups[i:]:
+                sizes = np.linalg.svd(coupling[np.ix_(p, q)], compute_uv=False)
+                found += _tongues(index + 1, p, q, sizes, natural, damping)
+    most = max((tongue.coupling_per_s for tongue in found), default=0.0)
+    open_ = [tongue for tongue in found if tongue.coupling_per_s > NO_COUPLING * most]
+    return sorted(open_, key=lambda tongue: (-tongue.half_width_hz, -tongue.coupling_per_s))
+
+
+def _tongues(
+    harmonic: int, p: IntArray, q: IntArray, sizes: Real, natural: Real, damping: Real
+) -> list[CombinationTongue]:
+    """One tongue for every different coupling of two frequencies."""
+    one, other = float(natural[p[0]]), float(natural[q[0]])
+    rates = float(damping[p].mean()), float(damping[q].mean())
+    found: list[CombinationTongue] = []
+    for size in sizes:
+        kappa = float(size) / (2 * math.sqrt(one * other))
+        if found and found[-1].coupling_per_s - kappa <= SAME * kappa:
+            continue
+        width = 2 * kappa
+        if min(rates) > 0:
+            excess = kappa**2 / (rates[0] * rates[1]) - 1
+            width = sum(rates) * math.sqrt(max(0.0, excess))
+        found.append(
+            CombinationTongue(
+                harmonic=harmonic,
+                modes=(int(p[0]), int(q[0])),
+                frequency_hz=(one + other) / (2 * math.pi * harmonic),
+                half_width_hz=width / (2 * math.pi * harmonic),
+                coupling_per_s=kappa,
+                damping_per_s=rates,
+            )
+        )
+    return found

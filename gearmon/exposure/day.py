@@ -43,15 +43,8 @@ from gearmon.exposure.measures import (
     Limits,
     vibration_exposure,
 )
-from gearmon.machine import FieldError
+from gearmon.machine import FieldError, fields
 from gearmon.machine.fields import Checked, Choice, Several, Text, check_fields, held, within
-from gearmon.machine.reading import (
-    read_part,
-    read_source,
-    read_table,
-    read_tables,
-    refuse_unknown_keys,
-)
 from gearmon.result import Result
 
 #: Relative standard error of an instrument: all of the tolerance of ISO 8041-1, table 2, for its
@@ -148,19 +141,19 @@ def load_day(path: str | Path) -> DayPlan:
         If the file cannot be read, or a key is unknown, missing or out of its range: with file,
         line, key and value.
     """
-    source, folder = read_source(path), Path(path).parent
+    source, folder = fields.read_source(path), Path(path).parent
     document, usual = source.document, ("position", "instrument")
-    refuse_unknown_keys(source, document, (*usual, "limits", "job"), "")
-    jobs = [read_part(source, Job, label, own) for label, own in read_tables(source, "job")]
-    limits = read_table(source, "limits")
+    source.refuse_unknown_keys(document, (*usual, "limits", "job"))
+    jobs = [source.part(Job, *own) for own in source.tables("job")]
+    limits = source.table("limits")
     placed = [
         dataclasses.replace(job, recording=[str(folder / name) for name in job.recording])
         for job in jobs
     ]
     told = {key: document[key] for key in usual if key in document}
     told |= {"jobs": tuple(placed), "path": str(path)}
-    told["limits"] = read_part(source, Limits, "limits", limits) if limits else None
-    return read_part(source, DayPlan, "", told)
+    told["limits"] = source.part(Limits, "limits", limits) if limits else None
+    return source.part(DayPlan, "", told)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,26 +18,20 @@ from typing import Any
 from gearmon.diagnosis.history.entries import time_from_name
 from gearmon.diagnosis.results import VERDICTS
 from gearmon.errors import ArgumentError
+from gearmon.machine import load_machine
 from gearmon.machine.fields import (
     Choice,
     Column,
     Count,
     FieldError,
+    MachineSource,
     Several,
     Text,
     check_fields,
     held,
+    read_source,
     shown_value,
     within,
-)
-from gearmon.machine.reading import (
-    MachineSource,
-    load_machine,
-    read_part,
-    read_source,
-    read_table,
-    read_tables,
-    refuse_unknown_keys,
 )
 
 _GROUPS = ("machine", "time", "class")
@@ -175,12 +169,12 @@ def read_fleet(path: str | Path) -> Fleet:
     """
     source, folder = read_source(path), Path(path).parent
     known = ("name", "store", "results", "defaults", "machine", "alarm")
-    refuse_unknown_keys(source, source.document, known, "")
-    defaults = read_table(source, "defaults")
+    source.refuse_unknown_keys(source.document, known)
+    defaults = source.table("defaults")
     own = tuple(one.name for one in fields(FleetMachine) if one.name != "name")
-    refuse_unknown_keys(source, defaults, own, "defaults")
+    source.refuse_unknown_keys(defaults, own, "defaults")
     machines: list[FleetMachine] = []
-    for label, table in read_tables(source, "machine"):
+    for label, table in source.tables("machine"):
         machine = _placed(source, label, folder, defaults | table)
         if machine.name in {other.name for other in machines}:
             message = f'{label}.name = "{machine.name}" is the name of another machine too'
@@ -191,7 +185,7 @@ def read_fleet(path: str | Path) -> Fleet:
     if not machines:
         example = "[[machine]] with name, file, reference, recordings and pattern"
         raise source.error("", f"lacks a machine; write {example}")
-    hooks = tuple(read_part(source, Hook, label, t) for label, t in read_tables(source, "alarm"))
+    hooks = tuple(source.part(Hook, *own) for own in source.tables("alarm"))
     stem = Path(path).stem
     usual = {"name": stem, "store": f"{stem}.db", "results": f"{stem}-results"}
     texts = {key: source.document.get(key, text) for key, text in usual.items()}
@@ -212,7 +206,7 @@ def read_fleet(path: str | Path) -> Fleet:
 
 def _placed(source: MachineSource, label: str, folder: Path, table: dict[str, Any]) -> FleetMachine:
     """Return a machine with the places of its files, which are there, as seen from here."""
-    machine = read_part(source, FleetMachine, label, table)
+    machine = source.part(FleetMachine, label, table)
     placed: dict[str, Any] = {}
     for key in ("file", "reference", "recordings"):
         given = getattr(machine, key)

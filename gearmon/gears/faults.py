@@ -4,8 +4,8 @@ The size of a fault is the loss of stiffness of the pair whose tooth it is, or w
 on the tooth, from which the loss follows; see `damage`.
 
 A size is written as a number and its unit, and further dimensions after commas:
-``1.5mm,angle=70``, ``1.5mm,limit=parabolic``, ``4x1.5x0.5mm,at=0.2``, ``12%flank,radius=0.3``,
-``2level``. Errors of manufacture or mounting are written alike, with a size in um.
+``1.5mm,angle=70``, ``1.5mm,limit=parabolic``, ``4x1.5x0.5mm,at=0.2``, ``12%flank,radius=0.3``.
+Errors of manufacture or mounting are written alike, with a size in um.
 """
 
 from __future__ import annotations
@@ -14,33 +14,20 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from numbers import Real
 from typing import Any
 
-from gearmon.errors import (
-    ArgumentError,
-    check_finite,
-    check_positive,
-    check_range,
-    check_word,
-    nearest_name,
-)
+from gearmon.errors import ArgumentError, check_finite, check_word, nearest_name
+from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, held, optional
 
 #: What material a crack leaves without load, by name.
 LIMITS = ("flat", "parabolic")
 #: Losses of pair stiffness, and what they are worth.
 LOSS_UNITS = {"": 1.0, "%": 0.01}
-#: Severity of pitting by share of the flank: lower and upper end of each level (ASM Handbook).
-LEVELS: dict[int, tuple[str, float, float]] = {
-    1: ("slight", 0.03, 0.10),
-    2: ("moderate", 0.10, 0.30),
-    3: ("severe", 0.30, 0.50),
-}
 #: Units that each kind understands beside the loss of stiffness.
 KIND_UNITS: dict[str, tuple[str, ...]] = {
     "crack": ("mm",),
     "spall": ("mm",),
-    "pitting": ("flank", "%flank", "level"),
+    "pitting": ("flank", "%flank"),
     "breakage": ("mm",),
     "wear": ("mm",),
     "missing": ("tooth",),
@@ -53,9 +40,10 @@ KIND_OPTIONS: dict[str, tuple[str, ...]] = {
     "pitting": ("radius", "depth"),
     "breakage": ("height", "from"),
 }
-#: Those that are lengths above 0, and all, as they are written.
-LENGTHS = ("width", "length", "depth", "radius", "height")
-DIMENSIONS = ("angle", "limit", "far", "from", "at", *LENGTHS)
+#: All of them, and the sides of a spall.
+DIMENSIONS = ("angle", "limit", "far", "from", "at", "width", "length", "depth", "radius", "height")
+#: Rules of dimensions: none is longer than the largest gears are wide.
+_PLACE, _LENGTH = Number(0, 20_000, "mm"), Number(0, 20_000, "mm", open_low=True)
 
 
 #: What each kind means, for help texts.
@@ -86,24 +74,8 @@ NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
 
 def flank_share(size: float, unit: str) -> float:
-    """Return the share of the flank that is pitted; of a level, the middle of its range."""
-    if unit == "level":
-        _, low, high = LEVELS[int(size)]
-        return 0.5 * (low + high)
+    """Return the share of the flank that is pitted."""
     return size * (0.01 if unit == "%flank" else 1.0)
-
-
-def flank_level(share: float) -> int | None:
-    """Return the level of pitting of a share of the flank, or None below the first.
-
-    The upper end of a level belongs to the next; beyond the last range it is the last.
-
-    Examples
-    --------
-    >>> flank_level(0.2), flank_level(0.01)
-    (2, None)
-    """
-    return max((n for n, (_, low, _) in LEVELS.items() if share >= low), default=None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,19 +83,17 @@ class _OnGear:
     """What is wrong with a gear, and where; fields as of `Fault`."""
 
     kind: str
-    stage: int
-    gear: str
-    tooth: int | None
+    stage: int = held(Count(low=1, high=1000))
+    gear: str = held(Choice(options=GEARS))
+    tooth: int | None = held(Count(low=1, high=100_000), None)
 
     def __post_init__(self) -> None:
-        what, kinds = ("error", ERROR_KINDS) if isinstance(self, GearError) else ("fault", KINDS)
-        check_word(f"{what} kind ", self.kind, kinds)
-        check_word("gear ", self.gear, GEARS)
-        # no tooth is all of them
-        tooth = 1 if self.tooth is None else self.tooth
-        for name, number in (("stage", self.stage), ("tooth", tooth)):
-            if not isinstance(number, Real) or number % 1 or number < 1:
-                raise ArgumentError(f"{what} {name}={number} must be a whole number >= 1")
+        try:
+            check_fields(self)
+        except FieldError as error:
+            what = "error" if isinstance(self, GearError) else "fault"
+            word = "from" if error.key == "start" else error.key
+            raise ArgumentError(error.message(f"{what} {word}")) from None
 
     @property
     def _place(self) -> str:
@@ -150,8 +120,8 @@ class Fault(_OnGear):
         In other units what is measured on the tooth: depth of a crack, width of a spall along the
         face, width of a broken-off part, wear normal to the flank [mm]; share of the flank that is
         pitted.
-    unit : {"", "%", "mm", "flank", "%flank", "level", "tooth"}
-        "level" is the ASM level of pitting 1, 2, 3; "tooth" goes with a missing tooth.
+    unit : {"", "%", "mm", "flank", "%flank", "tooth"}
+        "tooth" goes with a missing tooth.
     angle : float, optional
         Of a crack against the middle of the tooth [deg]; by default 60.
     far : float, optional
@@ -183,26 +153,25 @@ class Fault(_OnGear):
     0.2
     """
 
+    kind: str = held(Choice(options=tuple(KINDS)))
     size: float
     unit: str = ""
-    angle: float | None = None
-    far: float | None = None
-    width: float | None = None
-    start: float | None = None
-    length: float | None = None
-    depth: float | None = None
-    at: float | None = None
-    radius: float | None = None
-    height: float | None = None
-    limit: str | None = None
+    angle: float | None = optional(5, 90, "deg")
+    far: float | None = held(_PLACE, None)
+    width: float | None = held(_LENGTH, None)
+    start: float | None = held(_PLACE, None)
+    length: float | None = held(_LENGTH, None)
+    depth: float | None = held(_LENGTH, None)
+    at: float | None = optional(-20_000, 20_000, "mm")
+    radius: float | None = held(_LENGTH, None)
+    height: float | None = held(_LENGTH, None)
+    limit: str | None = held(Choice(options=LIMITS), None)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if (self.tooth is None) != (self.kind == "wear"):
             wanted = "'all'" if self.kind == "wear" else "one tooth number"
             raise ArgumentError(f"fault {self.kind}: TOOTH must be {wanted}")
-        for key, value in self._dimensions.items():
-            self._check_dimension(key, value)
         if self.unit in LOSS_UNITS:
             self._check_loss()
         elif self.unit in KIND_UNITS[self.kind]:
@@ -220,17 +189,6 @@ class Fault(_OnGear):
         """Further dimensions that are given, by the words that name them."""
         every = {key: getattr(self, _field(key)) for key in DIMENSIONS}
         return {key: value for key, value in every.items() if value is not None}
-
-    def _check_dimension(self, key: str, value: Any) -> None:
-        name = f"{self.kind} {key}"
-        if key == "limit":
-            check_word(f"{name}=", value, LIMITS)
-        elif key == "angle":
-            check_range(name, value, 5, 90, "deg")
-        elif key in LENGTHS:
-            check_positive(name, value, "mm")
-        elif check_finite(name, value, "mm") < 0 and key != "at":
-            raise ArgumentError(f"{name}={value:g} mm must be >= 0")
 
     def _check_loss(self) -> None:
         told = f"fault size={self.size:g}{self.unit}"
@@ -250,9 +208,6 @@ class Fault(_OnGear):
     def _check_measured(self) -> None:
         check_finite("fault size", self.size, self.unit)
         told = f"fault size={self.size:g}{self.unit}"
-        if self.unit == "level" and self.size not in LEVELS:
-            names = ", ".join(f"{number} ({name})" for number, (name, _, _) in LEVELS.items())
-            raise ArgumentError(f"pitting level={self.size:g} must be one of {names}")
         if self.size < 0:
             raise ArgumentError(f"{told} must be >= 0")
         if self.kind == "pitting" and flank_share(self.size, self.unit) > 0.5:
@@ -340,9 +295,6 @@ def _size(kind: str, text: str) -> dict[str, Any]:
     """Read size, unit and further dimensions."""
     head, *options = [part.strip() for part in text.split(",")]
     told = dict(_option(kind, option) for option in options)
-    names = [name for name, _, _ in LEVELS.values()]
-    if kind == "pitting" and head in names:
-        return told | {"size": names.index(head) + 1.0, "unit": "level"}
     match = re.fullmatch(rf"({NUMBER}(?:\s*x\s*{NUMBER})*)\s*([%A-Za-z ]*)", head)
     if match is None:
         raise ArgumentError(f"SIZE {head!r} is not a number")
@@ -453,6 +405,7 @@ class GearError(_OnGear):
         If a value has no meaning.
     """
 
+    kind: str = held(Choice(options=tuple(ERROR_KINDS)))
     size_m: float
     phase_rad: float = 0.0
 

@@ -385,14 +385,12 @@ def kinematics(machine: Machine) -> Kinematics:
     return Kinematics(shafts=shafts, meshes=tuple(meshes), lines=tuple(lines))
 
 
-def line_table(machine: Machine, operating: OperatingPoint | None = None) -> LineTable:
+def line_table(machine: Machine) -> LineTable:
     """Return every line of a machine in hertz.
 
     Parameters
     ----------
     machine : Machine
-    operating : OperatingPoint, optional
-        The one operating point wanted; all of the machine's by default.
 
     Returns
     -------
@@ -400,8 +398,7 @@ def line_table(machine: Machine, operating: OperatingPoint | None = None) -> Lin
         One row for each line and operating point, with notes on lines that coincide.
     """
     train = kinematics(machine)
-    points = machine.operating if operating is None else (operating,)
-    rows = tuple(_row(line, point) for point in points for line in train.lines)
+    rows = tuple(_row(line, point) for point in machine.operating for line in train.lines)
     coinciding = tuple(
         f"mesh harmonic {c.harmonic} of stage {c.stage} is exactly mesh harmonic "
         f"{c.other_harmonic} of stage {c.other_stage}: these lines cannot be told apart"

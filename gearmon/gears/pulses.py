@@ -381,7 +381,7 @@ class PulseTrain:
         total = np.zeros(x.shape)
         for term in self.terms:
             turned = np.mod(x - term.offset, self.period_mesh)
-            support = self._support(term)
+            support = term.pulse.length + term.face_end * self.overlap_ratio
             # pulses that are longer than the period overlap with those before them
             for _ in range(math.ceil(support / self.period_mesh)):
                 inside = turned < support
@@ -415,9 +415,6 @@ class PulseTrain:
             turned = np.exp(-2j * np.pi * v * middle) * np.sinc(v * part * self.overlap_ratio)
             total += term.weight * part * turned * term.pulse.transform(v)
         return total / self.period_mesh
-
-    def _support(self, term: PulseTerm) -> float:
-        return term.pulse.length + term.face_end * self.overlap_ratio
 
     def _spread(self, term: PulseTerm, phase: FloatArray) -> FloatArray:
         """Return the pulse averaged over the sections, which lag behind one another."""

@@ -416,29 +416,6 @@ class MeshStiffness:
         """Return the stiffness [N/m] at `phase` [mesh periods], any shape."""
         return np.asarray(sum(train.at(phase) for train in self.parts))
 
-    def sample(self, points_per_mesh: int) -> FloatArray:
-        """Return the stiffness [N/m] over the true period.
-
-        Parameters
-        ----------
-        points_per_mesh : int, >= 1
-            Equally spaced phases i/points_per_mesh.
-
-        Returns
-        -------
-        ndarray, shape (period_mesh * points_per_mesh,)
-
-        Raises
-        ------
-        ArgumentError
-            If there is not one point at least.
-        """
-        count = int(points_per_mesh)
-        if count < 1:
-            raise ArgumentError(f"points_per_mesh={points_per_mesh} must be >= 1")
-        found = [train.at(np.arange(train.period_mesh * count) / count) for train in self.parts]
-        return np.asarray(sum(np.tile(k, self.period_mesh * count // len(k)) for k in found))
-
     def harmonics(self, count: int) -> ComplexArray:
         """Return c_1 ... c_count of ``k = mean (1 + sum_r (c_r exp(2 pi i r phase/P) + conj))``.
 
@@ -512,7 +489,7 @@ def mesh_stiffness(
     _check_contact(pair)
     acting, notes = acting_faults(pair, faults)
     if isinstance(chosen, PotentialEnergy):
-        pairs_of, factor, more = _from_teeth(pair, acting, chosen, force_n)
+        pairs_of, factor, more = _from_teeth(pair, acting, chosen)
     else:
         pairs_of, factor, more = _from_form(pair, acting, chosen, force_n)
     # what wear that is given as a loss leaves
@@ -569,25 +546,17 @@ def _from_form(
     return pairs, mean, notes
 
 
-def _from_teeth(
-    pair: MeshPair, acting: list[Fault], form: PotentialEnergy, force_n: float | None
-) -> _Said:
+def _from_teeth(pair: MeshPair, acting: list[Fault], form: PotentialEnergy) -> _Said:
     if pair.given("stiffness_variation") is not None:
         raise ArgumentError(
             f"{pair.where}: stiffness_variation cannot be imposed on the {form.name} form, whose "
             f"curve follows from the teeth; leave it out or choose another form"
         )
-    if form.contact == "load-dependent" and force_n is None:
-        raise ArgumentError(
-            f"{pair.where}: the load-dependent contact needs the static tooth force; give "
-            f"torque_nm of [operating], force_n in this stage, or contact='constant'"
-        )
     teeth = teeth_of(pair, form)
 
     def pairs(lost: float, wear: Sequence[Fault] = acting) -> TeethInMesh:
         moved = teeth.parted(lost)
-        worn = _worn(pair, wear, moved.contact_ratio, moved)
-        return TeethInMesh(pair=moved, worn=worn, force_n=force_n)
+        return TeethInMesh(pair=moved, worn=_worn(pair, wear, moved.contact_ratio, moved))
 
     imposed = pair.given("mesh_stiffness_n_per_m")
     factor = 1.0 if imposed is None else imposed / pairs(0.0, ()).healthy.area

@@ -18,8 +18,9 @@ import numpy as np
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
-from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
-from gearmon.gears.mechanics import pair_of, stage_mechanics
+from gearmon.gears.faults import Fault, faults_of
+from gearmon.gears.kinematics import kinematics
+from gearmon.gears.mechanics import pair_of, static_force
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth import Tooth
@@ -31,15 +32,9 @@ from gearmon.result import Result, channel_rows
 POINTS = 60
 #: Points of a table on a mesh period, and mesh harmonics of a spectrum.
 POINTS_PER_MESH, HARMONICS = 200, 20
-#: The four forms and their variants: the duty of the rectangle is eps_a - 1, or one half.
-FOUR_FORMS = (
-    ("parabolic", "parabolic"),
-    ("wave", "wave"),
-    ("rectangular", "rectangular"),
-    ("rectangular", "rectangular-half"),
-    ("fourier", "fourier-true"),
-    ("fourier", "fourier"),
-)
+#: The four forms, before the hyphen, and their variants: the duty of the rectangle is eps_a - 1, or
+#: one half.
+FOUR_FORMS = ("parabolic", "wave", "rectangular", "rectangular-half", "fourier-true", "fourier")
 #: Sizes at which a curve of loss against size is taken.
 CURVE_POINTS = 25
 #: Unit and dimensions in which a loss of each kind is told as a size.
@@ -251,8 +246,7 @@ class FormComparison(Result):
     table : list of dict
         The curves: one row a phase, one column a form, in N/m.
     spectrum : list of dict
-        One row a mesh harmonic, amplitudes in N/m; without frequencies where the machine tells
-        no load.
+        One row a mesh harmonic, amplitudes in N/m.
     """
 
     picture = "stiffness_plots.form_figure"
@@ -289,19 +283,21 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
     ArgumentError
         If the machine lacks data, or has no such stage.
     """
-    pair = pair_of(machine, stage)
-    force, hertz = _running(machine, stage)
+    pair, point = pair_of(machine, stage), machine.operating[0]
+    force, hertz = _force(machine, pair), kinematics(machine).mesh(stage).order * point.shaft1_hz
     phase, curves = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH, []
-    for group, name in FOUR_FORMS:
+    for name in FOUR_FORMS:
         found = mesh_stiffness(pair, (), name, force_n=force)
         lines = 2 * np.abs(found.mesh_harmonics(HARMONICS)) * found.healthy_mean_n_per_m
-        curves.append(FormCurve(group, name, found, found.at(phase), lines))
+        curves.append(FormCurve(name.split("-")[0], name, found, found.at(phase), lines))
     heads = [f"{own.form.replace('-', '_')}_n_per_m" for own in curves]
     table = channel_rows("mesh_phase", phase, [own.stiffness_n_per_m for own in curves], heads)
-    spectrum = []
-    for n, row in enumerate(np.transpose([own.amplitudes_n_per_m for own in curves]).tolist(), 1):
-        place = {"mesh_harmonic": n} | ({} if hertz is None else {"frequency_hz": n * hertz})
-        spectrum.append({"stage": stage} | place | dict(zip(heads, row, strict=True)))
+    amplitudes = np.transpose([own.amplitudes_n_per_m for own in curves]).tolist()
+    spectrum = [
+        {"stage": stage, "mesh_harmonic": n, "frequency_hz": n * hertz}
+        | dict(zip(heads, row, strict=True))
+        for n, row in enumerate(amplitudes, start=1)
+    ]
     return FormComparison(
         machine=machine.name,
         stage=stage,
@@ -314,13 +310,13 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
     )
 
 
-def _running(machine: Any, stage: int, mesh: int = 0) -> tuple[float | None, float | None]:
-    """Return static tooth force and mesh frequency where they are known; most forms do without."""
+def _force(machine: Any, pair: MeshPair) -> float | None:
+    """Return the static tooth force [N] where it is known; most forms do without."""
     try:
-        mechanics = stage_mechanics(machine, stage, mesh=mesh)
+        order = kinematics(machine).shaft(pair.number or 1).order
+        return static_force(pair, machine.operating[0], order)
     except ArgumentError:
-        return None, None
-    return mechanics.force_n, mechanics.mesh_frequency_hz
+        return None
 
 
 @dataclass(frozen=True)
@@ -344,11 +340,8 @@ class FaultLoss:
     sized: Fault | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what it costs in built-in types; of pitting, also of a loss, its level."""
+        """Return what it costs in built-in types."""
         found: dict[str, Any] = {"fault": str(self.fault), "size": self.measured}
-        if self.fault.kind == "pitting" and self.sized is not None:
-            level = flank_level(flank_share(self.sized.size, self.sized.unit))
-            found |= {} if level is None else {"level": f"{level} ({LEVELS[level][0]})"}
         if self.loss is None:
             return found
         losses = {"mean_loss": self.loss.mean, "greatest_loss": self.loss.greatest}
@@ -492,17 +485,15 @@ def stiffness_report(
     known = faults_of(faults, errors=False, stages=last)
     if stage is not None:
         check_range("stage", stage, 1, last)
-    stages = []
-    for number in range(1, last + 1) if stage is None else [stage]:
-        own = tuple(fault for fault in known if fault.stage == number)
-        for mesh, pair in enumerate(mesh_pairs(machine.stages[number - 1], number, machine.path)):
-            # overrides of a planetary stage are meant for sun and planet
-            if pair.is_main or pair.stage.module_mm is not None:
-                stages.append(_mesh(machine, pair, mesh, own, form))
-    return StiffnessReport(machine=machine.name, stages=tuple(stages))
+    numbers = range(1, last + 1) if stage is None else [stage]
+    pairs = [p for n in numbers for p in mesh_pairs(machine.stages[n - 1], n, machine.path)]
+    # overrides of a planetary stage are meant for sun and planet
+    able = [pair for pair in pairs if pair.is_main or pair.stage.module_mm is not None]
+    stages = tuple(_mesh(machine, pair, known, form) for pair in able)
+    return StiffnessReport(machine=machine.name, stages=stages)
 
 
-def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_POINTS) -> SizeCurve:
+def size_curve(fault: Fault, pair: ToothPair, index: int) -> SizeCurve:
     """Return the loss of pair stiffness against the size of a damage.
 
     Parameters
@@ -512,21 +503,15 @@ def size_curve(fault: Fault, pair: ToothPair, index: int, points: int = CURVE_PO
     pair : ToothPair
     index : {0, 1}
         Gear of the damaged tooth.
-    points : int
     """
-    if fault.unit == "level":
-        raise ArgumentError(f"fault {fault}: a level is no size to draw; give a share of the flank")
-    sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), points)
+    sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), CURVE_POINTS)
     losses = [stiffness_loss(replace(fault, size=size), pair, index) for size in sizes.tolist()]
     mean, greatest = np.array([(loss.mean, loss.greatest) for loss in losses]).T
     return SizeCurve(fault, sizes, mean, greatest)
 
 
-def _mesh(
-    machine: Any, pair: MeshPair, mesh: int, faults: tuple[Fault, ...], form: AnyForm
-) -> StageStiffness:
-    number = pair.number or 1
-    force = _running(machine, number, mesh)[0]
+def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -> StageStiffness:
+    faults, force = [own for own in known if own.stage == pair.number], _force(machine, pair)
     healthy = mesh_stiffness(pair, (), form, force_n=force)
     damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)
@@ -535,7 +520,7 @@ def _mesh(
     acting = acting_faults(pair, faults)[0]
     losses = tuple(_fault_loss(fault, pair, teeth) for fault in acting)
     return StageStiffness(
-        stage=number,
+        stage=pair.number or 1,
         mesh=pair.name,
         healthy=healthy,
         damaged=damaged,
@@ -570,9 +555,6 @@ def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultL
         return FaultLoss(fault)
     index = pair.names.index(fault.gear)
     loss, told = stiffness_loss(fault, teeth, index), fault.size_text or "whole tooth"
-    if fault.unit == "level":
-        sized = replace(fault, unit="flank", size=flank_share(fault.size, fault.unit))
-        return FaultLoss(fault, loss, told, sized)
     if not fault.is_loss:
         return FaultLoss(fault, loss, told, None if fault.unit == "tooth" else fault)
     if fault.kind not in MEASURED_UNITS:

@@ -287,10 +287,6 @@ class Tooth:
         rolled = math.sqrt(max((radius_m / self.base_radius_m) ** 2 - 1, 0.0))
         return self.sign * (rolled - self.rack.base_half_angle)
 
-    def radius_below_tip(self, depth_m: float) -> float:
-        """Return the radius [m] of a circle this far below the tip circle."""
-        return self.tip_radius_m - self.sign * depth_m
-
     @property
     def root_height_m(self) -> float:
         """Height [m] of the root circle in the middle of the tooth."""

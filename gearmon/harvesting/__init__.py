@@ -65,8 +65,8 @@ True
 0.005
 
 The modules inside: `vibration` (what shakes), `harvester` (what all are; springs and coils),
-`cantilever` (piezoelectric beams), `response` (what they make of it), `tuning` (one and sets),
-`request` (the harvester's file and what a sensor gets of it) and `placement` (where to put it).
+`cantilever` (piezoelectric beams), `response` (what they make of it, and what a sensor gets),
+`tuning` (one and sets; the file of a harvester) and `placement` (where to put it).
 """
 
 from gearmon.lazy import lazily
@@ -75,9 +75,11 @@ _OFFERED = {
     "cantilever": ("BEAM_MATERIALS", "PIEZO_MATERIALS", "PiezoCantilever"),
     "harvester": ("CoilHarvester", "InertialHarvester", "half_power_band", "response_rows"),
     "placement": ("Survey", "survey_expected", "survey_measured"),
-    "request": ("SensorBudget", "load_harvester"),
-    "response": ("Tuned", "evaluate", "power_with_stops"),
-    "tuning": ("bandwidth_against_quality", "beside_published", "tune_harvester", "tune_set"),
+    "response": ("SensorBudget", "Tuned", "evaluate", "power_with_stops"),
+    "tuning": (
+        *("bandwidth_against_quality", "beside_published", "load_harvester"),
+        *("tune_harvester", "tune_set"),
+    ),
     "vibration": (
         "OperatingShare",
         "Vibration",

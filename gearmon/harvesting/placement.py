@@ -16,8 +16,7 @@ import numpy as np
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.harvesting import response, tuning, vibration
 from gearmon.harvesting.harvester import Harvester, Real, response_rows
-from gearmon.harvesting.request import SensorBudget
-from gearmon.harvesting.response import Tuned
+from gearmon.harvesting.response import SensorBudget, Tuned
 from gearmon.harvesting.vibration import OperatingShare, Points
 from gearmon.machine import Machine
 from gearmon.result import Result

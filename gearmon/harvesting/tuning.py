@@ -1,10 +1,38 @@
-"""The natural frequency and load that yield most over a whole spectrum and duty cycle.
+"""Which harvester may be tuned, and the tuning that yields most over a whole duty cycle.
 
 The full response, all modes and loads, is looked at over the whole range of natural frequencies;
 the best places are refined in frequency and load together (COBYLA of `scipy.optimize`, which keeps
 limits). Limits of travel and stress are held to the peaks of the recordings themselves: the search
 guesses them from the spectrum, the recordings correct how high a guess may be, and the best tuning
 is refined on the recordings themselves.
+
+The file of a harvester (TOML):
+
+    kind = "cantilever"           # or "inertial", "coil"
+    wiring = "series"             # "unimorph", "series" or "parallel"
+    piezo = "PZT-5A"              # PZT-5A, PZT-5H, PVDF, AlN
+    passive = "brass"             # steel, brass, aluminium
+    length_mm = 15.0
+    width_mm = 10.0
+    passive_thickness_mm = 0.2
+    piezo_thickness_mm = 0.2
+    most_tip_mass_g = 20.0
+    tip_gyration_mm = 5.0         # of the tip mass about the end of the beam; 0 for a point
+    tip_block_height_mm = 4.0     # instead: a block as wide as the beam, longer the heavier it is
+    tip_block_material = "steel"
+    damping_ratio = 0.01
+    air = "included"              # in the damping ratio, or "added" to it
+    clearance_mm = 2.0
+    restitution = 0.5             # speed behind a blow at the stop over that before: a guess
+    tilt_deg = 0.0                # of the motion against the plumb line: 90 for a level motion
+    load_ohm = 1e5                # only if the load is given: else it is tuned
+
+    [budget]                      # all optional, see `SensorBudget`
+    duration_s = 10.0
+
+An inertial one has mass_g, damping_ratio, clearance_mm, restitution, tilt_deg, lowest_hz,
+highest_hz and, as its load, electrical_damping_ratio; one with a coil has load_ohm instead, and
+turns, field_length_tm (B l of a turn), coil_ohm and coil_mh.
 """
 
 from __future__ import annotations
@@ -14,16 +42,26 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations_with_replacement
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, check_range
-from gearmon.harvesting.cantilever import BeamMaterial, PiezoCantilever, PiezoMaterial, known
-from gearmon.harvesting.harvester import H, Harvester, Real, half_power_band
+from gearmon.harvesting import cantilever, response
+from gearmon.harvesting.harvester import (
+    FREQUENCY,
+    CoilHarvester,
+    H,
+    Harvester,
+    InertialHarvester,
+    Real,
+    half_power_band,
+)
 from gearmon.harvesting.response import Tuned, evaluate, mean_power_w, powers_and_shares
 from gearmon.harvesting.vibration import Points, Shaking, check_duty, vibration_of_lines
+from gearmon.machine.fields import Choice, FieldError, Number, read_source
 
 #: A harvester at one natural frequency, loads, their power at every operating point, and their
 #: largest peak over its limit.
@@ -308,15 +346,15 @@ def beside_published(harvester: Harvester) -> list[dict[str, Any]]:
     (11950.0, 11896, 'no')
     """
     rows = []
-    for one in known()["published"]:
+    for one in cantilever.known()["published"]:
         row = dict.fromkeys(("load_ohm", "volume_cm3", "remark", "beam")) | one
         frequency, square = one["frequency_hz"], one["acceleration_ms2"] ** 2
         row["uw_per_cm3"] = one["power_uw"] / square / one.get("volume_cm3", math.nan)
         row |= {"model_uw": math.nan, "own_uw": math.nan, "own_uw_per_cm3": math.nan}
         if beam := row.pop("beam"):
-            kinds = {"piezo": PiezoMaterial, "passive": BeamMaterial}
+            kinds = {"piezo": cantilever.PiezoMaterial, "passive": cantilever.BeamMaterial}
             parts = {part: kind(name="published", **beam[part]) for part, kind in kinds.items()}
-            model = PiezoCantilever(**beam | parts, load_ohm=one["load_ohm"])
+            model = cantilever.PiezoCantilever(**beam | parts, load_ohm=one["load_ohm"])
             row["model_uw"] = 1e6 * square * float(model.gains(frequency).power_w[0])
         with suppress(ArgumentError):  # out of reach
             own = harvester.retuned(frequency)
@@ -419,3 +457,89 @@ def tune_set(harvester: H, duty: Shaking, count: int = 3) -> list[Tuned[H]]:
     ours, copies = (np.array([[a.power_w for a in t.answers] for t in g]) for g in (group, same))
     better = ours.sum(axis=0).min() > copies.sum(axis=0).min()
     return group if better and all(tuned.within_limits for tuned in group) else same
+
+
+GRAVITY_MS2 = 9.81
+#: Units of keys that are a thousandth of those that a harvester takes.
+_THOUSANDTHS = {"mm": "m", "g": "kg", "mh": "henry"}
+#: What the words of a file stand for, by key.
+_WORDS: dict[str, dict[str, Any]] = {
+    "piezo": cantilever.PIEZO_MATERIALS,
+    "passive": cantilever.BEAM_MATERIALS,
+    "tip_block_material": cantilever.BEAM_MATERIALS,
+    "air": {"included": False, "added": True},
+}
+_KINDS = {own.kind: own for own in (cantilever.PiezoCantilever, InertialHarvester, CoilHarvester)}
+
+
+def built_in() -> tuple[Harvester, response.SensorBudget]:
+    """Return the harvester and budget that are taken if no file is given.
+
+    A bimorph of PZT-5A on brass, 15 x 10 x 0.6 mm, in series, its motion up and down: 70 Hz with
+    20 g at the tip, 1.2 kHz bare.
+    """
+    return _built("cantilever", {}), response.SensorBudget()
+
+
+def load_harvester(path: str | Path) -> tuple[Harvester, response.SensorBudget]:
+    """Read a harvester file.
+
+    Parameters
+    ----------
+    path : str or Path
+        TOML as shown in the docstring of this module.
+
+    Returns
+    -------
+    harvester, budget
+
+    Raises
+    ------
+    MachineFileError
+        If the file cannot be read, or a key is unknown or out of its range; with file and line.
+    """
+    source = read_source(path)
+    kind = source.document.get("kind")
+    if not isinstance(kind, str) or kind not in _KINDS:
+        raise source.error("kind", f'kind = {kind!r} must be "cantilever" or "inertial" or "coil"')
+    document = {key: own for key, own in source.document.items() if key not in ("kind", "budget")}
+    keys = (*cantilever.known()[kind], _KINDS[kind].load_name)
+    source.refuse_unknown_keys(document, keys)
+    try:
+        harvester = _built(kind, document)
+    except FieldError as error:
+        key = next((key for key in keys if _in_si(key)[0] == error.key), error.key)
+        said = FieldError(key, error.reason, document.get(key, error.value)).message(key)
+        raise source.error(key, said) from None
+    except ArgumentError as error:
+        raise source.error("kind", str(error)) from None
+    return harvester, source.part(response.SensorBudget, "budget", source.table("budget"))
+
+
+def _built(kind: str, given: dict[str, Any]) -> Harvester:
+    """Build a harvester from the keys of its file; what is left out has its default."""
+    table = cantilever.known()[kind] | given
+    for key, options in _WORDS.items():
+        if key in table:
+            table[key] = options[Choice(options=tuple(options)).checked(key, table[key])]
+    tilt = Number(low=0, high=90, unit="degrees").checked("tilt_deg", table.pop("tilt_deg"))
+    values = dict(_in_si(key, value) for key, value in table.items())
+    values["weight_ms2"] = GRAVITY_MS2 * math.cos(math.radians(tilt))
+    values["load_kept"] = _KINDS[kind].load_name in values
+    if kind == "cantilever":
+        values["in_air"] = values.pop("air")
+        values["tip_block_density_kg_m3"] = values.pop("tip_block_material").density_kg_m3
+    else:
+        ends = [FREQUENCY.checked(key, values[key]) for key in ("lowest_hz", "highest_hz")]
+        values["natural_frequency_hz"] = math.sqrt(math.prod(ends))
+    return _KINDS[kind](**values)
+
+
+def _in_si(key: str, value: Any = 0.0) -> tuple[str, Any]:
+    """Return the field of a harvester that a key stands for, and its value there."""
+    name, _, unit = key.rpartition("_")
+    if unit in _THOUSANDTHS:
+        # the range is that of the field itself
+        any_number = Number(low=-math.inf, high=math.inf)
+        return f"{name}_{_THOUSANDTHS[unit]}", 1e-3 * any_number.checked(key, value)
+    return {"damping_ratio": "mechanical_damping_ratio"}.get(key, key), value

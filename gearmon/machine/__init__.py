@@ -27,12 +27,13 @@ from gearmon.machine.parts import (
     Bearing,
     Disc,
     Machine,
+    MachineLike,
     OperatingPoint,
     Sensor,
     ShaftSection,
     Stage,
+    load_machine,
 )
-from gearmon.machine.reading import MachineLike, load_machine
 from gearmon.machine.stages import ParallelStage, PlanetaryStage
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Rules that a field of a machine obeys: its type, its range and the reason for the range.
+"""Rules that fields obey - type, range and the reason for it - and tables of a file held to them.
 
 A rule stands in the metadata of a dataclass field, so that an object built in Python and a table
 read from a machine file are held to the same limits with the same words.
@@ -8,10 +8,15 @@ from __future__ import annotations
 
 import math
 import numbers
+import re
+import tomllib
+from collections import Counter
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
-from typing import Any
+from pathlib import Path
+from typing import Any, TypeVar
 
-from gearmon.errors import ArgumentError, nearest_name
+from gearmon.errors import ArgumentError, MachineFileError, nearest_name
 from gearmon.units import KNOWN_UNITS, is_unit
 
 LONGEST_VALUE_SHOWN = 60
@@ -228,3 +233,226 @@ def _literal(value: object) -> str:
     if isinstance(value, int) and abs(value) >= 10**LONGEST_VALUE_SHOWN:
         return "an integer of more than 60 digits"
     return str(value) if isinstance(value, numbers.Number) else repr(value)
+
+
+LARGEST_FILE_BYTES, MOST_KEYS_LISTED = 1 << 20, 10
+_Part = TypeVar("_Part")
+
+# A text of several lines, which holds no keys; the head of a table; a key.
+_PLACE = re.compile(
+    r"""(?s:(\"{3}|'{3}).*?(?:\1|\Z))|^[ \t]*(\[\[?)[ \t]*([\w-]+)[ \t]*\]\]?[ \t]*(?:#.*)?$"""
+    r"""|^[ \t]*(["']?)([\w-]+)\4[ \t]*=""",
+    re.ASCII | re.MULTILINE,
+)
+_POSITION = re.compile(r"^(.*?)\s*\(at (?:line (\d+), column (\d+)|end of document)\)$", re.DOTALL)
+_DECIMAL_COMMA = re.compile(r"=\s*[+-]?\d+,\d")
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineSource:
+    """The text of one file and its parsed content.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    document : dict
+        What the TOML parser made of it.
+    lines : dict of str to int
+        Line of each table and key, such as ``"stage[2].module_mm"``, as far as it is known.
+    homes : mapping of str to type
+        What tables hold, by how they are written: where a key that stands elsewhere belongs.
+    """
+
+    path: str
+    document: dict[str, Any]
+    lines: dict[str, int] = field(default_factory=dict)
+    homes: Mapping[str, type] = field(default_factory=dict)
+
+    def error(self, key: str, message: str) -> MachineFileError:
+        """Return the error that says `message` about the line of `key`."""
+        line = self.lines.get(key) or self.lines.get(key.rpartition(".")[0])
+        place = f"{self.path}:{line}" if line else self.path or "machine"
+        return MachineFileError(f"{place}: {message}")
+
+    def tables(self, name: str, single: bool = False) -> list[tuple[str, dict[str, Any]]]:
+        """Return the tables called `name` with their labels, such as ``stage[2]``.
+
+        Parameters
+        ----------
+        name : str
+        single : bool
+            Whether it may be one table, without a number.
+        """
+        content = self.document.get(name, [])
+        if single and isinstance(content, dict):
+            return [(name, content)]
+        if not isinstance(content, list) or not all(isinstance(table, dict) for table in content):
+            brackets = f"[{name}] or [[{name}]]" if single else f"[[{name}]], with double brackets"
+            raise self.error(name, f"{name} must be a table: write {brackets}")
+        return [(f"{name}[{number}]", table) for number, table in enumerate(content, start=1)]
+
+    def table(self, name: str) -> dict[str, Any]:
+        """Return the only table called `name`, empty if there is none."""
+        content = self.document.get(name, {})
+        if not isinstance(content, dict):
+            raise self.error(name, f"{name} must be one table: write [{name}]")
+        return content
+
+    def part(self, kind: type[_Part], label: str, table: dict[str, Any]) -> _Part:
+        """Build a dataclass, whose fields have rules, from a table with this label.
+
+        Raises
+        ------
+        MachineFileError
+            If a key is unknown, missing or breaks its rule; the line names file, key and value.
+        """
+        described = {own.name: own for own in fields(kind)}  # type: ignore[arg-type]
+        self.refuse_unknown_keys(table, described, label)
+        needed = [name for name, own in described.items() if own.default is MISSING]
+        missing = [name for name in needed if name not in table]
+        if missing:
+            example = f"{missing[0]} = {described[missing[0]].metadata['rule'].example}"
+            lacks = " and ".join(missing)
+            raise self.error(label, f"{label} lacks {lacks}; write for example {example}")
+        try:
+            return kind(**table)
+        except FieldError as error:
+            key = f"{label}.{error.key}" if label else error.key
+            raise self.error(key, error.message(key)) from None
+
+    def refuse_unknown_keys(
+        self, table: Mapping[str, Any], known: Iterable[str], label: str = ""
+    ) -> None:
+        """Refuse keys of a table that are not known, with the nearest one that is."""
+        names = tuple(known)
+        for key in table:
+            if key not in names:
+                where = f"{label}.{key}" if label else key
+                shown = where if where.isprintable() else repr(where)
+                raise self.error(where, f"{shown} is not a known key{self._hint(key, names)}")
+
+    def _hint(self, key: str, known: tuple[str, ...]) -> str:
+        """Return where a key belongs, what it resembles, or else what would be known here."""
+        for home, part in self.homes.items():
+            if key in {own.name for own in fields(part)}:
+                return f" here; it belongs to {home}"
+        if guess := nearest_name(key, known):
+            return f"; did you mean {guess}?"
+        return f"; known are {', '.join(known)}" if len(known) <= MOST_KEYS_LISTED else ""
+
+
+def read_source(path: str | Path) -> MachineSource:
+    """Open and parse a machine file, or another one of such tables.
+
+    Raises
+    ------
+    MachineFileError
+        If there is no such file, or it is not TOML in UTF-8.
+    """
+    shown = str(path)
+    text = _decoded(shown, _read_bytes(Path(path), shown))
+    return MachineSource(path=shown, document=_parsed(shown, text), lines=key_lines(text))
+
+
+def key_lines(text: str) -> dict[str, int]:
+    r"""Return the line of every table header and bare key of a TOML text, counted from 1.
+
+    A key is written with its table; tables of an array are counted from 1. Inline and dotted
+    tables are left out: a line not known is better than a wrong one.
+
+    Examples
+    --------
+    >>> key_lines('name = "a"\n[[stage]]\nkind = "parallel"')
+    {'name': 1, 'stage[1]': 2, 'stage[1].kind': 3}
+    """
+    found: dict[str, int] = {}
+    counts: Counter[str] = Counter()
+    prefix = ""
+    for place in _PLACE.finditer(text.replace("\r", "")):
+        _, brackets, label, _, key = place.groups()
+        if brackets == "[[":
+            counts[label] += 1
+            label = f"{label}[{counts[label]}]"
+        if label:
+            prefix = f"{label}."
+        if label or key:
+            line = place.string.count("\n", 0, place.start()) + 1
+            found.setdefault(label or prefix + key, line)
+    return found
+
+
+def _read_bytes(path: Path, shown: str) -> bytes:
+    try:
+        size, ordinary = path.stat().st_size, path.is_file()
+        data = path.read_bytes() if ordinary and size <= LARGEST_FILE_BYTES else b""
+    except FileNotFoundError:
+        hint = "; give the name of a TOML file, standard input is not taken" if shown == "-" else ""
+        raise MachineFileError(f"{shown}: no such file{hint}") from None
+    except OSError as error:
+        raise MachineFileError(f"{shown}: cannot be read ({error.strerror})") from None
+    except ValueError as error:
+        raise MachineFileError(f"{shown!r}: is not the name of a file ({error})") from None
+    if path.is_dir():
+        raise MachineFileError(f"{shown}: is a folder; give the name of a machine file (TOML)")
+    if not ordinary:
+        raise MachineFileError(f"{shown}: is not an ordinary file")
+    if size > LARGEST_FILE_BYTES:
+        reason = f"has {size / 1e6:.1f} MB; a machine file is a short text (at most 1 MB)"
+        raise MachineFileError(f"{shown}: {reason}")
+    return data
+
+
+def _decoded(shown: str, data: bytes) -> str:
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise MachineFileError(f"{shown}: is UTF-16 text; save it as UTF-8")
+    if b"\0" in data:
+        raise MachineFileError(f"{shown}: is a binary file; a machine file is TOML text")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        reason = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8"
+        raise MachineFileError(f"{shown}:{line}: {reason}") from None
+
+
+def _parsed(shown: str, text: str) -> dict[str, Any]:
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _syntax_error(shown, text, str(error)) from None
+    except ValueError:  # of int(): Python limits the digits that it converts
+        raise MachineFileError(f"{shown}: holds an integer of thousands of digits") from None
+    except RecursionError:
+        raise MachineFileError(f"{shown}: holds arrays nested too deeply") from None
+    if not document:
+        raise MachineFileError(f"{shown}: is empty; a machine file has [operating] and [[stage]]")
+    return document
+
+
+def _syntax_error(shown: str, text: str, message: str) -> MachineFileError:
+    """Return the parser's complaint with its place in front, the line itself and a remedy."""
+    match = _POSITION.match(message)
+    if match is None:
+        return MachineFileError(f"{shown}: is not valid TOML: {_one_line(message)}")
+    lines = text.splitlines()
+    number = int(match[2]) if match[2] else max(len(lines), 1)
+    line = lines[number - 1].strip() if number <= len(lines) else ""
+    place = f"{number}:{match[3]}" if match[3] else f"{number}"
+    printed = "".join(letter if letter.isprintable() else "?" for letter in line)
+    here = f", in: {printed if len(printed) <= 60 else f'{printed[:57]}...'}" if line else ""
+    here += " (decimal numbers take a point)" if _DECIMAL_COMMA.search(line) else ""
+    complaint = _one_line(_reworded(match[1]))
+    return MachineFileError(f"{shown}:{place}: not valid TOML: {complaint}{here}")
+
+
+def _reworded(complaint: str) -> str:
+    if complaint == "Cannot overwrite a value":
+        return "this key stands here for the second time"
+    if complaint.startswith("Cannot declare") and complaint.endswith("twice"):
+        return "this [table] stands here for the second time; a list of them takes [[table]]"
+    return complaint
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

@@ -1,22 +1,29 @@
-"""The machine and its parts other than gears: operating points, bearings, sensors."""
+"""The machine, its parts other than gears, and how both are made of a machine file."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from importlib import resources
+from pathlib import Path
+from typing import Any, TypeAlias
 
+from gearmon.errors import ArgumentError
 from gearmon.machine.fields import (
     Checked,
     Choice,
     Column,
     Count,
     FieldError,
+    MachineSource,
     Text,
     Unit,
     check_fields,
     held,
     optional,
+    read_source,
+    shown_value,
     within,
 )
 from gearmon.machine.stages import (
@@ -411,3 +418,154 @@ def _filled(part: Any) -> dict[str, Any]:
     usual = {own.name: own.default for own in fields(part)}
     kind = {"kind": part.kind} if isinstance(part, Stage) else {}
     return kind | {name: own for name, own in told.items() if own not in (None, usual[name])}
+
+
+STAGE_KINDS: dict[str, type[Stage]] = {"parallel": ParallelStage, "planetary": PlanetaryStage}
+
+#: Parts that a machine may have, by the names of their tables.
+_PARTS = {"bearing": Bearing, "sensor": Sensor, "shaft": ShaftSection, "disc": Disc}
+_TOP_KEYS = ("name", *TABLES)
+_HOMES: dict[str, type] = (
+    {"[operating]": OperatingPoint}
+    | {f"[[{table}]]": part for table, part in _PARTS.items()}
+    | {f'[[stage]] with kind = "{kind}"': part for kind, part in STAGE_KINDS.items()}
+)
+
+#: What `load_machine` takes.
+MachineLike: TypeAlias = Machine | str | Path | Mapping[str, Any]
+
+
+def example_machine() -> str:
+    """Return the text of a machine file that demos and the benchmark write."""
+    return resources.files("gearmon.machine").joinpath("example.toml").read_text("utf-8")
+
+
+def load_machine(source: MachineLike | None = None, **tables: Any) -> Machine:
+    """Return the machine in a file, a dictionary, or keywords of the same names.
+
+    Parameters
+    ----------
+    source : str, Path, mapping or Machine, optional
+        A TOML file with a table ``[operating]`` (or several ``[[operating]]``, a duty cycle with
+        ``share``), one ``[[stage]]`` for each stage in the order of power flow, and optionally
+        ``name``, ``[[shaft]]``, ``[[bearing]]``, ``[[disc]]`` and ``[[sensor]]``; or a
+        dictionary of the same content, with a list where there are several tables. A Machine is
+        returned as it is.
+    **tables : mapping, or list of them
+        The same as keywords, in the place of a source.
+
+    Returns
+    -------
+    Machine
+        With the file's name for want of a better one, and notes on what was derived.
+
+    Raises
+    ------
+    MachineFileError
+        If the file cannot be read, or anything in it is unknown, missing or impossible: one line
+        with file, line, key, value and what is allowed.
+    ArgumentError
+        If the source is none of these.
+
+    Examples
+    --------
+    >>> stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
+    >>> load_machine(operating={"speed_rpm": 1480.0}, stage=stage).shaft_count
+    2
+    """
+    if isinstance(source, Machine) and not tables:
+        return source
+    return _machine(replace(_source(source, tables), homes=_HOMES))
+
+
+def _source(source: object, tables: dict[str, Any]) -> MachineSource:
+    given = tables if source is None else source
+    if source is not None and tables:
+        raise ArgumentError(f"machine: given twice, also as {', '.join(tables)}=; give it once")
+    if isinstance(given, str | Path):
+        return read_source(given)
+    if not isinstance(given, Mapping):
+        raise ArgumentError(
+            f"machine: {type(given).__name__} is no machine; give the name of a machine file, a "
+            "dictionary with operating and stage, or a Machine"
+        )
+    document = dict(given)
+    for name in _TOP_KEYS[2:]:
+        if isinstance(given.get(name), Mapping):
+            document[name] = [given[name]]
+        elif isinstance(given.get(name), tuple):
+            document[name] = list(given[name])
+    return MachineSource(path="", document=document)
+
+
+def _machine(source: MachineSource) -> Machine:
+    source.refuse_unknown_keys(source.document, _TOP_KEYS)
+    name = source.document.get("name", Path(source.path).stem or "machine")
+    stages, notes = _stages(source)
+    parts: dict[str, Any] = {
+        TABLES[table]: [source.part(part, *own) for own in source.tables(table)]
+        for table, part in _PARTS.items()
+    }
+    try:
+        if not isinstance(name, str) or not name.strip() or not name.isprintable():
+            raise FieldError("name", "must be one line of text in quotes", name)
+        return Machine(
+            name=name,
+            operating=_operating_points(source),
+            stages=stages,
+            **parts,
+            path=source.path,
+            notes=notes,
+        )
+    except FieldError as error:
+        raise source.error(error.key, error.message(error.key)) from None
+
+
+def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
+    tables = source.tables("operating", single=True)
+    if not tables:
+        told = "lacks an operating point; write [operating] with speed_rpm = 1460.0"
+        raise source.error("", told)
+    without = [label for label, table in tables if "share" not in table]
+    if 0 < len(without) < len(tables):
+        told = f"{without[0]} lacks share; give it to every point or to none"
+        raise source.error(without[0], told)
+    equal = {"share": 1 / len(tables)} if without else {}
+    return tuple(source.part(OperatingPoint, label, equal | table) for label, table in tables)
+
+
+def _stages(source: MachineSource) -> tuple[tuple[Stage, ...], tuple[str, ...]]:
+    tables = source.tables("stage")
+    if not tables:
+        example = '[[stage]] with kind = "parallel", pinion_teeth = 26, gear_teeth = 53'
+        raise source.error("", f"lacks a stage; write {example}")
+    stages, remarks = zip(*(_stage(source, *own) for own in tables), strict=True)
+    notes = [f"stage {n}: {told}" for n, own in enumerate(remarks, start=1) for told in own]
+    return stages, tuple(notes)
+
+
+def _stage(source: MachineSource, label: str, table: dict[str, Any]) -> tuple[Stage, list[str]]:
+    kind = table.get("kind")
+    if kind is None:
+        raise source.error(label, f'{label} lacks kind; write kind = "parallel" or "planetary"')
+    if not isinstance(kind, str) or kind not in STAGE_KINDS:
+        message = f'{label}.kind = {shown_value(kind)} must be "parallel" or "planetary"'
+        raise source.error(f"{label}.kind", message)
+    given, remarks = {key: own for key, own in table.items() if key != "kind"}, []
+    if kind == "planetary" and "planet_teeth" not in given:
+        remarks = _derive_planet_teeth(source, label, given)
+    stage = source.part(STAGE_KINDS[kind], label, given)
+    return stage, [*remarks, *(stage.notes if isinstance(stage, PlanetaryStage) else ())]
+
+
+def _derive_planet_teeth(source: MachineSource, label: str, table: dict[str, Any]) -> list[str]:
+    """Set planet_teeth = (ring - sun) / 2 where that is a whole number; say so."""
+    sun, ring = table.get("sun_teeth"), table.get("ring_teeth")
+    if type(sun) is not int or type(ring) is not int:
+        return []  # missing or of the wrong type: the ordinary checks will say which
+    planet, rest = divmod(ring - sun, 2)
+    if rest or planet < 1:
+        reason = f"ring_teeth - sun_teeth = {ring - sun} is not twice a tooth count"
+        raise source.error(label, f"{label} lacks planet_teeth, and {reason}: give planet_teeth")
+    table["planet_teeth"] = planet
+    return [f"planet_teeth = {planet} taken from (ring_teeth - sun_teeth) / 2"]

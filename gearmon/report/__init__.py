@@ -10,7 +10,7 @@ Examples
 --------
 >>> import numpy as np
 >>> from gearmon.dynamics.stability import FourierShape
->>> from gearmon.dynamics.tongues import stability_map
+>>> from gearmon.dynamics.stability import stability_map
 >>> from gearmon.report import stability_figure
 >>> chart = stability_map(FourierShape(np.array([0.5])), 0.05, (1.8, 2.2), 0.4, points=(8, 4))
 >>> stability_figure(chart).axes[0].get_ylabel()

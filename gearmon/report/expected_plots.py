@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.contour import QuadContourSet
 
 from gearmon.dynamics.fourier import Real
-from gearmon.dynamics.tongues import StabilityMap, Tongue
+from gearmon.dynamics.stability import StabilityMap, Tongue
 from gearmon.errors import ArgumentError
 from gearmon.report import plots
 from gearmon.signatures.expected.fault_family import FaultFamily

@@ -226,9 +226,7 @@ def form_figure(comparison: FormComparison) -> Picture:
         _plot_form(comparison, group, left)
         _plot_form_lines(comparison, group, right)
     axes[-1][0].set_xlabel("mesh phase in mesh periods")
-    frequency = comparison.spectrum[0].get("frequency_hz")
-    times = "" if frequency is None else f" (times {frequency:.5g} Hz)"
-    axes[-1][1].set_xlabel(f"mesh harmonic{times}")
+    axes[-1][1].set_xlabel(f"mesh harmonic (times {comparison.spectrum[0]['frequency_hz']:.5g} Hz)")
     figure.suptitle(
         f"{comparison.machine}, stage {comparison.stage}, {comparison.mesh}: forms of the mesh "
         f"stiffness, contact ratio {comparison.contact_ratio:.4g}",

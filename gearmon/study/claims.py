@@ -17,7 +17,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.benchmark.equations import VARIATION
-from gearmon.dynamics.free_vibration import free_vibration
+from gearmon.dynamics.amplitude_equations import free_vibration
 from gearmon.gears.stiffness import zone_means
 from gearmon.report.wording import shipped
 from gearmon.study import pair

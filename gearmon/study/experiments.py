@@ -12,8 +12,7 @@ import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark.equations import VARIATION, Case, Lines, Samples, as_lines, solve_reference
-from gearmon.benchmark.rivals import Contender, against, measured
-from gearmon.benchmark.timing import Row, facts_of_run
+from gearmon.benchmark.timing import Contender, Row, against, facts_of_run, measured
 from gearmon.dynamics import HillProblem, Response, steady_state
 from gearmon.dynamics.fourier import rms
 from gearmon.dynamics.multiple_scales import Expansion, expand

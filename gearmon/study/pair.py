@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.benchmark.equations import VARIATION, pair
 from gearmon.dynamics import HillProblem, Response, steady_state
+from gearmon.dynamics.amplitude_equations import transient
 from gearmon.dynamics.fourier import rms
-from gearmon.dynamics.free_vibration import transient
 from gearmon.dynamics.hill import KINDS
 from gearmon.dynamics.multiple_scales import expand
 from gearmon.gears import stiffness as forms

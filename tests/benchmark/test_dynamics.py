@@ -17,9 +17,10 @@ from gearmon.benchmark.dynamics import (
     fitted_exponent,
     headlines,
     sweep_rows,
+    with_ratios,
 )
 from gearmon.benchmark.equations import CASES, QUICK, growing_turn, square_wave
-from gearmon.benchmark.timing import interleaved
+from gearmon.benchmark.timing import facts_of_run, interleaved
 from gearmon.errors import ArgumentError
 from gearmon.report.plots import save_all
 
@@ -83,13 +84,30 @@ def test_tuned_rivals_meet_the_target(rows):
         if case != "rectangle":
             assert chosen[OF_JOBS.get(case, "steady_state")]["times_ours"] == 1.0
         wanted = set() if case in {*OF_JOBS, "rectangle"} else {"SciPy odeint", "solve_banded"}
-        if not rivals.numba_is_missing():
+        if not rivals.NOT_COMPILED:
             wanted.add("compiled RK4")
         assert wanted <= set(chosen)
 
 
+def test_each_method_is_marked_where_it_is_cheapest_within_the_error():
+    told = [
+        ("steady_state", TARGET, 4.0, 1e-7),
+        ("steady_state", 1e-4, 1.0, 1e-8),  # a lucky one, which nobody asks for
+        ("compiled RK4", TARGET, 8.0, 1e-7),
+        ("plain sum", None, 3.0, 1e-3),
+        ("plain sum", None, 6.0, 1e-9),
+        ("plain sum", None, 5.0, 1e-8),
+        ("solve_banded", TARGET, None, None),
+    ]
+    names = ("method", "wanted", "median_s", "error")
+    rows = [dict(zip(names, one, strict=True)) | {"fastest_s": one[2]} for one in told]
+    marked = with_ratios(rows)
+    assert [row["at_target"] for row in marked] == [True, False, True, False, False, True, False]
+    assert [row["times_ours"] for row in marked] == [1.0, 0.25, 2.0, 0.75, 1.5, 1.25, None]
+
+
 def test_missing_numba_is_told(monkeypatch):
-    monkeypatch.setattr(rivals, "numba_is_missing", lambda: "numba is not installed")
+    monkeypatch.setattr(rivals, "NOT_COMPILED", "numba is not installed")
     rows = [*case_rows(CASES["resonance w"], quick=True), *sweep_rows(50, 0, quick=True)]
     absent = [row for row in rows if row["method"] == "compiled RK4"]
     assert len(absent) == 2
@@ -140,7 +158,10 @@ def test_runs_as_a_case(rows):
 
 def test_summary_and_pictures_by_case(rows, tmp_path):
     assert summary_rows("dynamics", rows) == headlines(rows)
-    assert summary_rows("memory", rows) == rows
+    shown = summary_rows("memory", rows)
+    # what it ran on is for the file
+    assert {*rows[0]} - {*shown[0]} == {"fastest_s", "repeats", *facts_of_run()} & {*rows[0]}
+    assert [row["median_s"] for row in shown] == [row["median_s"] for row in rows]
     paths = save_all(case_figures("dynamics", rows), tmp_path / "b.svg")
     assert [path.stem for path in paths] == ["b"]
     with pytest.raises(ArgumentError, match="'memory' has no pictures"):

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.benchmark import compiled, rivals
+from gearmon.benchmark import rivals
 from gearmon.benchmark.equations import CASES, growing_turn, solve_reference
+from gearmon.benchmark.timing import Rival, about
 from gearmon.dynamics import steady_state
 
 
@@ -62,7 +63,7 @@ def test_banded_balance():
 
 def least_within(wanted, first, error_at, whole=0):
     """The least setting that is found, of a method whose error at a setting is known."""
-    rival = rivals.Rival("some", "{}", rivals.about(first, whole), lambda n: lambda: n)
+    rival = Rival("some", "{}", about(first, whole), lambda n: lambda: n)
     return rival.tuned(wanted, lambda n: {"error": error_at(n)}).run()
 
 
@@ -74,9 +75,7 @@ def test_least_setting_is_the_least(first):
 
 
 def test_tuned_contender_meets_the_error():
-    rival = rivals.Rival(
-        "some", "{:.1f} digits", rivals.about(7.0), lambda digits: lambda: 10**-digits
-    )
+    rival = Rival("some", "{:.1f} digits", about(7.0), lambda digits: lambda: 10**-digits)
     one = rival.tuned(1e-6, lambda motion: {"error": 40 * motion}, sets=3)
     assert 0.6e-6 < 40 * one.run() <= 1e-6
     assert (one.method, one.wanted, one.sets) == ("some", 1e-6, 3)
@@ -89,7 +88,7 @@ def test_tuned_steps_meet_the_error():
     assert steps < 1.05 * 15.0 / 1e-6**0.25
 
 
-@pytest.mark.skipif(bool(rivals.numba_is_missing()), reason="numba is not installed")
+@pytest.mark.skipif(bool(rivals.NOT_COMPILED), reason="numba is not installed")
 def test_compiled_loop_has_order_four(case, reference):
     p = case.problem
     errors = [
@@ -103,11 +102,11 @@ def test_compiled_loop_has_order_four(case, reference):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.15)
 
 
-@pytest.mark.skipif(bool(rivals.numba_is_missing()), reason="numba is not installed")
+@pytest.mark.skipif(bool(rivals.NOT_COMPILED), reason="numba is not installed")
 def test_compiled_loop_gives_velocities_of_its_accelerations():
     case = CASES["pair"]()
     steps, unit = rivals.equal_steps(case, 4000), 2 * np.pi * case.problem.frequency_ratio
-    velocity, acceleration = compiled.shoot(*steps[1:], unit, 2 * case.problem.damping_ratio, 1.0)
+    velocity, acceleration = rivals.shoot(*steps[1:], unit, 2 * case.problem.damping_ratio, 1.0)
     rate = 2j * np.pi * np.arange(2001) / unit
     found = np.fft.irfft(rate * np.fft.rfft(velocity), 4000)
     np.testing.assert_allclose(found, acceleration, atol=1e-6 * np.abs(acceleration).max())

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from reference.refined_balance import refined_balance
 
-from gearmon.benchmark import run_case, stress
+from gearmon.benchmark import dynamics as stress
+from gearmon.benchmark import run_case
+from gearmon.benchmark.dynamics import TRACE_TOLERANCE, draw_system, instability_limit
 from gearmon.benchmark.equations import Lines, reference_and_doubt
-from gearmon.benchmark.stress import TRACE_TOLERANCE, draw_system, instability_limit
 from gearmon.dynamics import floquet, steady_state
 from gearmon.errors import ArgumentError
 

@@ -6,7 +6,7 @@ from reference.hill_cases import random_problem, scaled_problem
 from reference.hill_reference import period_map
 
 from gearmon.dynamics import HillProblem
-from gearmon.dynamics.free_vibration import free_vibration
+from gearmon.dynamics.amplitude_equations import free_vibration
 from gearmon.errors import ArgumentError
 
 PUBLISHED = [

@@ -7,7 +7,7 @@ from reference.hill_reference import force_at, stiffness_at
 from scipy.integrate import solve_ivp
 
 from gearmon.dynamics import forced_resonance, parametric_resonance, transient
-from gearmon.dynamics.free_vibration import Motion, free_vibration
+from gearmon.dynamics.amplitude_equations import Motion, free_vibration
 from gearmon.errors import ArgumentError
 
 W0 = math.sqrt(8e8 / 0.28)

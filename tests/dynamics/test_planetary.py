@@ -5,7 +5,7 @@ import pytest
 from reference.planetary_set import Body, PlanetarySet
 
 from gearmon.dynamics import steady_state
-from gearmon.dynamics.tongues import combination_tongues
+from gearmon.dynamics.system import combination_tongues
 
 # Lin and Parker 1999, table 2: natural frequencies [Hz] by the number of planets
 ROTATIONAL = {

@@ -8,10 +8,10 @@ from reference.hill_reference import harmonic_balance
 from gearmon.dynamics.amplitude_equations import (
     amplitude_equations,
     forced_resonance,
+    free_vibration,
     parametric_resonance,
 )
 from gearmon.dynamics.floquet import multipliers
-from gearmon.dynamics.free_vibration import free_vibration
 from gearmon.dynamics.multiple_scales import expand
 from gearmon.errors import ArgumentError
 

@@ -16,9 +16,11 @@ from gearmon.dynamics.stability import (
     certainly_stable_up_to,
     shape_of,
     stability_chart,
+    stability_map,
+    stability_map_of,
     stability_margin,
+    tongue_edges,
 )
-from gearmon.dynamics.tongues import stability_map, stability_map_of, tongue_edges
 from gearmon.errors import ArgumentError
 
 COSINE = FourierShape(np.array([0.5]))

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 from gearmon.dynamics.floquet import multipliers
-from gearmon.dynamics.tongues import expanded_tongue
+from gearmon.dynamics.stability import expanded_tongue
 from gearmon.errors import ArgumentError
 
 

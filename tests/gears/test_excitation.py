@@ -167,12 +167,12 @@ def test_a_tip_corner_touches_at_the_end_of_the_path():
     [
         ("eccentricity:1:pinion:all", "has 4 parts and not 5"),
         ("excentricity:1:pinion:all:20um", "did you mean eccentricity"),
-        ("eccentricity:1:pinon:all:20um", "did you mean pinion"),
+        ("eccentricity:1:pinon:all:20um", 'did you mean "pinion"'),
         ("eccentricity:1:pinion:all:20", "SIZE must be a number in um or mm"),
         ("eccentricity:1:pinion:3:20um", "is of the whole gear"),
         ("pitch:1:pinion:all:20um", "is of one tooth"),
-        ("pitch:1:pinion:0:20um", "tooth=0 must be a whole number >= 1"),
-        ("pitch:0:pinion:1:20um", "stage=0 must be a whole number >= 1"),
+        ("pitch:1:pinion:0:20um", r"tooth = 0 must lie in \[1, "),
+        ("pitch:0:pinion:1:20um", r"stage = 0 must lie in \[1, 1000\]"),
         ("pitch:1:pinion:1:nanum", "SIZE must be a number"),
     ],
 )

@@ -52,11 +52,11 @@ def test_written_and_read_again(kind, stage, tooth, size, unit):
     [
         ("crack:1:pinion:5", "has 4 parts and not 5: KIND:STAGE:GEAR:TOOTH:SIZE"),
         ("crck:1:pinion:5:20%", "fault kind 'crck' is not one of .*; did you mean crack?"),
-        ("crack:1:pinon:5:20%", "did you mean pinion?"),
+        ("crack:1:pinon:5:20%", r'did you mean "pinion"\?'),
         ("crack:one:pinion:5:20%", "STAGE 'one' must be a whole number"),
-        ("crack:0:pinion:5:20%", "stage=0 must be"),
+        ("crack:0:pinion:5:20%", r"stage = 0 must lie in \[1, 1000\]"),
         ("crack:1:pinion:five:20%", "TOOTH 'five' must be a whole number or 'all'"),
-        ("crack:1:pinion:0:20%", "tooth=0 must be"),
+        ("crack:1:pinion:0:20%", r"tooth = 0 must lie in \[1, "),
         ("crack:1:pinion:all:20%", "crack: TOOTH must be one tooth number"),
         ("wear:1:pinion:2:20%", "wear: TOOTH must be 'all'"),
         ("crack:1:pinion:5:deep", "SIZE 'deep' is not a number"),
@@ -78,11 +78,12 @@ def test_refusals(text, match):
 @pytest.mark.parametrize("name", ["stage", "tooth"])
 def test_a_place_that_is_no_whole_number_is_refused(name, number):
     place = {"stage": 1, "tooth": 2} | {name: number}
-    with pytest.raises(ArgumentError, match=f"{name}={number} must be a whole number >= 1"):
+    refused = rf'{name} = "?{number}"? must (be a whole number|lie in \[1, )'
+    with pytest.raises(ArgumentError, match=f"fault {refused}"):
         Fault(kind="crack", gear="pinion", size=0.1, unit="", **place)
-    with pytest.raises(ArgumentError, match=f"{name}={number} must be a whole number >= 1"):
+    with pytest.raises(ArgumentError, match=f"error {refused}"):
         GearError(kind="pitch", gear="pinion", size_m=1e-5, **place)
-    with pytest.raises(ArgumentError, match="stage=None must be"):
+    with pytest.raises(ArgumentError, match="stage = None must be"):
         Fault(kind="crack", stage=None, gear="pinion", tooth=1, size=0.1, unit="")
 
 

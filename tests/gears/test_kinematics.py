@@ -318,7 +318,7 @@ def test_table_has_every_operating_point_and_is_ready_for_json():
 
 
 def test_table_of_one_operating_point():
-    table = line_table(machine(pair(8, 42)), OperatingPoint(speed_rpm=60.0))
+    table = line_table(machine(pair(8, 42), speed_rpm=60.0))
     assert [row["frequency_hz"] for row in table.rows] == [row["order"] for row in table.rows]
 
 

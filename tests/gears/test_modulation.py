@@ -187,7 +187,6 @@ def test_lines_are_those_of_samples(form, errors):
     slow = sampled_lines(mesh, 512, count)
     assert slow[0] == pytest.approx(1, abs=2e-7)
     np.testing.assert_allclose(mesh.harmonics(count), slow[1:], atol=2e-7)
-    np.testing.assert_allclose(mesh.sample(3), mesh.at(np.arange(3 * 26) / 3))
 
 
 def test_lines_of_a_fourier_sum_are_those_of_samples():

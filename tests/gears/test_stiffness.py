@@ -219,7 +219,7 @@ def test_imposed_variation(form, ratio, wanted):
     """The curve keeps its mean and its shape and gets the variation."""
     plain = replace(PAPER, contact_ratio=ratio)
     natural = mesh_stiffness(plain, form=form)
-    lowest = natural.sample(2000).min() / natural.mean_n_per_m - 1
+    lowest = natural.at(np.arange(2000) / 2000).min() / natural.mean_n_per_m - 1
     assume(1 + lowest * wanted / natural.variation > 0.01)
     mesh = mesh_stiffness(replace(plain, stiffness_variation=wanted), form=form)
     x = np.linspace(0.00013, 1.00013, 1000)
@@ -301,16 +301,21 @@ def test_harmonics_of_a_damaged_mesh_are_the_fft_of_its_curve(form, stage):
     np.testing.assert_allclose(mesh.harmonics(count), slow[1:] / slow[0].real, atol=1e-12)
 
 
+def sampled(mesh, points):
+    """Stiffness over the true period, so many points a mesh."""
+    return mesh.at(np.arange(mesh.period_mesh * points) / points)
+
+
 @given(stages(), st.data())
 def test_stiffness_stays_positive_and_harmonics_rebuild_the_mean_square(stage, data):
     """Parseval: sum of |c_r|^2 comes up to the variance of the curve from below."""
     faults = faults_of(stage, data.draw)
     mesh = mesh_stiffness(stage, faults, data.draw(st.sampled_from(sorted(FORMS))))
-    k = mesh.sample(max(3, 20_000 // mesh.period_mesh))
+    k = sampled(mesh, max(3, 20_000 // mesh.period_mesh))
     assert k.min() > 0
     if mesh.period_mesh < 200:
         c = mesh.harmonics(40 * mesh.period_mesh)
-        variance = np.var(mesh.sample(2000)) / mesh.mean_n_per_m**2
+        variance = np.var(sampled(mesh, 2000)) / mesh.mean_n_per_m**2
         assert 2 * np.sum(np.abs(c) ** 2) == pytest.approx(variance, rel=0.1, abs=1e-3)
 
 
@@ -339,21 +344,6 @@ def test_loss_grows_with_size(stage, kind, gear, one, two):
     x = np.linspace(1.5, 6, 300)
     assert (large.at(x) <= small.at(x) * (1 + 1e-9)).all()
     assert large.mean_n_per_m <= small.mean_n_per_m * (1 + 1e-12)
-
-
-@given(stages(), st.data())
-def test_samples_are_the_curve(stage, data):
-    mesh = mesh_stiffness(stage, faults_of(stage, data.draw), "parabolic")
-    count = data.draw(st.integers(1, 12))
-    x = np.arange(mesh.period_mesh * count) / count
-    # jumps at the ends of a contact may fall on either side of a sample
-    near = np.abs(mesh.sample(count) - mesh.at(x)) < 1e-6 * mesh.mean_n_per_m
-    assert near.mean() > 0.98
-
-
-def test_samples_of_no_points_are_refused():
-    with pytest.raises(ArgumentError, match="points_per_mesh=0 must be >= 1"):
-        mesh_stiffness(PAPER).sample(0)
 
 
 def test_wear_lowers_all_pairs_alike():

@@ -13,8 +13,13 @@ from scipy.signal import lfilter
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.placement import survey_expected, survey_measured
-from gearmon.harvesting.request import SensorBudget
-from gearmon.harvesting.response import between, combined, interval_90, scatter_of_mean
+from gearmon.harvesting.response import (
+    SensorBudget,
+    between,
+    combined,
+    interval_90,
+    scatter_of_mean,
+)
 from gearmon.harvesting.vibration import line_numbers
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.recording import Recording

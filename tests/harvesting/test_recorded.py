@@ -11,8 +11,8 @@ from scipy.signal import lfilter
 
 from gearmon.errors import ArgumentError
 from gearmon.harvesting.harvester import CoilHarvester, InertialHarvester
-from gearmon.harvesting.request import built_in
 from gearmon.harvesting.response import power_with_stops, respond
+from gearmon.harvesting.tuning import built_in
 
 RATE = 3200.0
 

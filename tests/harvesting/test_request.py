@@ -7,7 +7,8 @@ import pytest
 from gearmon.errors import GearmonError
 from gearmon.harvesting.cantilever import PiezoCantilever
 from gearmon.harvesting.harvester import InertialHarvester
-from gearmon.harvesting.request import SensorBudget, built_in, load_harvester
+from gearmon.harvesting.response import SensorBudget
+from gearmon.harvesting.tuning import built_in, load_harvester
 
 
 def written(tmp_path, text):

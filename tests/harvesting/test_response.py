@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
 from gearmon.harvesting.harvester import InertialHarvester, half_power_band, response_rows
-from gearmon.harvesting.request import built_in
 from gearmon.harvesting.response import evaluate
-from gearmon.harvesting.tuning import bandwidth_against_quality
+from gearmon.harvesting.tuning import bandwidth_against_quality, built_in
 from gearmon.harvesting.vibration import vibration_of_lines
 
 

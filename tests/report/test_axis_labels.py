@@ -12,8 +12,7 @@ import pytest
 from reference.small_gearbox import machine, recording
 
 from gearmon import report
-from gearmon.dynamics.stability import FourierShape
-from gearmon.dynamics.tongues import stability_map
+from gearmon.dynamics.stability import FourierShape, stability_map
 from gearmon.errors import ArgumentError
 from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 from gearmon.machine import load_machine

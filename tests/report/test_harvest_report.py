@@ -12,7 +12,7 @@ from PIL import Image
 from gearmon.harvesting import tuning
 from gearmon.harvesting.harvester import InertialHarvester
 from gearmon.harvesting.placement import survey_measured
-from gearmon.harvesting.request import built_in
+from gearmon.harvesting.tuning import built_in
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.report.plots import save_all
 from gearmon.report.survey_plots import harvest_figures

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gearmon.dynamics.stability import FourierShape
-from gearmon.dynamics.tongues import stability_map
+from gearmon.dynamics.stability import FourierShape, stability_map
 from gearmon.report.expected_plots import stability_figure
 
 COSINE = FourierShape(np.array([0.5]))

@@ -74,7 +74,7 @@ def test_size_curve(stage, sheet):
     "fault",
     [
         "spall:1:gear:5:6x1.5x0.5mm",
-        "pitting:1:gear:5:2level",
+        "pitting:1:gear:5:20%flank",
         "missing:1:pinion:3",
         "breakage:1:pinion:3:5mm,height=1",
         "wear:1:pinion:all:0.1mm",

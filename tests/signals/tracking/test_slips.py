@@ -198,8 +198,8 @@ def test_the_stated_uncertainty_covers_the_error():
     found = []
     for seed in (0, 3, 5):
         drawn = draw_machine(np.random.default_rng([seed, 5]))
-        taken = drawn.take(Condition(), Setting(tacho=False, seed=seed))
-        found.append(covered(taken.recording, drawn.machine, taken.turns))
+        taken = drawn.take(Condition(), Setting(seed=seed))
+        found.append(covered(taken.recording.vibration(), drawn.machine, taken.turns))
     for seed in range(2):
         case = make_case(seed, amount=0.01)
         found.append(covered(case.recording, case.machine, case.turns))
