@@ -53,6 +53,8 @@ GearLosses = dict[int, Losses]
 PairState = tuple[Losses, Losses]
 #: A pair keeps at least this share of its stiffness: a number for "nothing" that can be inverted.
 LEAST_LEFT = 1e-12
+#: Rounds of sharing a load that the contact depends on.
+LOAD_ROUNDS = 4
 SOUND_PAIR: PairState = ((), ())
 #: Slices of the cracked part of a helical face.
 SLICES = 8
@@ -257,9 +259,12 @@ class TeethInMesh(PairsInMesh):
     ----------
     pair : ToothPair
         Sound teeth.
+    force_n : float or None
+        Static force that the pairs carry together; only load-dependent contacts need it.
     """
 
     pair: ToothPair
+    force_n: float | None = None
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -272,20 +277,30 @@ class TeethInMesh(PairsInMesh):
         return max(0, math.ceil(self.length - 1e-12) - 1)
 
     def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
-        """Return what each pair carries per unit of deflection [N/m].
-
-        C^-1 (1, 1, ...) of the pairs in contact, 0 of the others.
-        """
+        """Return what each pair carries per unit of deflection [N/m]."""
         known = self._sound if states is None else states
-        middle, count = phase.mean(axis=-1), len(known)
+        if self.pair.form.contact == "constant" or self.force_n is None:
+            return self._share(phase, known, None)
+        force = np.full((len(known), *phase.shape), self.force_n / self.length)
+        for _ in range(LOAD_ROUNDS):
+            loads = self._share(phase, known, force)
+            # a pair that carries nothing flattens nothing, and its logarithm needs some load
+            force = self.force_n * np.maximum(loads / loads.sum(axis=0), 1e-6)
+        return loads
+
+    def _share(
+        self, phase: FloatArray, states: Sequence[PairState], force: FloatArray | None
+    ) -> FloatArray:
+        """Return C^-1 (1, 1, ...) of the pairs in contact, 0 of the others."""
+        middle, count = phase.mean(axis=-1), len(states)
         present = np.array([(middle > n) & (middle - n < self.length) for n in self._places])
         # pairs that are not in contact stand by themselves and feel nothing
         matrix = np.zeros((*phase.shape, count, count)) + np.eye(count)
         bodies = np.zeros((count, 2, *phase.shape))
         for i, (n, here) in enumerate(zip(self._places, present, strict=True)):
-            own = phase[here] - n
-            parts = self.pair.compliances(self.pair.roll(own))
-            matrix[here, :, i, i] = parts.total * self._ratio(known[i], own)
+            own, own_force = phase[here] - n, None if force is None else force[i][here]
+            parts = self.pair.compliances(self.pair.roll(own), force_n=own_force)
+            matrix[here, :, i, i] = parts.total * self._ratio(states[i], own)
             bodies[i][:, here] = parts.foundation
         for j, i in combinations(range(count), 2) if self.pair.form.is_coupled else ():
             both = present[i] & present[j]
@@ -464,6 +479,8 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
     ArgumentError
         If no size of this kind of damage costs so much.
     """
+    if fault.unit == "level":
+        fault = replace(fault, unit="flank", size=0.1)
     if fault.is_loss or fault.unit == "tooth":
         raise ArgumentError(f"fault {fault} has no size to be found; give one in mm or as share")
     if not 0 <= loss < 1:

@@ -4,8 +4,8 @@ The size of a fault is the loss of stiffness of the pair whose tooth it is, or w
 on the tooth, from which the loss follows; see `damage`.
 
 A size is written as a number and its unit, and further dimensions after commas:
-``1.5mm,angle=70``, ``1.5mm,limit=parabolic``, ``4x1.5x0.5mm,at=0.2``, ``12%flank,radius=0.3``.
-Errors of manufacture or mounting are written alike, with a size in um.
+``1.5mm,angle=70``, ``1.5mm,limit=parabolic``, ``4x1.5x0.5mm,at=0.2``, ``12%flank,radius=0.3``,
+``2level``. Errors of manufacture or mounting are written alike, with a size in um.
 """
 
 from __future__ import annotations
@@ -23,11 +23,17 @@ from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fiel
 LIMITS = ("flat", "parabolic")
 #: Losses of pair stiffness, and what they are worth.
 LOSS_UNITS = {"": 1.0, "%": 0.01}
+#: Severity of pitting by share of the flank: lower and upper end of each level (ASM Handbook).
+LEVELS: dict[int, tuple[str, float, float]] = {
+    1: ("slight", 0.03, 0.10),
+    2: ("moderate", 0.10, 0.30),
+    3: ("severe", 0.30, 0.50),
+}
 #: Units that each kind understands beside the loss of stiffness.
 KIND_UNITS: dict[str, tuple[str, ...]] = {
     "crack": ("mm",),
     "spall": ("mm",),
-    "pitting": ("flank", "%flank"),
+    "pitting": ("flank", "%flank", "level"),
     "breakage": ("mm",),
     "wear": ("mm",),
     "missing": ("tooth",),
@@ -74,8 +80,24 @@ NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 
 
 def flank_share(size: float, unit: str) -> float:
-    """Return the share of the flank that is pitted."""
+    """Return the share of the flank that is pitted; of a level, the middle of its range."""
+    if unit == "level":
+        _, low, high = LEVELS[int(size)]
+        return 0.5 * (low + high)
     return size * (0.01 if unit == "%flank" else 1.0)
+
+
+def flank_level(share: float) -> int | None:
+    """Return the level of pitting of a share of the flank, or None below the first.
+
+    The upper end of a level belongs to the next; beyond the last range it is the last.
+
+    Examples
+    --------
+    >>> flank_level(0.2), flank_level(0.01)
+    (2, None)
+    """
+    return max((n for n, (_, low, _) in LEVELS.items() if share >= low), default=None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,8 +142,8 @@ class Fault(_OnGear):
         In other units what is measured on the tooth: depth of a crack, width of a spall along the
         face, width of a broken-off part, wear normal to the flank [mm]; share of the flank that is
         pitted.
-    unit : {"", "%", "mm", "flank", "%flank", "tooth"}
-        "tooth" goes with a missing tooth.
+    unit : {"", "%", "mm", "flank", "%flank", "level", "tooth"}
+        "level" is the ASM level of pitting 1, 2, 3; "tooth" goes with a missing tooth.
     angle : float, optional
         Of a crack against the middle of the tooth [deg]; by default 60.
     far : float, optional
@@ -208,6 +230,9 @@ class Fault(_OnGear):
     def _check_measured(self) -> None:
         check_finite("fault size", self.size, self.unit)
         told = f"fault size={self.size:g}{self.unit}"
+        if self.unit == "level" and self.size not in LEVELS:
+            names = ", ".join(f"{number} ({name})" for number, (name, _, _) in LEVELS.items())
+            raise ArgumentError(f"pitting level={self.size:g} must be one of {names}")
         if self.size < 0:
             raise ArgumentError(f"{told} must be >= 0")
         if self.kind == "pitting" and flank_share(self.size, self.unit) > 0.5:
@@ -295,6 +320,9 @@ def _size(kind: str, text: str) -> dict[str, Any]:
     """Read size, unit and further dimensions."""
     head, *options = [part.strip() for part in text.split(",")]
     told = dict(_option(kind, option) for option in options)
+    names = [name for name, _, _ in LEVELS.values()]
+    if kind == "pitting" and head in names:
+        return told | {"size": names.index(head) + 1.0, "unit": "level"}
     match = re.fullmatch(rf"({NUMBER}(?:\s*x\s*{NUMBER})*)\s*([%A-Za-z ]*)", head)
     if match is None:
         raise ArgumentError(f"SIZE {head!r} is not a number")

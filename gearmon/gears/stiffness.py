@@ -489,7 +489,7 @@ def mesh_stiffness(
     _check_contact(pair)
     acting, notes = acting_faults(pair, faults)
     if isinstance(chosen, PotentialEnergy):
-        pairs_of, factor, more = _from_teeth(pair, acting, chosen)
+        pairs_of, factor, more = _from_teeth(pair, acting, chosen, force_n)
     else:
         pairs_of, factor, more = _from_form(pair, acting, chosen, force_n)
     # what wear that is given as a loss leaves
@@ -546,17 +546,25 @@ def _from_form(
     return pairs, mean, notes
 
 
-def _from_teeth(pair: MeshPair, acting: list[Fault], form: PotentialEnergy) -> _Said:
+def _from_teeth(
+    pair: MeshPair, acting: list[Fault], form: PotentialEnergy, force_n: float | None
+) -> _Said:
     if pair.given("stiffness_variation") is not None:
         raise ArgumentError(
             f"{pair.where}: stiffness_variation cannot be imposed on the {form.name} form, whose "
             f"curve follows from the teeth; leave it out or choose another form"
         )
+    if form.contact == "load-dependent" and force_n is None:
+        raise ArgumentError(
+            f"{pair.where}: the load-dependent contact needs the static tooth force; give "
+            f"torque_nm of [operating], force_n in this stage, or contact='constant'"
+        )
     teeth = teeth_of(pair, form)
 
     def pairs(lost: float, wear: Sequence[Fault] = acting) -> TeethInMesh:
         moved = teeth.parted(lost)
-        return TeethInMesh(pair=moved, worn=_worn(pair, wear, moved.contact_ratio, moved))
+        worn = _worn(pair, wear, moved.contact_ratio, moved)
+        return TeethInMesh(pair=moved, worn=worn, force_n=force_n)
 
     imposed = pair.given("mesh_stiffness_n_per_m")
     factor = 1.0 if imposed is None else imposed / pairs(0.0, ()).healthy.area

@@ -18,7 +18,7 @@ import numpy as np
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
-from gearmon.gears.faults import Fault, faults_of
+from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import pair_of, static_force
 from gearmon.gears.pairs import MeshPair, mesh_pairs
@@ -340,8 +340,11 @@ class FaultLoss:
     sized: Fault | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what it costs in built-in types."""
+        """Return what it costs in built-in types; of pitting, also of a loss, its level."""
         found: dict[str, Any] = {"fault": str(self.fault), "size": self.measured}
+        if self.fault.kind == "pitting" and self.sized is not None:
+            level = flank_level(flank_share(self.sized.size, self.sized.unit))
+            found |= {} if level is None else {"level": f"{level} ({LEVELS[level][0]})"}
         if self.loss is None:
             return found
         losses = {"mean_loss": self.loss.mean, "greatest_loss": self.loss.greatest}
@@ -504,6 +507,8 @@ def size_curve(fault: Fault, pair: ToothPair, index: int) -> SizeCurve:
     index : {0, 1}
         Gear of the damaged tooth.
     """
+    if fault.unit == "level":
+        raise ArgumentError(f"fault {fault}: a level is no size to draw; give a share of the flank")
     sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), CURVE_POINTS)
     losses = [stiffness_loss(replace(fault, size=size), pair, index) for size in sizes.tolist()]
     mean, greatest = np.array([(loss.mean, loss.greatest) for loss in losses]).T
@@ -555,6 +560,9 @@ def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultL
         return FaultLoss(fault)
     index = pair.names.index(fault.gear)
     loss, told = stiffness_loss(fault, teeth, index), fault.size_text or "whole tooth"
+    if fault.unit == "level":
+        sized = replace(fault, unit="flank", size=flank_share(fault.size, fault.unit))
+        return FaultLoss(fault, loss, told, sized)
     if not fault.is_loss:
         return FaultLoss(fault, loss, told, None if fault.unit == "tooth" else fault)
     if fault.kind not in MEASURED_UNITS:

@@ -1,11 +1,12 @@
 """Two teeth in contact: every compliance of the pair along its path of contact.
 
 Bending, shear and compression of both teeth, the yielding of their bodies, and the flattening of
-the flanks at their contact. `PotentialEnergy` is the stiffness form that is computed from them.
+the flanks at their contact: a constant, or a form that depends on the load. `PotentialEnergy` is
+the stiffness form that is computed from them.
 
 References
 ----------
-Yang & Sun, J. Mech. Transm. Autom. Des. 107 (1985) 529.
+Yang & Sun, J. Mech. Transm. Autom. Des. 107 (1985) 529; Weber & Banaschek (1953).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,11 @@ from gearmon.gears.geometry import USUAL_RIM, GearTeeth, PairGeometry, normal_se
 from gearmon.gears.pairs import MeshPair
 from gearmon.gears.tooth import ROOTS, Foundation, RingBody, Root, Tooth, ToothBeam, tooth_of
 from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
+
+#: How flanks give way; see `hertz_compliance` and `weber_banaschek_compliance`.
+Contact = Literal["constant", "load-dependent"]
+CONTACTS: tuple[Contact, ...] = ("constant", "load-dependent")
+
 
 Beams = tuple[ToothBeam, ToothBeam]
 Body = Foundation | RingBody
@@ -63,6 +69,45 @@ def hertz_compliance(
     return np.asarray(plane / np.asarray(width_m))
 
 
+def weber_banaschek_compliance(
+    force_n: FloatArray,
+    width_m: FloatArray | float,
+    curvature_radius_m: FloatArray,
+    depths_m: tuple[FloatArray, FloatArray],
+    moduli_pa: tuple[float, float],
+    poisson_ratio: float,
+) -> FloatArray:
+    """Return the secant compliance delta/F of a line contact under load [m/N].
+
+    Parameters
+    ----------
+    force_n : ndarray, > 0
+        Force on the contact [N].
+    width_m : array_like
+        Length of the line of contact [m].
+    curvature_radius_m : ndarray
+        Equivalent radius of curvature ``rho_1 rho_2/(rho_1 + rho_2)`` [m].
+    depths_m : (ndarray, ndarray)
+        Distance from the contact to the middle of each tooth, along the force [m].
+    moduli_pa : (float, float)
+    poisson_ratio : float
+
+    Notes
+    -----
+    ``a = sqrt(8 w rho (1 - nu^2)/(pi E))``,
+    ``delta = 4 (1 - nu^2) w/(pi E) [ln(2 sqrt(h1 h2)/a) - nu/(2 (1 - nu))]``, w = F/b; of unequal
+    moduli the harmonic mean.
+    """
+    modulus = 2 / (1 / moduli_pa[0] + 1 / moduli_pa[1])
+    plane = (1 - poisson_ratio**2) / (math.pi * modulus)
+    load = force_n / width_m
+    half_width = np.sqrt(8 * load * curvature_radius_m * plane)
+    depth = 2 * np.sqrt(depths_m[0] * depths_m[1]) / half_width
+    bracket = np.log(depth) - poisson_ratio / (2 * (1 - poisson_ratio))
+    # crushing loads flatten a contact as wide as the tooth, beyond what the form describes
+    return np.asarray(4 * plane / np.asarray(width_m) * np.maximum(bracket, 0.25))
+
+
 @dataclass(frozen=True, kw_only=True)
 class PotentialEnergy:
     """Energy of both teeth, of their contact and of the bodies that carry them.
@@ -71,6 +116,8 @@ class PotentialEnergy:
     ----------
     root : {"fillet", "straight", "base"}
         See `gears.tooth.Tooth`.
+    contact : {"constant", "load-dependent"}
+        Load-independent Hertz stiffness (Yang & Sun), or Weber & Banaschek's form.
     has_foundation : bool
         Whether the bodies of the gears yield.
     is_coupled : bool
@@ -84,6 +131,7 @@ class PotentialEnergy:
     """
 
     root: Root = "fillet"
+    contact: Contact = "constant"
     has_foundation: bool = True
     is_coupled: bool = True
 
@@ -92,6 +140,7 @@ class PotentialEnergy:
 
     def __post_init__(self) -> None:
         check_word("root=", self.root, ROOTS)
+        check_word("contact=", self.contact, CONTACTS)
 
 
 #: The form with its usual choices.
@@ -251,7 +300,9 @@ class ToothPair:
         found = np.unique([self.phase_of(index, angle) for index, angle in angles])
         return np.asarray(found[(found > 0) & (found < self.contact_ratio)], dtype=np.float64)
 
-    def compliances(self, roll_m: ArrayLike, beams: Beams | None = None) -> PairCompliance:
+    def compliances(
+        self, roll_m: ArrayLike, beams: Beams | None = None, force_n: ArrayLike | None = None
+    ) -> PairCompliance:
         """Return all compliances of the pair.
 
         Parameters
@@ -260,6 +311,8 @@ class ToothPair:
             Roll lengths of the contacts on the first gear [m].
         beams : (ToothBeam, ToothBeam), optional
             Teeth with damage; by default sound ones.
+        force_n : array_like, optional
+            Force on this pair [N]; only the load-dependent contact needs it.
         """
         rolls = self.rolls(np.asarray(roll_m, dtype=np.float64))
         both = self.sound if beams is None else beams
@@ -272,7 +325,6 @@ class ToothPair:
             for beam, angle in zip(both, angles, strict=True)
             if beam.damage.holes
         ]
-        moduli = self.first.elastic_modulus_pa, self.second.elastic_modulus_pa
         whole = self.first.face_width_m
         width = whole - np.minimum(sum(missing), LARGEST_WIDTH * whole)
         return PairCompliance(
@@ -280,7 +332,7 @@ class ToothPair:
             shear=shear,
             axial=axial,
             foundation=self.oblique * self.form.has_foundation * np.array(bodies),
-            hertz=self.oblique * hertz_compliance(width, moduli, self.first.poisson_ratio),
+            hertz=self.oblique * self._hertz(width, rolls, angles, force_n),
         )
 
     def coupling(
@@ -313,6 +365,26 @@ class ToothPair:
             return self.notes
         one, two = self.foundations
         return (*self.notes, *one.warnings, *two.warnings)
+
+    def _hertz(
+        self,
+        width: FloatArray | float,
+        rolls: tuple[FloatArray, FloatArray],
+        angles: list[FloatArray],
+        force_n: ArrayLike | None,
+    ) -> FloatArray:
+        moduli = (self.first.elastic_modulus_pa, self.second.elastic_modulus_pa)
+        nu = self.first.poisson_ratio
+        if self.form.contact == "constant" or force_n is None:
+            return hertz_compliance(width, moduli, nu)
+        one, two = (
+            tooth.half_thickness(angle) / np.cos(angle)
+            for tooth, angle in zip(self.teeth, angles, strict=True)
+        )
+        # the flank of a ring is hollow: its curvature counts against that of the mate
+        radius = rolls[0] * rolls[1] / (rolls[1] + self.second.sign * rolls[0])
+        force = np.asarray(force_n, dtype=np.float64)
+        return weber_banaschek_compliance(force, width, radius, (one, two), moduli, nu)
 
 
 def tooth_pair(

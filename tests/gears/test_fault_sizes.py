@@ -13,7 +13,7 @@ from reference.tooth_cases import PAPER
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.damage import measured_losses, size_for_loss, stiffness_loss
-from gearmon.gears.faults import Fault, flank_share, parse_fault
+from gearmon.gears.faults import Fault, flank_level, flank_share, parse_fault
 from gearmon.gears.pulses import lost_share
 from gearmon.gears.tooth_damage import tooth_damage
 
@@ -25,6 +25,7 @@ WRITTEN = [
     "spall:1:gear:3:4x1.5x0.5mm,at=-0.3,from=6",
     "pitting:1:gear:3:0.12flank",
     "pitting:1:gear:3:12%flank,radius=0.3,depth=0.1",
+    "pitting:1:pinion:3:2level",
     "breakage:1:pinion:3:5mm,height=1.5,from=15",
     "missing:1:pinion:7",
     "wear:1:gear:all:0.05mm",
@@ -71,13 +72,21 @@ def test_limit_line_of_a_crack_can_be_chosen():
         parse_fault("crack:1:pinion:5:1.5mm,limit=parabola")
 
 
-@pytest.mark.parametrize("share", [0.065, 0.2, 0.4])
-def test_a_share_and_its_loss_there_and_back(share):
-    fault = parse_fault(f"pitting:1:pinion:3:{share}flank")
+@pytest.mark.parametrize(
+    ("share", "level"), [(0.0, None), (0.029, None), (0.03, 1), (0.1, 2), (0.3, 3), (0.6, 3)]
+)
+def test_levels_of_shares(share, level):
+    assert flank_level(share) == level
+
+
+@pytest.mark.parametrize("level", [1, 2, 3])
+def test_a_level_and_its_loss_there_and_back(level):
+    fault = parse_fault(f"pitting:1:pinion:3:{level}level")
     loss = stiffness_loss(fault, PAPER, 0).mean
     found = size_for_loss(fault, loss, PAPER, 0)
     assert found.unit == "flank"
-    assert found.size == pytest.approx(share, rel=1e-6)
+    assert found.size == pytest.approx(flank_share(level, "level"), rel=1e-6)
+    assert flank_level(found.size) == level
 
 
 def test_units_of_dimensions_may_be_written():
@@ -86,8 +95,11 @@ def test_units_of_dimensions_may_be_written():
     )
 
 
-def test_shares_of_the_flank():
-    assert flank_share(0.12, "flank") == flank_share(12, "%flank") == pytest.approx(0.12)
+def test_levels_by_number_and_name():
+    assert parse_fault("pitting:1:gear:3:severe") == parse_fault("pitting:1:gear:3:3level")
+    shares = [flank_share(level, "level") for level in (1, 2, 3)]
+    np.testing.assert_allclose(shares, (0.065, 0.2, 0.4))
+    assert flank_share(12, "%flank") == pytest.approx(0.12)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +114,7 @@ def test_shares_of_the_flank():
         ("spall:1:pinion:5:4mm", "needs its width along the face, its length"),
         ("spall:1:pinion:5:4x0x1mm", r"length = 0.0 must lie in \(0, 20000\] mm"),
         ("pitting:1:pinion:5:60%flank", "must be at most 50%flank"),
-        ("pitting:1:pinion:5:2level", "unit 'level' is not known for pitting"),
+        ("pitting:1:pinion:5:5level", r"level=5 must be one of 1 \(slight\)"),
         ("pitting:1:pinion:5:2mm", "unit 'mm' is not known for pitting.* or its size in flank"),
         ("wear:1:pinion:2:0.1mm", "wear: TOOTH must be 'all'"),
         ("crack:1:pinion:5:2mm,width=-3", r"width = -3.0 must lie in \(0, 20000\] mm"),

@@ -25,6 +25,7 @@ from gearmon.gears.tooth_pairs import (
     PotentialEnergy,
     teeth_of,
     tooth_pair,
+    weber_banaschek_compliance,
 )
 from gearmon.machine import PlanetaryStage
 
@@ -223,6 +224,23 @@ def test_rolls_of_planet_and_ring():
             assert pair.phase_of(index, float(angle)) == pytest.approx(phase)
 
 
+def test_hollow_flanks_flatten_less_under_load():
+    """The relative curvature 1/rho_1 - 1/rho_2 of planet and ring makes a wider contact."""
+    _, inside = ring_pair(contact="load-dependent")
+    roll = inside.roll(0.5 * inside.contact_ratio)
+    one, two = (float(r) for r in inside.rolls(roll))
+    depths = [
+        tooth.half_thickness(a) / np.cos(a)
+        for tooth, a in zip(inside.teeth, inside.angles(np.array(0.5 * inside.contact_ratio)),
+                            strict=True)
+    ]  # fmt: skip
+    expected = weber_banaschek_compliance(
+        np.array(5e3), 0.02, np.array(1 / (1 / one - 1 / two)), tuple(depths), (206e9, 206e9), 0.3
+    )
+    found = inside.compliances(roll, force_n=5e3).hertz
+    assert float(found) == pytest.approx(float(expected), rel=1e-9)
+
+
 def test_planet_and_ring_against_the_standard():
     """c' and c_gamma_alpha of solid bodies within the scatter of the standard and of the beam.
 
@@ -360,3 +378,9 @@ def test_what_is_assumed_of_the_ring_is_said():
     assert silent.mean_n_per_m == pytest.approx(outer(NREL).mean_n_per_m)
     thin = outer(replace(NREL, rim_thickness_ring_mm=30.0))
     assert any("1.43 modules thick" in text for text in thin.warnings)
+
+
+def test_load_dependent_contact_in_a_ring():
+    form = PotentialEnergy(contact="load-dependent")
+    low, high = (outer(NREL, form=form, force_n=force).mean_n_per_m for force in (1e5, 2e6))
+    assert low < high

@@ -75,7 +75,7 @@ def test_report_is_json():
 
 @pytest.mark.parametrize("form", ["parabolic", "fourier"])
 def test_other_forms(form):
-    report = stiffness_report(machine(), ["pitting:1:gear:3:0.2flank"], form=form)
+    report = stiffness_report(machine(), ["pitting:1:gear:3:2level"], form=form)
     assert report.to_dict()["stages"][0]["form"] == form
     assert report.stages[0].curve.fault.unit == "flank"
 
@@ -137,6 +137,9 @@ def test_size_curve_rises():
     assert curve.mean_loss[0] == 0
     assert (np.diff(curve.mean_loss) > 0).all()
     assert (curve.greatest_loss >= curve.mean_loss).all()
+    level = parse_fault("pitting:1:gear:5:2level")
+    with pytest.raises(ArgumentError, match="a level is no size to draw"):
+        size_curve(level, pair, 1)
 
 
 # --- picture -------------------------------------------------------------------------------------

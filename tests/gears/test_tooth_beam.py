@@ -19,6 +19,7 @@ from gearmon.gears.tooth_pairs import (
     PotentialEnergy,
     hertz_compliance,
     tooth_pair,
+    weber_banaschek_compliance,
 )
 
 
@@ -244,6 +245,44 @@ def test_single_pair_of_the_beam(numbers, expected):
 
 
 @pytest.mark.parametrize(
+    ("z1", "z2", "finite_elements", "both"),
+    [
+        (26, 53, 15.47, 13.24),
+        (19, 48, 15.31, 13.00),
+        (50, 50, 15.47, 13.42),
+        (24, 95, 15.18, 13.06),
+    ],
+)
+def test_load_dependent_contact_at_300_n_per_mm(z1, z2, finite_elements, both):
+    """Finite elements with k_h and with this contact, module 2 mm: the difference is the contact.
+
+    58 to 65 N/(mm um) against 177.8 of the constant form.
+    """
+    pair = teeth(z1, z2, 2, 20, (0.4 * z1, 0.4 * z2), contact="load-dependent")
+    roll = pair.roll(0.5 * pair.contact_ratio)
+    hertz = 1e-6 / float(pair.compliances(roll, force_n=300e3 * 0.02).hertz) / 20
+    assert 58 < hertz < 65
+    assert hertz == pytest.approx(1 / (1 / both - 1 / finite_elements + 1 / 177.793), rel=5e-3)
+
+
+def test_load_dependent_contact_stiffens_with_load():
+    soft, hard = (
+        weber_banaschek_compliance(
+            np.array([force]),
+            0.02,
+            np.array([5e-3]),
+            (np.array([2e-3]), np.array([2e-3])),
+            (206e9, 206e9),
+            0.3,
+        )
+        for force in (1e3, 1e4)
+    )
+    plane = (1 - 0.3**2) / (math.pi * 206e9)
+    # ten times the load adds ln(10)/2 to the bracket
+    assert soft - hard == pytest.approx(4 * plane / 0.02 * math.log(10) / 2)
+
+
+@pytest.mark.parametrize(
     ("width", "modulus", "expected"), [(0.020, 206e9, 3.555869e9), (0.016, 206.8e9, 2.855742e9)]
 )
 def test_contact_stiffness(width, modulus, expected):
@@ -365,6 +404,8 @@ def test_bores_that_do_not_fit_are_refused(bore):
 def test_unknown_choices_are_refused():
     with pytest.raises(ArgumentError, match="root='round' is not one of fillet, straight, base"):
         PotentialEnergy(root="round")
+    with pytest.raises(ArgumentError, match="contact='hard' is not one of"):
+        PotentialEnergy(contact="hard")
 
 
 def test_range_of_the_foundation_fit_is_reported():

@@ -208,6 +208,18 @@ def test_every_form_smooths_out_in_a_helical_mesh_of_four_pairs(form):
     assert mesh.variation < 0.5 * k(replace(stage, helix_angle_deg=0.0), form=form).variation
 
 
+def test_load_dependent_contact_follows_the_load():
+    form = PotentialEnergy(contact="load-dependent")
+    low, high = (k(PAPER, form=form, force_n=force) for force in (1e3, 2e4))
+    assert low.mean_n_per_m < high.mean_n_per_m < k(PAPER).mean_n_per_m
+    pair = teeth_of(mesh_pairs(PAPER)[0], form)
+    middle = 0.5 * pair.contact_ratio
+    alone = pair.compliances(pair.roll(middle), force_n=1e3).stiffness
+    assert low.at(middle) == pytest.approx(float(alone), rel=1e-9)
+    with pytest.raises(ArgumentError, match="load-dependent contact needs the static tooth force"):
+        k(PAPER, form=form)
+
+
 def test_coefficients_are_the_fourier_integrals():
     """Contact ratio 1.5 from the override: the zones lie on a grid."""
     stage = replace(SMALL, contact_ratio=1.5)
@@ -434,7 +446,7 @@ def test_unknown_forms_are_refused():
 
 def test_curve_has_the_variation_that_it_claims():
     mesh = k(PAPER)
-    curve = mesh.at(np.arange(4000) / 4000)
+    curve = mesh.sample(4000)
     assert mesh.variation == pytest.approx(0.5 * np.ptp(curve) / mesh.mean_n_per_m, rel=1e-3)
     assert math.isclose(curve.mean(), mesh.mean_n_per_m, rel_tol=1e-3)
 
