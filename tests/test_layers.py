@@ -50,7 +50,7 @@ OWNED = {
         (module.startswith("gearmon.report.") and "plots" in module)
         or module in ("gearmon.benchmark.plots", "gearmon.study.report")
     ),
-    "sklearn": lambda module: module.startswith("gearmon.diagnosis"),
+    "sklearn": lambda module: module.startswith(("gearmon.diagnosis", "gearmon.benchmark")),
     "scipy.signal": lambda module: module.startswith(
         ("gearmon.benchmark", "gearmon.exposure", "gearmon.harvesting", "gearmon.signals")
     ),

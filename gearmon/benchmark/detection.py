@@ -18,6 +18,7 @@ tooth held against that at the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,11 +53,11 @@ Heard = tuple[Taken, Analysis]
 #: A new recording: condition, setting, which of `VARIANTS`, and with and without its tacho.
 Trial = tuple[Condition, Setting, str, tuple[bool, ...]]
 
-OURS, LOCALISED = "gearmon", "localised difference"
+OURS, LOCALISED, LEARNING = "gearmon", "localised difference", "plain learning"
 #: Textbook detectors, by the names of their indicators in an analysis; the last two are made here.
 _TOLD = ("FM4", "energy ratio", "sideband energy ratio", "kurtosis", "residual energy", "NA4*")
 TEXTBOOK = {name: {"sideband energy ratio": "SER"}.get(name, name) for name in _TOLD}
-RIVALS = (*TEXTBOOK, LOCALISED)
+RIVALS = (*TEXTBOOK, LOCALISED, LEARNING)
 LOSSES = (0.01, 0.025, 0.05, 0.1, 0.2, 0.4)
 QUICK_LOSSES = (0.4,)
 #: Load, speed and gain of healthy recordings over nominal, by the name of the variant.
@@ -76,6 +77,8 @@ LOAD_SPREAD, SPEED_SPREAD = 0.02, 0.002
 TOOTH_WITHIN = 0.75
 QUICK_S = 3.0
 MACHINES, QUICK_MACHINES = 60, 2
+#: Groups of machines of which the learning detector sees all but the one that it judges.
+FOLDS = 5
 #: False-alarm probabilities at which the healthy recordings are counted.
 LEVELS = (0.001, 0.003, 0.01, 0.03, 0.1, 0.3)
 STATED = 0.01
@@ -123,7 +126,37 @@ def run_detection(
     if quick:
         count = min(count, QUICK_MACHINES)
     numbers = followed(range(count), count, progress)
-    return [row for number in numbers for row in machine_trials(number, seed, quick)]
+    rows = [row for number in numbers for row in machine_trials(number, seed, quick)]
+    return with_learning(rows, seed)
+
+
+def with_learning(rows: Sequence[Row], seed: int = 0) -> list[Row]:
+    """Add the scores of a learning detector, trained on healthy pairs of other machines.
+
+    What many monitoring systems do: an isolation forest (Liu, Ting and Zhou, ICDM 2008) that has
+    seen how the textbook indicators of healthy machines rise from one recording to the next.
+
+    Parameters
+    ----------
+    rows : sequence of dict
+        As of `machine_trials`.
+    seed : int
+    """
+    from sklearn.ensemble import IsolationForest
+
+    scored = [dict(row) for row in rows]
+    told = [row for row in scored if row[LOCALISED] is not None]
+    for tacho, fold in product((True, False), range(FOLDS)):
+        heard = [row for row in told if row["tacho"] == tacho]
+        judged = [row for row in heard if row["machine"] % FOLDS == fold]
+        healthy = [row for row in heard if row["condition"] == "healthy" and row not in judged]
+        if len(healthy) < 2 or not judged:
+            continue
+        known, new = ([[row[k] for k in TEXTBOOK] for row in part] for part in (healthy, judged))
+        scores = IsolationForest(random_state=seed).fit(known).score_samples(new)
+        for row, score in zip(judged, scores, strict=True):
+            row[LEARNING] = -float(score)
+    return scored
 
 
 def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Row]:

@@ -42,8 +42,9 @@ from gearmon.harvesting.response import mean_power_w
 from gearmon.harvesting.tuning import built_in
 from gearmon.machine import Machine, ParallelStage, load_machine
 from gearmon.machine.parts import example_machine
-from gearmon.signals.recording import read_recording
+from gearmon.signals.recording import Recording, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, envelope_spectrum, kurtogram, power_density
+from gearmon.signatures.measured.indicators import indicator_table
 from gearmon.simulation import simulate, write_simulation
 from gearmon.terminal import Progress, followed
 
@@ -78,6 +79,7 @@ def run_signals(progress: Progress | None = None, *, quick: bool = False) -> lis
     steps: list[Callable[[], list[Row]]] = [
         lambda: _spectra(count, repeats),
         lambda: _kurtogram(count, min(repeats, 7)),
+        lambda: _after_reading(long, 2 if quick else 3),
         lambda: _reading(long, 1, 2 if quick else 4),
         lambda: _reading(long, 4, 1 if quick else 3),
     ]
@@ -171,6 +173,19 @@ def _example(folder: Path) -> Machine:
     """Write the file of the example gearbox into a folder and load it."""
     write_atomically(folder / "machine.toml", example_machine())
     return load_machine(folder / "machine.toml")
+
+
+def _after_reading(count: int, repeats: int) -> list[Row]:
+    import pandas as pd
+
+    with _long_recording(count) as (path, samples, machine):
+        long = np.resize(samples[0], (1, count))
+        recording = Recording(samples=long, sampling_rate_hz=RATE_HZ, origin="memory")
+        tasks: Tasks = {
+            "indicator_table of samples in memory": partial(indicator_table, recording, machine),
+            "pandas.read_csv of the same samples": partial(pd.read_csv, path),
+        }
+        return _timed("from samples to all indicators", tasks, repeats, NO_LIMIT_S, count)
 
 
 def _reading(count: int, channels: int, repeats: int) -> list[Row]:

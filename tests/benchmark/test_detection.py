@@ -10,12 +10,14 @@ from reference import small_gearbox
 
 from gearmon.benchmark import run_case, summary_rows
 from gearmon.benchmark.detection import (
+    LOCALISED,
     NOTHING,
     TEXTBOOK,
     _around,
     detection_summary,
     rises,
     tooth_error,
+    with_learning,
 )
 from gearmon.benchmark.detection_machines import Condition, Setting, draw_machine
 from gearmon.errors import ArgumentError
@@ -116,6 +118,22 @@ def test_rises_are_those_of_the_indicators():
         told = next(own for own, of in TEXTBOOK.items() if of == known)
         assert there[told] == pytest.approx(max(grown))
         assert back[told] == pytest.approx(-min(grown))
+
+
+def test_learning_is_trained_on_other_machines():
+    rng = np.random.default_rng(0)
+    rows = [row(verdict="refused")]
+    for machine in range(15):
+        for kind, shift in (("healthy", 0.0), ("healthy", 0.0), ("tooth", 6.0)):
+            told = dict(zip((*TEXTBOOK, LOCALISED), rng.normal(shift, 1.0, 7), strict=True))
+            rows.append(row(kind, 0.2, machine=machine, **told))
+    scored = with_learning(rows)
+    assert scored[0]["plain learning"] is None
+    assert value(detection_summary(scored), "ROC area", "loss 0.2", "plain learning")[0] > 0.95
+    # a machine whose every pair is odd is so by the others alone
+    odd = [one | dict.fromkeys(TEXTBOOK, 9.0) if one["machine"] == 3 else one for one in rows[1:]]
+    score = {one["machine"]: one["plain learning"] for one in with_learning(odd)[1::3]}
+    assert score[3] == max(score.values())
 
 
 def test_distance_on_a_gear_goes_the_shorter_way():
