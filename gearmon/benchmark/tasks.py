@@ -79,7 +79,6 @@ def run_signals(progress: Progress | None = None, *, quick: bool = False) -> lis
     steps: list[Callable[[], list[Row]]] = [
         lambda: _spectra(count, repeats),
         lambda: _kurtogram(count, min(repeats, 7)),
-        lambda: _after_reading(long, 2 if quick else 3),
         lambda: _reading(long, 1, 2 if quick else 4),
         lambda: _reading(long, 4, 1 if quick else 3),
     ]
@@ -175,21 +174,8 @@ def _example(folder: Path) -> Machine:
     return load_machine(folder / "machine.toml")
 
 
-def _after_reading(count: int, repeats: int) -> list[Row]:
-    import pandas as pd
-
-    with _long_recording(count) as (path, samples, machine):
-        long = np.resize(samples[0], (1, count))
-        recording = Recording(samples=long, sampling_rate_hz=RATE_HZ, origin="memory")
-        tasks: Tasks = {
-            "indicator_table of samples in memory": partial(indicator_table, recording, machine),
-            "pandas.read_csv of the same samples": partial(pd.read_csv, path),
-        }
-        return _timed("from samples to all indicators", tasks, repeats, NO_LIMIT_S, count)
-
-
 def _reading(count: int, channels: int, repeats: int) -> list[Row]:
-    """Readers of CSV that are installed; no result is kept."""
+    """Readers of CSV that are installed, no result kept; of one channel also what comes after."""
     import pandas as pd
 
     readers: dict[str, Callable[[Path], Any]] = {
@@ -199,9 +185,18 @@ def _reading(count: int, channels: int, repeats: int) -> list[Row]:
     for name, module in (("pyarrow", "pyarrow.csv"), ("polars", "polars")):
         if find_spec(name):
             readers[name] = import_module(module).read_csv
-    with _long_recording(count, channels) as (path, _, _):
+    with _long_recording(count, channels) as (path, samples, machine):
         tasks: Tasks = {name: partial(_rows_read, read, path) for name, read in readers.items()}
-        return _timed("reading CSV", tasks, repeats, 60.0, count, channels)
+        rows = _timed("reading CSV", tasks, repeats, 60.0, count, channels)
+        if channels == 1:
+            long = np.resize(samples[0], (1, count))
+            known = Recording(samples=long, sampling_rate_hz=RATE_HZ, origin="memory")
+            tasks = {
+                "indicator_table of samples in memory": partial(indicator_table, known, machine),
+                "pandas.read_csv of the same samples": partial(pd.read_csv, path),
+            }
+            rows += _timed("from samples to all indicators", tasks, repeats, NO_LIMIT_S, count)
+    return rows
 
 
 def _rows_read(read: Callable[[Path], Any], path: Path) -> int:
