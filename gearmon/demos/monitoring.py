@@ -20,7 +20,7 @@ from gearmon import report
 from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file, recorded, told
 from gearmon.diagnosis import history as histories
-from gearmon.diagnosis.decision import LIMITS
+from gearmon.diagnosis.evidence import LIMITS
 from gearmon.diagnosis.fault_types.judgement import analysis_features, judge_kind
 from gearmon.files import write_atomically
 from gearmon.machine.reading import example_machine

@@ -12,12 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.decision.evidence import broadband_strength, score_of
-from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
-from gearmon.diagnosis.decision.words import fault_sentence, most_striking, not_found
+from gearmon.diagnosis.evidence import LIMITS, broadband_strength, false_alarm_probability, score_of
 from gearmon.diagnosis.hypotheses.own_teeth import locate
 from gearmon.diagnosis.law import MachineDeviation
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
+from gearmon.diagnosis.verdict import fault_sentence, most_striking, not_found
 from gearmon.errors import GearmonError
 from gearmon.machine import Machine
 from gearmon.signatures.measured.measurement import MeasuredSignature

@@ -18,19 +18,18 @@ from gearmon.diagnosis.alone import (
     own_teeth_flags,
     without_mesh,
 )
-from gearmon.diagnosis.decision.evidence import (
+from gearmon.diagnosis.evidence import (
+    LIMITS,
     Evidence,
     decide,
+    false_alarm_probability,
     noticed_from,
+    path_change,
     score_of,
     tooth_strength,
     unheard,
 )
-from gearmon.diagnosis.decision.flags import Flagging, level_changes
-from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
-from gearmon.diagnosis.decision.words import limits, not_found, reason, size_note
 from gearmon.diagnosis.fault_types.features import kind_features
-from gearmon.diagnosis.hypotheses.changed_path import path_change
 from gearmon.diagnosis.hypotheses.runout import (
     TurnChange,
     healthy_turns,
@@ -47,6 +46,7 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
 from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
+from gearmon.diagnosis.verdict import Flagging, level_changes, limits, not_found, reason, size_note
 from gearmon.errors import check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine

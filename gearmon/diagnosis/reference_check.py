@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.decision.evidence import Evidence, noticed_from
-from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.evidence import LIMITS, Evidence, noticed_from
 from gearmon.diagnosis.hypotheses.tooth_damage import find_tooth
 from gearmon.diagnosis.law import HealthyMachine
 from gearmon.diagnosis.law.state import LENGTH

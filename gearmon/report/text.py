@@ -11,9 +11,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-from gearmon.diagnosis.decision.words import fault_sentence
 from gearmon.diagnosis.history.trends import HistoryTrends
 from gearmon.diagnosis.results import Analysis, Change, Flag
+from gearmon.diagnosis.verdict import fault_sentence
 from gearmon.gears.kinematics import LineTable
 from gearmon.report.history_text import moment_text
 from gearmon.report.wording import (

@@ -61,19 +61,15 @@ _LEFT_OUT = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ToothMatch:
+class SearchedGear:
     """How well damage on each tooth of a gear explains its departure.
 
     Parameters
     ----------
-    stage : int
-        Stage, from 1.
-    gear : str
-        Gear.
-    teeth : int
-        z of the gear.
-    order : float
-        Rotation of the gear, in turns of shaft 1.
+    difference : GearDeviation
+        The departure.
+    response : ToothResponse
+        Expected lines of the gear.
     log_likelihood : ndarray of float, shape (losses, teeth)
         Logarithm of the likelihood of each of `LOSSES` on each tooth over that of no damage.
     log_place : ndarray of float, shape (teeth,)
@@ -85,10 +81,8 @@ class ToothMatch:
         The same if nothing of the damage itself counted as noise: as its energy grows.
     """
 
-    stage: int
-    gear: str
-    teeth: int
-    order: float
+    difference: GearDeviation
+    response: ToothResponse
     log_likelihood: FloatArray
     log_place: FloatArray
     expected: FloatArray
@@ -118,13 +112,30 @@ class ToothMatch:
             Events a turn; each may be as loud as it likes.
         """
         told = self.log_tooth
-        others = np.argmax(told) + np.arange(1, times) * self.teeth / times
+        others = np.argmax(told) + np.arange(1, times) * len(told) / times
         heard = np.maximum(
-            told[np.floor(others).astype(int) % self.teeth],
-            told[np.ceil(others).astype(int) % self.teeth],
+            told[np.floor(others).astype(int) % len(told)],
+            told[np.ceil(others).astype(int) % len(told)],
         )
         chance = np.log(_MEETS_AGAIN) + heard
         return float(np.logaddexp(chance, np.log1p(-_MEETS_AGAIN)).sum())
+
+    def expected_power(self, number: FloatArray) -> FloatArray:
+        """Mean power of the response to a unit loss at multiples of the rotation, through the path.
+
+        Between mesh harmonics the path is interpolated in its logarithm.
+        """
+        told, path = self._path
+        levels = [np.interp(number / self.difference.teeth, told, row) for row in path]
+        power: FloatArray = np.exp(np.array(levels)) * self.response.band_power(number)
+        return power
+
+    @cached_property
+    def _path(self) -> tuple[NDArray[np.int64], FloatArray]:
+        """Mesh harmonics that tell of the path, and the logarithm of its power there."""
+        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
+        told = np.flatnonzero(path.all(axis=0))
+        return told, np.log(path[:, told])
 
 
 def _any_loss(log_likelihood: FloatArray) -> FloatArray:
@@ -141,9 +152,9 @@ def log_mean(logarithms: FloatArray, weight: FloatArray | None = None) -> FloatA
     return np.asarray(largest + np.log(mean))
 
 
-def match_teeth(
+def search_gear(
     difference: GearDeviation, response: ToothResponse, speed_hz: float
-) -> ToothMatch | None:
+) -> SearchedGear | None:
     """Compare the departure of a gear with what damage on each of its teeth should leave.
 
     Parameters
@@ -157,7 +168,7 @@ def match_teeth(
 
     Returns
     -------
-    ToothMatch or None
+    SearchedGear or None
         None if no mesh harmonic calibrates the path.
     """
     path = path_power(difference.mesh_power, response.mesh)
@@ -189,11 +200,9 @@ def match_teeth(
         )
         total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)
         expected += np.mean(mean, axis=0)
-    return ToothMatch(
-        stage=difference.stage,
-        gear=difference.gear,
-        teeth=difference.teeth,
-        order=difference.order,
+    return SearchedGear(
+        difference=difference,
+        response=response,
         log_likelihood=total[0],
         log_place=_any_loss(total[1]),
         expected=expected[0],
@@ -458,49 +467,6 @@ _MEETS_AGAIN = 0.8
 _SIZES = np.geomspace(0.002, 20.0, 70)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SearchedGear:
-    """One gear with all that is needed to judge it.
-
-    Parameters
-    ----------
-    difference : GearDeviation
-    response : ToothResponse
-    match : ToothMatch
-    """
-
-    difference: GearDeviation
-    response: ToothResponse
-    match: ToothMatch
-
-    def expected_power(self, number: FloatArray) -> FloatArray:
-        """Mean power of the response to a unit loss at multiples of the rotation, through the path.
-
-        Between mesh harmonics the path is interpolated in its logarithm.
-        """
-        told, path = self._path
-        levels = [np.interp(number / self.match.teeth, told, row) for row in path]
-        power: FloatArray = np.exp(np.array(levels)) * self.response.band_power(number)
-        return power
-
-    @cached_property
-    def _path(self) -> tuple[NDArray[np.int64], FloatArray]:
-        """Mesh harmonics that tell of the path, and the logarithm of its power there."""
-        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
-        told = np.flatnonzero(path.all(axis=0))
-        return told, np.log(path[:, told])
-
-
-def search_gear(
-    difference: GearDeviation, response: ToothResponse, speed_hz: float
-) -> SearchedGear | None:
-    """Match damage on every tooth of one gear; None if its path cannot be calibrated."""
-    match = match_teeth(difference, response, speed_hz)
-    if match is None:
-        return None
-    return SearchedGear(difference=difference, response=response, match=match)
-
-
 def most_likely(
     gears: Sequence[SearchedGear],
 ) -> tuple[SearchedGear, tuple[tuple[SearchedGear, float], ...]]:
@@ -518,11 +484,11 @@ def most_likely(
         Gears whose patterns show the same event, with the logarithm of the factor by which the best
         explains it better.
     """
-    ranked = sorted(gears, key=lambda gear: -gear.match.log_gear)
+    ranked = sorted(gears, key=lambda gear: -gear.log_gear)
     best = ranked[0]
     rivals: list[tuple[SearchedGear, float]] = []
     for other in ranked[1:]:
-        if other.match.log_gear < _COMPETES:
+        if other.log_gear < _COMPETES:
             break
         lead = _lead(best, other)
         if lead is None:
@@ -539,9 +505,9 @@ def share_lines(one: SearchedGear, other: SearchedGear) -> bool:
 
     Damage of suns and planets stands beside the lines of their turn, which nobody shares.
     """
-    if {one.match.gear, other.match.gear} & {"sun", "planet"}:
+    if {one.difference.gear, other.difference.gear} & {"sun", "planet"}:
         return False
-    slow, fast = sorted((one.match.order, other.match.order))
+    slow, fast = sorted((one.difference.order, other.difference.order))
     ratio = fast / slow
     return abs(ratio - round(ratio)) <= 1e-9 * ratio
 
@@ -559,16 +525,16 @@ def _lead(one: SearchedGear, other: SearchedGear) -> float | None:
     """
     if not share_lines(one, other):
         return None
-    base, faster = (one, other) if one.match.order <= other.match.order else (other, one)
-    times = round(faster.match.order / base.match.order)
-    again = base.match.log_again(times)
+    base, faster = (one, other) if one.difference.order <= other.difference.order else (other, one)
+    times = round(faster.difference.order / base.difference.order)
+    again = base.log_again(times)
     if again > 0:
         return -again if base is one else again
     cells = _Cells.of(base.difference, faster.difference, times)
     if cells is None:
         return None
     lead = cells.log_likelihood(base, 1) - cells.log_likelihood(faster, times)
-    factors = base.match.log_gear / faster.match.log_gear
+    factors = base.log_gear / faster.log_gear
     lead += _BY_FACTORS * float(np.log(factors))
     return lead if base is one else -lead
 

@@ -9,7 +9,7 @@ import pytest
 from reference.small_gearbox import machine, recording
 
 from gearmon.diagnosis.analysis import learn
-from gearmon.diagnosis.hypotheses.changed_path import path_change
+from gearmon.diagnosis.evidence import path_change
 from gearmon.diagnosis.law import HealthyMachine, level_deviation
 from gearmon.diagnosis.law.state import FULL_LOAD, LENGTH
 from gearmon.signatures.measured.line_plan import Family

@@ -9,19 +9,15 @@ import pytest
 from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
 
 from gearmon.diagnosis.alone import mesh_lost, own_teeth_flags, own_teeth_reason
-from gearmon.diagnosis.decision import Evidence
-from gearmon.diagnosis.decision.evidence import decide
-from gearmon.diagnosis.decision.flags import Flagging, level_changes, sentences
-from gearmon.diagnosis.decision.words import fault_sentence, reason
+from gearmon.diagnosis.evidence import Evidence, PathChange, decide
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
 from gearmon.diagnosis.fault_types.judgement import rule_probabilities
-from gearmon.diagnosis.hypotheses.changed_path import PathChange
-from gearmon.diagnosis.hypotheses.damage_size import LossEstimate
 from gearmon.diagnosis.hypotheses.runout import TurnChange, runout_growth
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
-from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, LossEstimate, ToothFinding
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
+from gearmon.diagnosis.verdict import Flagging, fault_sentence, level_changes, reason, sentences
 from gearmon.signatures.measured.line_plan import Family
 
 
@@ -42,7 +38,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off
         searched = GearEvidence(deviation=own.difference, search=own)
         finding = ToothFinding(
             best=searched,
-            tooth=own.match.best + 1,
+            tooth=own.best + 1,
             counted_from="tacho",
             position=0.0,
             machine=machine(),
@@ -110,7 +106,7 @@ def test_one_tooth_is_blamed_with_loss_and_size():
     own = gear(weights(4))
     (flag,) = flags_of(evidence(own), features(peak_db=15.0))
     assert (flag.kind, flag.stage, flag.gear) == ("tooth damage", 1, "pinion")
-    assert flag.tooth == own.match.best + 1
+    assert flag.tooth == own.best + 1
     assert (flag.stiffness_loss, flag.stiffness_loss_low) == (0.2, 0.15)
     assert flag.false_alarm_probability < 0.01
     assert any("one tooth explains" in sentence for sentence in flag.evidence)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from reference.gear_departures import complex_noise
 
-from gearmon.diagnosis.decision.evidence import Evidence, heard_from, noticed_from, unheard
+from gearmon.diagnosis.evidence import Evidence, heard_from, noticed_from, unheard
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law import GearDeviation
