@@ -21,7 +21,7 @@ from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file, recorded, told
 from gearmon.diagnosis import history as histories
 from gearmon.diagnosis.evidence import LIMITS
-from gearmon.diagnosis.fault_types.judgement import analysis_features, judge_kind
+from gearmon.diagnosis.fault_types.kinds import analysis_features, judge_kind
 from gearmon.files import write_atomically
 from gearmon.machine.reading import example_machine
 from gearmon.report.analysis_plots import kind_figure

@@ -1,7 +1,8 @@
 """What can be said of a recording that nothing is compared with: no reference, or no mesh.
 
-Without a healthy reference every tooth is held against the others of its gear (`own_teeth`). Where
-no mesh stands out nothing is known of any gear; beside a reference that shows one this is a change.
+Without a healthy reference every tooth is held against the others of its gear
+(`hypotheses.turns`). Where no mesh stands out nothing is known of any gear; beside a reference that
+shows one this is a change.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from gearmon.diagnosis.evidence import LIMITS, broadband_strength, false_alarm_probability, score_of
-from gearmon.diagnosis.hypotheses.own_teeth import locate
+from gearmon.diagnosis.hypotheses.turns import locate
 from gearmon.diagnosis.law import MachineDeviation
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
 from gearmon.diagnosis.verdict import fault_sentence, most_striking, not_found

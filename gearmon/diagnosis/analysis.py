@@ -29,19 +29,19 @@ from gearmon.diagnosis.evidence import (
     tooth_strength,
     unheard,
 )
-from gearmon.diagnosis.fault_types.features import kind_features
-from gearmon.diagnosis.hypotheses.runout import (
-    TurnChange,
-    healthy_turns,
-    runout_growth,
-    turn_changes,
-)
+from gearmon.diagnosis.fault_types.kinds import kind_features
 from gearmon.diagnosis.hypotheses.tooth_damage import (
     GearEvidence,
     ToothFinding,
     find_tooth,
     place,
     told_losses,
+)
+from gearmon.diagnosis.hypotheses.turns import (
+    TurnChange,
+    healthy_turns,
+    runout_growth,
+    turn_changes,
 )
 from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings

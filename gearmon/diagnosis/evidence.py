@@ -35,11 +35,11 @@ from typing import Any
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.hypotheses.runout import RunoutGrowth
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear
+from gearmon.diagnosis.hypotheses.turns import RunoutGrowth
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
-from gearmon.diagnosis.law.state import FULL_LOAD
+from gearmon.diagnosis.law.gear_lines import FULL_LOAD
 from gearmon.diagnosis.nongear import NonGearFinding
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
@@ -84,7 +84,7 @@ class Limits:
         stiffness 26 are as loud.
     levels_open : float
         Most that levels count where the speed is off that of every reference by more than
-        `law.state.SPEED_UNIT`, or knocks drown them: they leave the answer open. A simulated path
+        `law.machine.SPEED_UNIT`, or knocks drown them: they leave the answer open. A simulated path
         of 14 modes with quality factors of 15 to 60 changes single lines by 19 dB at a speed 5 %
         off.
     rare_share : float

@@ -21,12 +21,11 @@ from gearmon.diagnosis.evidence import (
     noise_rose,
     rare_strength,
 )
-from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
-from gearmon.diagnosis.fault_types.judgement import KindJudgement, judge_kind
+from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
 from gearmon.diagnosis.law import LevelDeviation
-from gearmon.diagnosis.law.state import SPEED_UNIT
+from gearmon.diagnosis.law.machine import SPEED_UNIT
 from gearmon.diagnosis.results import Change, Flag, ToothProfile
 from gearmon.machine import Machine
 from gearmon.signatures.measured.line_plan import Family

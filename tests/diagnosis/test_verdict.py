@@ -11,10 +11,10 @@ from reference.gear_departures import TEETH, complex_noise, gear, machine, weigh
 from gearmon.diagnosis.alone import mesh_lost, own_teeth_flags, own_teeth_reason
 from gearmon.diagnosis.evidence import Evidence, PathChange, decide
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
-from gearmon.diagnosis.fault_types.judgement import rule_probabilities
-from gearmon.diagnosis.hypotheses.runout import TurnChange, runout_growth
+from gearmon.diagnosis.fault_types.kinds import rule_probabilities
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, LossEstimate, ToothFinding
+from gearmon.diagnosis.hypotheses.turns import TurnChange, runout_growth
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
 from gearmon.diagnosis.verdict import Flagging, fault_sentence, level_changes, reason, sentences

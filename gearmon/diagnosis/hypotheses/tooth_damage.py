@@ -39,8 +39,7 @@ from gearmon.diagnosis.hypotheses.tooth_match import (
     share_lines,
 )
 from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviation
-from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation
-from gearmon.diagnosis.law.state import FULL_LOAD
+from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, FULL_LOAD, BandDeviation
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.gears.damage import size_for_loss
 from gearmon.gears.faults import Fault

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.hypotheses.runout import (
+from gearmon.diagnosis.hypotheses.turns import (
     PRIOR_DB,
     PRIOR_WORTH,
     TurnChange,

@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.law import Kriging, StateGauge
-from gearmon.diagnosis.law.state import LENGTH, SPEED_UNIT
+from gearmon.diagnosis.law.gear_lines import LENGTH
+from gearmon.diagnosis.law.machine import SPEED_UNIT
 
 HERE = np.zeros(2)
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.law.gear_lines import GearPattern, turning
+from gearmon.diagnosis.law.patterns import GearPattern, turning
 
 TEETH, TOP = 29, 6 * 29
 NUMBER = np.arange(TOP + 1)
