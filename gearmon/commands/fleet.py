@@ -106,7 +106,7 @@ def _serve(arguments: Namespace, fleet: Fleet) -> int:
 
 
 def _rank(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet.rank import compare, rank
+    from gearmon.fleet.ledger import compare, rank
 
     rows = {"rank": rank, "compare": compare}[arguments.action](fleet)
     result = {"fleet": fleet.name, "rows": rows}

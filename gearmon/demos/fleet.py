@@ -23,7 +23,7 @@ from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file, story_of
 from gearmon.diagnosis.analysis import learn
 from gearmon.diagnosis.history.store import read_latest
-from gearmon.fleet.alarm import alarms
+from gearmon.fleet.ledger import alarms
 from gearmon.fleet.plan import Fleet, read_fleet
 from gearmon.fleet.run import run_fleet
 from gearmon.machine import Machine, load_machine

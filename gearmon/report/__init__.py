@@ -55,9 +55,8 @@ from gearmon.lazy import lazily
 
 _OFFERED = {
     "html": ("Failure", "write_report"),
-    "text": ("analysis_text", "line_table_text", "reference_text"),
+    "text": ("analysis_text", "history_lines", "line_table_text", "reference_text"),
     "wording": ("rows_as_csv", "table_lines"),
-    "history_text": ("history_lines",),
     "survey_text": ("exposure_lines", "harvest_lines", "write_exposure_report"),
     "plots": ("Picture", "save", "save_all"),
     "analysis_plots": ("analysis_figures",),

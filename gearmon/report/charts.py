@@ -29,9 +29,8 @@ from gearmon.report.curves import (
     turn_waveform,
     vibration_of,
 )
-from gearmon.report.history_text import told_teeth
 from gearmon.report.plots import SERIES
-from gearmon.report.text import far_from_nominal
+from gearmon.report.text import far_from_nominal, told_teeth
 from gearmon.report.wording import base64_text, gear_text, printable, shaft_text, unit_text
 from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import order_map

@@ -13,7 +13,7 @@ from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from gearmon.diagnosis.history.changes import ChangePoint
 from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
 from gearmon.report import plots
-from gearmon.report.history_text import told_teeth
+from gearmon.report.text import told_teeth
 from gearmon.report.wording import counted, gear_text
 
 #: Teeth that get a colour, and others that are drawn behind them in grey.

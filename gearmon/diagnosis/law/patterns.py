@@ -93,8 +93,13 @@ class GearPattern:
 
     def up_to(self, top: int) -> GearPattern:
         """Return the pattern up to a lower multiple of the rotation."""
-        parts = {"amplitude": self.amplitude, "variance": self.variance, "usable": self.usable}
-        return replace(self, **{name: part[:, : top + 1] for name, part in parts.items()})
+        inside = slice(top + 1)
+        return replace(
+            self,
+            amplitude=self.amplitude[:, inside],
+            variance=self.variance[:, inside],
+            usable=self.usable[:, inside],
+        )
 
     def turned(self, angle: float) -> GearPattern:
         """Return the same pattern `angle` turns later."""

@@ -30,7 +30,7 @@ from gearmon.diagnosis.history.entries import read_time, time_from_name
 from gearmon.diagnosis.history.trends import normal_equivalent
 from gearmon.diagnosis.results import Flag, ToothProfile
 from gearmon.errors import ArgumentError, SignatureError
-from gearmon.report.history_text import history_lines
+from gearmon.report.text import history_lines
 
 WEEK = 7 * 86400.0
 
