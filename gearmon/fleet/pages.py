@@ -36,7 +36,7 @@ from gearmon.fleet.ledger import acknowledge, alarms, compare, recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.fleet.run import at_hand, judged
 from gearmon.report import wording
-from gearmon.report.charts import history_charts
+from gearmon.report.html import history_charts
 from gearmon.report.text import WORST_FIRST, history_lines, moment_text
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")

@@ -18,7 +18,14 @@ from matplotlib.ticker import MaxNLocator
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
 from gearmon.report import plots
-from gearmon.report.curves import extremes, turn_waveform
+from gearmon.report.curves import (
+    extremes,
+    flagged_place,
+    peak_place,
+    profile_of,
+    tooth_numbers,
+    turn_waveform,
+)
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
 from gearmon.report.text import BEYOND, is_beyond
 from gearmon.report.wording import (
@@ -41,9 +48,6 @@ _NARROWEST_NUMBERED = 1 / 44
 # More channels than this make the picture of a turn unreadable: the strongest are taken.
 _MOST_CHANNELS = 4
 _MOST_TOOTH_LABELS = 34
-# Pictures number teeth at the middle of their contact. Tooth j is in contact from j - 1 to about
-# j + 0.6 mesh periods after the angle zero; profiles hold the energy at whole mesh periods.
-_CONTACT_CENTRE = 0.8
 _COUNTED = {
     "tacho": "Tooth (tooth 1 at the tachometer pulse)",
     "reference": "Tooth (tooth 1 where the first healthy recording begins)",
@@ -188,54 +192,6 @@ def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
 def _mark_flagged(place: float | None, ax: Axes) -> None:
     if place is not None:
         ax.axvspan(place - 1.0, place + 1.0, color=plots.VERMILLION, alpha=0.15, linewidth=0)
-
-
-def profile_of(analysis: Analysis, stage: int, gear: str) -> ToothProfile | None:
-    """Return the tooth profile of a gear, None if there is none."""
-    own = (p for p in analysis.profiles if (p.stage, p.gear) == (stage, gear))
-    return next(own, None)
-
-
-def flagged_place(analysis: Analysis, stage: int, gear: str) -> float | None:
-    """Return the place of a flagged tooth as a tooth number, None if no tooth is flagged.
-
-    Between two numbers where the energy peaks between two teeth.
-    """
-    for flag in analysis.flags:
-        if flag.kind == "tooth damage" and (flag.stage, flag.gear) == (stage, gear):
-            profile = profile_of(analysis, stage, gear)
-            if profile is not None:
-                return peak_place(profile)
-            return None if flag.tooth is None else float(flag.tooth)
-    return None
-
-
-def peak_place(profile: ToothProfile) -> float:
-    """Return where in the turn the energy of a profile is highest, as a tooth number."""
-    place = np.array([profile.position * profile.teeth])
-    return float(tooth_numbers(place, profile, profile.teeth)[0])
-
-
-def tooth_numbers(place: FloatArray, profile: ToothProfile | None, teeth: int) -> FloatArray:
-    """Return tooth numbers of places in a turn, from half a tooth before tooth 1.
-
-    Number j is in the middle of the contact of tooth j. Teeth counted from the reference begin
-    elsewhere than the recording does: the tooth that stands out has both a place in the recording
-    and its number, and the difference holds for all.
-
-    Parameters
-    ----------
-    place : ndarray of float
-        Tooth pitches from the angle zero of the recording.
-    profile : ToothProfile or None
-        Of the gear.
-    teeth : int
-        Teeth of the gear.
-    """
-    first = 1.0 - _CONTACT_CENTRE
-    if profile is not None and profile.tooth is not None and profile.counted_from == "reference":
-        first = profile.tooth - profile.position * teeth
-    return np.asarray((place + first - 0.5) % teeth + 0.5, dtype=float)
 
 
 @plots.style()
