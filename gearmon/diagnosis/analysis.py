@@ -27,14 +27,12 @@ from gearmon.diagnosis.evidence import (
     path_change,
     score_of,
     tooth_strength,
-    unheard,
 )
 from gearmon.diagnosis.fault_types.kinds import kind_features
 from gearmon.diagnosis.hypotheses.tooth_damage import (
     GearEvidence,
     ToothFinding,
     find_tooth,
-    place,
     told_losses,
 )
 from gearmon.diagnosis.hypotheses.turns import (
@@ -46,7 +44,15 @@ from gearmon.diagnosis.hypotheses.turns import (
 from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
-from gearmon.diagnosis.verdict import Flagging, level_changes, limits, not_found, reason, size_note
+from gearmon.diagnosis.verdict import (
+    Flagging,
+    level_changes,
+    limits,
+    not_found,
+    reason,
+    size_note,
+    unheard,
+)
 from gearmon.errors import check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
@@ -300,9 +306,10 @@ class _Compared:
         changes = level_changes(evidence.deviation.levels, shared, families)
         profiles = self._profiles(evidence)
         silent = [name for name in self.reference.channel_names if name not in shared]
-        decision = decide(evidence, unheard(evidence, self.machine, silent, must_notice))
+        deaf = unheard(evidence, self.machine, silent, must_notice)
+        verdict = decide(evidence, deaf)
         flags: tuple[Flag, ...] = ()
-        if decision.verdict == "fault":
+        if verdict == "fault":
             flags = Flagging(
                 evidence=evidence,
                 machine=self.machine,
@@ -312,8 +319,8 @@ class _Compared:
         return Analysis(
             recording=signature.origin,
             machine=self.machine.name,
-            verdict=decision.verdict,
-            reason=reason(decision, evidence, flags, changes, profiles, must_notice),
+            verdict=verdict,
+            reason=reason(verdict, evidence, flags, changes, profiles, deaf),
             score=score_of(evidence.strength),
             false_alarm_probability=evidence.probability,
             compared_with="reference",
@@ -334,7 +341,7 @@ class _Compared:
 
     def evidence(self) -> Evidence:
         """Weigh what speaks against a healthy machine."""
-        signature, healthy = self.signature, self.healthy
+        signature = self.signature
         nongear = nongear_findings(self.own, self.known, kinematics(self.machine))
         striking = [f for f in nongear if f.false_alarm_probability < LIMITS.rare]
         mask = disturbed(signature.plan.orders, striking, 2.0 / signature.lines.block_turns)
@@ -342,8 +349,8 @@ class _Compared:
             family.name for family in signature.plan.families if mask[list(family.lines)].any()
         ]
         whole = len(disturbed_families) == len(signature.plan.families)
-        deviation = healthy.deviation(self.own, () if whole else disturbed_families)
-        finding = find_tooth(self.own, deviation, healthy, self.machine)
+        deviation = self.healthy.deviation(self.own, () if whole else disturbed_families)
+        finding = find_tooth(self.own, deviation, self.machine)
         return Evidence(
             deviation=deviation,
             finding=finding,
@@ -384,9 +391,8 @@ class _Compared:
         self, gear: GearEvidence, finding: ToothFinding, evidence: Evidence
     ) -> ToothProfile:
         deviation = gear.deviation
-        indexed = self.healthy.indexed(self.own, *gear.key)
-        tooth, position = place(gear, indexed)
-        losses = told_losses(finding, gear, indexed)
+        tooth, position = gear.place
+        loss, sigma = told_losses(finding, gear)
         strength = tooth_strength(gear.believed)
         probability = false_alarm_probability(strength, evidence.references, evidence.deviation.gap)
         return ToothProfile(
@@ -400,9 +406,9 @@ class _Compared:
             ratio=deviation.peak,
             log10_probability=float(np.log10(probability)),
             against="reference",
-            counted_from="tacho" if indexed else "reference",
-            loss_by_tooth=losses[0] if losses else None,
-            loss_sigma_by_tooth=losses[1] if losses else None,
+            counted_from=gear.counted_from,
+            loss_by_tooth=loss,
+            loss_sigma_by_tooth=sigma,
             noticed_from=noticed_from(gear),
         )
 

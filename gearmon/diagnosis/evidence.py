@@ -41,8 +41,6 @@ from gearmon.diagnosis.hypotheses.turns import RunoutGrowth
 from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.law.gear_lines import FULL_LOAD
 from gearmon.diagnosis.nongear import NonGearFinding
-from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine
 from gearmon.signatures.measured.line_plan import Family
 
 
@@ -428,38 +426,26 @@ def rare_strength(log10_probabilities: Sequence[float]) -> float:
     return -least - LIMITS.rare_share
 
 
-@dataclass(frozen=True, kw_only=True)
-class Decision:
-    """The verdict and what it rests on.
-
-    Parameters
-    ----------
-    verdict : {"healthy", "fault", "cannot tell"}
-        The answer.
-    unheard : tuple of str
-        Gears of which gross damage might not have been noticed, in words.
-    """
-
-    verdict: str
-    unheard: tuple[str, ...] = ()
-
-
-def decide(evidence: Evidence, unheard: Sequence[str] = ()) -> Decision:
+def decide(evidence: Evidence, unheard: str = "") -> str:
     """Judge the evidence.
 
     Parameters
     ----------
     evidence : Evidence
         Against the healthy machine.
-    unheard : sequence of str
-        Gears that this recording, with this reference, could not have told of.
+    unheard : str
+        What this recording, with this reference, could not have told of; "" if nothing.
+
+    Returns
+    -------
+    {"healthy", "fault", "cannot tell"}
     """
     if evidence.strength >= LIMITS.fault:
-        return Decision(verdict="fault", unheard=tuple(unheard))
+        return "fault"
     open_ = evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare
     if open_ or unheard or evidence.angle_lost or evidence.heavier_db or evidence.knocked:
-        return Decision(verdict="cannot tell", unheard=tuple(unheard))
-    return Decision(verdict="healthy")
+        return "cannot tell"
+    return "healthy"
 
 
 def noise_rose(deviation: MachineDeviation) -> bool:
@@ -536,34 +522,6 @@ def noticed_from(gear: GearEvidence) -> float | None:
     peak = 1.0 + np.maximum(search.stands_out - _prior(gear), 0.0) / max(1.0, beside)
     believed = [gear.believes(*each) for each in zip(expected.tolist(), peak.tolist(), strict=True)]
     return _first(gear, np.array(believed), LIMITS.fault)
-
-
-def unheard(
-    evidence: Evidence, machine: Machine, silent: Sequence[str], must_notice: float
-) -> tuple[str, ...]:
-    """Name the gears of which gross damage could not have been heard, and channels that are silent.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Against the healthy machine.
-    machine : Machine
-        The machine.
-    silent : sequence of str
-        Channels of the reference that the recording lacks.
-    must_notice : float
-        Loss of a pair's stiffness that should have been heard.
-    """
-    searched = evidence.finding.searched if evidence.finding is not None else ()
-    loss = {gear.key: heard_from(gear) for gear in searched}
-    gears = dict.fromkeys(
-        (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
-    )
-    deaf = [gear for gear in gears if (loss.get(gear) or 1.0) > LIMITS.about * must_notice]
-    return (
-        *(f"the {gear} of stage {stage}" for stage, gear in deaf),
-        *(f"what channel {name} hears" for name in silent),
-    )
 
 
 def _prior(gear: GearEvidence) -> float:

@@ -129,7 +129,7 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
         others = (*reference.profiles[:number], *reference.profiles[number + 1 :])
         law = HealthyMachine.of(replace(reference, profiles=others or (own,)), machine)
         deviation = law.deviation(own)
-        finding = find_tooth(own, deviation, law, machine)
+        finding = find_tooth(own, deviation, machine)
         evidence = Evidence(deviation=deviation, finding=finding, references=max(1, len(others)))
         recordings.append(
             CheckedRecording(

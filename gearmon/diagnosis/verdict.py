@@ -15,9 +15,9 @@ import numpy as np
 
 from gearmon.diagnosis.evidence import (
     LIMITS,
-    Decision,
     Evidence,
     false_alarm_probability,
+    heard_from,
     noise_rose,
     rare_strength,
 )
@@ -27,6 +27,7 @@ from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
 from gearmon.diagnosis.law import LevelDeviation
 from gearmon.diagnosis.law.machine import SPEED_UNIT
 from gearmon.diagnosis.results import Change, Flag, ToothProfile
+from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import MeasuredSignature
@@ -115,10 +116,10 @@ class Flagging:
             around = around or spread.one_tooth < self._least_sure(best)
         if around:
             return self._spread_flag(finding, spread, strength)
-        stage, gear = best.key
+        (stage, gear), (tooth, _) = best.key, best.place
         evidence = [
             f"the {gear} of stage {stage} departs from its healthy pattern at tooth "
-            f"{finding.tooth}: {best.deviation.peak:.1f} times the energy elsewhere in its turn"
+            f"{tooth}: {best.deviation.peak:.1f} times the energy elsewhere in its turn"
         ]
         sizes = {}
         if loss is not None:
@@ -137,9 +138,7 @@ class Flagging:
         ]
         evidence += _crack(self.machine, finding)
         more = {f"stiffness_loss{end}": size for end, size in sizes.items()}
-        return self._flag(
-            "tooth damage", strength, evidence, stage, gear, tooth=finding.tooth, **more
-        )
+        return self._flag("tooth damage", strength, evidence, stage, gear, tooth=tooth, **more)
 
     def _least_sure(self, best: GearEvidence) -> float:
         """Probability from which a departure is called that of one tooth."""
@@ -256,7 +255,7 @@ class Flagging:
 
 
 def _counting(finding: ToothFinding) -> str:
-    if finding.counted_from == "tacho":
+    if finding.best.counted_from == "tacho":
         return (
             "teeth are counted from the one that enters mesh at the tachometer pulse, in this "
             "recording as in the healthy ones"
@@ -274,7 +273,7 @@ def _alike(finding: ToothFinding) -> list[str]:
     if count > 1 and best.deviation.gear == "planet":
         return ["which of the planets it is of cannot be told"]
     others = sorted(
-        {round(finding.tooth - 1 + k * teeth / count) % teeth + 1 for k in range(count)}
+        {round(best.place[0] - 1 + k * teeth / count) % teeth + 1 for k in range(count)}
     )
     if len(others) < 2:
         return []
@@ -416,33 +415,68 @@ def _gear(stage: int | None, gear: str | None) -> str:
     return f"the {gear} of stage {stage}" if gear else f"the gears of stage {stage}"
 
 
+def unheard(evidence: Evidence, machine: Machine, silent: Sequence[str], must_notice: float) -> str:
+    """Name the gears of which gross damage could not have been heard, and channels that are silent.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Against the healthy machine.
+    machine : Machine
+        The machine.
+    silent : sequence of str
+        Channels of the reference that the recording lacks.
+    must_notice : float
+        Loss of a pair's stiffness that should have been heard.
+
+    Returns
+    -------
+    str
+        A sentence; "" if all of them would have been.
+    """
+    searched = evidence.finding.searched if evidence.finding is not None else ()
+    loss = {gear.key: heard_from(gear) for gear in searched}
+    gears = dict.fromkeys(
+        (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
+    )
+    deaf = [gear for gear in gears if (loss.get(gear) or 1.0) > LIMITS.about * must_notice]
+    told = [f"the {gear} of stage {stage}" for stage, gear in deaf]
+    told += [f"what channel {name} hears" for name in silent]
+    if not told:
+        return ""
+    return (
+        f"Even a loss of {100 * must_notice:.0f} % of a tooth's stiffness might have gone "
+        f"unnoticed on {', '.join(told)}: record longer, under load, or nearer to it."
+    )
+
+
 def reason(
-    decision: Decision,
+    verdict: str,
     evidence: Evidence,
     flags: Sequence[Flag],
     changes: Sequence[Change],
     profiles: Sequence[ToothProfile],
-    must_notice: float,
+    unheard: str = "",
 ) -> str:
     """Give the reason of a verdict on a recording that was compared with a reference.
 
     Parameters
     ----------
-    decision : Decision
-        The verdict.
+    verdict : {"healthy", "fault", "cannot tell"}
+        As of `decide`.
     evidence : Evidence
         What was compared.
     flags, changes, profiles
         Of the analysis.
-    must_notice : float
-        Loss of one tooth's pair that a healthy verdict has to exclude.
+    unheard : str
+        What could not have been told of; "" if nothing.
     """
     rested = f"{_levels(evidence)} {most_striking(profiles)}"
-    if decision.verdict == "fault":
+    if verdict == "fault":
         strongest = sentences(changes)[:1]
         most = f" Most of all, {strongest[0]}." if strongest else ""
         return f"{fault_sentence(flags)} {rested}{most}"
-    if decision.verdict == "healthy":
+    if verdict == "healthy":
         noticed = f"{_noticed(profiles)} {_wear(evidence)}"
         return f"The machine sounds as it did when it was healthy.{noticed} {rested}"
     if evidence.knocked:
@@ -464,13 +498,7 @@ def reason(
         )
     else:
         told = "Nothing speaks against the machine, but not all of it was heard."
-    if decision.unheard:
-        told += (
-            f" Even a loss of {100 * must_notice:.0f} % of a tooth's stiffness might have gone "
-            f"unnoticed on {', '.join(decision.unheard)}: record longer, under load, or nearer to "
-            "it."
-        )
-    return f"{told} {rested}"
+    return f"{told} {unheard} {rested}" if unheard else f"{told} {rested}"
 
 
 def _wear(evidence: Evidence) -> str:

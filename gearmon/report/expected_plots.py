@@ -159,7 +159,7 @@ def _plot_flank(gear: DrawnGear, ax: Axes) -> None:
     """Draw the loaded flank of a gear as its mate sees it, with its damage to scale."""
     width, low, high = gear.face_width, gear.flank_start, gear.tip
     ax.add_patch(Rectangle((0, 0), width, low, facecolor=_GREY, alpha=0.25, linewidth=0))
-    shade = {"facecolor": plots.BLUE, "alpha": 0.15, "linewidth": 0}
+    shade: dict[str, Any] = {"facecolor": plots.BLUE, "alpha": 0.15, "linewidth": 0}
     ax.add_patch(Rectangle((0, low), width, high - low, **shade))
     ax.add_patch(Rectangle((0, 0), width, high, fill=False, edgecolor="black", linewidth=1.0))
     for own in gear.damage:

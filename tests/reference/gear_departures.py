@@ -74,6 +74,7 @@ def gear(weight, seed=0, height=10.0, smooth=None, noise=1.0):
             bands=tuple(bands),
             mesh_power=np.ones((2, HARMONICS + 1)),
             shift_turns=0.0,
+            same_zero=True,
         ),
         response(),
         SPEED_HZ,

@@ -38,7 +38,7 @@ from gearmon.diagnosis.hypotheses.tooth_match import (
     search_gear,
     share_lines,
 )
-from gearmon.diagnosis.law import GearDeviation, HealthyMachine, MachineDeviation
+from gearmon.diagnosis.law import GearDeviation, MachineDeviation
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, FULL_LOAD, BandDeviation
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.gears.damage import size_for_loss
@@ -148,6 +148,28 @@ class GearEvidence:
             return self.search.best
         return int(np.argmax(self.deviation.by_tooth))
 
+    @cached_property
+    def place(self) -> tuple[int, float]:
+        """That tooth, counted from 1, and the middle of its contact in turns after the angle zero.
+
+        Teeth are counted as `counted_from` tells.
+        """
+        deviation, entry = self.deviation, float(self.tooth)
+        if self.search is not None and not deviation.same_zero:
+            entry += _between(self.search.log_place, self.tooth)
+        turned = 0.0 if deviation.same_zero else deviation.shift_turns * deviation.teeth
+        position = (entry + CONTACT_CENTRE) / deviation.teeth % 1.0
+        return round(entry + turned) % deviation.teeth + 1, position
+
+    @property
+    def counted_from(self) -> str:
+        """Where teeth are counted from in all recordings.
+
+        "tacho": from the one that enters mesh at the tachometer pulse; "reference": from about
+        where the first healthy recording begins.
+        """
+        return "tacho" if self.deviation.same_zero else "reference"
+
     @property
     def log_factor(self) -> float:
         """Logarithm of the Bayes factor of damage of some tooth against none.
@@ -194,6 +216,13 @@ class GearEvidence:
         return float(shape * (peak - 1.0 - np.log(peak)) - np.log(max(1.0, teeth)))
 
 
+def _between(log_place: FloatArray, index: int) -> float:
+    """Place of the maximum of a parabola through the best tooth and its neighbours."""
+    before, here, after = log_place[[index - 1, index, (index + 1) % len(log_place)]]
+    bend = 2.0 * here - before - after
+    return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0 else 0.0
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ToothFinding:
     """The tooth whose damage explains a deviation best.
@@ -202,13 +231,6 @@ class ToothFinding:
     ----------
     best : GearEvidence
         The gear to blame.
-    tooth : int
-        Its tooth, from 1.
-    counted_from : {"tacho", "reference"}
-        Teeth are counted from the one that enters mesh at the tachometer pulse of the first healthy
-        recording, or about where that recording begins.
-    position : float
-        Middle of the tooth's contact in turns of the gear after the recording's own angle zero.
     machine : Machine
         The machine.
     speed_hz : float
@@ -223,9 +245,6 @@ class ToothFinding:
     """
 
     best: GearEvidence
-    tooth: int
-    counted_from: str
-    position: float
     machine: Machine
     speed_hz: float
     evidence: float
@@ -243,9 +262,7 @@ class ToothFinding:
         return next((one for one in self.searched if one.key == (stage, gear)), None)
 
 
-def find_tooth(
-    own: Profile, deviation: MachineDeviation, healthy: HealthyMachine, machine: Machine
-) -> ToothFinding | None:
+def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> ToothFinding | None:
     """Look for damage of one tooth on all gears.
 
     Parameters
@@ -254,8 +271,6 @@ def find_tooth(
         The recording.
     deviation : MachineDeviation
         How it departs from the law.
-    healthy : HealthyMachine
-        The law.
     machine : Machine
         The machine.
 
@@ -271,13 +286,8 @@ def find_tooth(
     if not searched:
         return None
     best, rivals = _blamed(searched)
-    indexed = healthy.indexed(own, *best.key)
-    tooth, position = place(best, indexed)
     return ToothFinding(
         best=best,
-        tooth=tooth,
-        counted_from="tacho" if indexed else "reference",
-        position=position,
         machine=machine,
         speed_hz=own.speed_hz,
         evidence=max(one.believed for one in searched),
@@ -388,9 +398,8 @@ def own_mesh_power(
         if other.stage == gear.stage or step == 1 or abs(near / ratio - 1) > 1e-9:
             continue
         for k in range(step, last + 1, step):
-            alone = [q for q in (k - 1, k + 1) if q <= last]
-            told = gear.mesh_power[:, alone].sum(axis=1) / expected[alone].sum()
-            power[:, k] = np.minimum(told * expected[k], power[:, k])
+            told = _by_neighbours(gear.mesh_power[:, :known], expected, k)
+            power[:, k] = np.minimum(told, power[:, k])
     return power
 
 
@@ -426,17 +435,19 @@ def mesh_shown(gear: GearDeviation, gears: Sequence[GearDeviation], machine: Mac
         top = other.mesh_power.shape[1] - 1
         response = tooth_response(machine, other.stage, other.gear, top * other.order * other.teeth)
         expected = np.abs(response.mesh) ** 2
-        last = min(top, len(expected) - 1)
-        own = range(step, last, step)
-        beside = [other.mesh_power[:, [k - 1, k + 1]].sum(axis=1) for k in own]
-        share = [expected[k] / expected[[k - 1, k + 1]].sum() for k in own]
-        louder = [
-            np.any(other.mesh_power[:, k] > told * part)
-            for k, told, part in zip(own, beside, share, strict=True)
-        ]
-        if not any(louder):
+        power, last = other.mesh_power, min(top, len(expected) - 1)
+        louder = [power[:, k] > _by_neighbours(power, expected, k) for k in range(step, last, step)]
+        if not np.any(louder):
             return False
     return True
+
+
+def _by_neighbours(power: FloatArray, expected: FloatArray, harmonic: int) -> FloatArray:
+    """Power of a mesh harmonic as those beside it, which stand alone, let expect it."""
+    last = min(len(expected), power.shape[1]) - 1
+    alone = [k for k in (harmonic - 1, harmonic + 1) if k <= last]
+    told = power[:, alone].sum(axis=1) / expected[alone].sum()
+    return np.asarray(told * expected[harmonic])
 
 
 def _blamed(
@@ -467,27 +478,6 @@ def _blamed(
     )
 
 
-def place(evidence: GearEvidence, indexed: bool) -> tuple[int, float]:
-    """Tooth, counted from 1, and the middle of its contact in turns after the angle zero."""
-    deviation = evidence.deviation
-    teeth = deviation.teeth
-    index = evidence.tooth
-    entry = float(index)
-    if evidence.search is not None and not indexed:
-        entry += _between(evidence.search.log_place, index)
-    position = (entry + CONTACT_CENTRE) / teeth % 1.0
-    if indexed:
-        return index + 1, position
-    return round(entry + deviation.shift_turns * teeth) % teeth + 1, position
-
-
-def _between(log_place: FloatArray, index: int) -> float:
-    """Place of the maximum of a parabola through the best tooth and its neighbours."""
-    before, here, after = log_place[[index - 1, index, (index + 1) % len(log_place)]]
-    bend = 2.0 * here - before - after
-    return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0 else 0.0
-
-
 def losses_by_tooth(gear: SearchedGear) -> tuple[FloatArray, FloatArray]:
     """Estimate the loss of every tooth of a gear.
 
@@ -516,26 +506,23 @@ def losses_by_tooth(gear: SearchedGear) -> tuple[FloatArray, FloatArray]:
 
 
 def told_losses(
-    finding: ToothFinding, gear: GearEvidence, indexed: bool
-) -> tuple[FloatArray, FloatArray] | None:
+    finding: ToothFinding, gear: GearEvidence
+) -> tuple[FloatArray | None, FloatArray | None]:
     """Losses of a gear's teeth and their standard deviations, in the order of the tooth numbers.
 
     Of the tooth to blame the estimate of the finding stands, so that flag and history say the same:
     the search for damage takes sizes too small. None without a template.
     """
-    if gear.search is None:
-        return None
     search = gear.search
+    if search is None:
+        return None, None
     loss, sigma = losses_by_tooth(search)
     # of a sound gear no tooth stands out, and none is sized
     if gear is finding.best and 2 * loss[search.best] > loss.sum() and finding.loss is not None:
         loss[search.best] = finding.loss.loss
         sigma[search.best] = (finding.loss.high - finding.loss.low) / _NORMAL_90
-    if indexed:
-        return loss, sigma
-    tooth, _ = place(gear, indexed)
-    turned = np.roll(np.arange(gear.deviation.teeth), tooth - 1 - search.best)
-    return loss[turned], sigma[turned]
+    number = gear.place[0] - 1 - search.best
+    return np.roll(loss, number), np.roll(sigma, number)
 
 
 @dataclass(frozen=True, kw_only=True)

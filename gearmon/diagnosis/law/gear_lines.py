@@ -209,6 +209,8 @@ class GearDeviation:
         By how much the load is lighter than that of every reference [Np].
     load : float, > 0
         How the teeth are loaded (`gears.mechanics.load_share`).
+    same_zero : bool
+        Whether its turns are counted from the same pulse as those of the references.
     """
 
     stage: int
@@ -222,6 +224,7 @@ class GearDeviation:
     mesh_lines: ComplexArray | None = None
     light: float = 0.0
     load: float = np.inf
+    same_zero: bool = False
 
     @cached_property
     def misfit(self) -> float:
@@ -403,12 +406,15 @@ class GearLaw:
         Their operating states.
     load : float, > 0
         How the teeth are loaded (`gears.mechanics.load_share`).
+    indexed : bool
+        Whether their angle zero is that of a tachometer.
     """
 
     wheel: WheelPattern
     patterns: tuple[GearPattern, ...]
     states: FloatArray
     load: float = np.inf
+    indexed: bool = False
 
     @cached_property
     def _left_out(self) -> list[tuple[list[BandDeviation], FloatArray]]:
@@ -500,6 +506,7 @@ class GearLaw:
             mesh_lines=None if len(wheel.beside) else lines,
             light=max(0.0, float(self.states[:, 0].min() - state[0])),
             load=self.load,
+            same_zero=same_zero,
         )
 
     def _predicted(self, state: FloatArray) -> tuple[GearPattern, FloatArray]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -312,7 +313,7 @@ class HealthyMachine:
     states : ndarray of float, shape (references, 2)
         Those of the healthy recordings.
     gears : dict
-        (stage, gear) to its law and whether the angle zero is that of a tachometer.
+        (stage, gear) to its law.
     lightest : float, > 0
         How the teeth of the stage that is loaded least are loaded (`gears.mechanics.load_share`).
     """
@@ -321,14 +322,14 @@ class HealthyMachine:
     family_names: tuple[str, ...]
     gauge: StateGauge
     states: FloatArray
-    gears: dict[tuple[int, str], tuple[GearLaw, bool]]
+    gears: dict[tuple[int, str], GearLaw]
     lightest: float
 
     @classmethod
     def of(cls, reference: Reference, machine: Machine) -> HealthyMachine:
         """Build the law of a machine from a reference."""
         profiles = reference.profiles
-        gears: dict[tuple[int, str], tuple[GearLaw, bool]] = {}
+        gears: dict[tuple[int, str], GearLaw] = {}
         loads = [load_share(machine, number + 1) for number in range(len(machine.stages))]
         gauge = StateGauge.of(profiles, min(loads))
         states = np.array([gauge.state(profile) for profile in profiles])
@@ -339,9 +340,9 @@ class HealthyMachine:
             # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
             indexed = all(p.tacho for p in profiles) and abs(wheel.order - 1.0) < 1e-12
             patterns = turned_alike(same, same_zero=indexed)
-            load = loads[wheel.stage - 1]
-            law = GearLaw(wheel=wheel, patterns=patterns, states=states, load=load)
-            gears[wheel.stage, wheel.gear] = law, indexed
+            told: dict[str, Any] = {"load": loads[wheel.stage - 1], "indexed": indexed}
+            law = GearLaw(wheel=wheel, patterns=patterns, states=states, **told)
+            gears[wheel.stage, wheel.gear] = law
         return cls(
             profiles=profiles,
             family_names=tuple(reference.family_names),
@@ -350,10 +351,6 @@ class HealthyMachine:
             gears=gears,
             lightest=min(loads),
         )
-
-    def indexed(self, own: Profile, stage: int, gear: str) -> bool:
-        """Whether recording and references count the turns of a gear from the same pulse."""
-        return own.tacho and self.gears[stage, gear][1]
 
     def deviation(self, own: Profile, left_out: Sequence[str] = ()) -> MachineDeviation:
         """Hold a recording against the law.
@@ -373,11 +370,10 @@ class HealthyMachine:
         state = self.gauge.state(own)
         gears = []
         for wheel in own.wheels:
-            law, _ = self.gears.get((wheel.stage, wheel.gear), (None, False))
+            law = self.gears.get((wheel.stage, wheel.gear))
             if law is None or law.wheel.teeth != wheel.teeth:
                 continue
-            zero = self.indexed(own, wheel.stage, wheel.gear)
-            found = law.deviation(wheel, state, same_zero=zero)
+            found = law.deviation(wheel, state, same_zero=own.tacho and law.indexed)
             if found is not None:
                 gears.append(found)
         names = [n for n in own.family_names if n in self.family_names and n not in left_out]

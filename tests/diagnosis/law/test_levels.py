@@ -133,7 +133,7 @@ def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
     law = HealthyMachine.of(healthy, machine())
 
     def held_at(load):
-        gears = {key: (replace(own, load=load), told) for key, (own, told) in law.gears.items()}
+        gears = {key: replace(own, load=load) for key, own in law.gears.items()}
         return replace(law, lightest=load, gears=gears).deviation(new)
 
     full, light = held_at(np.inf), held_at(FULL_LOAD * share)
