@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 
-from gearmon.diagnosis.history.changes import ChangePoint
+from gearmon.diagnosis.history.changes import LEVEL, ChangePoint
 from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
 from gearmon.report import plots
 from gearmon.report.text import told_teeth
@@ -140,7 +140,7 @@ def _trend(tooth: ToothTrend, colour: str, ax: Axes) -> None:
     if np.isfinite(low).all() and np.isfinite(high).all():
         foot = np.maximum(low, np.minimum(value, 0.0))
         shade: dict[str, Any] = {"color": colour, "alpha": 0.16, "linewidth": 0, "zorder": 0}
-        shade["label"] = f"trend, {100 * tooth.trend.level:.3g} % interval"
+        shade["label"] = f"trend, {100 * LEVEL:.3g} % interval"
         ax.fill_between(_days(times), 100 * foot, 100 * high, **shade)
     # the interval of the time stands at the foot: full height would hide what is drawn there
     interval = {"color": colour, "alpha": 0.35, "ymax": 0.04}

@@ -144,12 +144,10 @@ def _any_loss(log_likelihood: FloatArray) -> FloatArray:
     return log_mean(log_likelihood[possible])
 
 
-def log_mean(logarithms: FloatArray, weight: FloatArray | None = None) -> FloatArray:
-    """Logarithm of the (weighted) mean over the first axis of numbers given by their logarithms."""
+def log_mean(logarithms: FloatArray) -> FloatArray:
+    """Logarithm of the mean over the first axis of numbers given by their logarithms."""
     largest = logarithms.max(axis=0)
-    share = np.exp(logarithms - largest)
-    mean = share.mean(axis=0) if weight is None else np.average(share, axis=0, weights=weight)
-    return np.asarray(largest + np.log(mean))
+    return np.asarray(largest + np.log(np.exp(logarithms - largest).mean(axis=0)))
 
 
 def search_gear(
@@ -530,57 +528,44 @@ def _lead(one: SearchedGear, other: SearchedGear) -> float | None:
     again = base.log_again(times)
     if again > 0:
         return -again if base is one else again
-    cells = _Cells.of(base.difference, faster.difference, times)
-    if cells is None:
+    lead = _by_cells(base, faster, times)
+    if lead is None:
         return None
-    lead = cells.log_likelihood(base, 1) - cells.log_likelihood(faster, times)
-    factors = base.log_gear / faster.log_gear
-    lead += _BY_FACTORS * float(np.log(factors))
+    lead += _BY_FACTORS * float(np.log(base.log_gear / faster.log_gear))
     return lead if base is one else -lead
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Cells:
-    """Power of a departure in cells of lines, noise taken off."""
+def _by_cells(base: SearchedGear, faster: SearchedGear, times: int) -> float | None:
+    """Logarithm of the likelihood of a departure's power by one gear over that by a faster one.
 
-    number: NDArray[np.int64]
-    cell: NDArray[np.int64]
-    power: FloatArray
-    floor: FloatArray
+    In cells of lines, noise taken off; None if none is far from the mesh of either.
+    """
+    bands = base.difference.bands
+    number = np.concatenate([band.number for band in bands])
+    period = faster.difference.teeth * times
+    away = np.abs(number - period * np.rint(number / period)) > NEAR * times
+    if not away.any():
+        return None
+    number = number[away]
+    rest = np.concatenate([band.rest for band in bands], axis=1)[:, away]
+    variance = np.concatenate([band.deviation for band in bands], axis=1)[:, away] ** 2
+    width = max(_LEAST_CELL, min(base.difference.teeth, period) // 2)
+    # lines that only the slower gear has stand in cells of their own
+    place = 2 * (number // width) + (number % times == 0)
+    _, cell, count = np.unique(place, return_inverse=True, return_counts=True)
 
-    @classmethod
-    def of(cls, base: GearDeviation, faster: GearDeviation, times: int) -> _Cells | None:
-        number = np.concatenate([band.number for band in base.bands])
-        rest = np.concatenate([band.rest for band in base.bands], axis=1)
-        variance = np.concatenate([band.deviation for band in base.bands], axis=1) ** 2
-        period = faster.teeth * times
-        away = np.abs(number - period * np.rint(number / period)) > NEAR * times
-        if not away.any():
-            return None
-        number, rest, variance = number[away], rest[:, away], variance[:, away]
-        width = max(_LEAST_CELL, min(base.teeth, period) // 2)
-        # lines that only the slower gear has stand in cells of their own
-        place = 2 * (number // width) + (number % times == 0)
-        _, cell = np.unique(place, return_inverse=True)
-        count = np.bincount(cell)
-        told = (np.abs(rest) ** 2 - 1.0) * variance
-        return cls(
-            number=number,
-            cell=cell,
-            power=np.array([np.bincount(cell, row) / count for row in told]),
-            floor=np.array([np.bincount(cell, row) / count**1.5 for row in variance]),
-        )
+    def mean(lines: FloatArray) -> FloatArray:
+        return np.array([np.bincount(cell, row) / count for row in lines])
 
-    def log_likelihood(self, gear: SearchedGear, times: int) -> float:
-        """Logarithm of the likelihood of the cells under damage of one gear, up to a constant."""
-        level = gear.expected_power(self.number / times)
-        level[:, self.number % times != 0] = 0.0
-        count = np.bincount(self.cell)
-        expected = np.array([np.bincount(self.cell, row) / count for row in level])
-        heard = np.maximum(self.power, 0.0) + self.floor
-        size = _SIZES[:, None, None] ** 2
-        departure = 0.5 * np.log(heard / (size * expected + self.floor))
+    floor = mean(variance) / np.sqrt(count)
+    heard = np.maximum(mean((np.abs(rest) ** 2 - 1.0) * variance), 0.0) + floor
+
+    def log_likelihood(gear: SearchedGear, turns: int) -> float:
+        level = gear.expected_power(number / turns)
+        level[:, number % turns != 0] = 0.0
+        departure = 0.5 * np.log(heard / (_SIZES[:, None, None] ** 2 * mean(level) + floor))
         # law of Student: the path may swallow a cell altogether
         spread = np.log1p((departure / _CELL_DEVIATION) ** 2 / _FREEDOM)
-        each = -0.5 * (_FREEDOM + 1.0) * spread.sum(axis=(1, 2))
-        return float(each.max())
+        return float((-0.5 * (_FREEDOM + 1.0) * spread.sum(axis=(1, 2))).max())
+
+    return log_likelihood(base, 1) - log_likelihood(faster, times)

@@ -270,18 +270,16 @@ def turn_changes(
         known = [own for patterns in healthy if (own := wheel.same_in(patterns))]
         if len(known) < len(healthy) or not known:
             continue
-        new_db, new_scatter = _levels(wheel)
-        old = [_levels(pattern) for pattern in known]
-        harmonics = min(new_db.shape[1], *(level.shape[1] for level, _ in old))
-        if harmonics == 0:
+        tops = [int(own.number.max(initial=0)) for own in (wheel, *known)]
+        harmonics = (min(tops) - SIDEBANDS) // wheel.teeth
+        if harmonics < 1:
             continue
-        reference = np.mean([level[:, :harmonics] for level, _ in old], axis=0)
-        scatter = np.mean([own[:, :harmonics] ** 2 for _, own in old], axis=0)
-        change = new_db[:, :harmonics] - reference
+        new_db, new_scatter = _levels(wheel, harmonics)
+        old_db, old_scatter = np.mean([_levels(own, harmonics) for own in known], axis=0)
         # a line below the noise in all recordings would tell of the noise, not of the gear
-        unheard = (new_scatter[:, :harmonics] >= _UNHEARD_DB) & (scatter >= _UNHEARD_DB**2)
-        spread = np.sqrt(new_scatter[:, :harmonics] ** 2 + scatter)
-        found.append((wheel, np.where(unheard, np.nan, change), spread))
+        unheard = (new_scatter >= _UNHEARD_DB**2) & (old_scatter >= _UNHEARD_DB**2)
+        change = np.where(unheard, np.nan, new_db - old_db)
+        found.append((wheel, change, np.sqrt(new_scatter + old_scatter)))
     gain = _gains(found)
     return tuple(
         TurnChange(
@@ -303,31 +301,26 @@ def _beyond_mesh(change: FloatArray) -> FloatArray:
     return np.nan_to_num(np.clip(change[..., 1:] - rise, -30.0, 30.0))
 
 
-def _levels(wheel: WheelPattern) -> tuple[FloatArray, FloatArray]:
-    """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their standard errors."""
-    top = int(wheel.number.max(initial=0))
+def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray]:
+    """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their variances."""
+    top = int(wheel.number.max())
     power = np.zeros((len(wheel.amplitude), top + 1))
     variance = np.zeros_like(power)
     power[:, wheel.number] = np.abs(wheel.amplitude) ** 2
     variance[:, wheel.number] = wheel.variance
     usable = np.zeros(top + 1, dtype=bool)
     usable[wheel.number] = ~wheel.mesh
-    centre = wheel.teeth * np.arange(1, max(1, (top - SIDEBANDS) // wheel.teeth + 1))
-    usable[centre[centre <= top]] = True
-    distance = np.arange(SIDEBANDS + 1)
-    total = np.zeros((len(power), len(centre), len(distance)))
-    noise = np.zeros_like(total)
-    for sign in (-1, 1):
-        place = centre[:, None] + sign * distance
-        place = np.where((place > 0) & (place <= top), place, 0)
-        total += np.where(usable[place], power[:, place], 0.0)
-        noise += np.where(usable[place], variance[:, place], 0.0)
+    centre = wheel.teeth * np.arange(1, harmonics + 1)
+    usable[centre] = True
+    sides = np.multiply.outer([-1, 1], np.arange(SIDEBANDS + 1))
+    place = np.maximum(centre[:, None] + sides[:, None], 0)
+    total, noise = (np.sum(usable[place] * own[:, place], axis=1) for own in (power, variance))
     noise = np.maximum(noise, _TINY)
     clean = np.maximum(total - noise, noise)
     scatter = 10 / np.log(10) * np.minimum(np.sqrt(2 * noise / clean), 1.0)
     # lines that do not exist, such as those of another mesh, carry no weight
     scatter = np.where(total > _TINY, scatter, 1e3)
-    return 10 * np.log10(clean), scatter
+    return 10 * np.log10(clean), scatter**2
 
 
 def _gains(found: Sequence[tuple[WheelPattern, FloatArray, FloatArray]]) -> FloatArray:

@@ -11,7 +11,7 @@ depart farther from one another's predictions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -34,8 +34,8 @@ _DB = float(20.0 / np.log(10.0))
 _LINES, _BROADBAND = (0.06, 0.6), (0.15, 0.6)
 # Recordings that the prior of the scale is worth, and the least scale.
 _WORTH, _LEAST_SCALE = 4.0, 1.0
-#: Squares of standardised deviations are cut off here, lest one line decide for all.
-MOST_SQUARE = 25.0
+# Squares of standardised deviations are cut off here, lest one line decide for all.
+_MOST_SQUARE = 25.0
 # Levels above their noise that tell the gain of a channel, at least.
 _LEAST_TOLD = 5
 # Median of a squared standard normal variable.
@@ -170,9 +170,9 @@ class LevelDeviation:
         """The rest in standard deviations, shape (channels, levels)."""
         return self.rest_db / self.sigma_db
 
-    def mean_square(self, columns: Sequence[int] | slice = slice(None)) -> float:
-        """Mean square of the standardised rest of some levels; about 1 on a healthy machine."""
-        squares = np.minimum(self.standardised[:, columns] ** 2, MOST_SQUARE)
+    def mean_square(self) -> float:
+        """Mean square of the standardised rest; about 1 on a healthy machine."""
+        squares = np.minimum(self.standardised**2, _MOST_SQUARE)
         return float(np.nanmean(squares)) if np.isfinite(squares).any() else 0.0
 
 
@@ -222,8 +222,13 @@ def level_deviation(
         gain = _median(np.where(True if gauge is None else gauge, level - mean, np.nan))
         return gain, level - mean - gain[:, None], variance + _DB**2 * kriging.spread
 
-    every = list(range(len(known_db)))
-    scale = _scale(known_db, known_error_db, states, departure)
+    every, seen = list(range(len(known_db))), []
+    for row in every if len(every) > 1 else ():
+        others = [n for n in every if n != row]
+        _, left, spread = departure(known_db[row], known_error_db[row], others, states[row])
+        seen.append(float(_median((left**2 / spread).reshape(1, -1))[0]) / _MEDIAN)
+    # variance over its prior, as the references depart from what the others predict of them
+    scale = max((_WORTH + sum(seen)) / (_WORTH + len(seen)), _LEAST_SCALE)
     enough = None if told is None else told | (told.sum(axis=1) < _LEAST_TOLD)[:, None]
     gain, rest, variance = departure(level_db, error_db, every, state, enough)
     expected = level_db - rest
@@ -239,26 +244,6 @@ def _median(rows: FloatArray) -> FloatArray:
     ordered, count = np.sort(rows, axis=1), np.count_nonzero(~np.isnan(rows), axis=1)
     middle = np.stack([(count - 1) // 2, count // 2], axis=1)
     return np.asarray(np.take_along_axis(ordered, middle, axis=1).mean(axis=1))
-
-
-_Departure = Callable[
-    [FloatArray, FloatArray, Sequence[int], FloatArray], tuple[FloatArray, FloatArray, FloatArray]
-]
-
-
-def _scale(
-    known_db: FloatArray, known_error_db: FloatArray, states: FloatArray, departure: _Departure
-) -> float:
-    """Variance over its prior, as the references depart from what the others predict of them."""
-    count = len(known_db)
-    if count < 2:
-        return 1.0
-    seen = []
-    for row in range(count):
-        rest = [n for n in range(count) if n != row]
-        _, left, variance = departure(known_db[row], known_error_db[row], rest, states[row])
-        seen.append(float(_median((left**2 / variance).reshape(1, -1))[0]) / _MEDIAN)
-    return max((_WORTH + sum(seen)) / (_WORTH + count), _LEAST_SCALE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
