@@ -40,24 +40,30 @@ def max_hold(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[Floa
 
     Parameters
     ----------
-    x, y : ndarray of float, shape (n,)
-        The curve.
+    x : ndarray of float, shape (n,)
+        Places.
+    y : ndarray of float, shape (n,) or (channels, n)
+        One curve, or several; these share the place of the one that is clearest there.
     columns : int
         Groups, >= 1; a curve with fewer points is returned as it is.
 
     Returns
     -------
-    x, y : ndarray of float, shape (min(n, columns),)
+    x : ndarray of float, shape (min(n, columns),)
+    y : ndarray of float, shape (min(n, columns),) or (channels, min(n, columns))
 
     Examples
     --------
     >>> max_hold(np.arange(6.0), np.array([0.0, 3, 1, 1, 2, 0]), 2)
     (array([1., 4.]), array([3., 2.]))
     """
-    if len(y) <= columns:
+    if len(x) <= columns:
         return x, y
-    index = np.array([a + int(np.argmax(y[a:b])) for a, b in _groups(len(y), columns)])
-    return x[index], y[index]
+    rows, groups = np.atleast_2d(y), _groups(len(x), columns)
+    largest = np.fmax.reduce(rows, axis=1, keepdims=True)
+    clear = (rows / np.maximum(largest, 1e-300)).max(axis=0)
+    index = [a + int(np.argmax(clear[a:b])) for a, b in groups]
+    return x[index], np.maximum.reduceat(y, [a for a, _ in groups], axis=-1)
 
 
 def extremes(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArray, FloatArray]:

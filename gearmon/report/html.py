@@ -279,18 +279,9 @@ def _wave(values: FloatArray, layer: str, channel: int, **more: Any) -> dict[str
 
 
 def _held(place: FloatArray, values: FloatArray, points: int) -> tuple[FloatArray, FloatArray]:
-    """Keep the largest value of every channel in each group, at the place of the clearest.
-
-    Charts of several channels share their places.
-    """
+    """Thin the curves of several channels, which share their places and the room for points."""
     points = max(points // 8, min(points, _ALL_POINTS // len(values)))
-    if len(place) <= points:
-        return place, values
-    edges = np.linspace(0, len(place), points + 1).astype(int)
-    clear = (values / np.maximum(values.max(axis=1, keepdims=True), 1e-300)).max(axis=0)
-    groups = zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)
-    at = [low + int(np.argmax(clear[low:high])) for low, high in groups]
-    return place[at], np.maximum.reduceat(values, edges[:-1], axis=1)
+    return curves.max_hold(place, values, points)
 
 
 def _spectrum_chart(
@@ -432,12 +423,7 @@ def _healthy_turn(
     """Turn the healthy average of the nearest loudness until it fits this one best."""
     if reference is None or reference.channel_names != analysis.signature.channel_names:
         return None
-    patterns = [
-        wheel
-        for profile in reference.profiles
-        for wheel in profile.wheels
-        if (wheel.stage, wheel.gear) == (own.stage, own.gear)
-    ]
+    patterns = [one for profile in reference.profiles if (one := own.same_in(profile.wheels))]
     if not patterns:
         return None
     loud = float(np.abs(own.amplitude).sum())

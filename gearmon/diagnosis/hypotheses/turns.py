@@ -27,7 +27,7 @@ from scipy.special import gammaincc, gammaln, stdtr
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
-from gearmon.diagnosis.law.patterns import GearPattern, turning
+from gearmon.diagnosis.law.patterns import GearPattern, turn_energy, turning
 from gearmon.diagnosis.results import ToothProfile
 from gearmon.signatures.measured.reference import WheelPattern
 
@@ -195,9 +195,7 @@ def _departure(new: WheelPattern, old: WheelPattern | None, near: int) -> Comple
 def _around(departure: ComplexArray, number: NDArray[np.int64], teeth: int) -> FloatArray:
     """Energy in windows of two teeth about places of the turn, over that of the median place."""
     steps = 1 << int(np.ceil(np.log2(4 * number.max(initial=1))))
-    lines = np.zeros((len(departure), steps), dtype=complex)
-    lines[:, number] = departure
-    energy = np.sum(np.abs(np.fft.ifft(lines, axis=1)) ** 2, axis=0)
+    energy = turn_energy(departure, number, steps)
     width = max(1, round(steps * _WINDOW_TEETH / teeth))
     windows = np.maximum(uniform_filter1d(energy, width, mode="wrap"), 0.0)
     return np.asarray(windows / max(float(np.median(windows)), _TINY))

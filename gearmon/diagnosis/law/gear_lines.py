@@ -33,6 +33,7 @@ from gearmon.diagnosis.law.patterns import (
     RANK,
     GearPattern,
     mesh_bands,
+    turn_energy,
 )
 from gearmon.signals.orders.lines import variance_of_mean
 from gearmon.signatures.measured.line_plan import WheelLines
@@ -380,9 +381,7 @@ class GearDeviation:
         steps = _STEPS * self.teeth
         energy = np.zeros(steps)
         for band, values in zip(self.bands, lines_of_bands, strict=True):
-            lines = np.zeros((len(values), steps), dtype=complex)
-            lines[:, band.number % steps] = values
-            energy += np.sum(np.abs(np.fft.ifft(lines, axis=1) * steps) ** 2, axis=0)
+            energy += turn_energy(values, band.number, steps)
         wide = 2 * _STEPS
         ends = np.concatenate([[0.0], np.cumsum(np.tile(energy, 3))])
         first = steps + np.arange(steps) + _WINDOW

@@ -133,6 +133,25 @@ def mesh_bands(teeth: int, top: int) -> list[IntArray]:
     return bands
 
 
+def turn_energy(lines: ComplexArray, number: IntArray, steps: int) -> FloatArray:
+    """Energy of lines at equal steps of the turn, all channels together.
+
+    Parameters
+    ----------
+    lines : ndarray of complex, shape (..., channels, lines)
+    number : ndarray of int, shape (lines,)
+        Multiples of the rotation.
+    steps : int
+
+    Returns
+    -------
+    ndarray of float, shape (..., steps)
+    """
+    folded = np.zeros((*lines.shape[:-1], steps), dtype=complex)
+    folded[..., number % steps] = lines
+    return np.asarray(np.sum(np.abs(np.fft.ifft(folded) * steps) ** 2, axis=-2))
+
+
 def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
     """Angle by which a healthy pattern must be turned, whatever one tooth does.
 
@@ -208,9 +227,7 @@ def _event(
         gain = np.sum(old.conj() * value / variance, axis=1)
         gain /= np.maximum(power, np.finfo(float).tiny)
         deviations.append(np.sqrt(variance))
-        folded = np.zeros((len(value), places), dtype=complex)
-        folded[:, band % places] = (value - gain[:, None] * old) / deviations[-1]
-        energy += np.sum(np.abs(np.fft.ifft(folded, axis=1) * places) ** 2, axis=0)
+        energy += turn_energy((value - gain[:, None] * old) / deviations[-1], band, places)
     wide = _EVENT_TEETH * _PLACES
     ends = np.cumsum(np.tile(energy, 2))
     window = ends[wide : wide + places] - ends[:places]
@@ -269,9 +286,7 @@ def _left_at_teeth(
         gain = np.sum(healthy.conj() * (value - healthy) / variance, axis=2)
         gain = 1.0 + gain / (power + 1.0 / GAIN**2)
         rest = (value - gain[:, :, None] * healthy) / np.sqrt(variance)
-        folded = np.zeros((*rest.shape[:2], teeth), dtype=complex)
-        folded[:, :, band % teeth] = rest
-        left += np.sum(np.abs(np.fft.ifft(folded, axis=2) * teeth) ** 2, axis=1)
+        left += turn_energy(rest, band, teeth)
     return left
 
 
