@@ -15,7 +15,7 @@ import numpy as np
 
 from gearmon.diagnosis.evidence import LIMITS, broadband_strength, false_alarm_probability, score_of
 from gearmon.diagnosis.hypotheses.turns import locate
-from gearmon.diagnosis.law import MachineDeviation
+from gearmon.diagnosis.law.machine import MachineDeviation
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
 from gearmon.diagnosis.verdict import fault_sentence, most_striking, not_found
 from gearmon.errors import GearmonError

@@ -41,7 +41,7 @@ from gearmon.diagnosis.hypotheses.turns import (
     runout_growth,
     turn_changes,
 )
-from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
+from gearmon.diagnosis.law.machine import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
 from gearmon.diagnosis.verdict import (

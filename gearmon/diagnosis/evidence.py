@@ -38,8 +38,8 @@ from gearmon.arrays import FloatArray
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
 from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear
 from gearmon.diagnosis.hypotheses.turns import RunoutGrowth
-from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.law.gear_lines import FULL_LOAD
+from gearmon.diagnosis.law.machine import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.nongear import NonGearFinding
 from gearmon.signatures.measured.line_plan import Family
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from gearmon.diagnosis.evidence import LIMITS, Evidence, noticed_from
 from gearmon.diagnosis.hypotheses.tooth_damage import find_tooth
-from gearmon.diagnosis.law import HealthyMachine
 from gearmon.diagnosis.law.gear_lines import LENGTH
+from gearmon.diagnosis.law.machine import HealthyMachine
 from gearmon.errors import check_type
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result

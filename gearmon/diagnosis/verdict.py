@@ -24,8 +24,7 @@ from gearmon.diagnosis.evidence import (
 from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
-from gearmon.diagnosis.law import LevelDeviation
-from gearmon.diagnosis.law.machine import SPEED_UNIT
+from gearmon.diagnosis.law.machine import SPEED_UNIT, LevelDeviation
 from gearmon.diagnosis.results import Change, Flag, ToothProfile
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine

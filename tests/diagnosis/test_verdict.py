@@ -15,7 +15,7 @@ from gearmon.diagnosis.fault_types.kinds import rule_probabilities
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, LossEstimate, ToothFinding
 from gearmon.diagnosis.hypotheses.turns import TurnChange, runout_growth
-from gearmon.diagnosis.law import LevelDeviation, MachineDeviation
+from gearmon.diagnosis.law.machine import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
 from gearmon.diagnosis.verdict import Flagging, fault_sentence, level_changes, reason, sentences
 from gearmon.signatures.measured.line_plan import Family

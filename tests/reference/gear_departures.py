@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
-from gearmon.diagnosis.law import GearDeviation, GearLaw, turned_alike
-from gearmon.diagnosis.law.gear_lines import BandDeviation
+from gearmon.diagnosis.law.gear_lines import BandDeviation, GearDeviation, GearLaw
+from gearmon.diagnosis.law.patterns import turned_alike
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.expected.tooth_response import tooth_response
 

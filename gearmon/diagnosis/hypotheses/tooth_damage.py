@@ -38,8 +38,8 @@ from gearmon.diagnosis.hypotheses.tooth_match import (
     search_gear,
     share_lines,
 )
-from gearmon.diagnosis.law import GearDeviation, MachineDeviation
-from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, FULL_LOAD, BandDeviation
+from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, FULL_LOAD, BandDeviation, GearDeviation
+from gearmon.diagnosis.law.machine import MachineDeviation
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.gears.damage import size_for_loss
 from gearmon.gears.faults import Fault

@@ -8,32 +8,10 @@ prediction by more than that variance is evidence of a change: `gear_lines` for 
 gear around its turn (`patterns` turns it to that of another recording), `machine` for families of
 lines and the spectrum between them.
 
->>> from gearmon.diagnosis.law import Kriging
+>>> from gearmon.diagnosis.law.gear_lines import Kriging
 >>> import numpy as np
 >>> alone = Kriging.of(np.zeros((1, 2)), np.array([0.5, 0.0]))
 >>> between = Kriging.of(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0.5, 0.0]))
 >>> between.weights.round(3).tolist(), bool(between.spread < alone.spread)
 ([0.5, 0.5], True)
 """
-
-from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, Kriging
-from gearmon.diagnosis.law.machine import (
-    HealthyMachine,
-    LevelDeviation,
-    MachineDeviation,
-    StateGauge,
-    level_deviation,
-)
-from gearmon.diagnosis.law.patterns import turned_alike
-
-__all__ = [
-    "GearDeviation",
-    "GearLaw",
-    "HealthyMachine",
-    "Kriging",
-    "LevelDeviation",
-    "MachineDeviation",
-    "StateGauge",
-    "level_deviation",
-    "turned_alike",
-]

@@ -10,8 +10,7 @@ import gearmon
 from gearmon.diagnosis.evidence import noticed_from
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard, loss_estimate
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
-from gearmon.diagnosis.law import GearDeviation
-from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation
+from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation, GearDeviation
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import tooth_response

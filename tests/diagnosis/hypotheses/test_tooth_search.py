@@ -23,7 +23,7 @@ from gearmon.diagnosis.hypotheses.tooth_match import (
     search_gear,
     share_lines,
 )
-from gearmon.diagnosis.law import GearDeviation
+from gearmon.diagnosis.law.gear_lines import GearDeviation
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import Fault
 from gearmon.gears.pairs import mesh_pairs

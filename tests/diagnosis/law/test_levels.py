@@ -10,8 +10,8 @@ from reference.small_gearbox import machine, recording
 
 from gearmon.diagnosis.analysis import learn
 from gearmon.diagnosis.evidence import path_change
-from gearmon.diagnosis.law import HealthyMachine, level_deviation
 from gearmon.diagnosis.law.gear_lines import FULL_LOAD, LENGTH
+from gearmon.diagnosis.law.machine import HealthyMachine, level_deviation
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.measured.reference import Profile
