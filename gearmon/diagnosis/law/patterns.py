@@ -140,7 +140,7 @@ def turn_energy(lines: ComplexArray, number: IntArray, steps: int) -> FloatArray
     ----------
     lines : ndarray of complex, shape (..., channels, lines)
     number : ndarray of int, shape (lines,)
-        Multiples of the rotation.
+        Multiples of the rotation; no two of them alike but for a multiple of `steps`.
     steps : int
 
     Returns
