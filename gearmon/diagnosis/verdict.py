@@ -22,7 +22,7 @@ from gearmon.diagnosis.evidence import (
     rare_strength,
 )
 from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
-from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
+from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
 from gearmon.diagnosis.law.machine import SPEED_UNIT, LevelDeviation
 from gearmon.diagnosis.results import Change, Flag, ToothProfile
@@ -106,15 +106,14 @@ class Flagging:
 
     def _of_finding(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag the departure that the search found: of one tooth, or of another kind."""
-        best, loss = finding.best, finding.loss
-        spread = departure_spread(best.search) if best.search is not None else None
+        best, loss, spread = finding.best, finding.loss, finding.best.spread
         around = best.deviation.peak < LIMITS.all_around * best.deviation.misfit
         if spread is not None:
             # an event that rings on around a small pinion is still one tooth's
             around = around and spread.explained < LIMITS.one_event
             around = around or spread.one_tooth < self._least_sure(best)
         if around:
-            return self._spread_flag(finding, spread, strength)
+            return self._spread_flag(finding, strength)
         (stage, gear), (tooth, _) = best.key, best.place
         evidence = [
             f"the {gear} of stage {stage} departs from its healthy pattern at tooth "
@@ -148,11 +147,9 @@ class Flagging:
         first, others = max(row["once_db"], row["twice_db"]), max(row["several_db"], 0.0)
         return _ONE_TOOTH_AND_RUNOUT if first - others > _RUNOUT_DB else _ONE_TOOTH
 
-    def _spread_flag(
-        self, finding: ToothFinding, spread: DepartureSpread | None, strength: float
-    ) -> Flag:
+    def _spread_flag(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag a departure that one tooth does not explain, by its kind where one is clear."""
-        stage, gear = finding.best.key
+        (stage, gear), spread = finding.best.key, finding.best.spread
         evidence = [f"the {gear} of stage {stage} departs from its healthy pattern around its turn"]
         if spread is not None:
             evidence += [_explained(spread), *_second_told(spread)]
@@ -183,8 +180,7 @@ class Flagging:
         if features is None or gear is None or gear not in features.gears:
             return None
         own = finding.of(*gear) if finding is not None else None
-        searched = own.search if own is not None else None
-        spread = departure_spread(searched) if searched is not None else None
+        spread = own.spread if own is not None else None
         judged = judge_kind(features, stage=gear[0], gear=gear[1], spread=spread)
         clear = judged.kind not in (NONE, "tooth damage") and judged.probability >= _NAMED
         return judged if clear else None

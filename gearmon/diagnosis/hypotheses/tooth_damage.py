@@ -28,6 +28,7 @@ from functools import cached_property
 import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
 from gearmon.diagnosis.hypotheses.tooth_match import (
     DECAY_S,
     LOSSES,
@@ -169,6 +170,11 @@ class GearEvidence:
         where the first healthy recording begins.
         """
         return "tacho" if self.deviation.same_zero else "reference"
+
+    @cached_property
+    def spread(self) -> DepartureSpread | None:
+        """How far the departure is one tooth's; None without a template."""
+        return departure_spread(self.search) if self.search is not None else None
 
     @property
     def log_factor(self) -> float:
