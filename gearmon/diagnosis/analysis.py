@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.diagnosis import verdict
 from gearmon.diagnosis.alone import (
     Indicators,
     judged_alone,
@@ -29,30 +30,16 @@ from gearmon.diagnosis.evidence import (
     tooth_strength,
 )
 from gearmon.diagnosis.fault_types.kinds import kind_features
+from gearmon.diagnosis.hypotheses import turns
 from gearmon.diagnosis.hypotheses.tooth_damage import (
     GearEvidence,
     ToothFinding,
     find_tooth,
     told_losses,
 )
-from gearmon.diagnosis.hypotheses.turns import (
-    TurnChange,
-    healthy_turns,
-    runout_growth,
-    turn_changes,
-)
 from gearmon.diagnosis.law.machine import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
-from gearmon.diagnosis.verdict import (
-    Flagging,
-    level_changes,
-    limits,
-    not_found,
-    reason,
-    size_note,
-    unheard,
-)
 from gearmon.errors import check_range
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
@@ -294,33 +281,33 @@ class _Compared:
         return (*noted, *recording_notes(self.signature, self.reference))
 
     @cached_property
-    def turns(self) -> tuple[TurnChange, ...]:
+    def sidebands(self) -> tuple[turns.TurnChange, ...]:
         """Changes of single sidebands."""
-        return turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
+        return turns.turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
     def judged(self, indicators: Indicators, must_notice: float) -> Analysis:
         """Weigh all evidence and judge."""
         signature = self.signature
         evidence = self.evidence()
         families, shared = self._families(evidence.deviation), self.known.channel_names
-        changes = level_changes(evidence.deviation.levels, shared, families)
+        changes = verdict.level_changes(evidence.deviation.levels, shared, families)
         profiles = self._profiles(evidence)
         silent = [name for name in self.reference.channel_names if name not in shared]
-        deaf = unheard(evidence, self.machine, silent, must_notice)
-        verdict = decide(evidence, deaf)
+        deaf = verdict.unheard(evidence, self.machine, silent, must_notice)
+        answer = decide(evidence, deaf)
         flags: tuple[Flag, ...] = ()
-        if verdict == "fault":
-            flags = Flagging(
+        if answer == "fault":
+            flags = verdict.Flagging(
                 evidence=evidence,
                 machine=self.machine,
                 changes=changes,
-                features=kind_features(changes, profiles, self.turns),
+                features=kind_features(changes, profiles, self.sidebands),
             ).flags()
         return Analysis(
             recording=signature.origin,
             machine=self.machine.name,
-            verdict=verdict,
-            reason=reason(verdict, evidence, flags, changes, profiles, deaf),
+            verdict=answer,
+            reason=verdict.reason(answer, evidence, flags, changes, profiles, deaf),
             score=score_of(evidence.strength),
             false_alarm_probability=evidence.probability,
             compared_with="reference",
@@ -332,9 +319,9 @@ class _Compared:
             warnings=(
                 *signature.notes,
                 *self.notes,
-                *limits(signature, self.reference),
-                *not_found(signature),
-                *size_note(evidence),
+                *verdict.limits(signature, self.reference),
+                *verdict.not_found(signature),
+                *verdict.size_note(evidence),
             ),
             foreign=evidence.nongear,
         )
@@ -358,7 +345,7 @@ class _Compared:
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),
-            runout=runout_growth(self.turns, _healthy_turns(self.known), deviation.gap),
+            runout=turns.runout_growth(self.sidebands, _healthy_turns(self.known), deviation.gap),
             nongear=nongear,
             references=len(self.reference.profiles),
             angle=signature.track.uncertainty_turns
@@ -425,5 +412,5 @@ _law_of = lru_cache(maxsize=4)(HealthyMachine.of)
 
 
 @lru_cache(maxsize=4)
-def _healthy_turns(reference: Reference) -> tuple[tuple[TurnChange, ...], ...]:
-    return healthy_turns([profile.wheels for profile in reference.profiles])
+def _healthy_turns(reference: Reference) -> tuple[tuple[turns.TurnChange, ...], ...]:
+    return turns.healthy_turns([profile.wheels for profile in reference.profiles])

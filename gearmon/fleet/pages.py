@@ -303,7 +303,7 @@ def _beside(fleet: Fleet, machine: FleetMachine, recordings: int) -> list[dict[s
 
 @lru_cache(maxsize=16)
 def _drawn(found: HistoryTrends) -> bytes:
-    from gearmon.report.history_plots import history_figure
+    from gearmon.report.analysis_plots import history_figure
     from gearmon.report.plots import as_png
 
     with _DRAWING:

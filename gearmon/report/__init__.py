@@ -59,8 +59,7 @@ _OFFERED = {
     "wording": ("rows_as_csv", "table_lines"),
     "survey_text": ("exposure_lines", "harvest_lines", "write_exposure_report"),
     "plots": ("Picture", "save", "save_all"),
-    "analysis_plots": ("analysis_figures",),
-    "history_plots": ("history_figure",),
+    "analysis_plots": ("analysis_figures", "history_figure"),
     "expected_plots": ("stability_figure",),
 }
 __all__ = sorted(name for names in _OFFERED.values() for name in names)

@@ -17,7 +17,7 @@ from gearmon.dynamics.tongues import stability_map
 from gearmon.errors import ArgumentError
 from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 from gearmon.machine import load_machine
-from gearmon.report.analysis_plots import analysis_figures, kind_figure
+from gearmon.report.analysis_plots import analysis_figures, day_figure, kind_figure
 from gearmon.report.expected_plots import (
     family_figure,
     form_figure,
@@ -25,7 +25,6 @@ from gearmon.report.expected_plots import (
     stability_figure,
     stiffness_figures,
 )
-from gearmon.report.history_plots import day_figure
 from gearmon.report.plots import as_png
 from gearmon.report.recording_plots import (
     average_figures,

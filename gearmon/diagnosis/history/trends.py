@@ -441,7 +441,7 @@ class HistoryTrends(Result):
         What limits the answer.
     """
 
-    picture = "history_plots.history_figure"
+    picture = "analysis_plots.history_figure"
 
     history: History
     teeth: tuple[ToothTrend, ...]
