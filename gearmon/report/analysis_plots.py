@@ -20,26 +20,9 @@ from gearmon.arrays import FloatArray
 from gearmon.diagnosis.history.changes import LEVEL, ChangePoint
 from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
-from gearmon.report import plots
-from gearmon.report.curves import (
-    extremes,
-    flagged_place,
-    peak_place,
-    profile_of,
-    tooth_numbers,
-    turn_waveform,
-)
+from gearmon.report import curves, plots, wording
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
 from gearmon.report.text import BEYOND, is_beyond, told_teeth
-from gearmon.report.wording import (
-    counted,
-    gear_text,
-    shaft_text,
-    shortened,
-    strip_label,
-    told_apart,
-    unit_text,
-)
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra.spectrum import fast_length
 from gearmon.signatures.measured.line_plan import Family, WheelLines
@@ -131,20 +114,20 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
     pattern = WheelPattern.of(wheel, signature.lines)
     # eight points a cycle of the highest line draw its crests within a tenth
     points = fast_length(8 * (int(wheel.number.max()) + 1))
-    average, rest = (turn_waveform(pattern, points, mesh=mesh) for mesh in (True, False))
+    average, rest = (curves.turn_waveform(pattern, points, mesh=mesh) for mesh in (True, False))
     power = np.mean(average**2, axis=1)
     channels = sorted(np.argsort(-power, kind="stable")[:_MOST_CHANNELS].tolist())
-    profile = profile_of(analysis, wheel.stage, wheel.gear)
-    flagged = flagged_place(analysis, wheel.stage, wheel.gear)
+    profile = curves.profile_of(analysis, wheel.stage, wheel.gear)
+    flagged = curves.flagged_place(analysis, wheel.stage, wheel.gear)
     heights = [0.56 if len(channels) > 2 else 0.8] * len(channels)
     figure, axes = plots.stack([*heights, *([0.85] if profile else [])], sharex=True)
-    number = tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
+    number = curves.tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
     order = np.argsort(number, kind="stable")
     for channel, ax in zip(channels, axes, strict=False):
         _mark_flagged(flagged, ax)
         _plot_turn(number[order], average[channel, order], rest[channel, order], ax)
-        unit = unit_text(signature.units[channel])
-        ax.set_ylabel(strip_label(signature.channel_names[channel], unit), fontsize=7)
+        unit = wording.unit_text(signature.units[channel])
+        ax.set_ylabel(wording.strip_label(signature.channel_names[channel], unit), fontsize=7)
     if profile is not None:
         _mark_flagged(flagged, axes[-1])
         _plot_teeth(profile, flagged is not None, axes[-1])
@@ -161,7 +144,7 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
         f"turn-{wheel.stage}-{wheel.gear}",
         wheel=wheel,
         profile=profile,
-        place=None if profile is None else round(peak_place(profile)),
+        place=None if profile is None else round(curves.peak_place(profile)),
         flagged=flagged is not None,
         at_length=at_length,
         channels=len(signature.channel_names),
@@ -180,12 +163,12 @@ def _plot_turn(number: FloatArray, average: FloatArray, rest: FloatArray, ax: Ax
 def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     """Draw the energy of the deviation by tooth as bars; name the flagged tooth, or the highest."""
     teeth, top = profile.teeth, float(profile.energy.max())
-    number = tooth_numbers(np.arange(float(teeth)), profile, teeth)
+    number = curves.tooth_numbers(np.arange(float(teeth)), profile, teeth)
     peak = int(np.argmax(profile.energy))
     place, ratio = number[peak], top
     colours = [plots.SKY] * teeth
     if flagged:  # found by its form, which may be clearest beside the highest bar
-        place, ratio = peak_place(profile), profile.ratio
+        place, ratio = curves.peak_place(profile), profile.ratio
         peak = int(np.argmin(np.abs(number - place)))
         colours[peak] = plots.VERMILLION
     ax.bar(number, profile.energy, width=0.8, color=colours, edgecolor=plots.BLACK, linewidth=0.3)
@@ -222,7 +205,7 @@ def speed_figure(analysis: Analysis) -> plots.Picture:
     Picture
     """
     track, speed = analysis.signature.track, analysis.signature.speed
-    time_s, speed_hz = extremes(0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz)
+    time_s, speed_hz = curves.extremes(0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz)
     if len(time_s) == 1:
         time_s, speed_hz = track.time_s, np.repeat(speed_hz, 2)
     figure, (ax,) = plots.stack([1.4])
@@ -264,7 +247,7 @@ def family_groups(families: Sequence[Family]) -> list[FamilyGroup]:
         of_stage = [one for one in groups.values() if one[0].stage == stage]
         # two spacings of one gear in one stage are told apart by their order
         spacings = [one[0].spacing for one in of_stage]
-        names = told_apart([_label(one[0]) for one in of_stage], spacings)
+        names = wording.told_apart([_label(one[0]) for one in of_stage], spacings)
         result += [(stage, name, one) for name, one in zip(names, of_stage, strict=True)]
     return result
 
@@ -272,7 +255,7 @@ def family_groups(families: Sequence[Family]) -> list[FamilyGroup]:
 def _label(family: Family) -> str:
     if family.kind == "mesh":
         return f"mesh {family.stage}"
-    return f"{family.kind}, {shaft_text(family.shaft, family.gear)}"
+    return f"{family.kind}, {wording.shaft_text(family.shaft, family.gear)}"
 
 
 @plots.style()
@@ -339,7 +322,7 @@ def _plot_changes(
     ax.spines[:].set_visible(False)
     for block, channel in enumerate(channels):
         middle = (block + 0.5) * len(harmonics) - 0.5
-        plots.above(ax, middle, shortened(channel), fontweight="bold", fontsize=7.5)
+        plots.above(ax, middle, wording.shortened(channel), fontweight="bold", fontsize=7.5)
     return image
 
 
@@ -454,7 +437,7 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
 def _others_label(others: Sequence[ToothTrend], beside_shown: bool) -> str:
     """Say what the grey lines are: a line above the limit need not be a loss."""
     other = "other " if beside_shown else ""
-    name = counted(len(others), f"{other}tooth", f"{other}teeth")
+    name = wording.counted(len(others), f"{other}tooth", f"{other}teeth")
     return name if any(tooth.stands for tooth in others) else f"{name}, no loss clear of noise"
 
 
@@ -475,7 +458,7 @@ def _estimates(tooth: ToothTrend, number: int, more: str, ax: Axes) -> None:
     series, colour = tooth.trend.series, plots.series_colour(number)
     # the recordings' own 90 % intervals
     reach = np.maximum([series.value - tooth.low, tooth.high - series.value], 0.0)
-    name = gear_text(tooth.stage, tooth.gear, tooth.tooth)
+    name = wording.gear_text(tooth.stage, tooth.gear, tooth.tooth)
     how: dict[str, Any] = {"fmt": plots.series_marker(number), "markersize": 3.2}
     how |= {"color": colour, "elinewidth": 0.6, "label": name + more}
     ax.errorbar(_days(series.time_s), 100 * series.value, yerr=100 * reach, **how)

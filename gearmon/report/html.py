@@ -23,19 +23,7 @@ from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
-from gearmon.report import curves, text
-from gearmon.report.wording import (
-    as_data,
-    base64_text,
-    chart_script,
-    digest,
-    gear_text,
-    printable,
-    report_style,
-    shaft_text,
-    template,
-    unit_text,
-)
+from gearmon.report import curves, text, wording
 from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import order_map
 from gearmon.signals.recording import Recording
@@ -151,8 +139,8 @@ def write_report(
     verdict, counts = "", ""
     if analyses and len(analyses) + len(failures) > 1:
         verdict, counts = text.overall(analyses, len(failures))
-    script, styles = chart_script(), report_style()
-    page = template("analysis.html").render(
+    script, styles = wording.chart_script(), wording.report_style()
+    page = wording.template("analysis.html").render(
         text=text,
         machine=machine,
         reference=reference,
@@ -166,8 +154,8 @@ def write_report(
         # these three are ours, or escaped above: the template lets them through as they are
         styles=styles,
         script=script,
-        data=as_data(charts),
-        allowed={"script": digest(script), "style": digest(styles)},
+        data=wording.as_data(charts),
+        allowed={"script": wording.digest(script), "style": wording.digest(styles)},
     )
     write_atomically(target, page)
     return [target, *written]
@@ -198,9 +186,9 @@ def _pictures(
         told = {
             "title": figure.heading,
             "caption": figure.caption,
-            "alt": printable(figure.alt),
+            "alt": wording.printable(figure.alt),
         }
-        shown.append(told | {"data": base64_text(png)})
+        shown.append(told | {"data": wording.base64_text(png)})
     return shown, files
 
 
@@ -246,7 +234,11 @@ def _recording_charts(
     channels = zip(signature.channel_names, signature.units, strict=True)
     return {
         "channels": [
-            {"name": printable(name), "unit": unit_text(unit), "colour": _colour(row)}
+            {
+                "name": wording.printable(name),
+                "unit": wording.unit_text(unit),
+                "colour": _colour(row),
+            }
             for row, (name, unit) in enumerate(channels)
         ][:_MOST_CHANNELS],
         "speed_hz": signature.speed.estimated_hz,
@@ -264,7 +256,7 @@ def _colour(number: int) -> str:
 
 def _numbers(values: ArrayLike) -> str:
     """Return numbers in the four bytes that a script reads fastest, as text."""
-    return base64_text(np.asarray(values, dtype="<f4").tobytes())
+    return wording.base64_text(np.asarray(values, dtype="<f4").tobytes())
 
 
 def _curve(values: FloatArray, layer: str, channel: int | None, **more: Any) -> dict[str, Any]:
@@ -274,7 +266,7 @@ def _curve(values: FloatArray, layer: str, channel: int | None, **more: Any) -> 
 def _wave(values: FloatArray, layer: str, channel: int, **more: Any) -> dict[str, Any]:
     """Give a waveform in steps of its height over 32767, which no screen shows."""
     top = max(float(np.abs(values).max()), 1e-300)
-    steps = base64_text(np.rint(32_767 * values / top).astype("<i2").tobytes())
+    steps = wording.base64_text(np.rint(32_767 * values / top).astype("<i2").tobytes())
     return {"layer": layer, "channel": channel, "top": top, "values": steps, **more}
 
 
@@ -370,7 +362,7 @@ def _shades(amplitude: FloatArray) -> dict[str, Any]:
     """Return a map as bytes, 255 at its highest value and 0 some decades below."""
     top = max(float(amplitude.max()), 1e-300)
     level = 1.0 + np.log10(np.maximum(amplitude / top, 1e-9)) / _MAP_DECADES
-    shades = base64_text(np.rint(255 * np.clip(level, 0.0, 1.0)).astype(np.uint8).tobytes())
+    shades = wording.base64_text(np.rint(255 * np.clip(level, 0.0, 1.0)).astype(np.uint8).tobytes())
     return {"top": top, "decades": _MAP_DECADES, "shades": shades}
 
 
@@ -491,7 +483,7 @@ def _group(family: Family) -> str:
     if family.kind == "mesh":
         return f"mesh {family.stage}"
     what = "sidebands" if family.kind == "sidebands" else "other multiples"
-    return f"{what} of {shaft_text(family.shaft, family.gear)}"
+    return f"{what} of {wording.shaft_text(family.shaft, family.gear)}"
 
 
 def _groups(families: Sequence[Family]) -> list[str]:
@@ -542,7 +534,7 @@ def history_charts(
     shared = {"axis": "Time (UTC)", "kind": "history", "times": times.tolist()}
     drawn, changes, top = [], [], 0.0
     for number, tooth in enumerate(text.told_teeth(found)[:_STRONGEST]):
-        own: dict[str, Any] = {"layer": gear_text(tooth.stage, tooth.gear, tooth.tooth)}
+        own: dict[str, Any] = {"layer": wording.gear_text(tooth.stage, tooth.gear, tooth.tooth)}
         own |= {"channel": None, "colour": _colour(number)}
         estimated = np.searchsorted(times, tooth.trend.series.time_s)
         estimates = np.full((3, len(times)), np.nan)
@@ -562,14 +554,14 @@ def history_charts(
     scores = np.array([entry.score for entry in entries])
     of = np.array([(classes or {}).get(entry.time_s, "") for entry in entries])
     scored = [
-        _curve(np.where(of == name, scores, np.nan), printable(name) or "score", None)
+        _curve(np.where(of == name, scores, np.nan), wording.printable(name) or "score", None)
         | {"colour": _colour(number), "dots": len(set(of)) > 1}
         for number, name in enumerate(sorted(set(of.tolist())))
     ]
     named = {"name": "history-score", "title": "Evidence of a fault", "value": "Score"}
     rose = {"curves": scored, "changes": _changes(found.evidence.changes)}
     charts.append(shared | named | rose)
-    words = [f"{printable(entry.recording)}: {entry.verdict}" for entry in entries]
+    words = [f"{wording.printable(entry.recording)}: {entry.verdict}" for entry in entries]
     return {"channels": [], "speed_hz": 0.0, "lines": None, "told": words, "charts": charts}
 
 
