@@ -246,6 +246,17 @@ def test_what_does_not_come_again_is_no_tooth():
     assert not flags_of(once)
 
 
+def test_what_could_not_be_heard_leaves_the_answer_open_and_is_said():
+    found, deaf = evidence(), "Damage of the gear might have gone unnoticed."
+    assert decide(found) == "healthy"
+    assert decide(found, deaf) == "cannot tell"
+    told = reason("cannot tell", found, (), (), (), deaf)
+    assert told.startswith(
+        f"Nothing speaks against the machine, but not all of it was heard. {deaf}"
+    )
+    assert decide(evidence(lines=4.0), deaf) == "fault"
+
+
 @pytest.mark.parametrize(("heavy", "verdict"), [(0.6, "healthy"), (0.9, "cannot tell")])
 def test_a_mesh_far_louder_than_any_learned_load_leaves_the_answer_open(heavy, verdict):
     found = evidence(heavy=heavy)

@@ -17,6 +17,7 @@ from gearmon.diagnosis.hypotheses.tooth_damage import (
 )
 from gearmon.diagnosis.hypotheses.tooth_match import (
     LOSSES,
+    _by_cells,
     log_mean,
     most_likely,
     path_power,
@@ -292,6 +293,14 @@ def test_events_at_every_tooth_that_a_pinion_s_meets_are_the_pinion_s(sizes, bla
     best, _ = most_likely(list(found.values()))
     assert best is found[blamed]
     assert best.best + 1 == 7
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_that_only_the_slower_gear_has_tell_the_two_apart(seed):
+    """Where they are silent the faster gear is to blame, where they are heard the slower."""
+    one, three = (of_whole_ratio(s, seed) for s in ((1.0, 0.0, 0.0), (1.0, 1.0, 1.0)))
+    assert _by_cells(one["gear"], one["pinion"], 3) > 2.0
+    assert _by_cells(three["gear"], three["pinion"], 3) < -20.0
 
 
 def test_an_event_that_comes_again_tells_as_much_as_each_of_its_places():
