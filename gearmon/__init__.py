@@ -69,7 +69,7 @@ __version__ = "0.1.0"
 
 _OFFERED = {
     "diagnosis.analysis": ("analyse", "learn"),
-    "diagnosis.fault_types.judgement": ("features",),
+    "diagnosis.fault_types.kinds": ("features",),
     "diagnosis.fault_types.training": ("train_kinds",),
     "diagnosis.reference_check": ("check_reference",),
     "diagnosis.results": ("Analysis",),
@@ -102,7 +102,7 @@ __all__ = ["__version__", *sorted(name for names in _OFFERED.values() for name i
 if TYPE_CHECKING:
     from gearmon.diagnosis.analysis import analyse as analyse
     from gearmon.diagnosis.analysis import learn as learn
-    from gearmon.diagnosis.fault_types.judgement import features as features
+    from gearmon.diagnosis.fault_types.kinds import features as features
     from gearmon.diagnosis.fault_types.training import train_kinds as train_kinds
     from gearmon.diagnosis.reference_check import check_reference as check_reference
     from gearmon.diagnosis.results import Analysis as Analysis

@@ -49,9 +49,8 @@ from gearmon.diagnosis.history import append, entry_of, read_history, read_lates
 from gearmon.errors import GearmonError, RecordingError
 from gearmon.exposure import load_day
 from gearmon.fleet import alarms, deliver, read_fleet, run_fleet
-from gearmon.fleet.ledger import write_results
+from gearmon.fleet.ledger import rank, write_results
 from gearmon.fleet.plan import Fleet, arrived
-from gearmon.fleet.rank import rank
 from gearmon.harvesting.tuning import load_harvester
 from gearmon.machine import load_machine
 from gearmon.signals.reading import Wanted, interpret

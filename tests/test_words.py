@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 from gearmon.commands.command import words
 from gearmon.demos import story_of
-from gearmon.report.history_text import moment_text
+from gearmon.report.text import moment_text
 
 
 def test_a_crack_that_was_not_found_is_told_as_such(tmp_path):

@@ -35,7 +35,7 @@ from gearmon.benchmark.detection_machines import (
 )
 from gearmon.benchmark.timing import Row, task_time
 from gearmon.diagnosis.analysis import analyse, learn
-from gearmon.diagnosis.hypotheses.own_teeth import aligned, departure_energy
+from gearmon.diagnosis.hypotheses.turns import aligned, departure_energy
 from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.errors import GearmonError, check_range
 from gearmon.signals import indicators

@@ -214,7 +214,7 @@ def kinds(arguments: Namespace) -> int:
     classifier, trained = _classifier(arguments)
 
     def kind_of(path: str) -> dict[str, Any]:
-        from gearmon.diagnosis.fault_types.judgement import kind_of_analysis
+        from gearmon.diagnosis.fault_types.kinds import kind_of_analysis
 
         assert reference is not None
         analysis = gearmon.analyse(recording_of(path, arguments), machine, reference)
@@ -239,7 +239,7 @@ def kinds(arguments: Namespace) -> int:
 def _classifier(arguments: Namespace) -> tuple[KindClassifier, bool]:
     """Read the classifier that is named, or train it and keep it under that name."""
     from gearmon.diagnosis.fault_types.classifier import read_kinds, write_kinds
-    from gearmon.diagnosis.fault_types.features import NAMES
+    from gearmon.diagnosis.fault_types.kinds import NAMES
     from gearmon.diagnosis.fault_types.training import EXAMPLES_BETWEEN
     from gearmon.signatures.measured.reference import tooth_counts
 
@@ -457,7 +457,7 @@ def _serve(arguments: Namespace, fleet: Fleet) -> int:
 
 
 def _rank(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet.rank import compare, rank
+    from gearmon.fleet.ledger import compare, rank
 
     rows = {"rank": rank, "compare": compare}[arguments.action](fleet)
     result = {"fleet": fleet.name, "rows": rows}

@@ -25,7 +25,7 @@ from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file, recorded, story_of
 from gearmon.diagnosis.history.store import read_latest
 from gearmon.files import write_atomically
-from gearmon.fleet.alarm import alarms
+from gearmon.fleet.ledger import alarms
 from gearmon.fleet.plan import Fleet, read_fleet
 from gearmon.fleet.run import run_fleet
 from gearmon.harvesting import load_harvester, survey_measured

@@ -20,13 +20,12 @@ from gearmon import report
 from gearmon.arrays import FloatArray
 from gearmon.demos import Demo, given_file, recorded, told
 from gearmon.diagnosis import history as histories
-from gearmon.diagnosis.decision import LIMITS
-from gearmon.diagnosis.fault_types.judgement import analysis_features, judge_kind
+from gearmon.diagnosis.evidence import LIMITS
+from gearmon.diagnosis.fault_types.kinds import analysis_features, judge_kind
 from gearmon.files import write_atomically
 from gearmon.machine.parts import example_machine
-from gearmon.report.analysis_plots import kind_figure
-from gearmon.report.history_plots import day_figure
-from gearmon.report.history_text import moment_text
+from gearmon.report.analysis_plots import day_figure, kind_figure
+from gearmon.report.text import moment_text
 from gearmon.report.wording import percent
 from gearmon.terminal import Progress, followed, part_of
 

@@ -1,7 +1,8 @@
 """What can be said of a recording that nothing is compared with: no reference, or no mesh.
 
-Without a healthy reference every tooth is held against the others of its gear (`own_teeth`). Where
-no mesh stands out nothing is known of any gear; beside a reference that shows one this is a change.
+Without a healthy reference every tooth is held against the others of its gear
+(`hypotheses.turns`). Where no mesh stands out nothing is known of any gear; beside a reference that
+shows one this is a change.
 """
 
 from __future__ import annotations
@@ -12,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.decision.evidence import broadband_strength, score_of
-from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
-from gearmon.diagnosis.decision.words import fault_sentence, most_striking, not_found
-from gearmon.diagnosis.hypotheses.own_teeth import locate
-from gearmon.diagnosis.law import MachineDeviation
+from gearmon.diagnosis.evidence import LIMITS, broadband_strength, false_alarm_probability, score_of
+from gearmon.diagnosis.hypotheses.turns import locate
+from gearmon.diagnosis.law.machine import MachineDeviation
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
+from gearmon.diagnosis.verdict import fault_sentence, most_striking, not_found
 from gearmon.errors import GearmonError
 from gearmon.machine import Machine
 from gearmon.signatures.measured.measurement import MeasuredSignature

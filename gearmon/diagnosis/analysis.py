@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from gearmon.diagnosis import verdict
 from gearmon.diagnosis.alone import (
     Indicators,
     judged_alone,
@@ -18,33 +19,25 @@ from gearmon.diagnosis.alone import (
     own_teeth_flags,
     without_mesh,
 )
-from gearmon.diagnosis.decision.evidence import (
+from gearmon.diagnosis.evidence import (
+    LIMITS,
     Evidence,
     decide,
+    false_alarm_probability,
     noticed_from,
+    path_change,
     score_of,
     tooth_strength,
-    unheard,
 )
-from gearmon.diagnosis.decision.flags import Flagging, level_changes
-from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
-from gearmon.diagnosis.decision.words import limits, not_found, reason, size_note
-from gearmon.diagnosis.fault_types.features import kind_features
-from gearmon.diagnosis.hypotheses.changed_path import path_change
-from gearmon.diagnosis.hypotheses.runout import (
-    TurnChange,
-    healthy_turns,
-    runout_growth,
-    turn_changes,
-)
+from gearmon.diagnosis.fault_types.kinds import kind_features
+from gearmon.diagnosis.hypotheses import turns
 from gearmon.diagnosis.hypotheses.tooth_damage import (
     GearEvidence,
     ToothFinding,
     find_tooth,
-    place,
     told_losses,
 )
-from gearmon.diagnosis.law import HealthyMachine, MachineDeviation
+from gearmon.diagnosis.law.machine import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
 from gearmon.errors import check_range
@@ -288,32 +281,33 @@ class _Compared:
         return (*noted, *recording_notes(self.signature, self.reference))
 
     @cached_property
-    def turns(self) -> tuple[TurnChange, ...]:
+    def sidebands(self) -> tuple[turns.TurnChange, ...]:
         """Changes of single sidebands."""
-        return turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
+        return turns.turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
     def judged(self, indicators: Indicators, must_notice: float) -> Analysis:
         """Weigh all evidence and judge."""
         signature = self.signature
         evidence = self.evidence()
         families, shared = self._families(evidence.deviation), self.known.channel_names
-        changes = level_changes(evidence.deviation.levels, shared, families)
+        changes = verdict.level_changes(evidence.deviation.levels, shared, families)
         profiles = self._profiles(evidence)
         silent = [name for name in self.reference.channel_names if name not in shared]
-        decision = decide(evidence, unheard(evidence, self.machine, silent, must_notice))
+        deaf = verdict.unheard(evidence, self.machine, silent, must_notice)
+        answer = decide(evidence, deaf)
         flags: tuple[Flag, ...] = ()
-        if decision.verdict == "fault":
-            flags = Flagging(
+        if answer == "fault":
+            flags = verdict.Flagging(
                 evidence=evidence,
                 machine=self.machine,
                 changes=changes,
-                features=kind_features(changes, profiles, self.turns),
+                features=kind_features(changes, profiles, self.sidebands),
             ).flags()
         return Analysis(
             recording=signature.origin,
             machine=self.machine.name,
-            verdict=decision.verdict,
-            reason=reason(decision, evidence, flags, changes, profiles, must_notice),
+            verdict=answer,
+            reason=verdict.reason(answer, evidence, flags, changes, profiles, deaf),
             score=score_of(evidence.strength),
             false_alarm_probability=evidence.probability,
             compared_with="reference",
@@ -325,16 +319,16 @@ class _Compared:
             warnings=(
                 *signature.notes,
                 *self.notes,
-                *limits(signature, self.reference),
-                *not_found(signature),
-                *size_note(evidence),
+                *verdict.limits(signature, self.reference),
+                *verdict.not_found(signature),
+                *verdict.size_note(evidence),
             ),
             foreign=evidence.nongear,
         )
 
     def evidence(self) -> Evidence:
         """Weigh what speaks against a healthy machine."""
-        signature, healthy = self.signature, self.healthy
+        signature = self.signature
         nongear = nongear_findings(self.own, self.known, kinematics(self.machine))
         striking = [f for f in nongear if f.false_alarm_probability < LIMITS.rare]
         mask = disturbed(signature.plan.orders, striking, 2.0 / signature.lines.block_turns)
@@ -342,8 +336,8 @@ class _Compared:
             family.name for family in signature.plan.families if mask[list(family.lines)].any()
         ]
         whole = len(disturbed_families) == len(signature.plan.families)
-        deviation = healthy.deviation(self.own, () if whole else disturbed_families)
-        finding = find_tooth(self.own, deviation, healthy, self.machine)
+        deviation = self.healthy.deviation(self.own, () if whole else disturbed_families)
+        finding = find_tooth(self.own, deviation, self.machine)
         return Evidence(
             deviation=deviation,
             finding=finding,
@@ -351,7 +345,7 @@ class _Compared:
             recurrence=self._recurrence(finding),
             knocks=signature.lines.knocked,
             path=path_change(deviation.levels, self._families(deviation)),
-            runout=runout_growth(self.turns, _healthy_turns(self.known), deviation.gap),
+            runout=turns.runout_growth(self.sidebands, _healthy_turns(self.known), deviation.gap),
             nongear=nongear,
             references=len(self.reference.profiles),
             angle=signature.track.uncertainty_turns
@@ -384,9 +378,8 @@ class _Compared:
         self, gear: GearEvidence, finding: ToothFinding, evidence: Evidence
     ) -> ToothProfile:
         deviation = gear.deviation
-        indexed = self.healthy.indexed(self.own, *gear.key)
-        tooth, position = place(gear, indexed)
-        losses = told_losses(finding, gear, indexed)
+        tooth, position = gear.place
+        loss, sigma = told_losses(finding, gear)
         strength = tooth_strength(gear.believed)
         probability = false_alarm_probability(strength, evidence.references, evidence.deviation.gap)
         return ToothProfile(
@@ -400,9 +393,9 @@ class _Compared:
             ratio=deviation.peak,
             log10_probability=float(np.log10(probability)),
             against="reference",
-            counted_from="tacho" if indexed else "reference",
-            loss_by_tooth=losses[0] if losses else None,
-            loss_sigma_by_tooth=losses[1] if losses else None,
+            counted_from=gear.counted_from,
+            loss_by_tooth=loss,
+            loss_sigma_by_tooth=sigma,
             noticed_from=noticed_from(gear),
         )
 
@@ -419,5 +412,5 @@ _law_of = lru_cache(maxsize=4)(HealthyMachine.of)
 
 
 @lru_cache(maxsize=4)
-def _healthy_turns(reference: Reference) -> tuple[tuple[TurnChange, ...], ...]:
-    return healthy_turns([profile.wheels for profile in reference.profiles])
+def _healthy_turns(reference: Reference) -> tuple[tuple[turns.TurnChange, ...], ...]:
+    return turns.healthy_turns([profile.wheels for profile in reference.profiles])

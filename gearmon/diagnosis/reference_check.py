@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.decision.evidence import Evidence, noticed_from
-from gearmon.diagnosis.decision.thresholds import LIMITS
+from gearmon.diagnosis.evidence import LIMITS, Evidence, noticed_from
 from gearmon.diagnosis.hypotheses.tooth_damage import find_tooth
-from gearmon.diagnosis.law import HealthyMachine
-from gearmon.diagnosis.law.state import LENGTH
+from gearmon.diagnosis.law.gear_lines import LENGTH
+from gearmon.diagnosis.law.machine import HealthyMachine
 from gearmon.errors import check_type
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
@@ -130,7 +129,7 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
         others = (*reference.profiles[:number], *reference.profiles[number + 1 :])
         law = HealthyMachine.of(replace(reference, profiles=others or (own,)), machine)
         deviation = law.deviation(own)
-        finding = find_tooth(own, deviation, law, machine)
+        finding = find_tooth(own, deviation, machine)
         evidence = Evidence(deviation=deviation, finding=finding, references=max(1, len(others)))
         recordings.append(
             CheckedRecording(

@@ -34,36 +34,21 @@ False
 True
 """
 
-from gearmon.exposure.day import DayExposure, DayPlan, Job, exposure_day, load_day, sum_up
-from gearmon.exposure.gearbox import GearShare, gear_share
-from gearmon.exposure.measures import (
-    LIMITS,
-    POSITIONS,
-    Exposure,
-    Limits,
-    SeatFactor,
-    seat_factor,
-    vibration_exposure,
-)
-from gearmon.exposure.weighting import WEIGHTINGS, Weighting, frequency_weighting
+from gearmon.lazy import lazily
 
-__all__ = [
-    "LIMITS",
-    "POSITIONS",
-    "WEIGHTINGS",
-    "DayExposure",
-    "DayPlan",
-    "Exposure",
-    "GearShare",
-    "Job",
-    "Limits",
-    "SeatFactor",
-    "Weighting",
-    "exposure_day",
-    "frequency_weighting",
-    "gear_share",
-    "load_day",
-    "seat_factor",
-    "sum_up",
-    "vibration_exposure",
-]
+_OFFERED = {
+    "day": ("DayExposure", "DayPlan", "Job", "exposure_day", "load_day", "sum_up"),
+    "gearbox": ("GearShare", "gear_share"),
+    "measures": (
+        "LIMITS",
+        "POSITIONS",
+        "Exposure",
+        "Limits",
+        "SeatFactor",
+        "seat_factor",
+        "vibration_exposure",
+    ),
+    "weighting": ("WEIGHTINGS", "Weighting", "frequency_weighting"),
+}
+__all__ = sorted(name for names in _OFFERED.values() for name in names)
+__getattr__ = lazily(__name__, _OFFERED)

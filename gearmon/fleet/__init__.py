@@ -53,7 +53,7 @@ True
 from gearmon.lazy import lazily
 
 _OFFERED = {
-    "alarm": ("acknowledge", "alarms", "deliver"),
+    "ledger": ("acknowledge", "alarms", "deliver"),
     "plan": ("Fleet", "FleetMachine", "Hook", "Job", "read_fleet"),
     "run": ("Run", "in_processes", "on_dask", "run_fleet", "watch_fleet"),
 }

@@ -1,22 +1,42 @@
-"""What was done with every recording of a fleet, in the file that holds the histories.
+"""What was done with every recording of a fleet, kept with the histories, and what follows from it.
 
 The result of a recording, its row in the ledger and the summary of its machine are written in one
 transaction: whoever is killed goes on where it was, and nothing is done twice or lost.
+
+Alarms, one a finding and operating class, are raised and cleared after several recordings in a row.
+They follow from the ledger alone, whatever the order in which recordings were analysed; what is
+kept beside them is who was told, and who has acknowledged. From the indicators it follows which
+machines change (`rank`) and which differ from others of their kind (`compare`).
+
+References
+----------
+J. Coble and J. W. Hines, Identifying optimal prognostic parameters from data: a genetic algorithms
+approach, PHM Society (2009): monotonicity and trendability of a parameter.
+
+Y. Benjamini and Y. Hochberg, Controlling the false discovery rate, J. R. Stat. Soc. B 57 (1995).
 """
 
 from __future__ import annotations
 
+import itertools
 import json
 import re
-from collections.abc import Iterable, Sequence
+import subprocess
+import time
+import urllib.request
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from email.message import EmailMessage
 from pathlib import Path
 from sqlite3 import Connection
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from gearmon import __version__
-from gearmon.diagnosis.history.entries import ENTRY, Entry
+from gearmon.diagnosis.history.entries import ENTRY, Entry, time_text
 from gearmon.diagnosis.history.store import (
     append_to,
     as_text,
@@ -29,7 +49,13 @@ from gearmon.diagnosis.history.store import (
 )
 from gearmon.errors import ArgumentError
 from gearmon.files import made_folder, replacing
-from gearmon.fleet.plan import Fleet, Job
+from gearmon.fleet.plan import Fleet, FleetMachine, Hook, Job
+from gearmon.machine import load_machine
+from gearmon.report.wording import printable
+
+if TYPE_CHECKING:
+    import pandas as pd
+
 
 #: Of what the Parquet files hold; columns may be added within a version.
 RESULTS_VERSION = 1
@@ -37,6 +63,18 @@ RESULTS_VERSION = 1
 _ROWS = 50_000
 # Their names; others may keep more in that folder.
 _FILE = re.compile(r"[0-9]{12,}-([0-9]{12,})\.parquet")
+# Seconds until a hook is given up, and until it is tried again.
+_PATIENCE_S, _AGAIN_S = 20.0, (1.0, 4.0, 16.0)
+_KEY = ("machine", "class", "finding", "since_s")
+#: A recording that could not be analysed at all.
+NOT_ANALYSED = "not analysed"
+#: Fewest recordings of a machine from which a course can be told.
+FEWEST = 6
+#: Fewest others beside which a machine is seen: their scatter has two degrees of freedom then; and
+#: the latest recordings of a machine of which the median is taken.
+FEWEST_OTHERS, LATEST = 3, 20
+# Parts of a course between whose medians steps are counted: single recordings go up and down.
+_PARTS = 10
 #: `alarms` is made anew from the ledger, but for who was told and who has acknowledged.
 _TABLES = """
 CREATE TABLE IF NOT EXISTS ledger
@@ -203,3 +241,365 @@ def _results(fleet: Fleet, after: int) -> list[dict[str, Any]]:
         new = "state NOT IN ('failed', 'being written') AND id > ? ORDER BY id LIMIT ?"
         rows = recorded(store, new, (after, _ROWS))
     return [row | {"ledger_id": row["id"]} | largest_loss(row["places"]) for row in rows]
+
+
+def renew(fleet: Fleet) -> None:
+    """Bring the alarms of all machines with new recordings up to date, in one transaction."""
+    with writing(fleet) as store:
+        new = store.execute("SELECT DISTINCT machine FROM ledger WHERE alarmed = 0").fetchall()
+        for (name,) in new:
+            machine = fleet.machine(name)
+            if machine is not None:
+                _renew(store, machine)
+        store.execute("UPDATE ledger SET alarmed = 1 WHERE alarmed = 0")
+
+
+def _renew(store: Connection, machine: FleetMachine) -> None:
+    known = "machine = ? AND state != 'being written' ORDER BY time_s, path"
+    classes: dict[str, list[tuple[float, set[str]]]] = defaultdict(list)
+    for row in recorded(store, known, (machine.name,)):
+        classes[row["class"]].append((row["time_s"], _findings(row, machine)))
+    now = {
+        (machine.name, name, finding, since): until
+        for name, rows in classes.items()
+        for finding, since, until in episodes(rows, machine.alarm_after, machine.alarm_clear)
+    }
+    rows = store.execute("SELECT * FROM alarms WHERE machine = ?", (machine.name,)).fetchall()
+    before = {tuple(row[name] for name in _KEY): sound(row) for row in rows}
+    # a recording that arrived late has taken them back, or moved their begin
+    gone = {key: row for key, row in before.items() if key not in now}
+    moved = {key[:3]: row for key, row in gone.items()}
+    for key, until in now.items():
+        own = before.get(key, {"told": "[]", "acknowledged": 0})
+        own = moved.get(key[:3], own) if own["told"] == "[]" else own
+        put(store, "alarms", own | dict(zip(_KEY, key, strict=True)) | {"until_s": until})
+    for key in gone:
+        store.execute(
+            "DELETE FROM alarms WHERE (machine, class, finding, since_s) = (?, ?, ?, ?)", key
+        )
+
+
+def _findings(row: dict[str, Any], machine: FleetMachine) -> set[str]:
+    """Return what a recording found, by kind and gear: tooth and size go up and down."""
+    if row["state"] == "failed":
+        return {NOT_ANALYSED}
+    if row["verdict"] not in machine.alarm_on:
+        return set()
+    findings = [text.partition(":")[0] for text in row["findings"]]
+    kinds = {re.sub(r", tooth \d+", "", finding) for finding in findings}
+    return kinds if row["verdict"] == "fault" and kinds else {row["verdict"]}
+
+
+def episodes(
+    rows: Iterable[tuple[float, set[str]]], after: int, clear: int
+) -> Iterator[tuple[str, float, float | None]]:
+    """Give every alarm of one machine and class: the finding, since when, until when (or None).
+
+    Parameters
+    ----------
+    rows : iterable of (float, set of str)
+        Time and findings of the recordings, in their order.
+    after, clear : int
+        Recordings in a row with the finding, and without it.
+
+    Examples
+    --------
+    >>> rows = [(t, {"wear"} if t in (1, 3, 4, 6) else set()) for t in range(10)]
+    >>> list(episodes(rows, 2, 3))
+    [('wear', 3, 7)]
+    """
+    listed = list(rows)
+    for finding in sorted({finding for _, found in listed for finding in found}):
+        since: float | None = None
+        streak: list[float] = []  # of what would change the state
+        for time_s, found in listed:
+            streak = [*streak, time_s] if (finding in found) == (since is None) else []
+            if since is None and len(streak) == after:
+                since, streak = streak[0], []
+            elif since is not None and len(streak) == clear:
+                yield finding, since, streak[0]
+                since, streak = None, []
+        if since is not None:
+            yield finding, since, None
+
+
+def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
+    """Return the alarms of a fleet, or of one machine, the newest first, in built-in types.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    machine : str, optional
+        Name of the one machine; by default all.
+
+    Returns
+    -------
+    list of dict
+        id, machine, class, finding, since and until (times in words; None while it lasts), over,
+        acknowledged and told (targets that know of it), among others.
+    """
+    with opened(fleet.store, create=False) as store:
+        rows = store.execute(
+            "SELECT rowid AS id, * FROM alarms WHERE machine = coalesce(?, machine) "
+            "ORDER BY since_s DESC, machine, class, finding",
+            (machine,),
+        ).fetchall()
+        return [_alarm(sound(row) | {"id": row["id"]}) for row in rows]
+
+
+def _alarm(row: dict[str, Any]) -> dict[str, Any]:
+    until = row.pop("until_s")
+    ended = {"until": None if until is None else time_text(until), "over": until is not None}
+    told = {"since": time_text(row["since_s"]), "acknowledged": bool(row["acknowledged"])}
+    return row | told | ended | {"told": json.loads(row["told"])}
+
+
+def acknowledge(fleet: Fleet, number: int) -> None:
+    """Note that a person knows of an alarm.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    number : int
+        The alarm's `id`, as `alarms` gives it.
+    """
+    _note(fleet, number, acknowledged=1)
+
+
+def deliver(fleet: Fleet) -> list[str]:
+    """Tell the hooks of every alarm that they do not know of; return what went wrong.
+
+    Parameters
+    ----------
+    fleet : Fleet
+
+    Returns
+    -------
+    list of str
+        A line for each hook that could not be told, with the reason.
+
+    Notes
+    -----
+    Who is killed between telling and noting so tells again. One that is over or acknowledged
+    before anybody was told is not told any more.
+    """
+    trouble: dict[str, str] = {}
+    for alarm in alarms(fleet):
+        machine = fleet.machine(alarm["machine"])
+        if alarm["over"] or alarm["acknowledged"] or machine is None:
+            continue
+        for hook in fleet.hooks:
+            for target, send in _targets(hook, machine, alarm):
+                # who cannot be told of one alarm does not hold up the others
+                if target in alarm["told"] or target in trouble:
+                    continue
+                if why := _tried(send):
+                    trouble[target] = f"{target}: could not be told of an alarm ({why})"
+                    continue
+                alarm["told"].append(target)
+                _note(fleet, alarm["id"], told=json.dumps(alarm["told"]))
+    return list(trouble.values())
+
+
+def _note(fleet: Fleet, number: int, **known: str | int) -> None:
+    """Change what an alarm's row says, if there still is one."""
+    with writing(fleet) as store:
+        for row in store.execute("SELECT * FROM alarms WHERE rowid = ?", (number,)).fetchall():
+            put(store, "alarms", sound(row) | known)
+
+
+def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Give whom a hook tells, and how."""
+    wanted = not hook.tags or set(hook.tags) & set(machine.tags)
+    if not wanted or (hook.classes and alarm["class"] not in hook.classes):
+        return
+    body = {name: alarm[name] for name in ("machine", "class", "finding", "since")}
+    told = json.dumps(body | {"tags": list(machine.tags)}, ensure_ascii=False).encode()
+    if hook.command:
+        yield f"command {hook.command[0]}", lambda: _run(hook.command, told)
+    if hook.webhook:
+        yield f"webhook {hook.webhook}", lambda: _post(hook.webhook, told)
+    for address in hook.mail:
+        message = EmailMessage()
+        message["To"] = address
+        # no line of its own may end that of the subject
+        message["Subject"] = printable(f"{alarm['machine']}: {alarm['finding']}")
+        said = "".join(f"{name}: {value}\n" for name, value in body.items() if value)
+        message.set_content(said)
+        letter = message.as_bytes()
+        yield f"mail {address}", lambda letter=letter: _run(("sendmail", "-t", "-oi"), letter)
+
+
+def _tried(send: Any) -> str:
+    """Try several times; return why it did not work, "" if it did."""
+    why = ""
+    for pause in (*_AGAIN_S, 0.0):
+        try:
+            send()
+            return ""
+        except (OSError, subprocess.SubprocessError) as error:
+            why = " ".join(str(error).split())
+            time.sleep(pause)
+    return why
+
+
+def _run(words: tuple[str, ...], content: bytes) -> None:
+    quiet: dict[str, Any] = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    subprocess.run(words, input=content, timeout=_PATIENCE_S, check=True, **quiet)
+
+
+def _post(url: str, content: bytes) -> None:
+    request = urllib.request.Request(url, content, {"Content-Type": "application/json"})
+    with urllib.request.urlopen(request, timeout=_PATIENCE_S):
+        pass
+
+
+def rank(fleet: Fleet) -> list[dict[str, Any]]:
+    """Rank the indicators of all machines by how clearly they change, the clearest first.
+
+    Returns
+    -------
+    list of dict
+        machine, indicator, recordings; monotonicity (steps up less steps down over all steps,
+        between the medians of ten parts of the course), trend (Spearman's correlation with time)
+        and separation (2 AUC - 1 between the recordings called a fault and the others; where there
+        are not both, between the last and the first third), each in [0, 1] without its sign; rises
+        (whether it rises); and clearness, the mean of the three. Values are taken against the
+        median of their operating class.
+    """
+    import pandas as pd
+
+    rows: list[dict[str, Any]] = []
+    for machine in fleet.machines:
+        with opened(fleet.store, create=False) as store:
+            every = recorded(store, "machine = ? ORDER BY time_s", (machine.name,))
+        told = [row for row in every if row["state"] == "done"]
+        if len(told) < FEWEST:
+            continue
+        course = pd.DataFrame([{"score": r["score"]} | r["indicators"] for r in told])
+        usual = course.groupby([row["class"] for row in told]).transform("median")
+        fault = pd.Series([row["verdict"] == "fault" for row in told])
+        measures = _measures(course - usual, fault)
+        measures.insert(0, "machine", machine.name)
+        rows += json.loads(measures.to_json(orient="records"))
+    return sorted(rows, key=lambda row: -row["clearness"])
+
+
+def compare(fleet: Fleet, machine: FleetMachine | None = None) -> list[dict[str, Any]]:
+    """Put every machine beside the others with the same gears, the most different first.
+
+    Parameters
+    ----------
+    fleet : Fleet
+    machine : FleetMachine, optional
+        Only those with the same gears as this one; all kinds by default.
+
+    Returns
+    -------
+    list of dict
+        A row for a machine, an operating class and an indicator: machine, class, indicator;
+        value, the median of its latest recordings; usual, the mean of the others (the geometric
+        one where all are positive); low and high, between which 90 % of such machines would lie;
+        others (how many); probability, two-sided, of a difference like this among machines alike;
+        and false_discoveries, the share of chance finds among all rows at least as improbable.
+
+    Raises
+    ------
+    ArgumentError
+        If no kind has enough machines.
+
+    Notes
+    -----
+    A further value x of a normal law of which n others have mean m and standard deviation s lies so
+    that (x - m) / (s sqrt(1 + 1 / n)) is Student's with n - 1 degrees of freedom. Few others make a
+    wide law: of three, only what is eight of their standard deviations away has a probability below
+    2 %. Another one that is broken widens it too. The share of false discoveries holds for rows
+    that are independent or depend positively on each other.
+    """
+    from scipy.stats import false_discovery_control
+
+    stages = {file: load_machine(file).stages for file in {own.file for own in fleet.machines}}
+    kinds: dict[Any, list[FleetMachine]] = {}
+    for own in fleet.machines:
+        kinds.setdefault(stages[own.file], []).append(own)
+    rows = [
+        row
+        for alike in kinds.values()
+        if len(alike) > FEWEST_OTHERS and (machine is None or machine in alike)
+        for row in _beside(fleet, alike)
+    ]
+    if not rows:
+        told = f"{FEWEST_OTHERS + 1} machines with the same gears and recordings of one class"
+        raise ArgumentError(f"{fleet.name}: nothing to compare; it takes {told}")
+    shares = false_discovery_control([row["probability"] for row in rows])
+    told_rows = [row | {"false_discoveries": float(q)} for row, q in zip(rows, shares, strict=True)]
+    return sorted(told_rows, key=lambda row: row["probability"])
+
+
+def _beside(fleet: Fleet, alike: list[FleetMachine]) -> Iterator[dict[str, Any]]:
+    """Yield the rows of machines of one kind."""
+    import pandas as pd
+    from scipy.stats import t as student
+
+    with opened(fleet.store, create=False) as store:
+        order = "machine = ? AND state = 'done' ORDER BY time_s DESC LIMIT ?"
+        told = [
+            {"machine": own.name, "class": row["class"]} | row["indicators"]
+            for own in alike
+            for row in recorded(store, order, (own.name, LATEST))
+        ]
+    if not told:
+        return
+    latest = pd.DataFrame(told).groupby(["class", "machine"], sort=True).median()
+    for group, name in itertools.product(latest.index.unique("class"), latest.columns):
+        values = latest.loc[group, name].dropna()
+        own = values.to_numpy(float)
+        count = own.size - 1
+        if count < FEWEST_OTHERS or np.ptp(own) == 0:
+            continue
+        positive = bool(own.min() > 0)
+        scaled = np.log(own) if positive else own
+        apart = scaled - scaled.mean()
+        mean = scaled - apart * (count + 1) / count
+        # of the others: what is left of the sum of squares without one of them
+        squares = np.sum(apart**2) - apart**2 * (count + 1) / count
+        scatter = np.sqrt(np.maximum(squares, 0) / (count - 1) * (1 + 1 / count))
+        with np.errstate(divide="ignore", invalid="ignore"):  # others that are all alike
+            away = np.nan_to_num(np.abs(scaled - mean) / scatter)
+        reach = student.ppf(0.95, count - 1) * scatter
+        columns = {"value": scaled, "usual": mean, "low": mean - reach, "high": mean + reach}
+        table = pd.DataFrame({c: np.exp(x) if positive else x for c, x in columns.items()})
+        table = table.assign(others=count, probability=2 * student.sf(away, count - 1))
+        for machine, row in zip(values.index, table.to_dict("records"), strict=True):
+            place = {"machine": machine, "class": group, "indicator": name}
+            yield place | {str(column): value for column, value in row.items()}
+
+
+def _measures(course: pd.DataFrame, fault: pd.Series[bool]) -> pd.DataFrame:
+    """Return a row an indicator that was measured in most recordings and is no constant."""
+    import pandas as pd
+
+    course = course.loc[:, (course.notna().mean() > 0.5) & (course.nunique() > 1)]
+    count = len(course)
+    time = pd.Series(range(count))
+    parts = course.groupby(time * min(_PARTS, count) // count).median()
+    steps = (parts.diff() > 0).sum() - (parts.diff() < 0).sum()
+    trend = course.rank().corrwith(time)
+    if fault.any() and not fault.all():
+        late, early = course[fault], course[~fault]
+    else:
+        late, early = course[time >= 2 * count / 3], course[time < count / 3]
+    ranks = pd.concat([late, early]).rank()
+    wins = ranks.head(len(late)).sum() - late.count() * (late.count() + 1) / 2
+    area = wins / (late.count() * early.count())
+    found = pd.DataFrame(
+        {
+            "recordings": course.count(),
+            "monotonicity": (steps / (len(parts) - 1)).abs(),
+            "trend": trend.abs(),
+            "separation": (2 * area - 1).abs(),
+            "rises": area > 0.5,
+        }
+    )
+    found["clearness"] = found[["monotonicity", "trend", "separation"]].mean(axis=1)
+    return found.rename_axis("indicator").reset_index()

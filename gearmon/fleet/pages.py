@@ -32,15 +32,12 @@ from starlette.routing import Route
 from gearmon.diagnosis.history.store import as_text, opened, read_history, read_latest
 from gearmon.diagnosis.history.trends import HistoryTrends, history_trends
 from gearmon.errors import ArgumentError, GearmonError
-from gearmon.fleet.alarm import acknowledge, alarms
-from gearmon.fleet.ledger import recorded, writing
+from gearmon.fleet.ledger import acknowledge, alarms, compare, recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
-from gearmon.fleet.rank import compare
 from gearmon.fleet.run import at_hand, judged
 from gearmon.report import wording
-from gearmon.report.charts import history_charts
-from gearmon.report.history_text import history_lines, moment_text
-from gearmon.report.text import WORST_FIRST
+from gearmon.report.html import history_charts
+from gearmon.report.text import WORST_FIRST, history_lines, moment_text
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 #: Machines and recordings that a page shows unless it is asked for all.
@@ -306,7 +303,7 @@ def _beside(fleet: Fleet, machine: FleetMachine, recordings: int) -> list[dict[s
 
 @lru_cache(maxsize=16)
 def _drawn(found: HistoryTrends) -> bytes:
-    from gearmon.report.history_plots import history_figure
+    from gearmon.report.analysis_plots import history_figure
     from gearmon.report.plots import as_png
 
     with _DRAWING:

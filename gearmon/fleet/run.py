@@ -31,8 +31,7 @@ from typing import TYPE_CHECKING, Any
 from gearmon import __version__
 from gearmon.diagnosis.history.store import as_text
 from gearmon.errors import ArgumentError, GearmonError
-from gearmon.fleet.alarm import alarms, deliver, renew
-from gearmon.fleet.ledger import Outcome, counts, keep, known, write_results
+from gearmon.fleet.ledger import Outcome, alarms, counts, deliver, keep, known, renew, write_results
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
 from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 

@@ -249,7 +249,7 @@ class FormComparison(Result):
         One row a mesh harmonic, amplitudes in N/m.
     """
 
-    picture = "stiffness_plots.form_figure"
+    picture = "expected_plots.form_figure"
 
     machine: str
     stage: int
@@ -446,7 +446,7 @@ class StiffnessReport(Result):
         One for each mesh: of a planetary stage sun and planet, then planet and ring.
     """
 
-    picture = "stiffness_plots.stiffness_figures"
+    picture = "expected_plots.stiffness_figures"
 
     machine: str
     stages: tuple[StageStiffness, ...]

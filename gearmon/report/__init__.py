@@ -55,13 +55,11 @@ from gearmon.lazy import lazily
 
 _OFFERED = {
     "html": ("Failure", "write_report"),
-    "text": ("analysis_text", "line_table_text", "reference_text"),
+    "text": ("analysis_text", "history_lines", "line_table_text", "reference_text"),
     "wording": ("rows_as_csv", "table_lines"),
-    "history_text": ("history_lines",),
     "survey_text": ("exposure_lines", "harvest_lines", "write_exposure_report"),
     "plots": ("Picture", "save", "save_all"),
-    "analysis_plots": ("analysis_figures",),
-    "history_plots": ("history_figure",),
+    "analysis_plots": ("analysis_figures", "history_figure"),
     "expected_plots": ("stability_figure",),
 }
 __all__ = sorted(name for names in _OFFERED.values() for name in names)

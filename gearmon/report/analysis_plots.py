@@ -1,4 +1,4 @@
-"""The pictures of an analysis in the order of a report: here turns of gears, speed and changes."""
+"""The pictures of an analysis in the order of a report, and those over time: a history, a day."""
 
 from __future__ import annotations
 
@@ -11,23 +11,18 @@ import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
+from matplotlib.dates import AutoDateLocator, ConciseDateFormatter
 from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from gearmon.arrays import FloatArray
+from gearmon.diagnosis.history.changes import LEVEL, ChangePoint
+from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
-from gearmon.report import plots
-from gearmon.report.curves import extremes, turn_waveform
+from gearmon.report import curves, plots, wording
 from gearmon.report.spectrum_plots import amplitude_figure, close_up_figure
-from gearmon.report.text import BEYOND, is_beyond
-from gearmon.report.wording import (
-    shaft_text,
-    shortened,
-    strip_label,
-    told_apart,
-    unit_text,
-)
+from gearmon.report.text import BEYOND, is_beyond, told_teeth
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import fast_length
 from gearmon.signatures.measured.line_plan import Family, WheelLines
@@ -41,14 +36,20 @@ _NARROWEST_NUMBERED = 1 / 44
 # More channels than this make the picture of a turn unreadable: the strongest are taken.
 _MOST_CHANNELS = 4
 _MOST_TOOTH_LABELS = 34
-# Pictures number teeth at the middle of their contact. Tooth j is in contact from j - 1 to about
-# j + 0.6 mesh periods after the angle zero; profiles hold the energy at whole mesh periods.
-_CONTACT_CENTRE = 0.8
 _COUNTED = {
     "tacho": "Tooth (tooth 1 at the tachometer pulse)",
     "reference": "Tooth (tooth 1 where the first healthy recording begins)",
     None: "Tooth, from the start of the recording (relative: no tachometer on this shaft)",
 }
+#: Teeth that get a colour, and others that are drawn behind them in grey.
+_MOST_TEETH, _MOST_OTHERS = 4, 200
+#: How far beyond the recordings a trend is drawn towards its limit, in lengths of the history.
+_AHEAD = 1.0
+#: The scale of losses reaches to this at least [%].
+_LEAST_SHOWN = 5.0
+#: And that of the score to where faults are called.
+_LEAST_SCORE = 2.0
+_LIMIT: dict[str, Any] = {"color": plots.VERMILLION, "linestyle": (0, (5, 2)), "linewidth": 0.9}
 
 
 def analysis_figures(
@@ -113,20 +114,20 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
     pattern = WheelPattern.of(wheel, signature.lines)
     # eight points a cycle of the highest line draw its crests within a tenth
     points = fast_length(8 * (int(wheel.number.max()) + 1))
-    average, rest = (turn_waveform(pattern, points, mesh=mesh) for mesh in (True, False))
+    average, rest = (curves.turn_waveform(pattern, points, mesh=mesh) for mesh in (True, False))
     power = np.mean(average**2, axis=1)
     channels = sorted(np.argsort(-power, kind="stable")[:_MOST_CHANNELS].tolist())
-    profile = profile_of(analysis, wheel.stage, wheel.gear)
-    flagged = flagged_place(analysis, wheel.stage, wheel.gear)
+    profile = curves.profile_of(analysis, wheel.stage, wheel.gear)
+    flagged = curves.flagged_place(analysis, wheel.stage, wheel.gear)
     heights = [0.56 if len(channels) > 2 else 0.8] * len(channels)
     figure, axes = plots.stack([*heights, *([0.85] if profile else [])], sharex=True)
-    number = tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
+    number = curves.tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
     order = np.argsort(number, kind="stable")
     for channel, ax in zip(channels, axes, strict=False):
         _mark_flagged(flagged, ax)
         _plot_turn(number[order], average[channel, order], rest[channel, order], ax)
-        unit = unit_text(signature.units[channel])
-        ax.set_ylabel(strip_label(signature.channel_names[channel], unit), fontsize=7)
+        unit = wording.unit_text(signature.units[channel])
+        ax.set_ylabel(wording.strip_label(signature.channel_names[channel], unit), fontsize=7)
     if profile is not None:
         _mark_flagged(flagged, axes[-1])
         _plot_teeth(profile, flagged is not None, axes[-1])
@@ -143,7 +144,7 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
         f"turn-{wheel.stage}-{wheel.gear}",
         wheel=wheel,
         profile=profile,
-        place=None if profile is None else round(peak_place(profile)),
+        place=None if profile is None else round(curves.peak_place(profile)),
         flagged=flagged is not None,
         at_length=at_length,
         channels=len(signature.channel_names),
@@ -162,12 +163,12 @@ def _plot_turn(number: FloatArray, average: FloatArray, rest: FloatArray, ax: Ax
 def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
     """Draw the energy of the deviation by tooth as bars; name the flagged tooth, or the highest."""
     teeth, top = profile.teeth, float(profile.energy.max())
-    number = tooth_numbers(np.arange(float(teeth)), profile, teeth)
+    number = curves.tooth_numbers(np.arange(float(teeth)), profile, teeth)
     peak = int(np.argmax(profile.energy))
     place, ratio = number[peak], top
     colours = [plots.SKY] * teeth
     if flagged:  # found by its form, which may be clearest beside the highest bar
-        place, ratio = peak_place(profile), profile.ratio
+        place, ratio = curves.peak_place(profile), profile.ratio
         peak = int(np.argmin(np.abs(number - place)))
         colours[peak] = plots.VERMILLION
     ax.bar(number, profile.energy, width=0.8, color=colours, edgecolor=plots.BLACK, linewidth=0.3)
@@ -190,54 +191,6 @@ def _mark_flagged(place: float | None, ax: Axes) -> None:
         ax.axvspan(place - 1.0, place + 1.0, color=plots.VERMILLION, alpha=0.15, linewidth=0)
 
 
-def profile_of(analysis: Analysis, stage: int, gear: str) -> ToothProfile | None:
-    """Return the tooth profile of a gear, None if there is none."""
-    own = (p for p in analysis.profiles if (p.stage, p.gear) == (stage, gear))
-    return next(own, None)
-
-
-def flagged_place(analysis: Analysis, stage: int, gear: str) -> float | None:
-    """Return the place of a flagged tooth as a tooth number, None if no tooth is flagged.
-
-    Between two numbers where the energy peaks between two teeth.
-    """
-    for flag in analysis.flags:
-        if flag.kind == "tooth damage" and (flag.stage, flag.gear) == (stage, gear):
-            profile = profile_of(analysis, stage, gear)
-            if profile is not None:
-                return peak_place(profile)
-            return None if flag.tooth is None else float(flag.tooth)
-    return None
-
-
-def peak_place(profile: ToothProfile) -> float:
-    """Return where in the turn the energy of a profile is highest, as a tooth number."""
-    place = np.array([profile.position * profile.teeth])
-    return float(tooth_numbers(place, profile, profile.teeth)[0])
-
-
-def tooth_numbers(place: FloatArray, profile: ToothProfile | None, teeth: int) -> FloatArray:
-    """Return tooth numbers of places in a turn, from half a tooth before tooth 1.
-
-    Number j is in the middle of the contact of tooth j. Teeth counted from the reference begin
-    elsewhere than the recording does: the tooth that stands out has both a place in the recording
-    and its number, and the difference holds for all.
-
-    Parameters
-    ----------
-    place : ndarray of float
-        Tooth pitches from the angle zero of the recording.
-    profile : ToothProfile or None
-        Of the gear.
-    teeth : int
-        Teeth of the gear.
-    """
-    first = 1.0 - _CONTACT_CENTRE
-    if profile is not None and profile.tooth is not None and profile.counted_from == "reference":
-        first = profile.tooth - profile.position * teeth
-    return np.asarray((place + first - 0.5) % teeth + 0.5, dtype=float)
-
-
 @plots.style()
 def speed_figure(analysis: Analysis) -> plots.Picture:
     """Draw the speed of shaft 1 over time.
@@ -252,7 +205,7 @@ def speed_figure(analysis: Analysis) -> plots.Picture:
     Picture
     """
     track, speed = analysis.signature.track, analysis.signature.speed
-    time_s, speed_hz = extremes(0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz)
+    time_s, speed_hz = curves.extremes(0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz)
     if len(time_s) == 1:
         time_s, speed_hz = track.time_s, np.repeat(speed_hz, 2)
     figure, (ax,) = plots.stack([1.4])
@@ -294,7 +247,7 @@ def family_groups(families: Sequence[Family]) -> list[FamilyGroup]:
         of_stage = [one for one in groups.values() if one[0].stage == stage]
         # two spacings of one gear in one stage are told apart by their order
         spacings = [one[0].spacing for one in of_stage]
-        names = told_apart([_label(one[0]) for one in of_stage], spacings)
+        names = wording.told_apart([_label(one[0]) for one in of_stage], spacings)
         result += [(stage, name, one) for name, one in zip(names, of_stage, strict=True)]
     return result
 
@@ -302,7 +255,7 @@ def family_groups(families: Sequence[Family]) -> list[FamilyGroup]:
 def _label(family: Family) -> str:
     if family.kind == "mesh":
         return f"mesh {family.stage}"
-    return f"{family.kind}, {shaft_text(family.shaft, family.gear)}"
+    return f"{family.kind}, {wording.shaft_text(family.shaft, family.gear)}"
 
 
 @plots.style()
@@ -369,7 +322,7 @@ def _plot_changes(
     ax.spines[:].set_visible(False)
     for block, channel in enumerate(channels):
         middle = (block + 0.5) * len(harmonics) - 0.5
-        plots.above(ax, middle, shortened(channel), fontweight="bold", fontsize=7.5)
+        plots.above(ax, middle, wording.shortened(channel), fontweight="bold", fontsize=7.5)
     return image
 
 
@@ -416,4 +369,182 @@ def kind_figure(changes: Mapping[str, pd.DataFrame]) -> plots.Picture:
         plots.light_grid(ax)
     figure.supylabel("Change, or height above\nthe median (dB)", fontsize=7.5)
     plots.legend(figure, axes[:1], columns=6)
+    return figure
+
+
+@plots.style()
+def history_figure(
+    found: HistoryTrends, known_loss: Sequence[float] | None = None
+) -> plots.Picture:
+    """Draw losses over time, if any were estimated or are known, and the scores.
+
+    Parameters
+    ----------
+    found : HistoryTrends
+        With at least one recording.
+    known_loss : sequence of float, optional
+        The share that is known to have been lost in each recording, where it is simulated.
+
+    Returns
+    -------
+    Picture
+    """
+    losses = bool(found.teeth) or known_loss is not None
+    heights = [2.3, 1.15] if losses else [1.8]
+    room = 1.2 if found.shown else 0.9 if losses else 0.8
+    figure, axes = plots.stack(heights, room_in=room, sharex=True)
+    if losses:
+        _losses(found, axes[0])
+    if known_loss is not None:
+        how: dict[str, Any] = {"color": plots.BLACK, "linestyle": (0, (1, 1.5)), "linewidth": 0.9}
+        times = _days([entry.time_s for entry in found.history.entries])
+        axes[0].plot(times, 100 * np.asarray(known_loss, dtype=float), label="known loss", **how)
+    _scores(found, axes[-1])
+    locator = AutoDateLocator()  # type: ignore[no-untyped-call]
+    axes[-1].xaxis.set_major_locator(locator)
+    axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
+    axes[-1].set_xlabel("Time (UTC)")
+    plots.legend(figure, axes, columns=3)
+    return figure
+
+
+def _days(time_s: Any) -> Any:
+    return np.asarray(time_s, dtype=float) / SECONDS_PER_DAY
+
+
+def _losses(found: HistoryTrends, ax: Axes) -> None:
+    shown = told_teeth(found)[:_MOST_TEETH]
+    new = [tooth for tooth in _newly_lost(found) if tooth not in shown]
+    drawn = [*shown, *new][:_MOST_TEETH]
+    others = [tooth for tooth in found.teeth if tooth not in drawn]
+    for number, tooth in enumerate(others[:_MOST_OTHERS]):
+        label = "_" if number else _others_label(others, bool(drawn))
+        how: dict[str, Any] = {"color": plots.GREY, "linewidth": 0.5, "zorder": 1, "label": label}
+        ax.plot(_days(tooth.trend.series.time_s), 100 * tooth.trend.series.value, **how)
+    for number, tooth in enumerate(drawn):
+        _estimates(tooth, number, "" if tooth in shown else ", not yet over several recordings", ax)
+        if tooth in shown:
+            _trend(tooth, plots.series_colour(number), ax)
+    if found.limit is not None:
+        ax.axhline(100 * found.limit, label="limit", **_LIMIT)
+    # what sound teeth seem to lose is next to nothing, and is not to fill the picture
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(low, -0.1 * _LEAST_SHOWN), max(high, _LEAST_SHOWN))
+    ax.set_ylabel("Loss of pair stiffness (%)")
+    plots.light_grid(ax)
+
+
+def _others_label(others: Sequence[ToothTrend], beside_shown: bool) -> str:
+    """Say what the grey lines are: a line above the limit need not be a loss."""
+    other = "other " if beside_shown else ""
+    name = wording.counted(len(others), f"{other}tooth", f"{other}teeth")
+    return name if any(tooth.stands for tooth in others) else f"{name}, no loss clear of noise"
+
+
+def _newly_lost(found: HistoryTrends) -> list[ToothTrend]:
+    """Return what the newest recording calls lost, however few recordings do."""
+    newest = found.history.entries[-1]
+    lost = [
+        own
+        for own in found.teeth
+        if newest.verdict == "fault"
+        and own.trend.series.time_s[-1] == newest.time_s
+        and own.low[-1] > 0
+    ]
+    return sorted(lost, key=lambda own: -own.low[-1])
+
+
+def _estimates(tooth: ToothTrend, number: int, more: str, ax: Axes) -> None:
+    series, colour = tooth.trend.series, plots.series_colour(number)
+    # the recordings' own 90 % intervals
+    reach = np.maximum([series.value - tooth.low, tooth.high - series.value], 0.0)
+    name = wording.gear_text(tooth.stage, tooth.gear, tooth.tooth)
+    how: dict[str, Any] = {"fmt": plots.series_marker(number), "markersize": 3.2}
+    how |= {"color": colour, "elinewidth": 0.6, "label": name + more}
+    ax.errorbar(_days(series.time_s), 100 * series.value, yerr=100 * reach, **how)
+
+
+def _trend(tooth: ToothTrend, colour: str, ax: Axes) -> None:
+    """Draw the trend, dotted from the last recording to the limit, and when it changed."""
+    start, now = tooth.trend.series.time_s[[0, -1]].tolist()
+    last, crossing, end = now + _AHEAD * (now - start), tooth.crossing, now
+    if crossing is not None and crossing.time_s is not None and tooth.limit is not None:
+        end = max(now, min(crossing.time_s, last))
+        late = last if crossing.high_s is None else crossing.high_s
+        early = crossing.time_s if crossing.low_s is None else crossing.low_s
+        bar: dict[str, Any] = {"linewidth": 2.6, "solid_capstyle": "butt", "color": colour}
+        reached = _days(np.minimum([early, late], last))
+        ax.plot(reached, [100 * tooth.limit] * 2, label="when the limit is reached", **bar)
+    if end == start:
+        return
+    times = np.union1d(np.linspace(start, end, 300), [c.time_s for c in tooth.trend.changes])
+    value, low, high = tooth.trend.at(times)
+    behind = times <= now
+    ax.plot(_days(times[behind]), 100 * value[behind], color=colour, linewidth=1.0)
+    ax.plot(_days(times[~behind]), 100 * value[~behind], color=colour, linewidth=0.9, linestyle=":")
+    if np.isfinite(low).all() and np.isfinite(high).all():
+        foot = np.maximum(low, np.minimum(value, 0.0))
+        shade: dict[str, Any] = {"color": colour, "alpha": 0.16, "linewidth": 0, "zorder": 0}
+        shade["label"] = f"trend, {100 * LEVEL:.3g} % interval"
+        ax.fill_between(_days(times), 100 * foot, 100 * high, **shade)
+    # the interval of the time stands at the foot: full height would hide what is drawn there
+    interval = {"color": colour, "alpha": 0.35, "ymax": 0.04}
+    _mark_changes(tooth.trend.changes, "loss changed (interval at the foot)", interval, ax)
+
+
+def _mark_changes(
+    changes: Sequence[ChangePoint], label: str, interval: dict[str, Any], ax: Axes
+) -> None:
+    """Draw when something changed, and the interval of that time."""
+    for number, change in enumerate(changes):
+        ax.axvspan(_days(change.low_s), _days(change.high_s), lw=0, **interval)
+        line: dict[str, Any] = {"color": interval["color"], "linewidth": 0.85, "linestyle": "--"}
+        ax.axvline(_days(change.time_s), label="_" if number else label, **line)
+
+
+def _scores(found: HistoryTrends, ax: Axes) -> None:
+    entries = found.history.entries
+    times = _days([entry.time_s for entry in entries])
+    verdicts = [entry.verdict for entry in entries]
+    plots.plot_verdicts(times, [entry.score for entry in entries], verdicts, ax, 4)
+    shade = {"color": plots.GREY, "alpha": 0.2}
+    _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, ax)
+    ax.set_ylabel("Score (−log₁₀ p)")
+    low, high = ax.get_ylim()
+    ax.set_ylim(min(0.0, low), max(high, _LEAST_SCORE))
+    plots.light_grid(ax)
+
+
+@plots.style()
+def day_figure(day: pd.DataFrame, limit_db: float) -> plots.Picture:
+    """Draw a day: load, speed, level of the vibration, and what was concluded.
+
+    Parameters
+    ----------
+    day : DataFrame
+        A row a recording, by hour of the day: `load` as a share of the nominal torque, `speed_hz`
+        of shaft 1, `score`, `verdict`, and one or more columns "level of ..." less the mean level
+        of the reference [dB].
+    limit_db : float
+        A limit on the levels [dB].
+    """
+    figure, axes = plots.stack([0.8, 0.8, 1.2, 1.2], room_in=0.8, sharex=True)
+    load, speed, level, score = axes
+    load.plot(day.index, 100 * day["load"], color=plots.BLACK, marker="o", markersize=2.5)
+    load.set_ylabel("Load\n(% of nominal)")
+    speed.plot(day.index, day["speed_hz"], color=plots.BLACK, marker="o", markersize=2.5)
+    speed.set_ylabel("Speed of\nshaft 1 (Hz)")
+    for number, (name, moved) in enumerate(day.filter(like="level of ").items()):
+        marker, colour = plots.series_marker(number), plots.series_colour(number)
+        level.plot(day.index, moved, color=colour, marker=marker, markersize=3, label=str(name))
+    level.axhline(limit_db, label="level limit", **_LIMIT)
+    level.set_ylabel("Level re mean of\nreference (dB)")
+    scores = day["score"].tolist()
+    plots.plot_verdicts(day.index.tolist(), scores, day["verdict"].tolist(), score, 4.5)
+    lowest, highest = min(scores), max(scores)
+    score.set(ylim=(min(-0.1, 1.1 * lowest), max(2.5, 1.1 * highest)), ylabel="Score")
+    for ax in axes:
+        plots.light_grid(ax)
+    score.set_xlabel("Hour of the day (UTC)")
+    plots.legend(figure, axes, columns=6)
     return figure

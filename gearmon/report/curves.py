@@ -1,4 +1,4 @@
-"""What pictures and charts of an analysis show, computed once: spectra, turns, marks; thinned.
+"""What pictures and charts of an analysis show, computed once: spectra, turns, teeth, marks.
 
 Pictures have some thousand columns of pixels. A spectrum is thinned by holding the largest value of
 each column, so that no line is lost; waveforms keep the smallest and largest value of each column.
@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.results import Analysis
+from gearmon.diagnosis.results import Analysis, ToothProfile
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders.resampling import READ_UP_TO, one_turn
@@ -29,6 +29,9 @@ COLUMNS = 1200
 _TIME_BLOCK = 1 << 17
 # A drawing needs no more than this: about a minute at usual rates.
 _ANGLE_SAMPLES = 1 << 19
+# Pictures number teeth at the middle of their contact. Tooth j is in contact from j - 1 to about
+# j + 0.6 mesh periods after the angle zero; profiles hold the energy at whole mesh periods.
+_CONTACT_CENTRE = 0.8
 
 
 def max_hold(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArray, FloatArray]:
@@ -36,24 +39,30 @@ def max_hold(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[Floa
 
     Parameters
     ----------
-    x, y : ndarray of float, shape (n,)
-        The curve.
+    x : ndarray of float, shape (n,)
+        Places.
+    y : ndarray of float, shape (n,) or (channels, n)
+        One curve, or several; these share the place of the one that is clearest there.
     columns : int
         Groups, >= 1; a curve with fewer points is returned as it is.
 
     Returns
     -------
-    x, y : ndarray of float, shape (min(n, columns),)
+    x : ndarray of float, shape (min(n, columns),)
+    y : ndarray of float, shape (min(n, columns),) or (channels, min(n, columns))
 
     Examples
     --------
     >>> max_hold(np.arange(6.0), np.array([0.0, 3, 1, 1, 2, 0]), 2)
     (array([1., 4.]), array([3., 2.]))
     """
-    if len(y) <= columns:
+    if len(x) <= columns:
         return x, y
-    index = np.array([a + int(np.argmax(y[a:b])) for a, b in _groups(len(y), columns)])
-    return x[index], y[index]
+    rows, groups = np.atleast_2d(y), _groups(len(x), columns)
+    largest = np.fmax.reduce(rows, axis=1, keepdims=True)
+    clear = (rows / np.maximum(largest, 1e-300)).max(axis=0)
+    index = [a + int(np.argmax(clear[a:b])) for a, b in groups]
+    return x[index], np.maximum.reduceat(y, [a for a, _ in groups], axis=-1)
 
 
 def extremes(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArray, FloatArray]:
@@ -210,3 +219,51 @@ def track_of(analysis: Analysis, recording: Recording) -> AngleTrack:
     return signature.track.between(
         start / recording.sampling_rate_hz, stop / recording.sampling_rate_hz
     )
+
+
+def profile_of(analysis: Analysis, stage: int, gear: str) -> ToothProfile | None:
+    """Return the tooth profile of a gear, None if there is none."""
+    own = (p for p in analysis.profiles if (p.stage, p.gear) == (stage, gear))
+    return next(own, None)
+
+
+def flagged_place(analysis: Analysis, stage: int, gear: str) -> float | None:
+    """Return the place of a flagged tooth as a tooth number, None if no tooth is flagged.
+
+    Between two numbers where the energy peaks between two teeth.
+    """
+    for flag in analysis.flags:
+        if flag.kind == "tooth damage" and (flag.stage, flag.gear) == (stage, gear):
+            profile = profile_of(analysis, stage, gear)
+            if profile is not None:
+                return peak_place(profile)
+            return None if flag.tooth is None else float(flag.tooth)
+    return None
+
+
+def peak_place(profile: ToothProfile) -> float:
+    """Return where in the turn the energy of a profile is highest, as a tooth number."""
+    place = np.array([profile.position * profile.teeth])
+    return float(tooth_numbers(place, profile, profile.teeth)[0])
+
+
+def tooth_numbers(place: FloatArray, profile: ToothProfile | None, teeth: int) -> FloatArray:
+    """Return tooth numbers of places in a turn, from half a tooth before tooth 1.
+
+    Number j is in the middle of the contact of tooth j. Teeth counted from the reference begin
+    elsewhere than the recording does: the tooth that stands out has both a place in the recording
+    and its number, and the difference holds for all.
+
+    Parameters
+    ----------
+    place : ndarray of float
+        Tooth pitches from the angle zero of the recording.
+    profile : ToothProfile or None
+        Of the gear.
+    teeth : int
+        Teeth of the gear.
+    """
+    first = 1.0 - _CONTACT_CENTRE
+    if profile is not None and profile.tooth is not None and profile.counted_from == "reference":
+        first = profile.tooth - profile.position * teeth
+    return np.asarray((place + first - 0.5) % teeth + 0.5, dtype=float)

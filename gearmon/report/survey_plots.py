@@ -176,11 +176,9 @@ def positions_figure(survey: Survey) -> plots.Picture:
     figure, ax = _sheet("Where to put it", xlabel="mean power over the duty cycle in µW")
     names = [_short(place.position.name) for place in survey.placed]
     rows = np.arange(len(names))
+    watts = ("power_w", "power_low_w", "power_high_w", "degraded_power_w")
     power, low, high, degraded = (
-        _MICRO
-        * np.array(
-            [(p.power_w, p.power_low_w, p.power_high_w, p.degraded_power_w) for p in survey.placed]
-        ).T
+        _MICRO * np.array([getattr(place, name) for place in survey.placed]) for name in watts
     )
     ax.barh(rows, power, height=0.5, color=plots.BLUE, alpha=0.85, label="gears sound")
     if np.isfinite(low).any():
@@ -190,16 +188,10 @@ def positions_figure(survey: Survey) -> plots.Picture:
     if np.isfinite(degraded).any():
         label = "same tuning, gear damaged"
         plots.plot_marks(ax, degraded, rows - 0.16, "D", 6, plots.VERMILLION, label=label)
+    where: dict[str, Any] = {"xytext": (4, 0), "textcoords": "offset points", "va": "center"}
     for row, place in zip(rows, survey.placed, strict=True):
-        ax.annotate(
-            _remark(place),
-            (0, row + 0.37),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="center",
-            fontsize=9,
-            color=plots.GREY if place.tuned is None else plots.BLACK,
-        )
+        colour = plots.GREY if place.tuned is None else plots.BLACK
+        ax.annotate(_remark(place), (0, row + 0.37), fontsize=9, color=colour, **where)
     ax.set_yticks(rows, names)
     ax.set_ylim(len(names) - 0.35, -0.6)
     ax.set_xlim(left=0)

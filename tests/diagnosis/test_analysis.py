@@ -24,7 +24,7 @@ from reference.synthetic_signals import as_recording, white
 from scipy.interpolate import CubicSpline
 
 from gearmon.diagnosis.analysis import analyse, learn
-from gearmon.diagnosis.decision import LIMITS
+from gearmon.diagnosis.evidence import LIMITS
 from gearmon.diagnosis.results import VERDICTS
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.faults import parse_fault

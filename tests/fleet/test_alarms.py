@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from reference.fleet_stand_in import arrive, at_once, made_fleet
 
 from gearmon.fleet import acknowledge, alarms, deliver, run_fleet, watch_fleet
-from gearmon.fleet.alarm import _targets, episodes
+from gearmon.fleet.ledger import _targets, episodes
 
 
 @pytest.fixture(autouse=True)
 def impatient(monkeypatch):
-    monkeypatch.setattr("gearmon.fleet.alarm._AGAIN_S", (0.0, 0.0, 0.0))
+    monkeypatch.setattr("gearmon.fleet.ledger._AGAIN_S", (0.0, 0.0, 0.0))
 
 
 def worn(folder, hooks):
@@ -95,7 +95,7 @@ def test_one_who_cannot_be_told_is_tried_for_one_alarm_only(tmp_path, monkeypatc
     run_fleet(fleet, at_once)
     assert len(alarms(fleet)) == 2
     tried = []
-    monkeypatch.setattr("gearmon.fleet.alarm._post", lambda *_: tried.append(1) or refuse())
+    monkeypatch.setattr("gearmon.fleet.ledger._post", lambda *_: tried.append(1) or refuse())
     (told,) = deliver(fleet)
     assert told.startswith("webhook http://127.0.0.1:9/: could not be told of an alarm (no")
     assert len(tried) == 4
@@ -109,7 +109,7 @@ def test_watching_goes_on_while_a_hook_hangs(tmp_path, monkeypatch):
     fleet = worn(tmp_path, '[[alarm]]\ncommand = ["sleep"]')
     arrive(tmp_path, "a_{}.txt", "0.1", days=20)
     held, looks = threading.Event(), []
-    monkeypatch.setattr("gearmon.fleet.alarm._run", lambda *_: held.wait(20.0))
+    monkeypatch.setattr("gearmon.fleet.ledger._run", lambda *_: held.wait(20.0))
 
     def told(what):
         looks.append(what.done)

@@ -31,9 +31,8 @@ from gearmon.diagnosis.history import read_history, read_latest
 from gearmon.errors import ArgumentError, GearmonError, MachineFileError, SignatureError
 from gearmon.fleet import alarms, read_fleet, run_fleet, watch_fleet
 from gearmon.fleet import run as running
-from gearmon.fleet.ledger import write_results
+from gearmon.fleet.ledger import compare, rank, write_results
 from gearmon.fleet.plan import arrived
-from gearmon.fleet.rank import compare, rank
 from gearmon.fleet.run import analysed
 
 

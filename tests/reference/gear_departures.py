@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
-from gearmon.diagnosis.law import GearDeviation, GearLaw, turned_alike
-from gearmon.diagnosis.law.gear_lines import BandDeviation
+from gearmon.diagnosis.law.gear_lines import BandDeviation, GearDeviation, GearLaw
+from gearmon.diagnosis.law.patterns import turned_alike
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.expected.tooth_response import tooth_response
 
@@ -74,6 +74,7 @@ def gear(weight, seed=0, height=10.0, smooth=None, noise=1.0):
             bands=tuple(bands),
             mesh_power=np.ones((2, HARMONICS + 1)),
             shift_turns=0.0,
+            same_zero=True,
         ),
         response(),
         SPEED_HZ,

@@ -11,12 +11,10 @@ from gearmon.report.analysis_plots import (
     analysis_figures,
     changes_figure,
     family_groups,
-    flagged_place,
-    profile_of,
     speed_figure,
     turn_figure,
 )
-from gearmon.report.curves import mark_label, mesh_marks
+from gearmon.report.curves import flagged_place, mark_label, mesh_marks, profile_of
 from gearmon.report.spectrum_plots import (
     amplitude_figure,
     close_up_figure,

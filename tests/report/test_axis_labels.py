@@ -16,9 +16,14 @@ from gearmon.dynamics.stability import FourierShape, stability_map
 from gearmon.errors import ArgumentError
 from gearmon.gears.stiffness_report import compare_forms, stiffness_report
 from gearmon.machine import load_machine
-from gearmon.report.analysis_plots import analysis_figures, kind_figure
-from gearmon.report.expected_plots import family_figure, signature_figure, stability_figure
-from gearmon.report.history_plots import day_figure
+from gearmon.report.analysis_plots import analysis_figures, day_figure, kind_figure
+from gearmon.report.expected_plots import (
+    family_figure,
+    form_figure,
+    signature_figure,
+    stability_figure,
+    stiffness_figures,
+)
 from gearmon.report.plots import as_png
 from gearmon.report.recording_plots import (
     average_figures,
@@ -26,7 +31,6 @@ from gearmon.report.recording_plots import (
     order_map_figure,
 )
 from gearmon.report.spectrum_plots import order_figure, spectrum_figure
-from gearmon.report.stiffness_plots import form_figure, stiffness_figures
 from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.expected.fault_family import fault_family
 from gearmon.signatures.gear_averages import gear_averages

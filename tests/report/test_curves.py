@@ -20,6 +20,14 @@ def test_max_hold_keeps_the_largest_value_and_the_order(count, columns, seed):
     assert np.array_equal(y[held_x.astype(int)], held_y)
 
 
+def test_curves_held_together_share_the_place_of_the_clearest():
+    loud, soft = [100.0, 101.0, 100.0, 100.0, 99.0, 100.0], [0.0, 0.0, 1.0, 0.0, 0.5, 0.0]
+    x, held = max_hold(np.arange(6.0), np.array([loud, soft]), 2)
+    assert held.tolist() == [[101.0, 100.0], [1.0, 0.5]]
+    # each beside its own highest: the second curve at 2, the first at 3 and 5
+    assert x.tolist() == [1.0, 3.0]
+
+
 @given(st.integers(1, 500), st.integers(1, 60), st.integers(0, 2**31))
 def test_extremes_keep_the_range(count, columns, seed):
     y = np.random.default_rng(seed).normal(size=count)

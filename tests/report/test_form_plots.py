@@ -7,7 +7,7 @@ import pytest
 
 from gearmon.gears.stiffness_report import FOUR_FORMS, compare_forms
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
-from gearmon.report.stiffness_plots import form_figure
+from gearmon.report.expected_plots import form_figure
 
 POINT = OperatingPoint(speed_rpm=1460.0, torque_nm=98.12)
 STAGE = ParallelStage(

@@ -9,11 +9,10 @@ import pandas as pd
 import pytest
 
 from gearmon.diagnosis.history import Entry, History, Place, history_trends
-from gearmon.report.analysis_plots import kind_figure
-from gearmon.report.charts import history_charts
-from gearmon.report.history_plots import day_figure, history_figure
-from gearmon.report.history_text import history_lines
+from gearmon.report.analysis_plots import day_figure, history_figure, kind_figure
+from gearmon.report.html import history_charts
 from gearmon.report.plots import as_png
+from gearmon.report.text import history_lines
 
 
 def history(losses=True, count=14):

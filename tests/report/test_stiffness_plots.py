@@ -7,8 +7,8 @@ import pytest
 
 from gearmon.gears.stiffness_report import stiffness_report
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.report.expected_plots import stiffness_figure, stiffness_figures
 from gearmon.report.plots import save_all
-from gearmon.report.stiffness_plots import stiffness_figure, stiffness_figures
 
 STAGE = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
 

@@ -15,8 +15,16 @@ from gearmon.lazy import lazily
 
 _OFFERED = {
     "classifier": ("KindClassifier", "read_kinds", "write_kinds"),
-    "features": ("FEATURES", "KINDS", "NAMES", "NONE", "FeatureVector", "kind_features"),
-    "judgement": ("analysis_features", "kind_of_analysis"),
+    "kinds": (
+        "FEATURES",
+        "KINDS",
+        "NAMES",
+        "NONE",
+        "FeatureVector",
+        "analysis_features",
+        "kind_features",
+        "kind_of_analysis",
+    ),
     "training": ("train_kinds",),
 }
 

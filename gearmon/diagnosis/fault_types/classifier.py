@@ -29,7 +29,7 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, validate_data
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.fault_types.features import NONE
+from gearmon.diagnosis.fault_types.kinds import NONE
 from gearmon.errors import ArgumentError
 from gearmon.files import reading_archive, write_archive
 
@@ -55,7 +55,7 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
     Attributes
     ----------
     classes_ : ndarray
-        Classes, sorted. That of everything else, `features.NONE`, takes what is like nothing seen.
+        Classes, sorted. That of everything else, `kinds.NONE`, takes what is like nothing seen.
     temperature_ : float
         By which the logits are divided.
     n_features_in_ : int

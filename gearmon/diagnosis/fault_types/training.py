@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.fault_types.features import (
+from gearmon.diagnosis.fault_types.kinds import (
     KINDS,
     NAMES,
     NONE,
@@ -33,8 +33,7 @@ from gearmon.diagnosis.fault_types.features import (
     TurnEnergy,
     kind_features,
 )
-from gearmon.diagnosis.hypotheses.own_teeth import NEAR, departure_energy
-from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
+from gearmon.diagnosis.hypotheses.turns import NEAR, TurnChange, departure_energy, turn_changes
 from gearmon.diagnosis.results import Change
 from gearmon.errors import check_range
 from gearmon.gears.faults import Fault, GearError
@@ -122,7 +121,7 @@ def train_kinds(
     Returns
     -------
     KindClassifier
-        Trained on `features.NAMES`.
+        Trained on `kinds.NAMES`.
 
     Raises
     ------

@@ -39,6 +39,8 @@ from gearmon.diagnosis.history.entries import time_text
 FEWEST, BORNE_BY = 6, 2
 #: Changes that are looked for one after the other.
 MOST_CHANGES = 3
+#: Probability of calling any change on a machine that does not change, and of all intervals.
+BELOW, LEVEL = 0.01, 0.9
 #: A change has to be this improbable even without the recording that speaks for it most.
 WITHOUT_ONE = 0.05
 #: Share of the false-alarm probability for growth that was undone, which is looked for only where
@@ -167,7 +169,7 @@ class ChangePoint:
     end_s : float
         Time of the last recording [s].
     low_s, high_s : float
-        Interval of `time_s` [s], at the level asked for; see `open_before`.
+        Interval of `time_s` [s], at `LEVEL`; see `open_before`.
     open_before : bool
         Whether the interval begins with the first recording: it may have begun before.
     size : float
@@ -259,7 +261,7 @@ def change_columns(
 
 
 def find_changes(
-    series: Series, *, below: float = 0.01, level: float = 0.9, most: int = MOST_CHANGES
+    series: Series, *, below: float = BELOW, most: int = MOST_CHANGES
 ) -> tuple[ChangePoint, ...]:
     """Find the changes of a series that noise would not make.
 
@@ -270,8 +272,6 @@ def find_changes(
         known in size, noise is held to be at least that.
     below : float, in (0, 0.5]
         Probability of calling any change in a series without one.
-    level : float, in (0, 1)
-        Of the intervals of their times.
     most : int
         Changes looked for; each further one is tested against those found before.
 
@@ -298,7 +298,7 @@ def find_changes(
             break
         found = _refined(series, [*found, _bent(series, best, found)], below)
     placed = sorted(
-        (_timed(series, one, [c for c in found if c is not one], level) for one in found),
+        (_timed(series, one, [c for c in found if c is not one]) for one in found),
         key=lambda change: change.time_s,
     )
     # the sizes of all are fitted together
@@ -592,9 +592,7 @@ def _bent(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) ->
     return replace(change, time_s=float(fits.places[best]), growth=COURSES[fits.courses[best]])
 
 
-def _timed(
-    series: Series, change: ChangePoint, others: Sequence[ChangePoint], level: float
-) -> ChangePoint:
+def _timed(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -> ChangePoint:
     """Return a change with its time and the interval of that.
 
     A small change may be a step as well as growth: the interval is that of both.
@@ -607,7 +605,7 @@ def _timed(
     later = np.searchsorted(times, fits.places)
     low = np.where(steps, times[later - 1], fits.places)
     high = np.where(steps, times[later], fits.places)
-    own, tail = chance * (steps == (change.kind == "step")), _TAIL * (1.0 - level)
+    own, tail = chance * (steps == (change.kind == "step")), _TAIL * (1.0 - LEVEL)
 
     def quantile(place: FloatArray, share: float, weights: FloatArray) -> float:
         return float(np.quantile(place, share, weights=weights, method="inverted_cdf"))

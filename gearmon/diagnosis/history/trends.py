@@ -27,8 +27,10 @@ from scipy.special import bdtrc, ndtri, ndtri_exp, stdtrit
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.diagnosis.history.changes import (
+    BELOW,
     COURSES,
     FEWEST,
+    LEVEL,
     MOST_CHANGES,
     ChangePoint,
     Fits,
@@ -103,8 +105,6 @@ class Trend:
     series : Series
     changes : tuple of ChangePoint
         In the order of time; none: the series is constant as far as can be told.
-    level : float
-        Of all intervals.
     common : float, >= 0
         Standard deviation of the logarithm of the values that all of them share: no number of
         recordings averages it out.
@@ -114,7 +114,6 @@ class Trend:
 
     series: Series
     changes: tuple[ChangePoint, ...]
-    level: float
     common: float = 0.0
     missed: float = -math.inf
 
@@ -222,7 +221,7 @@ class Trend:
     @property
     def _most(self) -> float:
         """How many times larger all values may be, or smaller, by what they share."""
-        return math.exp(float(ndtri(0.5 + 0.5 * self.level)) * self.common)
+        return math.exp(float(ndtri(0.5 + 0.5 * LEVEL)) * self.common)
 
     def _allowed(
         self, times: FloatArray, weights: FloatArray | None = None
@@ -261,16 +260,14 @@ class Trend:
         which = np.concatenate([np.flatnonzero(own), np.flatnonzero(kept & ~own)])
         if fits.freedom < 1:
             return fits, which, np.full(len(which), math.inf)
-        most = fits.variance * float(stdtrit(fits.freedom, 0.5 + 0.5 * self.level)) ** 2
+        most = fits.variance * float(stdtrit(fits.freedom, 0.5 + 0.5 * LEVEL)) ** 2
         room = most - (fits.left[which] - fits.left[which].min())
         allowed = room >= 0
         allowed[0] = True
         return fits, which[allowed], np.maximum(room[allowed], 0.0)
 
 
-def fit_trend(
-    series: Series, *, below: float = 0.01, level: float = 0.9, most: int = MOST_CHANGES
-) -> Trend:
+def fit_trend(series: Series, *, below: float = BELOW, most: int = MOST_CHANGES) -> Trend:
     """Fit the trend of a series.
 
     Parameters
@@ -278,8 +275,6 @@ def fit_trend(
     series : Series
     below : float, in (0, 0.5]
         Probability of calling any change in a series without one.
-    level : float, in (0, 1)
-        Of all intervals.
     most : int
         Changes looked for.
 
@@ -287,8 +282,7 @@ def fit_trend(
     -------
     Trend
     """
-    changes = find_changes(series, below=below, level=level, most=most)
-    return Trend(series=series, changes=changes, level=level)
+    return Trend(series=series, changes=find_changes(series, below=below, most=most))
 
 
 def _reached(times: FloatArray, values: FloatArray, limit: float) -> float | None:
@@ -440,8 +434,6 @@ class HistoryTrends(Result):
         Bound on the probability of a change as clear without one.
     limit : float or None
         Limit of the loss.
-    level : float
-        Of all intervals.
     forecasts : dict of float to Crossing
         By the time of a recording: when the limit is reached by the first tooth to do so, as told
         by the recordings up to that time; of the newest `FORECASTS` and where it can be said.
@@ -449,14 +441,13 @@ class HistoryTrends(Result):
         What limits the answer.
     """
 
-    picture = "history_plots.history_figure"
+    picture = "analysis_plots.history_figure"
 
     history: History
     teeth: tuple[ToothTrend, ...]
     evidence: Trend
     evidence_probability: float
     limit: float | None
-    level: float
     forecasts: dict[float, Crossing]
     notes: tuple[str, ...]
 
@@ -490,7 +481,7 @@ class HistoryTrends(Result):
         return {
             "machine": self.history.machine,
             "recordings": told,
-            "level": self.level,
+            "level": LEVEL,
             "limit": self.limit,
             # those beyond the estimates had none
             "teeth": [tooth.to_dict() | {"recordings": len(told)} for tooth in self.shown],
@@ -504,9 +495,7 @@ class HistoryTrends(Result):
         }
 
 
-def history_trends(
-    history: History, *, limit: float | None = None, below: float = 0.01, level: float = 0.9
-) -> HistoryTrends:
+def history_trends(history: History, *, limit: float | None = None) -> HistoryTrends:
     """Follow every tooth of a machine through its history.
 
     Parameters
@@ -514,10 +503,6 @@ def history_trends(
     history : History
     limit : float, in (0, 1], optional
         Loss of pair stiffness at which something has to be done, as a fraction.
-    below : float, in (0, 0.5]
-        Probability of calling any change on a machine that does not change.
-    level : float, in (0, 1)
-        Of all intervals.
 
     Returns
     -------
@@ -526,17 +511,15 @@ def history_trends(
     Raises
     ------
     ArgumentError
-        If an argument is out of its range.
+        If the limit is out of its range.
     """
-    check_range("below", below, 1e-9, 0.5)
-    check_range("level", level, 0.01, 0.999)
     if limit is not None:
         check_range("limit", limit, 1e-6, 1.0)
-    places, share = _followed(history), _LOSS_SHARE * below
-    follow = partial(_tooth_trend, followed=len(places), limit=limit, below=share, level=level)
+    places, share = _followed(history), _LOSS_SHARE * BELOW
+    follow = partial(_tooth_trend, followed=len(places), limit=limit, below=share)
     teeth = {key: follow(key, points) for key, points in places.items()}
     standing = {key: places[key] for key, tooth in teeth.items() if tooth.stands}
-    evidence, chance = _evidence(history, below - share, level)
+    evidence, chance = _evidence(history, BELOW - share)
     ranked = sorted(teeth.values(), key=lambda t: (not t.stands, t.false_alarm_probability))
     return HistoryTrends(
         history=history,
@@ -544,14 +527,13 @@ def history_trends(
         evidence=evidence,
         evidence_probability=min(1.0, chance / (1 - _LOSS_SHARE)),
         limit=limit,
-        level=level,
         forecasts=_forecasts(history, standing, follow) if limit is not None else {},
         notes=tuple(_notes(history, ranked)),
     )
 
 
 def _tooth_trend(
-    key: _Key, points: _Points, *, followed: int, limit: float | None, below: float, level: float
+    key: _Key, points: _Points, *, followed: int, limit: float | None, below: float
 ) -> ToothTrend:
     """Follow one tooth of so many, or one gear as a whole, through its recordings.
 
@@ -563,9 +545,9 @@ def _tooth_trend(
     time_s, value, sigma, low, high = np.array(rows, dtype=float).T
     stated = Series(time_s=time_s, value=value, sigma=sigma)
     own, common, missed = own_series(stated)
-    trend = fit_trend(stated, below=below / followed, level=level)
+    trend = fit_trend(stated, below=below / followed)
     if trend.changes:
-        refined = fit_trend(own, below=below, level=level)
+        refined = fit_trend(own, below=below)
         # a loss that came at once may hide behind what could have been missed before it
         trend = refined if refined.changes else trend
     trend = replace(trend, common=common, missed=missed)
@@ -617,7 +599,7 @@ def _followed(history: History) -> Mapping[_Key, _Points]:
     return {key: found[key] for key in found if (key[:2] in numbered) == (key[2] is not None)}
 
 
-def _evidence(history: History, below: float, level: float) -> tuple[Trend, float]:
+def _evidence(history: History, below: float) -> tuple[Trend, float]:
     """Trend of the scores, and the probability of a change as clear without one."""
     judged = [(e.time_s, e.score) for e in history.entries if e.verdict != "no mesh found"]
     time_s, score = np.array(judged, dtype=float).reshape(-1, 2).T
@@ -625,7 +607,7 @@ def _evidence(history: History, below: float, level: float) -> tuple[Trend, floa
     series = Series(time_s=time_s, value=value, sigma=equal, sigma_known=False)
     probability = permuted_probability(series)
     # scores that tests cut off scatter less: only when they began to change can be told from them
-    found = fit_trend(series, below=below, level=level, most=int(probability < below))
+    found = fit_trend(series, below=below, most=int(probability < below))
     changes = tuple(
         replace(c, false_alarm_probability=max(probability, c.false_alarm_probability))
         for c in found.changes

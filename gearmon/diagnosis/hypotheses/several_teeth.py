@@ -83,7 +83,7 @@ class Band:
 
 def bands_of(gear: SearchedGear) -> Iterator[Band]:
     """Return the departure of a gear about each mesh harmonic in each channel."""
-    teeth, difference = gear.match.teeth, gear.difference
+    teeth, difference = gear.difference.teeth, gear.difference
     for band in difference.bands:
         inside = band.number < len(gear.response.lines)
         number = band.number[inside]
@@ -321,9 +321,9 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     """
     if gear.difference.meetings > 1:
         return None
-    tried = np.argsort(-gear.match.log_tooth, kind="stable")[:_TRIED]
+    tried = np.argsort(-gear.log_tooth, kind="stable")[:_TRIED]
     by_ringing: FloatArray = np.zeros((len(RINGING), len(SHARES), len(tried)))
-    by_tooth = np.zeros(gear.match.teeth)
+    by_tooth = np.zeros(gear.difference.teeth)
     bands = list(bands_of(gear))
     if not bands:
         return None
@@ -341,7 +341,7 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     return DepartureSpread(
         log_likelihood=log_mean(total.T.copy()),
         by_tooth=by_tooth,
-        second=second_tooth(bands, events, first, by_tooth, gear.match.log_gear),
+        second=second_tooth(bands, events, first, by_tooth, gear.log_gear),
     )
 
 

@@ -61,19 +61,15 @@ _LEFT_OUT = 0.01
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ToothMatch:
+class SearchedGear:
     """How well damage on each tooth of a gear explains its departure.
 
     Parameters
     ----------
-    stage : int
-        Stage, from 1.
-    gear : str
-        Gear.
-    teeth : int
-        z of the gear.
-    order : float
-        Rotation of the gear, in turns of shaft 1.
+    difference : GearDeviation
+        The departure.
+    response : ToothResponse
+        Expected lines of the gear.
     log_likelihood : ndarray of float, shape (losses, teeth)
         Logarithm of the likelihood of each of `LOSSES` on each tooth over that of no damage.
     log_place : ndarray of float, shape (teeth,)
@@ -85,10 +81,8 @@ class ToothMatch:
         The same if nothing of the damage itself counted as noise: as its energy grows.
     """
 
-    stage: int
-    gear: str
-    teeth: int
-    order: float
+    difference: GearDeviation
+    response: ToothResponse
     log_likelihood: FloatArray
     log_place: FloatArray
     expected: FloatArray
@@ -118,13 +112,30 @@ class ToothMatch:
             Events a turn; each may be as loud as it likes.
         """
         told = self.log_tooth
-        others = np.argmax(told) + np.arange(1, times) * self.teeth / times
+        others = np.argmax(told) + np.arange(1, times) * len(told) / times
         heard = np.maximum(
-            told[np.floor(others).astype(int) % self.teeth],
-            told[np.ceil(others).astype(int) % self.teeth],
+            told[np.floor(others).astype(int) % len(told)],
+            told[np.ceil(others).astype(int) % len(told)],
         )
         chance = np.log(_MEETS_AGAIN) + heard
         return float(np.logaddexp(chance, np.log1p(-_MEETS_AGAIN)).sum())
+
+    def expected_power(self, number: FloatArray) -> FloatArray:
+        """Mean power of the response to a unit loss at multiples of the rotation, through the path.
+
+        Between mesh harmonics the path is interpolated in its logarithm.
+        """
+        told, path = self._path
+        levels = [np.interp(number / self.difference.teeth, told, row) for row in path]
+        power: FloatArray = np.exp(np.array(levels)) * self.response.band_power(number)
+        return power
+
+    @cached_property
+    def _path(self) -> tuple[NDArray[np.int64], FloatArray]:
+        """Mesh harmonics that tell of the path, and the logarithm of its power there."""
+        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
+        told = np.flatnonzero(path.all(axis=0))
+        return told, np.log(path[:, told])
 
 
 def _any_loss(log_likelihood: FloatArray) -> FloatArray:
@@ -133,17 +144,15 @@ def _any_loss(log_likelihood: FloatArray) -> FloatArray:
     return log_mean(log_likelihood[possible])
 
 
-def log_mean(logarithms: FloatArray, weight: FloatArray | None = None) -> FloatArray:
-    """Logarithm of the (weighted) mean over the first axis of numbers given by their logarithms."""
+def log_mean(logarithms: FloatArray) -> FloatArray:
+    """Logarithm of the mean over the first axis of numbers given by their logarithms."""
     largest = logarithms.max(axis=0)
-    share = np.exp(logarithms - largest)
-    mean = share.mean(axis=0) if weight is None else np.average(share, axis=0, weights=weight)
-    return np.asarray(largest + np.log(mean))
+    return np.asarray(largest + np.log(np.exp(logarithms - largest).mean(axis=0)))
 
 
-def match_teeth(
+def search_gear(
     difference: GearDeviation, response: ToothResponse, speed_hz: float
-) -> ToothMatch | None:
+) -> SearchedGear | None:
     """Compare the departure of a gear with what damage on each of its teeth should leave.
 
     Parameters
@@ -157,7 +166,7 @@ def match_teeth(
 
     Returns
     -------
-    ToothMatch or None
+    SearchedGear or None
         None if no mesh harmonic calibrates the path.
     """
     path = path_power(difference.mesh_power, response.mesh)
@@ -189,11 +198,9 @@ def match_teeth(
         )
         total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)
         expected += np.mean(mean, axis=0)
-    return ToothMatch(
-        stage=difference.stage,
-        gear=difference.gear,
-        teeth=difference.teeth,
-        order=difference.order,
+    return SearchedGear(
+        difference=difference,
+        response=response,
         log_likelihood=total[0],
         log_place=_any_loss(total[1]),
         expected=expected[0],
@@ -458,49 +465,6 @@ _MEETS_AGAIN = 0.8
 _SIZES = np.geomspace(0.002, 20.0, 70)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SearchedGear:
-    """One gear with all that is needed to judge it.
-
-    Parameters
-    ----------
-    difference : GearDeviation
-    response : ToothResponse
-    match : ToothMatch
-    """
-
-    difference: GearDeviation
-    response: ToothResponse
-    match: ToothMatch
-
-    def expected_power(self, number: FloatArray) -> FloatArray:
-        """Mean power of the response to a unit loss at multiples of the rotation, through the path.
-
-        Between mesh harmonics the path is interpolated in its logarithm.
-        """
-        told, path = self._path
-        levels = [np.interp(number / self.match.teeth, told, row) for row in path]
-        power: FloatArray = np.exp(np.array(levels)) * self.response.band_power(number)
-        return power
-
-    @cached_property
-    def _path(self) -> tuple[NDArray[np.int64], FloatArray]:
-        """Mesh harmonics that tell of the path, and the logarithm of its power there."""
-        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
-        told = np.flatnonzero(path.all(axis=0))
-        return told, np.log(path[:, told])
-
-
-def search_gear(
-    difference: GearDeviation, response: ToothResponse, speed_hz: float
-) -> SearchedGear | None:
-    """Match damage on every tooth of one gear; None if its path cannot be calibrated."""
-    match = match_teeth(difference, response, speed_hz)
-    if match is None:
-        return None
-    return SearchedGear(difference=difference, response=response, match=match)
-
-
 def most_likely(
     gears: Sequence[SearchedGear],
 ) -> tuple[SearchedGear, tuple[tuple[SearchedGear, float], ...]]:
@@ -518,11 +482,11 @@ def most_likely(
         Gears whose patterns show the same event, with the logarithm of the factor by which the best
         explains it better.
     """
-    ranked = sorted(gears, key=lambda gear: -gear.match.log_gear)
+    ranked = sorted(gears, key=lambda gear: -gear.log_gear)
     best = ranked[0]
     rivals: list[tuple[SearchedGear, float]] = []
     for other in ranked[1:]:
-        if other.match.log_gear < _COMPETES:
+        if other.log_gear < _COMPETES:
             break
         lead = _lead(best, other)
         if lead is None:
@@ -539,9 +503,9 @@ def share_lines(one: SearchedGear, other: SearchedGear) -> bool:
 
     Damage of suns and planets stands beside the lines of their turn, which nobody shares.
     """
-    if {one.match.gear, other.match.gear} & {"sun", "planet"}:
+    if {one.difference.gear, other.difference.gear} & {"sun", "planet"}:
         return False
-    slow, fast = sorted((one.match.order, other.match.order))
+    slow, fast = sorted((one.difference.order, other.difference.order))
     ratio = fast / slow
     return abs(ratio - round(ratio)) <= 1e-9 * ratio
 
@@ -559,62 +523,49 @@ def _lead(one: SearchedGear, other: SearchedGear) -> float | None:
     """
     if not share_lines(one, other):
         return None
-    base, faster = (one, other) if one.match.order <= other.match.order else (other, one)
-    times = round(faster.match.order / base.match.order)
-    again = base.match.log_again(times)
+    base, faster = (one, other) if one.difference.order <= other.difference.order else (other, one)
+    times = round(faster.difference.order / base.difference.order)
+    again = base.log_again(times)
     if again > 0:
         return -again if base is one else again
-    cells = _Cells.of(base.difference, faster.difference, times)
-    if cells is None:
+    lead = _by_cells(base, faster, times)
+    if lead is None:
         return None
-    lead = cells.log_likelihood(base, 1) - cells.log_likelihood(faster, times)
-    factors = base.match.log_gear / faster.match.log_gear
-    lead += _BY_FACTORS * float(np.log(factors))
+    lead += _BY_FACTORS * float(np.log(base.log_gear / faster.log_gear))
     return lead if base is one else -lead
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Cells:
-    """Power of a departure in cells of lines, noise taken off."""
+def _by_cells(base: SearchedGear, faster: SearchedGear, times: int) -> float | None:
+    """Logarithm of the likelihood of a departure's power by one gear over that by a faster one.
 
-    number: NDArray[np.int64]
-    cell: NDArray[np.int64]
-    power: FloatArray
-    floor: FloatArray
+    In cells of lines, noise taken off; None if none is far from the mesh of either.
+    """
+    bands = base.difference.bands
+    number = np.concatenate([band.number for band in bands])
+    period = faster.difference.teeth * times
+    away = np.abs(number - period * np.rint(number / period)) > NEAR * times
+    if not away.any():
+        return None
+    number = number[away]
+    rest = np.concatenate([band.rest for band in bands], axis=1)[:, away]
+    variance = np.concatenate([band.deviation for band in bands], axis=1)[:, away] ** 2
+    width = max(_LEAST_CELL, min(base.difference.teeth, period) // 2)
+    # lines that only the slower gear has stand in cells of their own
+    place = 2 * (number // width) + (number % times == 0)
+    _, cell, count = np.unique(place, return_inverse=True, return_counts=True)
 
-    @classmethod
-    def of(cls, base: GearDeviation, faster: GearDeviation, times: int) -> _Cells | None:
-        number = np.concatenate([band.number for band in base.bands])
-        rest = np.concatenate([band.rest for band in base.bands], axis=1)
-        variance = np.concatenate([band.deviation for band in base.bands], axis=1) ** 2
-        period = faster.teeth * times
-        away = np.abs(number - period * np.rint(number / period)) > NEAR * times
-        if not away.any():
-            return None
-        number, rest, variance = number[away], rest[:, away], variance[:, away]
-        width = max(_LEAST_CELL, min(base.teeth, period) // 2)
-        # lines that only the slower gear has stand in cells of their own
-        place = 2 * (number // width) + (number % times == 0)
-        _, cell = np.unique(place, return_inverse=True)
-        count = np.bincount(cell)
-        told = (np.abs(rest) ** 2 - 1.0) * variance
-        return cls(
-            number=number,
-            cell=cell,
-            power=np.array([np.bincount(cell, row) / count for row in told]),
-            floor=np.array([np.bincount(cell, row) / count**1.5 for row in variance]),
-        )
+    def mean(lines: FloatArray) -> FloatArray:
+        return np.array([np.bincount(cell, row) / count for row in lines])
 
-    def log_likelihood(self, gear: SearchedGear, times: int) -> float:
-        """Logarithm of the likelihood of the cells under damage of one gear, up to a constant."""
-        level = gear.expected_power(self.number / times)
-        level[:, self.number % times != 0] = 0.0
-        count = np.bincount(self.cell)
-        expected = np.array([np.bincount(self.cell, row) / count for row in level])
-        heard = np.maximum(self.power, 0.0) + self.floor
-        size = _SIZES[:, None, None] ** 2
-        departure = 0.5 * np.log(heard / (size * expected + self.floor))
+    floor = mean(variance) / np.sqrt(count)
+    heard = np.maximum(mean((np.abs(rest) ** 2 - 1.0) * variance), 0.0) + floor
+
+    def log_likelihood(gear: SearchedGear, turns: int) -> float:
+        level = gear.expected_power(number / turns)
+        level[:, number % turns != 0] = 0.0
+        departure = 0.5 * np.log(heard / (_SIZES[:, None, None] ** 2 * mean(level) + floor))
         # law of Student: the path may swallow a cell altogether
         spread = np.log1p((departure / _CELL_DEVIATION) ** 2 / _FREEDOM)
-        each = -0.5 * (_FREEDOM + 1.0) * spread.sum(axis=(1, 2))
-        return float(each.max())
+        return float((-0.5 * (_FREEDOM + 1.0) * spread.sum(axis=(1, 2))).max())
+
+    return log_likelihood(base, 1) - log_likelihood(faster, times)

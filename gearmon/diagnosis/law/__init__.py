@@ -3,35 +3,15 @@
 A healthy machine depends smoothly on its operating state. What is known of it, the complex lines of
 every gear and the levels of all families of lines and of the broadband spectrum, is predicted for
 the state of a new recording from the references at hand, with a variance that is prior knowledge
-where references are few or far away, and shrinks as they come near (`state`). What departs from the
+where references are few or far away, and shrinks as they come near. What departs from the
 prediction by more than that variance is evidence of a change: `gear_lines` for the pattern of one
-gear around its turn, `levels` for families of lines and the spectrum between them.
+gear around its turn (`patterns` turns it to that of another recording), `machine` for families of
+lines and the spectrum between them.
 
->>> from gearmon.diagnosis.law import Kriging
+>>> from gearmon.diagnosis.law.gear_lines import Kriging
 >>> import numpy as np
 >>> alone = Kriging.of(np.zeros((1, 2)), np.array([0.5, 0.0]))
 >>> between = Kriging.of(np.array([[0.0, 0.0], [1.0, 0.0]]), np.array([0.5, 0.0]))
 >>> between.weights.round(3).tolist(), bool(between.spread < alone.spread)
 ([0.5, 0.5], True)
 """
-
-from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, turned_alike
-from gearmon.diagnosis.law.machine import (
-    HealthyMachine,
-    LevelDeviation,
-    MachineDeviation,
-    level_deviation,
-)
-from gearmon.diagnosis.law.state import Kriging, StateGauge
-
-__all__ = [
-    "GearDeviation",
-    "GearLaw",
-    "HealthyMachine",
-    "Kriging",
-    "LevelDeviation",
-    "MachineDeviation",
-    "StateGauge",
-    "level_deviation",
-    "turned_alike",
-]

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.fault_types import FEATURES, NAMES, kind_features
-from gearmon.diagnosis.hypotheses.runout import TurnChange, turn_changes
+from gearmon.diagnosis.hypotheses.turns import TurnChange, turn_changes
 from gearmon.errors import ArgumentError
 from gearmon.signatures.measured.reference import WheelPattern, taken
 

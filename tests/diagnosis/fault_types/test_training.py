@@ -10,7 +10,7 @@ from reference.simulated_machines import one_pair, two_stages
 from reference.small_gearbox import machine
 
 from gearmon.diagnosis.fault_types import KINDS, NAMES, NONE, KindClassifier
-from gearmon.diagnosis.fault_types.judgement import judge_kind, rule_probabilities
+from gearmon.diagnosis.fault_types.kinds import judge_kind, rule_probabilities
 from gearmon.diagnosis.fault_types.training import (
     draw_example,
     examples,
@@ -18,7 +18,7 @@ from gearmon.diagnosis.fault_types.training import (
     train_kinds,
     training_table,
 )
-from gearmon.diagnosis.hypotheses.own_teeth import departure_energy
+from gearmon.diagnosis.hypotheses.turns import departure_energy
 from gearmon.errors import ArgumentError
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.expected.baseline import expected_signature

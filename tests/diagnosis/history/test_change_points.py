@@ -272,12 +272,3 @@ def test_nothing_is_extrapolated_from_what_noise_could_make():
     assert falling.crossing(10.0).status == "not extrapolated"
     short = fit_trend(series([0.01, 0.05, 0.09], 0.001)).crossing(0.2)
     assert "too few" in short.reason
-
-
-def test_a_longer_interval_for_a_higher_level():
-    generator = np.random.default_rng(11)
-    value = kinked(np.arange(20.0), 0.4, 10.0) + generator.standard_normal(20)
-    narrow, wide = (fit_trend(series(value), level=level) for level in (0.5, 0.95))
-    assert wide.changes[0].low_s <= narrow.changes[0].low_s
-    assert wide.changes[0].high_s >= narrow.changes[0].high_s
-    assert wide.at([1.7e9])[2][0] > narrow.at([1.7e9])[2][0]

@@ -21,7 +21,7 @@ from gearmon.diagnosis.history.changes import (
 )
 from gearmon.diagnosis.history.changes import COURSES as TRIED
 from gearmon.diagnosis.history.trends import fit_trend
-from gearmon.report.history_text import change_text
+from gearmon.report.text import change_text
 
 DAY = 86400.0
 # none of the bent ones is one of those that are tried

@@ -10,7 +10,7 @@ import pytest
 from reference.gear_patterns import CONTACT_CENTRE, Gear
 from scipy.stats import gamma as gamma_law
 
-from gearmon.diagnosis.hypotheses.own_teeth import (
+from gearmon.diagnosis.hypotheses.turns import (
     _log10_gamma,
     aligned,
     departure_energy,

@@ -7,12 +7,10 @@ import pytest
 from reference.gear_departures import complex_noise
 
 import gearmon
-from gearmon.diagnosis.decision.evidence import noticed_from
-from gearmon.diagnosis.hypotheses.damage_size import loss_estimate
-from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard
+from gearmon.diagnosis.evidence import noticed_from
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard, loss_estimate
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
-from gearmon.diagnosis.law import GearDeviation
-from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation
+from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation, GearDeviation
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import tooth_response
@@ -209,7 +207,7 @@ def test_a_tooth_of_the_ring_is_found_with_its_loss():
     for seed in range(6):
         told = ring_with(0.3, 20, stage, seed)
         assert told.believed > 26.0
-        assert told.search.match.best % (RING // PLANETS) == 19 % (RING // PLANETS)
+        assert told.search.best % (RING // PLANETS) == 19 % (RING // PLANETS)
         losses.append(loss_estimate(told.search, machine(), 10.0).loss)
         # planets put the mesh harmonics as their phases have it: these tell no loss
         lines = np.sqrt(told.deviation.mesh_power) + 0j

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.hypotheses.runout import (
+from gearmon.diagnosis.hypotheses.turns import (
     PRIOR_DB,
     PRIOR_WORTH,
     TurnChange,
     healthy_turns,
     runout_growth,
+    turn_changes,
 )
 from gearmon.signatures.measured.reference import WheelPattern
 
@@ -94,6 +97,33 @@ def test_healthy_recordings_are_compared_with_one_another():
     assert [own[0].change_db[0] for own in told] == pytest.approx(
         [-20 * np.log10(2), 20 * np.log10(2)], abs=1e-4
     )
+
+
+def test_harmonics_that_a_recording_lacks_are_not_compared():
+    new, whole = pattern(2.0), pattern(1.0, seed=1)
+    few = whole.number < 3 * TEETH + 7
+    short = replace(
+        whole,
+        number=whole.number[few],
+        mesh=whole.mesh[few],
+        amplitude=whole.amplitude[:, few],
+        variance=whole.variance[:, few],
+    )
+    (found,) = turn_changes([new], [[short]])
+    beyond = np.where(new.number < 3 * TEETH + 7, 1.0, 100.0)
+    (other,) = turn_changes([replace(new, amplitude=new.amplitude * beyond)], [[short]])
+    assert found.change_db == pytest.approx(other.change_db)
+    assert found.change_db != pytest.approx(turn_changes([new], [[whole]])[0].change_db)
+
+
+def test_lines_below_the_noise_in_all_recordings_did_not_change():
+    quiet = pattern(1e-9)
+    once = np.abs((quiet.number + TEETH // 2) % TEETH - TEETH // 2) == 1
+    # at these ten times the noise, and more of nothing
+    louder = replace(quiet, variance=np.where(once, 1e-5, quiet.variance))
+    known = replace(quiet, variance=np.where(once, 1e-6, quiet.variance))
+    (found,) = turn_changes([louder], [[known]])
+    assert found.change_db == pytest.approx(np.zeros(6), abs=1e-6)
 
 
 def test_every_gear_and_both_distances_are_places_to_look_at():

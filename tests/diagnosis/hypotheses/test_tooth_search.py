@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 from reference.gear_departures import held_against
 
-from gearmon.diagnosis.hypotheses.damage_size import loss_estimate
 from gearmon.diagnosis.hypotheses.tooth_damage import (
+    loss_estimate,
     losses_by_tooth,
     mesh_shown,
     own_mesh_power,
 )
 from gearmon.diagnosis.hypotheses.tooth_match import (
     LOSSES,
+    _by_cells,
     log_mean,
-    match_teeth,
     most_likely,
     path_power,
     search_gear,
     share_lines,
 )
-from gearmon.diagnosis.law import GearDeviation
+from gearmon.diagnosis.law.gear_lines import GearDeviation
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import Fault
 from gearmon.gears.pairs import mesh_pairs
@@ -150,7 +150,7 @@ def test_patterns_are_turned_to_one_another(turn):
 
 
 def test_the_bayes_factor_of_noise_is_one_in_the_mean_at_most():
-    factors = np.exp([searched("pinion", seed).match.log_gear for seed in range(120)])
+    factors = np.exp([searched("pinion", seed).log_gear for seed in range(120)])
     assert factors.mean() < 1.0
     assert np.mean(factors > 10.0) <= 0.1
 
@@ -160,9 +160,9 @@ def test_the_bayes_factor_of_noise_is_one_in_the_mean_at_most():
 def test_a_planted_loss_is_found_on_its_tooth(gear, seed):
     tooth = 5 + 4 * seed
     found = searched(gear, seed, loss=0.2, tooth=tooth)
-    assert found.match.best + 1 == tooth
-    assert found.match.log_gear > 20
-    loss, sigma = losses_by_tooth(found.match)
+    assert found.best + 1 == tooth
+    assert found.log_gear > 20
+    loss, sigma = losses_by_tooth(found)
     assert np.argmax(loss) + 1 == tooth
     assert np.delete(loss, tooth - 1).max() < 0.02
     assert (sigma > 0).all()
@@ -194,7 +194,7 @@ def test_a_recording_held_against_itself_has_lost_nothing():
     healthy = patterns("gear", 3)[0]
     difference = held_against(healthy, [healthy], same_zero=True)
     found = search_gear(difference, response("gear"), SPEED_HZ)
-    assert found.match.log_gear < 0
+    assert found.log_gear < 0
     told = estimate(found)
     assert 0 < told.low <= told.loss <= told.high < 0.02
 
@@ -207,14 +207,14 @@ def test_units_do_not_matter():
         for p in (healthy, new)
     ]
     difference = held_against(large[1], large[:1], same_zero=True)
-    two = match_teeth(difference, response("pinion"), SPEED_HZ)
-    assert two.log_likelihood == pytest.approx(one.match.log_likelihood, rel=1e-9, abs=1e-9)
+    two = search_gear(difference, response("pinion"), SPEED_HZ)
+    assert two.log_likelihood == pytest.approx(one.log_likelihood, rel=1e-9, abs=1e-9)
 
 
 def test_turning_the_recording_turns_the_tooth():
     plain = searched("pinion", 6, loss=0.2, tooth=3)
     turned = searched("pinion", 6, loss=0.2, tooth=3, turn=-5 / 27, same_zero=False)
-    assert (turned.match.best - plain.match.best) % 27 in (4, 5, 6)
+    assert (turned.best - plain.best) % 27 in (4, 5, 6)
 
 
 def test_the_more_likely_gear_is_blamed():
@@ -292,12 +292,20 @@ def test_events_at_every_tooth_that_a_pinion_s_meets_are_the_pinion_s(sizes, bla
     assert share_lines(*found.values())
     best, _ = most_likely(list(found.values()))
     assert best is found[blamed]
-    assert best.match.best + 1 == 7
+    assert best.best + 1 == 7
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_that_only_the_slower_gear_has_tell_the_two_apart(seed):
+    """Where they are silent the faster gear is to blame, where they are heard the slower."""
+    one, three = (of_whole_ratio(s, seed) for s in ((1.0, 0.0, 0.0), (1.0, 1.0, 1.0)))
+    assert _by_cells(one["gear"], one["pinion"], 3) > 2.0
+    assert _by_cells(three["gear"], three["pinion"], 3) < -20.0
 
 
 def test_an_event_that_comes_again_tells_as_much_as_each_of_its_places():
     """Bayes factors: 0.8 that a place answers, 0.2 that it does not, beside no answer at all."""
-    match = of_whole_ratio((1.0, 0.0, 0.0), 0)["gear"].match
+    match = of_whole_ratio((1.0, 0.0, 0.0), 0)["gear"]
     told = np.full(60, -30.0)
     told[[4, 24, 44]] = 50.0, 9.0, 2.0
     places = replace(match, log_likelihood=np.broadcast_to(told, match.log_likelihood.shape))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference.gear_departures import held_against
 
-from gearmon.diagnosis.law.state import SPEED_UNIT
+from gearmon.diagnosis.law.machine import SPEED_UNIT
 from gearmon.signatures.measured.reference import WheelPattern
 
 TEETH, HARMONICS, ROTATION_HZ, NOISE = 40, 8, 25.0, 1e-3

@@ -14,7 +14,7 @@ from reference.gear_departures import (
 )
 
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
-from gearmon.diagnosis.law import GearDeviation
+from gearmon.diagnosis.law.gear_lines import GearDeviation
 from gearmon.signatures.measured.reference import WheelPattern
 
 

@@ -9,9 +9,9 @@ import pytest
 from reference.small_gearbox import machine, recording
 
 from gearmon.diagnosis.analysis import learn
-from gearmon.diagnosis.hypotheses.changed_path import path_change
-from gearmon.diagnosis.law import HealthyMachine, level_deviation
-from gearmon.diagnosis.law.state import FULL_LOAD, LENGTH
+from gearmon.diagnosis.evidence import path_change
+from gearmon.diagnosis.law.gear_lines import FULL_LOAD, LENGTH
+from gearmon.diagnosis.law.machine import HealthyMachine, level_deviation
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.measured.reference import Profile
@@ -133,7 +133,7 @@ def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
     law = HealthyMachine.of(healthy, machine())
 
     def held_at(load):
-        gears = {key: (replace(own, load=load), told) for key, (own, told) in law.gears.items()}
+        gears = {key: replace(own, load=load) for key, own in law.gears.items()}
         return replace(law, lightest=load, gears=gears).deviation(new)
 
     full, light = held_at(np.inf), held_at(FULL_LOAD * share)

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.law import Kriging, StateGauge
-from gearmon.diagnosis.law.state import LENGTH, SPEED_UNIT
+from gearmon.diagnosis.law.gear_lines import LENGTH, Kriging
+from gearmon.diagnosis.law.machine import SPEED_UNIT, StateGauge
 
 HERE = np.zeros(2)
 

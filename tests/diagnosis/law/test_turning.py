@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.law.gear_lines import GearPattern, turning
+from gearmon.diagnosis.law.patterns import GearPattern, turn_energy, turning
 
 TEETH, TOP = 29, 6 * 29
 NUMBER = np.arange(TOP + 1)
@@ -71,3 +71,35 @@ def test_nothing_healthy_to_turn_is_no_error(event):
     assert 0.0 <= turning(silent, new, TEETH) < 1.0
     none = replace(known, usable=np.zeros_like(known.usable))
     assert 0.0 <= turning(none, new, TEETH) < 1.0
+
+
+def test_a_sum_of_patterns_has_the_errors_of_a_sum():
+    (one, _), (other, _) = pair(1, 0.0, noise=0.1), pair(2, 0.0, noise=0.3)
+    other = replace(other, usable=other.usable & (NUMBER > TEETH))
+    found = GearPattern.combined([one, other], np.array([0.25, 0.75]))
+    assert found.amplitude == pytest.approx(0.25 * one.amplitude + 0.75 * other.amplitude)
+    assert found.variance == pytest.approx(0.25**2 * 0.1**2 + 0.75**2 * 0.3**2)
+    assert np.array_equal(found.usable, other.usable)
+
+
+def test_a_pattern_up_to_a_line_has_that_line_and_none_beyond():
+    known, _ = pair(3, 0.0)
+    short = known.up_to(TEETH)
+    assert short.top == TEETH
+    assert np.array_equal(short.amplitude, known.amplitude[:, : TEETH + 1])
+    assert short.variance.shape == (2, TEETH + 1)
+
+
+@pytest.mark.parametrize("steps", [TOP + 1, 256])
+def test_the_energy_around_a_turn_is_that_of_its_lines(steps):
+    lines = complex_noise(np.random.default_rng(4), 3, 2, TOP + 1)
+    energy = turn_energy(lines, NUMBER, steps)
+    assert energy.mean(axis=-1) == pytest.approx(np.sum(np.abs(lines) ** 2, axis=(1, 2)))
+
+
+def test_an_event_has_all_its_energy_where_it_stands():
+    band = NUMBER[2 * TEETH : 3 * TEETH]
+    lines = np.exp(-2j * np.pi * band * 7 / TEETH)[None]
+    expected = np.where(np.arange(TEETH) == 7, float(TEETH) ** 2, 0.0)
+    assert turn_energy(lines, band, TEETH) == pytest.approx(expected, abs=1e-9)
+    assert np.argmax(turn_energy(lines, band, 8 * TEETH)) == 8 * 7

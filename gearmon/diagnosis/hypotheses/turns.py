@@ -1,4 +1,13 @@
-"""Runout and wobble that have grown: sidebands once and twice a turn of a gear away from the mesh.
+"""What a gear's turn shows beside healthy recordings, without a law: a place, and single sidebands.
+
+A damaged tooth is met once a turn: its response is a short event, spread over many sidebands of
+every mesh harmonic, while what load or mounting change is spread over the turn. So what a gear
+shows, or what a complex gain for each band (the path to the sensor) leaves of it beside a healthy
+recording, is whitened, put back into angle, and its energy over windows of two teeth compared with
+their median. A machine's own pitch errors and eccentricities cancel beside a healthy recording.
+Without one the other teeth of the same gear are the reference, and nothing cancels: at a
+false-alarm probability of 1 % (seen: 1 of 52 machines) a loss of 20 % of one pair's stiffness was
+found in 21 of 76 recordings of 52 simulated machines, one of 40 % in 52 of 76.
 
 Eccentricity, or a gear that stands askew, changes the mesh smoothly over the turn of the gear: the
 first sidebands of its mesh harmonics grow and those farther away hardly do. Load, gain, noise and
@@ -9,13 +18,31 @@ of the fourth to sixth, and held against what it does between healthy recordings
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+from scipy.special import gammaincc, gammaln, stdtr
 
-from gearmon.arrays import FloatArray
+from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
+from gearmon.diagnosis.law.patterns import GearPattern, turn_energy, turning
+from gearmon.diagnosis.results import ToothProfile
 from gearmon.signatures.measured.reference import WheelPattern
 
+#: Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
+NEAR = 3
+# A healthy pattern departs from its fit by this share of its amplitude, besides noise.
+_DEPARTURE = 0.1
+# Healthy departures are not Gaussian noise: their windows scatter like a fraction of the degrees of
+# freedom that noise of the same spectrum would have; the teeth of one gear differ from one another
+# by their pitch errors. Read off simulated healthy machines, and rounded to the safe side: half of
+# it would find 50 instead of 43 of 88 losses of 20 and 40 %, with two false alarms instead of one
+# in 44 machines.
+_OVERDISPERSION = 9.0
+_WINDOW_TEETH = 2.0
+_LEAST_LINES, _LEAST_OF_BAND = 8, 4
 #: Sidebands that are looked at one by one.
 SIDEBANDS = 6
 #: A line this many dB or less above its own noise in both recordings says nothing about a gain.
@@ -31,6 +58,163 @@ SLOPE_DB = 8.0
 # Sidebands held against the first and the second.
 _OTHERS = slice(3, 6)
 _KINDS = ("eccentricity", "misalignment")
+_TINY = np.finfo(float).tiny
+
+
+def locate(wheel: WheelPattern, *, numbered: bool) -> ToothProfile | None:
+    """Look for the tooth at which a gear departs from its other teeth.
+
+    Parameters
+    ----------
+    wheel : WheelPattern
+        The gear in the recording.
+    numbered : bool
+        Whether the recording's angle zero is a tachometer pulse of this gear's own shaft.
+
+    Returns
+    -------
+    ToothProfile or None
+        None if the recording resolves too few sidebands of this gear.
+
+    Notes
+    -----
+    With n_eff the effective number of lines (participation ratio of their powers), the energy in a
+    window of w of z teeth over the median is compared with a gamma law of shape n_eff w / (z v),
+    v the overdispersion, and the probability multiplied by z, the number of places.
+    """
+    departure = _departure(_of_turn(wheel), None, NEAR)
+    power = np.sum(np.abs(departure) ** 2, axis=0)
+    if np.count_nonzero(power) < _LEAST_LINES:
+        return None
+    energy = _around(departure, wheel.number, wheel.teeth)
+    place = int(np.argmax(energy)) / len(energy)
+    ratio = float(energy.max())
+    effective = float(power.sum() ** 2 / max(float(np.sum(power**2)), _TINY))
+    # channels are not counted: what departs on a healthy machine is heard by all of them
+    shape = max(effective * _WINDOW_TEETH / wheel.teeth / _OVERDISPERSION, 0.5)
+    return ToothProfile(
+        stage=wheel.stage,
+        gear=wheel.gear,
+        teeth=wheel.teeth,
+        order=wheel.order,
+        energy=_by_tooth(energy, wheel.teeth),
+        tooth=round(place * wheel.teeth - CONTACT_CENTRE) % wheel.teeth + 1 if numbered else None,
+        position=place,
+        ratio=ratio,
+        log10_probability=min(0.0, _log10_gamma(shape, ratio) + float(np.log10(wheel.teeth))),
+        against="other teeth",
+    )
+
+
+def departure_energy(new: WheelPattern, old: WheelPattern, near: int = NEAR) -> FloatArray:
+    """Return the energy of a departure from a healthy recording around a gear's turn, by tooth.
+
+    Parameters
+    ----------
+    new, old : WheelPattern
+        Of the new recording and of the healthy one, at the same angle: the same lines.
+    near : int
+        Sidebands about each mesh harmonic that are left out on both sides.
+
+    Returns
+    -------
+    ndarray of float, shape (teeth,)
+        Over windows of two teeth, median 1.
+
+    Notes
+    -----
+    About each mesh harmonic one complex gain per channel is fitted; the rest is divided by the
+    scatter to expect, that is noise and a tenth of the amplitude.
+    """
+    energy = _by_tooth(_around(_departure(new, old, near), new.number, new.teeth), new.teeth)
+    middle = float(np.median(energy))
+    return np.asarray(energy / middle if middle > 0 else np.ones(new.teeth))
+
+
+def aligned(
+    new: WheelPattern, old: WheelPattern, *, same_zero: bool = False
+) -> tuple[WheelPattern, WheelPattern]:
+    """Return the lines that two recordings share of a gear, the second turned to the first.
+
+    Parameters
+    ----------
+    new, old : WheelPattern
+        In the same channels.
+    same_zero : bool
+        Whether both count from the same pulse: then nothing needs to be turned.
+    """
+    pairs = [_of_turn(new), _of_turn(old)]
+    common = np.intersect1d(new.number, old.number)
+    kept = [np.isin(own.number, common) for own in pairs]
+    one, two = (
+        replace(
+            own,
+            number=own.number[k],
+            mesh=own.mesh[k],
+            amplitude=own.amplitude[:, k],
+            variance=own.variance[:, k],
+        )
+        for own, k in zip(pairs, kept, strict=True)
+    )
+    if same_zero or not len(common):
+        return one, two
+    top = int(common[-1])
+    angle = turning(GearPattern.of(two, top), GearPattern.of(one, top), new.teeth)
+    return one, replace(two, amplitude=two.amplitude * np.exp(2j * np.pi * angle * common))
+
+
+def _of_turn(wheel: WheelPattern) -> WheelPattern:
+    """Return the lines at the multiples of the rotation."""
+    none = np.zeros((0, 0, 0))
+    return replace(
+        wheel,
+        variance=np.maximum(wheel.variance, _TINY),
+        beside=none.astype(complex),
+        beside_variance=none,
+    )
+
+
+def _departure(new: WheelPattern, old: WheelPattern | None, near: int) -> ComplexArray:
+    """Whitened departure of a gear's lines, 0 where none counts, shape (channels, lines)."""
+    band = (new.number + new.teeth // 2) // new.teeth
+    member = ((band[:, None] == np.unique(band)) & ~new.mesh[:, None]).astype(float)
+    # a gain fitted to three lines leaves nothing of them, and about the mean is no mesh harmonic
+    member = member[:, (member.sum(axis=0) >= _LEAST_OF_BAND) & (np.unique(band) > 0)]
+    usual = np.abs(new.amplitude) ** 2 @ (member / member.sum(axis=0)) @ member.T
+    spread = new.variance + _DEPARTURE**2 * usual
+    rest = new.amplitude
+    if old is not None:
+        power = np.abs(old.amplitude) ** 2 @ member
+        gain = (new.amplitude * old.amplitude.conj()) @ member / np.maximum(power, _TINY)
+        rest = rest - (gain @ member.T) * old.amplitude
+        spread = spread + old.variance
+    counted = (member.sum(axis=1) > 0) & (np.abs(new.number - band * new.teeth) > near)
+    return np.where(counted, rest / np.sqrt(spread), 0.0)
+
+
+def _around(departure: ComplexArray, number: NDArray[np.int64], teeth: int) -> FloatArray:
+    """Energy in windows of two teeth about places of the turn, over that of the median place."""
+    steps = 1 << int(np.ceil(np.log2(4 * number.max(initial=1))))
+    energy = turn_energy(departure, number, steps)
+    width = max(1, round(steps * _WINDOW_TEETH / teeth))
+    windows = np.maximum(uniform_filter1d(energy, width, mode="wrap"), 0.0)
+    return np.asarray(windows / max(float(np.median(windows)), _TINY))
+
+
+def _by_tooth(energy: FloatArray, teeth: int) -> FloatArray:
+    """Energies about the places where teeth enter contact."""
+    return np.asarray(energy[np.rint(np.arange(teeth) / teeth * len(energy)).astype(int)])
+
+
+def _log10_gamma(shape: float, ratio: float) -> float:
+    """log10 of the probability that a gamma variable of unit mean exceeds a ratio."""
+    argument = shape * ratio
+    value = float(gammaincc(shape, argument))
+    if value > 1e-280:
+        return float(np.log10(value))
+    # leading term of the asymptotic series, for scores that go on rising
+    natural = (shape - 1) * np.log(argument) - argument - float(gammaln(shape))
+    return float(natural / np.log(10))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -84,18 +268,16 @@ def turn_changes(
         known = [own for patterns in healthy if (own := wheel.same_in(patterns))]
         if len(known) < len(healthy) or not known:
             continue
-        new_db, new_scatter = _levels(wheel)
-        old = [_levels(pattern) for pattern in known]
-        harmonics = min(new_db.shape[1], *(level.shape[1] for level, _ in old))
-        if harmonics == 0:
+        tops = [int(own.number.max(initial=0)) for own in (wheel, *known)]
+        harmonics = (min(tops) - SIDEBANDS) // wheel.teeth
+        if harmonics < 1:
             continue
-        reference = np.mean([level[:, :harmonics] for level, _ in old], axis=0)
-        scatter = np.mean([own[:, :harmonics] ** 2 for _, own in old], axis=0)
-        change = new_db[:, :harmonics] - reference
+        new_db, new_scatter = _levels(wheel, harmonics)
+        old_db, old_scatter = np.mean([_levels(own, harmonics) for own in known], axis=0)
         # a line below the noise in all recordings would tell of the noise, not of the gear
-        unheard = (new_scatter[:, :harmonics] >= _UNHEARD_DB) & (scatter >= _UNHEARD_DB**2)
-        spread = np.sqrt(new_scatter[:, :harmonics] ** 2 + scatter)
-        found.append((wheel, np.where(unheard, np.nan, change), spread))
+        unheard = (new_scatter >= _UNHEARD_DB**2) & (old_scatter >= _UNHEARD_DB**2)
+        change = np.where(unheard, np.nan, new_db - old_db)
+        found.append((wheel, change, np.sqrt(new_scatter + old_scatter)))
     gain = _gains(found)
     return tuple(
         TurnChange(
@@ -117,32 +299,26 @@ def _beyond_mesh(change: FloatArray) -> FloatArray:
     return np.nan_to_num(np.clip(change[..., 1:] - rise, -30.0, 30.0))
 
 
-def _levels(wheel: WheelPattern) -> tuple[FloatArray, FloatArray]:
-    """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their standard errors."""
-    top = int(wheel.number.max(initial=0))
+def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray]:
+    """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their variances."""
+    top = int(wheel.number.max())
     power = np.zeros((len(wheel.amplitude), top + 1))
     variance = np.zeros_like(power)
     power[:, wheel.number] = np.abs(wheel.amplitude) ** 2
     variance[:, wheel.number] = wheel.variance
     usable = np.zeros(top + 1, dtype=bool)
     usable[wheel.number] = ~wheel.mesh
-    centre = wheel.teeth * np.arange(1, max(1, (top - SIDEBANDS) // wheel.teeth + 1))
-    usable[centre[centre <= top]] = True
-    distance = np.arange(SIDEBANDS + 1)
-    total = np.zeros((len(power), len(centre), len(distance)))
-    noise = np.zeros_like(total)
-    for sign in (-1, 1):
-        place = centre[:, None] + sign * distance
-        place = np.where((place > 0) & (place <= top), place, 0)
-        total += np.where(usable[place], power[:, place], 0.0)
-        noise += np.where(usable[place], variance[:, place], 0.0)
-    tiny = np.finfo(float).tiny
-    noise = np.maximum(noise, tiny)
+    centre = wheel.teeth * np.arange(1, harmonics + 1)
+    usable[centre] = True
+    sides = np.multiply.outer([-1, 1], np.arange(SIDEBANDS + 1))
+    place = np.maximum(centre[:, None] + sides[:, None], 0)
+    total, noise = (np.sum(usable[place] * own[:, place], axis=1) for own in (power, variance))
+    noise = np.maximum(noise, _TINY)
     clean = np.maximum(total - noise, noise)
     scatter = 10 / np.log(10) * np.minimum(np.sqrt(2 * noise / clean), 1.0)
     # lines that do not exist, such as those of another mesh, carry no weight
-    scatter = np.where(total > tiny, scatter, 1e3)
-    return 10 * np.log10(clean), scatter
+    scatter = np.where(total > _TINY, scatter, 1e3)
+    return 10 * np.log10(clean), scatter**2
 
 
 def _gains(found: Sequence[tuple[WheelPattern, FloatArray, FloatArray]]) -> FloatArray:
@@ -287,6 +463,4 @@ def _growth(turn: TurnChange, sigma: float, worth: float, places: int) -> Runout
 
 def _log10_student(value: float, freedom: float) -> float:
     """log10 of the probability that Student's t exceeds a value."""
-    from scipy.special import stdtr
-
     return float(np.log10(max(float(stdtr(freedom, -value)), 1e-300)))

@@ -1,5 +1,6 @@
 """What a healthy verdict is worth: the damage that would have been heard."""
 
+from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -7,12 +8,11 @@ import numpy as np
 import pytest
 from reference.gear_departures import complex_noise
 
-from gearmon.diagnosis.decision.evidence import Evidence, heard_from, noticed_from, unheard
+from gearmon.diagnosis.evidence import Evidence, heard_from, noticed_from
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
-from gearmon.diagnosis.law import GearDeviation
-from gearmon.diagnosis.law.gear_lines import BandDeviation
-from gearmon.diagnosis.law.state import FULL_LOAD
+from gearmon.diagnosis.law.gear_lines import FULL_LOAD, BandDeviation, GearDeviation
+from gearmon.diagnosis.verdict import unheard
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.expected.tooth_response import tooth_response
 
@@ -91,12 +91,14 @@ def test_what_was_not_looked_at_or_not_heard_is_named():
     loss = heard_from(clear)
     finding = SimpleNamespace(searched=(clear,))
     found = Evidence(deviation=clear.deviation, finding=finding, references=2)
-    other = "the gear of stage 1"
-    assert unheard(found, pair, [], 2 * loss) == (other,)
-    assert unheard(found, pair, ["a2"], loss / 2) == (
-        "the pinion of stage 1",
-        other,
-        "what channel a2 hears",
-    )
+    other, both = "the gear of stage 1", "the pinion of stage 1, the gear of stage 1"
+    assert f"unnoticed on {other}: record longer" in unheard(found, pair, [], 2 * loss)
+    deaf = f"unnoticed on {both}, what channel a2 hears: record"
+    assert deaf in unheard(found, pair, ["a2"], loss / 2)
+    mate = replace(clear, deviation=replace(clear.deviation, gear="gear"))
+    heard = replace(found, finding=SimpleNamespace(searched=(clear, mate)))
+    assert unheard(heard, pair, [], 2 * loss) == ""
     nothing = Evidence(deviation=clear.deviation, finding=None, references=2)
-    assert unheard(nothing, pair, [], 0.4) == ("the pinion of stage 1", other)
+    told = unheard(nothing, pair, [], 0.4)
+    assert told.startswith("Even a loss of 40 % of a tooth's stiffness might have gone unnoticed")
+    assert both in told

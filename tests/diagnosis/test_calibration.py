@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.diagnosis.decision.thresholds import (
+from gearmon.diagnosis.evidence import (
     FAR,
     false_alarm_probability,
     probability_of,
     situation,
 )
 
-CALIBRATION = runpy.run_path(str(Path(__file__).parents[3] / ".ci" / "calibration"))
+CALIBRATION = runpy.run_path(str(Path(__file__).parents[2] / ".ci" / "calibration"))
 
 
 def test_the_table_holds_for_the_law_it_was_made_from():

@@ -1,25 +1,36 @@
-"""Flags from what was found: of a tooth, of a kind, of a path, of lines of no gear."""
+"""The verdict: flags from what was found, and its reason, what a plant manager needs first.
+
+Flags are of a tooth, of a kind of fault, of a path, of lines of no gear; each has its evidence in
+sentences that can be checked on the pictures.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.decision.evidence import Evidence, noise_rose, rare_strength
-from gearmon.diagnosis.decision.thresholds import LIMITS, false_alarm_probability
-from gearmon.diagnosis.fault_types.features import NONE, FeatureVector
-from gearmon.diagnosis.fault_types.judgement import KindJudgement, judge_kind
-from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
-from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
-from gearmon.diagnosis.law import LevelDeviation
-from gearmon.diagnosis.results import Change, Flag
-from gearmon.errors import GearmonError
+from gearmon.diagnosis.evidence import (
+    LIMITS,
+    Evidence,
+    false_alarm_probability,
+    heard_from,
+    noise_rose,
+    rare_strength,
+)
+from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
+from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
+from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
+from gearmon.diagnosis.law.machine import SPEED_UNIT, LevelDeviation
+from gearmon.diagnosis.results import Change, Flag, ToothProfile
+from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.signatures.measured.line_plan import Family
+from gearmon.signatures.measured.measurement import MeasuredSignature
+from gearmon.signatures.measured.reference import Reference
 
 # A kind is named if the rules hold it this likely.
 _NAMED = 0.5
@@ -95,19 +106,18 @@ class Flagging:
 
     def _of_finding(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag the departure that the search found: of one tooth, or of another kind."""
-        best, loss = finding.best, finding.loss
-        spread = departure_spread(best.search) if best.search is not None else None
+        best, loss, spread = finding.best, finding.loss, finding.best.spread
         around = best.deviation.peak < LIMITS.all_around * best.deviation.misfit
         if spread is not None:
             # an event that rings on around a small pinion is still one tooth's
             around = around and spread.explained < LIMITS.one_event
             around = around or spread.one_tooth < self._least_sure(best)
         if around:
-            return self._spread_flag(finding, spread, strength)
-        stage, gear = best.key
+            return self._spread_flag(finding, strength)
+        (stage, gear), (tooth, _) = best.key, best.place
         evidence = [
             f"the {gear} of stage {stage} departs from its healthy pattern at tooth "
-            f"{finding.tooth}: {best.deviation.peak:.1f} times the energy elsewhere in its turn"
+            f"{tooth}: {best.deviation.peak:.1f} times the energy elsewhere in its turn"
         ]
         sizes = {}
         if loss is not None:
@@ -124,11 +134,9 @@ class Flagging:
             + (" and may be the cause as well" if lead < _SURE_LEAD else "")
             for name, number, lead in finding.rivals
         ]
-        evidence += _size(self.machine, finding)
+        evidence += _crack(self.machine, finding)
         more = {f"stiffness_loss{end}": size for end, size in sizes.items()}
-        return self._flag(
-            "tooth damage", strength, evidence, stage, gear, tooth=finding.tooth, **more
-        )
+        return self._flag("tooth damage", strength, evidence, stage, gear, tooth=tooth, **more)
 
     def _least_sure(self, best: GearEvidence) -> float:
         """Probability from which a departure is called that of one tooth."""
@@ -139,11 +147,9 @@ class Flagging:
         first, others = max(row["once_db"], row["twice_db"]), max(row["several_db"], 0.0)
         return _ONE_TOOTH_AND_RUNOUT if first - others > _RUNOUT_DB else _ONE_TOOTH
 
-    def _spread_flag(
-        self, finding: ToothFinding, spread: DepartureSpread | None, strength: float
-    ) -> Flag:
+    def _spread_flag(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag a departure that one tooth does not explain, by its kind where one is clear."""
-        stage, gear = finding.best.key
+        (stage, gear), spread = finding.best.key, finding.best.spread
         evidence = [f"the {gear} of stage {stage} departs from its healthy pattern around its turn"]
         if spread is not None:
             evidence += [_explained(spread), *_second_told(spread)]
@@ -174,8 +180,7 @@ class Flagging:
         if features is None or gear is None or gear not in features.gears:
             return None
         own = finding.of(*gear) if finding is not None else None
-        searched = own.search if own is not None else None
-        spread = departure_spread(searched) if searched is not None else None
+        spread = own.spread if own is not None else None
         judged = judge_kind(features, stage=gear[0], gear=gear[1], spread=spread)
         clear = judged.kind not in (NONE, "tooth damage") and judged.probability >= _NAMED
         return judged if clear else None
@@ -245,7 +250,7 @@ class Flagging:
 
 
 def _counting(finding: ToothFinding) -> str:
-    if finding.counted_from == "tacho":
+    if finding.best.counted_from == "tacho":
         return (
             "teeth are counted from the one that enters mesh at the tachometer pulse, in this "
             "recording as in the healthy ones"
@@ -263,7 +268,7 @@ def _alike(finding: ToothFinding) -> list[str]:
     if count > 1 and best.deviation.gear == "planet":
         return ["which of the planets it is of cannot be told"]
     others = sorted(
-        {round(finding.tooth - 1 + k * teeth / count) % teeth + 1 for k in range(count)}
+        {round(best.place[0] - 1 + k * teeth / count) % teeth + 1 for k in range(count)}
     )
     if len(others) < 2:
         return []
@@ -294,26 +299,18 @@ def _told(judged: KindJudgement) -> tuple[str, ...]:
     )
 
 
-def _size(machine: Machine, finding: ToothFinding) -> list[str]:
-    """Tell the size of the damage where the geometry of the gears is known."""
-    # sound machines need no model of teeth
-    from gearmon.diagnosis.hypotheses.damage_size import physical_size
-
+def _crack(machine: Machine, finding: ToothFinding) -> list[str]:
+    """Tell the depth of a crack that would do it, where the geometry of the gears is known."""
     loss = finding.loss
     if loss is None:
         return []
-    stage, gear = finding.best.key
-    try:
-        size = physical_size(machine, stage, gear, "tooth damage", loss.loss, loss.low, loss.high)
-    except GearmonError:
-        return []  # these teeth cannot be cut as the file says; the loss stands without it
-    if size is None:
-        return []
-    bounds = [f"{v:.2g}" if v is not None else "?" for v in (size.low, size.high)]
-    return [
-        f"as a {size.quantity} that would be {size.size:.2g} {size.unit} "
-        f"({bounds[0]} to {bounds[1]} {size.unit})"
+    depths = [
+        crack_depth_mm(machine, *finding.best.key, own) for own in (loss.loss, loss.low, loss.high)
     ]
+    if depths[0] is None:
+        return []
+    size, low, high = (f"{own:.2g}" if own is not None else "?" for own in depths)
+    return [f"as a crack depth that would be {size} mm ({low} to {high} mm)"]
 
 
 def level_changes(
@@ -363,3 +360,239 @@ def sentences(changes: Sequence[Change]) -> tuple[str, ...]:
         f"{abs(change.change_db):.1f} dB; healthy scatter {change.scatter_db:.1f} dB"
         for change in strongest
     )
+
+
+_PLAIN = {
+    "several teeth": "Several teeth of {gear} are likely damaged.",
+    "distributed pitting": "Many teeth of {gear} are likely pitted.",
+    "wear": "The teeth of {gear} are likely worn.",
+    "eccentricity": "{Gear} runs out, or more than it did.",
+    "misalignment": "{Gear} wobbles, or more than it did: it may stand askew.",
+    "looseness": "Something about {gear} is likely loose.",
+    "path changed": "Everything sounds different, as if the sensor had been moved or the gearbox "
+    "opened: no single gear is to blame.",
+    "broadband rise": "The noise between the gears' lines rose: look at bearings and mounts first.",
+    "broadband change": "The noise between the gears' lines changed; no gear is to blame.",
+    "bearing": "A bearing has likely been damaged.",
+    "electrical": "Lines of the electrical supply rose.",
+    "unknown lines": "New lines appeared that belong to no gear of this machine.",
+    "mesh lost": "The gear mesh that the healthy recordings show is gone.",
+}
+
+
+def fault_sentence(flags: Sequence[Flag]) -> str:
+    """Say what is wrong in one sentence.
+
+    Parameters
+    ----------
+    flags : sequence of Flag
+        Strongest first.
+    """
+    if not flags:
+        return "The machine no longer sounds as it did when it was healthy."
+    first = flags[0]
+    gear = _gear(first.stage, first.gear)
+    if first.kind == "tooth damage":
+        tooth = f"tooth {first.tooth} of {gear}" if first.tooth else f"one tooth of {gear}"
+        loss = ""
+        if first.stiffness_loss is not None:
+            loss = f", which has lost about {100 * first.stiffness_loss:.0f} % of its stiffness"
+        return f"Damage of {tooth}{loss}."
+    plain = _PLAIN.get(
+        first.kind, "The vibration of {gear} changed; what kind of fault is unclear."
+    )
+    return plain.format(gear=gear, Gear=gear[:1].upper() + gear[1:])
+
+
+def _gear(stage: int | None, gear: str | None) -> str:
+    if stage is None:
+        return "the machine"
+    return f"the {gear} of stage {stage}" if gear else f"the gears of stage {stage}"
+
+
+def unheard(evidence: Evidence, machine: Machine, silent: Sequence[str], must_notice: float) -> str:
+    """Name the gears of which gross damage could not have been heard, and channels that are silent.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Against the healthy machine.
+    machine : Machine
+        The machine.
+    silent : sequence of str
+        Channels of the reference that the recording lacks.
+    must_notice : float
+        Loss of a pair's stiffness that should have been heard.
+
+    Returns
+    -------
+    str
+        A sentence; "" if all of them would have been.
+    """
+    searched = evidence.finding.searched if evidence.finding is not None else ()
+    loss = {gear.key: heard_from(gear) for gear in searched}
+    gears = dict.fromkeys(
+        (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
+    )
+    deaf = [gear for gear in gears if (loss.get(gear) or 1.0) > LIMITS.about * must_notice]
+    told = [f"the {gear} of stage {stage}" for stage, gear in deaf]
+    told += [f"what channel {name} hears" for name in silent]
+    if not told:
+        return ""
+    return (
+        f"Even a loss of {100 * must_notice:.0f} % of a tooth's stiffness might have gone "
+        f"unnoticed on {', '.join(told)}: record longer, under load, or nearer to it."
+    )
+
+
+def reason(
+    verdict: str,
+    evidence: Evidence,
+    flags: Sequence[Flag],
+    changes: Sequence[Change],
+    profiles: Sequence[ToothProfile],
+    unheard: str = "",
+) -> str:
+    """Give the reason of a verdict on a recording that was compared with a reference.
+
+    Parameters
+    ----------
+    verdict : {"healthy", "fault", "cannot tell"}
+        As of `decide`.
+    evidence : Evidence
+        What was compared.
+    flags, changes, profiles
+        Of the analysis.
+    unheard : str
+        What could not have been told of; "" if nothing.
+    """
+    rested = f"{_levels(evidence)} {most_striking(profiles)}"
+    if verdict == "fault":
+        strongest = sentences(changes)[:1]
+        most = f" Most of all, {strongest[0]}." if strongest else ""
+        return f"{fault_sentence(flags)} {rested}{most}"
+    if verdict == "healthy":
+        noticed = f"{_noticed(profiles)} {_wear(evidence)}"
+        return f"The machine sounds as it did when it was healthy.{noticed} {rested}"
+    if evidence.knocked:
+        told = (
+            "Knocks drown the gears: what stands out came in single turns, not in each. Record "
+            "again where the machine runs more quietly, or longer."
+        )
+    elif evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
+        told = "More changed than is usual, but not enough to call it a fault: record again."
+    elif evidence.heavier_db:
+        told = (
+            f"The gear mesh is {evidence.heavier_db:.0f} dB louder than any healthy recording had "
+            "it: the load is far heavier than those learned, or all teeth are worn."
+        )
+    elif evidence.angle_lost:
+        told = (
+            "Nothing speaks against the machine, but its angle was lost on the way: record again "
+            "at a steadier speed, or with a tachometer."
+        )
+    else:
+        told = "Nothing speaks against the machine, but not all of it was heard."
+    return f"{told} {unheard} {rested}" if unheard else f"{told} {rested}"
+
+
+def _wear(evidence: Evidence) -> str:
+    """Say how much wear of all teeth would not pass for a heavier load."""
+    loss = 1.0 - np.exp(evidence.deviation.heavy - LIMITS.heaviest)
+    return (
+        "Wear of all teeth alike sounds like a heavier load: it would not have been noticed below "
+        f"a loss of about {100 * loss:.0f} %."
+    )
+
+
+def _levels(evidence: Evidence) -> str:
+    levels = evidence.deviation.levels
+    told = (
+        f"Levels of lines differ from the expected by {levels.mean_square() ** 0.5:.1f} times "
+        f"their healthy scatter (root mean square of {levels.rest_db.size})"
+    )
+    broadband = evidence.deviation.broadband
+    if broadband is None:
+        return f"{told}."
+    return f"{told}, the spectrum between them by {broadband.mean_square() ** 0.5:.1f} times."
+
+
+def most_striking(profiles: Sequence[ToothProfile]) -> str:
+    """Name the most striking place of any gear."""
+    best = min(profiles, key=lambda p: p.log10_probability, default=None)
+    if best is None:
+        return "No gear's turn could be resolved."
+    return (
+        f"The most striking place of a gear (the {best.gear} of stage {best.stage}) has "
+        f"{best.ratio:.1f} times the energy elsewhere in its turn."
+    )
+
+
+def _noticed(profiles: Sequence[ToothProfile]) -> str:
+    """Say how much damage of one tooth would have been called a fault."""
+    from_loss = [p.noticed_from for p in profiles if p.noticed_from is not None]
+    blind = [f"the {p.gear} of stage {p.stage}" for p in profiles if p.noticed_from is None]
+    told = ""
+    if from_loss:
+        told = (
+            f" Damage of one tooth would mostly have been noticed from a loss of "
+            f"{100 * max(from_loss):.2g} % of its pair's stiffness."
+        )
+    if blind:
+        told += (
+            f" On {', '.join(blind)} this machine departs too much from one healthy recording to "
+            "the next to name one tooth."
+        )
+    return told
+
+
+def limits(signature: MeasuredSignature, reference: Reference) -> Iterator[str]:
+    """Name what limits a comparison with a reference.
+
+    Parameters
+    ----------
+    signature : MeasuredSignature
+        Of the new recording.
+    reference : Reference
+        Healthy recordings.
+    """
+    yield from (f"reference: {note}" for note in reference.notes)
+    if len(reference.profiles) == 1:
+        yield (
+            "the reference is one recording: how this machine differs from one healthy "
+            "recording to the next is assumed, not learned"
+        )
+    own, theirs = signature.channel_names, reference.channel_names
+    if left_out := [name for name in own if name not in theirs]:
+        yield f"channels not in the reference were left out: {', '.join(left_out)}"
+    if missing := [name for name in theirs if name not in own]:
+        yield (
+            f"channels of the reference not looked at: {', '.join(missing)}; a fault may show "
+            "in those alone: check their sensors, cables and names, and record again"
+        )
+    speeds = [profile.speed_hz for profile in reference.profiles]
+    speed = signature.speed.estimated_hz
+    if min(abs(speed / known - 1) for known in speeds) > SPEED_UNIT:
+        yield (
+            f"speed {speed:.2f} Hz is more than {100 * SPEED_UNIT:g} % off that of every "
+            f"healthy recording ({min(speeds):.2f} to {max(speeds):.2f} Hz): resonances may "
+            "change levels, so that levels alone call no fault"
+        )
+
+
+def not_found(signature: MeasuredSignature) -> Iterator[str]:
+    """Name the meshes that do not stand out."""
+    for mesh in signature.meshes:
+        if not mesh.found:
+            yield f"mesh of stage {mesh.stage} not found: {mesh.reason}"
+
+
+def size_note(evidence: Evidence) -> Iterator[str]:
+    """Name what the estimate of a loss takes for granted."""
+    finding = evidence.finding
+    search = finding.best.search if finding is not None else None
+    if search is not None and search.response.from_teeth_alone:
+        yield (
+            "the machine file lacks gear data: the size of a loss rests on teeth of standard "
+            "proportions"
+        )

@@ -1,0 +1,676 @@
+"""What tells one kind of fault from another, and which kind it is most like.
+
+Every feature is a change against the healthy machine, in decibels, or the shape of a departure
+around the turn of a gear, without unit. What a path does to a line it does in both recordings, so
+it cancels; what is common to all lines of a channel (its gain) is taken out before anything else.
+
+A damaged tooth is met once a turn: a short event, many sidebands far from the mesh, strong about
+all mesh harmonics. Eccentricity lives in the first sidebands, wobble in the second, wear in the
+mesh harmonics themselves, many damaged teeth in far sidebands without any one place in the turn.
+
+The kind is judged by physical rules, which need no training, or by a trained classifier. Each rule
+weighs, in decibels, what speaks for a kind against what it cannot explain: one tooth is a short
+event, eccentricity ends after the first sideband, wear leaves the sidebands alone. Their
+probabilities order the kinds; only a trained classifier's are calibrated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from gearmon.arrays import FloatArray
+from gearmon.diagnosis.hypotheses.turns import (
+    TurnChange,
+    aligned,
+    departure_energy,
+    turn_changes,
+)
+from gearmon.diagnosis.results import Analysis, Change, ToothProfile
+from gearmon.errors import ArgumentError, check_type
+from gearmon.result import Result
+from gearmon.signatures.measured.reference import Profile, Reference
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from gearmon.diagnosis.fault_types.classifier import KindClassifier
+    from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
+
+#: Nothing is wrong with the gears: healthy, or something that repeats with no gear.
+NONE = "none of these"
+#: Kinds of fault that are told apart; the last is none of them.
+KINDS = (
+    "tooth damage",
+    "several teeth",
+    "distributed pitting",
+    "wear",
+    "eccentricity",
+    "misalignment",
+    "looseness",
+    NONE,
+)
+#: What each number means, in the order of the columns.
+FEATURES: dict[str, str] = {
+    "mesh_db": "change of the mesh harmonics of the stage, mean [dB]",
+    "mesh_first_db": "change of the first mesh harmonic [dB]",
+    "mesh_slope_db": "rise of that change per octave of the mesh harmonic [dB]",
+    "mesh_rms_db": "root mean square of the changes of the mesh harmonics [dB]",
+    "near_db": "change of the first six sidebands at the gear's rotation [dB]",
+    "near_slope_db": "rise of that change per octave of the mesh harmonic [dB]",
+    "far_db": "change of all farther lines that repeat with the gear [dB]",
+    "far_slope_db": "rise of that change per octave of the mesh harmonic [dB]",
+    "once_db": "change of the sidebands one turn of the gear away [dB]",
+    "twice_db": "change of the sidebands two turns away [dB]",
+    "thrice_db": "change of the sidebands three turns away [dB]",
+    "several_db": "change of the sidebands four to six turns away [dB]",
+    "turns_known": "1 if single sidebands were compared, 0 if near_db stands in for them",
+    "peak_db": "highest energy of the departure in a turn over its median [dB]",
+    "second_db": "highest energy at least an eighth of a turn from the peak, over the median [dB]",
+    "top_share": "share of the energy above the median in the best window of four teeth, 0 to 1",
+    "teeth_involved": "log2 of the number of teeth that the energy above the median spreads over",
+    "peaks": "separate maxima of at least half the highest, up to 6; 0 where nothing stands out",
+    "turn_once": "first circular harmonic of the energy above the median over its sum, 0 to 1",
+    "turn_twice": "second circular harmonic over the sum, 0 to 1",
+    "mate_near_db": "largest near_db of the other gears of the stage [dB]",
+    "mate_far_db": "largest far_db of the other gears of the stage [dB]",
+    "rival_peak_db": "largest peak_db of all other gears [dB]",
+    "shaft_near_db": "largest near_db of gears of other stages on the same shaft [dB]",
+    "elsewhere_mesh_db": "largest mesh_rms_db of the other stages [dB]",
+    "overall_db": "root mean square of the changes of all families [dB]",
+}
+NAMES = tuple(FEATURES)
+#: Changes are cut here: beyond it a line was below the noise in one of the recordings.
+LARGEST_DB = 30.0
+_WINDOW_TEETH = 4
+_MOST_PEAKS = 6
+#: Teeth between separate maxima, at least, and as a share of the turn: vibration rings on.
+_APART, _APART_SHARE = 3, 0.125
+#: Change that healthy machines reach now and then [dB].
+USUAL_DB = 2.0
+#: Highest energy over the median that the teeth of a healthy gear reach now and then [dB].
+USUAL_PEAK_DB = 6.0
+#: Decibels of evidence that make a kind e times as probable, by the rules.
+_SOFTNESS_DB = 2.5
+#: Most that speaks for a kind of teeth [dB].
+_SURE_DB = 12.0
+#: Decibels that speak against a smooth change for each by which farther lines changed; and by which
+#: its fourth to sixth sidebands stay behind the first.
+_ROUGH, _DECAY_DB = 4.0, 6.0
+#: Kinds that show in the mesh and not in the turn of one of its gears.
+_OF_A_MESH = ("wear",)
+
+
+class TurnEnergy(NamedTuple):
+    """Stage and gear, and the energy of a departure by tooth, as in a `ToothProfile`."""
+
+    stage: int
+    gear: str
+    energy: FloatArray
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FeatureVector:
+    """Features of every gear that was looked at.
+
+    Parameters
+    ----------
+    gears : tuple of (int, str)
+        Stage and gear of each row; gear "" where only the mesh of a stage could be compared.
+    values : ndarray of float, shape (gears, len(NAMES))
+        Finite; columns as in `FEATURES`.
+    """
+
+    gears: tuple[tuple[int, str], ...]
+    values: FloatArray
+
+    @property
+    def focus(self) -> int:
+        """Row with the most evidence of a change, whatever its kind."""
+        column = dict(zip(NAMES, self.values.T, strict=True))
+        sides = [column[name] for name in ("near_db", "far_db", "once_db", "twice_db")]
+        # the greatest of the healthy teeth of a gear stands some 4 dB above their median
+        local = np.maximum(column["peak_db"] - 4.0, 0.0)
+        evidence = np.maximum(np.max(sides, axis=0), 0.0) + local + 0.5 * column["mesh_rms_db"]
+        return int(np.argmax(evidence))
+
+    def row(self, stage: int | None = None, gear: str | None = None) -> int:
+        """Return the row of a gear, or the focus if none is named.
+
+        Raises
+        ------
+        ArgumentError
+            If that gear was not looked at.
+        """
+        if stage is None:
+            return self.focus
+        for index, (own_stage, own_gear) in enumerate(self.gears):
+            if own_stage == stage and gear in (None, own_gear):
+                return index
+        known = ", ".join(f"{gear or 'mesh'} of stage {stage}" for stage, gear in self.gears)
+        raise ArgumentError(f"gear {gear!r} of stage {stage} was not looked at; known: {known}")
+
+    def named(self, row: int) -> dict[str, float]:
+        """Return one row as name -> value."""
+        return dict(zip(NAMES, self.values[row].tolist(), strict=True))
+
+
+def kind_features(
+    changes: Sequence[Change],
+    profiles: Sequence[ToothProfile | TurnEnergy] = (),
+    turns: Sequence[TurnChange] = (),
+) -> FeatureVector:
+    """Condense changes against the healthy machine to the features of each gear.
+
+    Parameters
+    ----------
+    changes : sequence of Change
+        Levels of families of lines against the reference; empty without a reference.
+    profiles : sequence of ToothProfile
+        Energy of the departure around each gear.
+    turns : sequence of TurnChange
+        Changes of single sidebands, see `hypotheses.turns.turn_changes`.
+
+    Returns
+    -------
+    FeatureVector
+        Free of NaN: what could not be compared counts as unchanged.
+
+    Raises
+    ------
+    ArgumentError
+        If there is nothing to look at.
+
+    Notes
+    -----
+    From the changes of each channel their median over all families is taken away. Means over
+    channels and harmonics weigh each change by ``1/(scatter^2 + 1 dB^2)``.
+    """
+    groups = _grouped(changes)
+    shafts = {(c.stage, c.gear): c.shaft for c in changes if c.shaft is not None and c.gear}
+    own_turns = {(turn.stage, turn.gear): turn for turn in turns}
+    shapes = {(p.stage, p.gear): _shape(p.energy) for p in profiles}
+    gears = {key[1:] for key in groups if key[0] != "mesh"} | own_turns.keys() | shapes.keys()
+    gears |= {(stage, "") for _, stage, _ in groups if stage not in {own for own, _ in gears}}
+    if not gears:
+        raise ArgumentError("no change of level and no turn of a gear to tell a kind of fault from")
+    ranked = tuple(sorted(gears))
+    single = {
+        gear: _mesh(groups.get(("mesh", gear[0], ""), _UNCHANGED))
+        | _sides(groups, gear, own_turns.get(gear))
+        | shapes.get(gear, _NO_SHAPE)
+        for gear in ranked
+    }
+    overall = _rms(np.concatenate([g.change for g in groups.values()])) if groups else 0.0
+    rows = []
+    for gear in ranked:
+        found = single[gear] | _others(gear, single, shafts) | {"overall_db": overall}
+        rows.append([found[name] for name in NAMES])
+    return FeatureVector(gears=ranked, values=np.array(rows, dtype=np.float64))
+
+
+_Gear = tuple[int, str]
+
+
+class _Group(NamedTuple):
+    """Changes of one kind of family about one gear, over channels and harmonics."""
+
+    change: FloatArray
+    weight: FloatArray
+    harmonic: FloatArray
+
+    @property
+    def mean(self) -> float:
+        return float(np.average(self.change, weights=self.weight))
+
+    @property
+    def slope(self) -> float:
+        """Weighted least-squares slope over log2 of the harmonic; 0 where there is only one."""
+        octave = np.log2(self.harmonic)
+        spread, product = np.cov(octave, self.change, aweights=self.weight, ddof=0)[0]
+        return float(product / spread) if spread >= 1e-9 else 0.0
+
+
+_UNCHANGED = _Group(np.zeros(1), np.ones(1), np.ones(1))
+
+
+def _grouped(changes: Sequence[Change]) -> dict[tuple[str, int, str], _Group]:
+    """Sort changes by kind, stage and gear, freed of the gain of their channels."""
+    moved_db = np.array([change.change_db for change in changes], dtype=np.float64)
+    channel = np.array([change.channel for change in changes])
+    for name in set(channel.tolist()):
+        moved_db[channel == name] -= np.median(moved_db[channel == name])
+    members: dict[tuple[str, int, str], list[tuple[float, float, int]]] = {}
+    for change, cut_db in zip(changes, np.clip(moved_db, -LARGEST_DB, LARGEST_DB), strict=True):
+        row = (cut_db, 1.0 / (change.scatter_db**2 + 1.0), change.harmonic)
+        members.setdefault((change.kind, change.stage, change.gear), []).append(row)
+    return {key: _Group(*np.array(rows, dtype=float).T) for key, rows in members.items()}
+
+
+def _mesh(group: _Group) -> dict[str, float]:
+    first = group.harmonic == group.harmonic.min()
+    return {
+        "mesh_db": group.mean,
+        "mesh_first_db": float(np.average(group.change[first], weights=group.weight[first])),
+        "mesh_slope_db": group.slope,
+        "mesh_rms_db": _rms(group.change, group.weight),
+    }
+
+
+def _sides(
+    groups: Mapping[tuple[str, int, str], _Group], gear: _Gear, turn: TurnChange | None
+) -> dict[str, float]:
+    found: dict[str, float] = {}
+    for kind, name in (("sidebands", "near"), ("residual", "far")):
+        group = groups.get((kind, *gear), _UNCHANGED)
+        found |= {f"{name}_db": group.mean, f"{name}_slope_db": group.slope}
+    values = [found["near_db"]] * 4
+    if turn is not None:
+        moved = np.clip(turn.change_db, -LARGEST_DB, LARGEST_DB)
+        values = [*moved[:3].tolist(), float(moved[3:].mean())]
+    single = ("once_db", "twice_db", "thrice_db", "several_db")
+    known = {"turns_known": float(turn is not None)}
+    return found | dict(zip(single, values, strict=True)) | known
+
+
+_SHAPE = ("peak_db", "second_db", "top_share", "teeth_involved", "peaks", "turn_once", "turn_twice")
+_NO_SHAPE = dict.fromkeys(_SHAPE, 0.0)
+
+
+def _shape(energy: FloatArray) -> dict[str, float]:
+    """Describe how the departure is spread around a turn."""
+    level = np.maximum(np.asarray(energy, dtype=np.float64), 0.0)
+    level = level / max(float(level.max(initial=0.0)), np.finfo(float).tiny)
+    middle, teeth = float(np.median(level)), len(level)
+    excess = np.maximum(level - middle, 0.0)
+    total = float(excess.sum())
+    if middle <= 0 or total <= 0:
+        return _NO_SHAPE
+    window = sum(np.roll(excess, -i) for i in range(min(_WINDOW_TEETH, teeth)))
+    # 60 dB are the most that is told: a median far below it must not divide
+    peaks = np.array([level.max(), _second(level)]) / max(middle, 1e-9)
+    turns = np.exp(2j * np.pi * np.outer([1, 2], np.arange(teeth)) / teeth)
+    values = (
+        *np.minimum(10 * np.log10(peaks), 60.0),
+        np.max(window) / total,
+        np.log2(total**2 / np.sum(excess**2)),
+        _separate_peaks(level, middle),
+        *(np.abs(turns @ excess) / total),
+    )
+    return {name: float(value) for name, value in zip(_SHAPE, values, strict=True)}
+
+
+def _second(level: FloatArray) -> float:
+    """Return the highest value away from the highest; the highest itself in a very short turn."""
+    away = np.abs((np.arange(len(level)) - int(np.argmax(level))) % len(level))
+    others = level[np.minimum(away, len(level) - away) >= _apart(len(level))]
+    return float(others.max()) if len(others) and others.max() > 0 else float(level.max())
+
+
+def _separate_peaks(level: FloatArray, middle: float) -> int:
+    """Count maxima of half the highest at least that stand out, well apart."""
+    least = max(middle + 0.5 * (float(level.max()) - middle), 4.0 * middle)
+    left, teeth, found = level.copy(), len(level), 0
+    while found < _MOST_PEAKS and float(left.max()) >= least:
+        place = (int(np.argmax(left)) + np.arange(1 - _apart(teeth), _apart(teeth))) % teeth
+        left[place] = 0.0
+        found += 1
+    return found
+
+
+def _apart(teeth: int) -> int:
+    return max(_APART, round(_APART_SHARE * teeth))
+
+
+def _others(
+    gear: _Gear, single: Mapping[_Gear, Mapping[str, float]], shafts: Mapping[_Gear, int | None]
+) -> dict[str, float]:
+    """Return what the other gears show, for contrast."""
+    others = [other for other in single if other != gear]
+    mates = [other for other in others if other[0] == gear[0]]
+    apart = [other for other in others if other[0] != gear[0]]
+    shaft = shafts.get(gear)
+    coupled = [other for other in apart if shaft is not None and shafts.get(other) == shaft]
+
+    def largest(name: str, of: Sequence[_Gear]) -> float:
+        return max((single[other][name] for other in of), default=0.0)
+
+    return {
+        "mate_near_db": largest("near_db", mates),
+        "mate_far_db": largest("far_db", mates),
+        "rival_peak_db": largest("peak_db", others),
+        "shaft_near_db": largest("near_db", coupled),
+        "elsewhere_mesh_db": largest("mesh_rms_db", apart),
+    }
+
+
+def _rms(values: FloatArray, weight: FloatArray | None = None) -> float:
+    return float(np.sqrt(np.average(values**2, weights=weight)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class KindJudgement(Result):
+    """What kind of fault the evidence is most like.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    stage : int or None
+        Stage, from 1; None for "none of these".
+    gear : str or None
+        Gear; None where the evidence singles out none, as with wear.
+    probability : float
+        Of the kind, given the evidence: calibrated on simulated machines if a classifier judged.
+    probabilities : mapping of str to float
+        Of every kind.
+    method : {"rules", "classifier"}
+        Who judged.
+    evidence : tuple of str
+        Sentences with the numbers that the judgement rests on.
+    """
+
+    kind: str
+    stage: int | None
+    gear: str | None
+    probability: float
+    probabilities: Mapping[str, float]
+    method: str
+    evidence: tuple[str, ...]
+
+
+def judge_kind(
+    features: FeatureVector,
+    classifier: KindClassifier | None = None,
+    *,
+    stage: int | None = None,
+    gear: str | None = None,
+    spread: DepartureSpread | None = None,
+) -> KindJudgement:
+    """Judge the kind of a fault.
+
+    Parameters
+    ----------
+    features : FeatureVector
+        See `kind_features`.
+    classifier : KindClassifier, optional
+        Trained by `fault_types.training.train_kinds` on this machine; by default the rules judge.
+    stage, gear : int, str, optional
+        Gear that was found damaged by other means; by default the one with the most evidence.
+    spread : DepartureSpread, optional
+        How far the departure of that gear is one tooth's; the rules then rest on it. A classifier
+        has not seen such numbers and passes over it.
+
+    Returns
+    -------
+    KindJudgement
+
+    Raises
+    ------
+    ArgumentError
+        If that gear was not looked at, or the classifier was trained on other features.
+    """
+    row = features.row(stage, gear)
+    if classifier is None:
+        probabilities = rule_probabilities(features.named(row), spread)
+    else:
+        values = features.values[row : row + 1]
+        if classifier.n_features_in_ != values.shape[1]:
+            raise ArgumentError(
+                f"the classifier was trained on {classifier.n_features_in_} features, not on "
+                f"{values.shape[1]}; train it anew"
+            )
+        shares = classifier.predict_proba(values)[0].tolist()
+        probabilities = dict(zip(map(str, classifier.classes_.tolist()), shares, strict=True))
+    kind = max(probabilities, key=lambda name: probabilities[name])
+    own_stage, own_gear = features.gears[row]
+    single = own_gear if own_gear and kind not in (*_OF_A_MESH, NONE) else None
+    return KindJudgement(
+        kind=kind,
+        stage=None if kind == NONE else own_stage,
+        gear=single,
+        probability=probabilities[kind],
+        probabilities=probabilities,
+        method="rules" if classifier is None else "classifier",
+        evidence=_evidence(kind, features.gears[row], features.named(row)),
+    )
+
+
+def rule_probabilities(
+    row: Mapping[str, float], spread: DepartureSpread | None = None
+) -> dict[str, float]:
+    """Weigh the kinds by rules.
+
+    Parameters
+    ----------
+    row : mapping of str to float
+        One row of features by name.
+    spread : DepartureSpread, optional
+        How far the departure of this gear is that of one tooth, see `several_teeth`.
+
+    Returns
+    -------
+    dict of str to float
+        Of every kind of `KINDS`; they sum to 1.
+    """
+    weights = _of_teeth(row, spread) | _of_lines(row, spread is not None)
+    values = np.array([weights[kind] for kind in KINDS]) / _SOFTNESS_DB
+    shares = np.exp(values - values.max())
+    return dict(zip(KINDS, (shares / shares.sum()).tolist(), strict=True))
+
+
+def _of_teeth(row: Mapping[str, float], spread: DepartureSpread | None) -> dict[str, float]:
+    """Return what speaks for damage of one tooth, and of several [dB]."""
+    if spread is None:
+        peak = min(row["peak_db"] - USUAL_PEAK_DB, 12.0)
+        # in a short turn two teeth are a large share: spread over half of the teeth is no event
+        wide = 4.0 * max(row["teeth_involved"] - 3.0, 0.0)
+        alone = row["peaks"] <= 1
+        return {
+            "tooth damage": peak - (0.0 if alone else 5.0) - wide,
+            "several teeth": peak - (5.0 if alone else 0.0) - 0.5 * wide,
+        }
+    one = min(max(spread.one_tooth, 1e-9), 1.0 - 1e-9)
+    odds_db = 10.0 * float(np.log10(one / (1.0 - one)))
+    share = spread.teeth_involved / len(spread.by_tooth)
+    height = min(row["peak_db"] - USUAL_PEAK_DB, 5.0)
+    return {
+        "tooth damage": float(np.clip(odds_db, -_SURE_DB, _SURE_DB)),
+        "several teeth": min(-odds_db, 6.0) + 2.0 * height + 16.0 * (0.5 - share),
+    }
+
+
+def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
+    """Return for other kinds what speaks for each less what it leaves unexplained [dB].
+
+    Parameters
+    ----------
+    row : mapping of str to float
+    seen : bool
+        Whether it is known by other means how far one tooth is the cause.
+    """
+    far, once = row["far_db"], row["once_db"]
+    if row["turns_known"] > 0:
+        twice, thrice, several = row["twice_db"], row["thrice_db"], row["several_db"]
+    else:
+        # where single sidebands are not known the nearest are taken to lead, the rest to follow
+        twice, thrice, several = row["near_db"] - 3.0, far, far
+    event = wide = 0.0
+    if not seen:
+        event = min(max(row["peak_db"] - USUAL_PEAK_DB, 0.0), _SURE_DB)
+        wide = 2.0 * max(row["teeth_involved"] - 3.0, 0.0)
+    pitted = far - USUAL_DB
+    # what changes smoothly over the turn does not reach the farther lines
+    rough = _ROUGH * max(pitted, 0.0) + event
+    if pitted > 0:
+        pitted = min(3.0 * pitted, _SURE_DB) - event + wide
+    lasting = max(several - max(once - _DECAY_DB, 0.0), 0.0)
+    loose = min(twice, thrice, several) - 0.7 * max(far, 0.0) + 0.3 * max(row["shaft_near_db"], 0.0)
+    unworn = max(once, twice, far, several, 0.0) + event
+    return {
+        "distributed pitting": pitted,
+        "wear": row["mesh_rms_db"] - USUAL_DB - unworn,
+        "eccentricity": once - USUAL_DB - 1.5 * lasting - rough - max(twice - once + 3.0, 0.0),
+        "misalignment": twice - USUAL_DB - max(once, thrice, 0.0) - rough,
+        "looseness": loose - USUAL_DB,
+        NONE: 0.0,
+    }
+
+
+def _evidence(kind: str, gear: tuple[int, str], row: Mapping[str, float]) -> tuple[str, ...]:
+    """Return the numbers that matter for a kind, in words."""
+    stage, name = gear
+    whose = f"the {name} of stage {stage}" if name else f"stage {stage}"
+    teeth = 2 ** row["teeth_involved"]
+    event = (
+        f"the departure around the turn of {whose} is {row['peak_db']:.1f} dB above its median at "
+        f"its highest, {100 * row['top_share']:.0f} % of the excess within four teeth "
+        f"({row['peaks']:.0f} separate peaks, {teeth:.1f} teeth involved)"
+    )
+    sides = (
+        f"sidebands of {whose} changed by {row['once_db']:+.1f} dB one turn away from the mesh "
+        f"harmonics, {row['twice_db']:+.1f} dB two turns, {row['several_db']:+.1f} dB four to six "
+        f"turns, {row['far_db']:+.1f} dB farther away"
+    )
+    mesh = (
+        f"mesh harmonics of stage {stage} changed by {row['mesh_db']:+.1f} dB in the mean and by "
+        f"{row['mesh_slope_db']:+.1f} dB per octave"
+    )
+    shaft = row["shaft_near_db"]
+    both = f"gears of other stages on the same shaft: sidebands changed by {shaft:+.1f} dB"
+    askew = (
+        f"what changes once a turn of {whose} may also be a gear that stands askew on its shaft: "
+        "measure runout and face of the gear"
+    )
+    told = {
+        "tooth damage": (event, sides),
+        "several teeth": (event, sides),
+        "distributed pitting": (sides, event),
+        "wear": (mesh, sides),
+        "eccentricity": (sides, askew),
+        "misalignment": (sides, mesh),
+        "looseness": (sides, both),
+    }
+    return told.get(kind, (sides, event, mesh))
+
+
+def kind_of_analysis(
+    analysis: Analysis, reference: Reference, classifier: KindClassifier | None = None
+) -> KindJudgement | None:
+    """Judge the kind of the fault that an analysis called.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        Of a recording against the reference.
+    reference : Reference
+        The same reference.
+    classifier : KindClassifier, optional
+        Trained on the machine, see `train_kinds`; by default the rules judge.
+
+    Returns
+    -------
+    KindJudgement or None
+        Of the gear that was flagged first, else of the one that changed most. None where no fault
+        was called: what a sound machine is most like is no finding; and where no gear was compared.
+
+    Raises
+    ------
+    ArgumentError
+        If the classifier was trained on other features.
+    """
+    if analysis.verdict != "fault" or not (analysis.changes or analysis.profiles):
+        return None
+    features = analysis_features(analysis, reference)
+    flagged = [(flag.stage, flag.gear) for flag in analysis.flags]
+    stage, gear = next((own for own in flagged if own in features.gears), (None, None))
+    return judge_kind(features, classifier, stage=stage, gear=gear)
+
+
+def analysis_features(analysis: Analysis, reference: Reference) -> FeatureVector:
+    """Condense an analysis to what a kind is judged by.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        Of a recording against the reference.
+    reference : Reference
+        The same reference.
+
+    Returns
+    -------
+    FeatureVector
+
+    Raises
+    ------
+    ArgumentError
+        If no gear was compared.
+    """
+    known, rows = reference.shared_with(analysis.signature)
+    wheels = Profile.of(analysis.signature).part(rows).wheels
+    turns = turn_changes(wheels, [profile.wheels for profile in known.profiles])
+    if analysis.verdict != "fault":
+        return kind_features(analysis.changes, analysis.profiles, turns)
+    # the law leaves nothing of a sound machine; of a fault, what the training saw
+    shapes = []
+    for wheel in wheels:
+        healthy = [one for p in known.profiles if (one := wheel.same_in(p.wheels))]
+        pairs = [aligned(wheel, one) for one in healthy]
+        energies = [departure_energy(new, old) for new, old in pairs if len(new.number)]
+        if energies:
+            shapes.append(TurnEnergy(wheel.stage, wheel.gear, np.mean(energies, axis=0)))
+    return kind_features(analysis.changes, shapes, turns)
+
+
+def features(
+    analyses: Analysis | Sequence[Analysis], reference: Reference | None = None
+) -> pd.DataFrame:
+    """Return what a fault is judged by, as a frame that estimators of scikit-learn take.
+
+    Parameters
+    ----------
+    analyses : Analysis, or sequence of Analysis
+        Of one or several recordings, each compared with a reference.
+    reference : Reference, optional
+        The same reference; without it single sidebands are not compared, and mean levels of
+        sidebands stand in for them.
+
+    Returns
+    -------
+    pandas.DataFrame, shape (gears, 26)
+        A row a gear of each recording, told by the index (`recording`, `stage`, `gear`). All
+        columns are finite numbers: changes against the healthy machine [dB], shares from 0 to 1 and
+        counts; see `gearmon.diagnosis.fault_types.FEATURES`.
+
+    Raises
+    ------
+    ArgumentError
+        If a recording was compared with nothing.
+
+    Examples
+    --------
+    >>> frame = gearmon.features(analysis, reference)
+    >>> [gear for _, _, gear in frame.index], frame.shape[1]
+    (['gear', 'pinion'], 26)
+    """
+    import pandas as pd  # slow to load, and no verdict needs it
+
+    several = [analyses] if isinstance(analyses, Analysis) else analyses
+    check_type("analyses", several, Iterable, "what gearmon.analyse returns, or several of it")
+    frames = []
+    for analysis in several:
+        check_type("analyses", analysis, Analysis, "what gearmon.analyse returns")
+        found = (
+            kind_features(analysis.changes, analysis.profiles)
+            if reference is None
+            else analysis_features(analysis, reference)
+        )
+        rows = [(analysis.recording, stage, gear) for stage, gear in found.gears]
+        index = pd.MultiIndex.from_tuples(rows, names=["recording", "stage", "gear"])
+        frames.append(pd.DataFrame(found.values, index=index, columns=list(NAMES)))
+    if not frames:
+        raise ArgumentError("analyses: none is given; features need at least one")
+    return pd.concat(frames)

@@ -1,0 +1,312 @@
+"""A gear's lines around its turn, and the angle at which two recordings of it are alike.
+
+A healthy pattern is turned to a new one, whatever one damaged tooth does to it: that may be louder
+than all else, and draws the pattern to whichever healthy tooth departs most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gearmon.arrays import ComplexArray, FloatArray, IntArray
+from gearmon.signatures.measured.reference import WheelPattern
+
+#: Standard deviation of the complex gain of a band about one: healthy simulated pairs from 40 to
+#: 115 % load with sensor gains left alone stay within 0.2.
+GAIN = 0.3
+#: Lines that a band needs to tell anything.
+LEAST_LINES = 4
+# Angles that are tried, a good half of a tooth apart, and the share of the teeth, the quietest,
+# that choose among them: a damaged tooth and those about it must not.
+_ANGLES, _APART, _SOUND_TEETH = 8, 0.4, 0.7
+# Where the new pattern is so many times as loud as the healthy one, in power, an event drowns the
+# sound teeth by what leaks of it and is taken out: of simulated ones up to 10 times as loud as the
+# other teeth (a ratio of 3) none turns the gear, of those 20 times as loud (14) a quarter does.
+_DROWNED = 8.0
+#: All that is heard of an event is fitted so many teeth before and after its middle, the ringing of
+#: the housing included, by waves half a tooth apart; directions below this share of the largest
+#: singular value are noise.
+AROUND, RANK = np.arange(-2.0, 5.25, 0.5), 1e-2
+# It counts from this energy over that of the median place on. Its energy is summed over so many
+# teeth, at so many places a tooth.
+_EVENT, _EVENT_TEETH, _PLACES = 6.0, 3, 8
+# Times that event and angle are sought, and change of the angle [teeth] at which that ends.
+_ROUNDS, _SETTLED = 2, 0.25
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearPattern:
+    """A gear's lines on a full grid 0..top of multiples of its rotation.
+
+    Parameters
+    ----------
+    amplitude : ndarray of complex, shape (rows, top + 1)
+        Lines; 0 where none was measured. A row for each channel or, where planets pass the sensor,
+        three: of the lines themselves, then of those beside them (`WheelPattern.beside`).
+    variance : ndarray of float, shape (rows, top + 1)
+        Mean square error of each.
+    usable : ndarray of bool, shape (1 or 3, top + 1)
+        Whether the line was measured there and is no mesh harmonic of any stage.
+    channels : int
+        Number of channels.
+    """
+
+    amplitude: ComplexArray
+    variance: FloatArray
+    usable: NDArray[np.bool_]
+    channels: int
+
+    @classmethod
+    def of(cls, wheel: WheelPattern, top: int) -> GearPattern:
+        """Return the pattern up to a multiple of the rotation."""
+        inside = wheel.number <= top
+        number = wheel.number[inside]
+        lines = np.concatenate([own[:, inside] for own in (wheel.amplitude, *wheel.beside)])
+        beside = [own[:, inside] for own in wheel.beside_variance]
+        own = np.maximum(wheel.variance[:, inside], np.finfo(float).tiny)
+        amplitude = np.zeros((len(lines), top + 1), dtype=complex)
+        variance = np.ones((len(lines), top + 1))
+        usable = np.zeros((1 + len(beside), top + 1), dtype=bool)
+        amplitude[:, number] = lines
+        variance[:, number] = np.concatenate([own, *(np.where(e > 0, e, 1.0) for e in beside)])
+        usable[:, number] = [~wheel.mesh[inside], *(np.all(e > 0, axis=0) for e in beside)]
+        return cls(amplitude=amplitude, variance=variance, usable=usable, channels=len(own))
+
+    @classmethod
+    def combined(cls, patterns: Sequence[GearPattern], weights: FloatArray) -> GearPattern:
+        """Return the weighted sum of patterns of the same lines."""
+        return replace(
+            patterns[0],
+            amplitude=np.tensordot(weights, [p.amplitude for p in patterns], 1),
+            variance=np.tensordot(weights**2, [p.variance for p in patterns], 1),
+            usable=np.logical_and.reduce([p.usable for p in patterns]),
+        )
+
+    @property
+    def top(self) -> int:
+        """Highest multiple of the rotation."""
+        return int(self.usable.shape[1]) - 1
+
+    def up_to(self, top: int) -> GearPattern:
+        """Return the pattern up to a lower multiple of the rotation."""
+        inside = slice(top + 1)
+        return replace(
+            self,
+            amplitude=self.amplitude[:, inside],
+            variance=self.variance[:, inside],
+            usable=self.usable[:, inside],
+        )
+
+    def turned(self, angle: float) -> GearPattern:
+        """Return the same pattern `angle` turns later."""
+        turn = np.exp(2j * np.pi * angle * np.arange(self.top + 1))
+        return replace(self, amplitude=self.amplitude * turn)
+
+    def turned_to(self, new: GearPattern, teeth: int) -> tuple[GearPattern, float]:
+        """Return the same pattern at the angles of another, and by how many turns it is later.
+
+        The carrier stands anywhere when the gear comes to the same angle again: that turns all
+        lines at one place beside the gear's by one phase.
+        """
+        angle = turning(self, new, teeth)
+        found = self.turned(angle)
+        told = found.amplitude.conj() * new.amplitude / (found.variance + new.variance)
+        told = told.reshape(len(self.usable), self.channels, -1).sum(axis=1)
+        phase = np.where(self.usable & new.usable, told, 0.0).sum(axis=1)
+        phase[0] = 1.0
+        phase /= np.maximum(np.abs(phase), np.finfo(float).tiny)
+        turned = found.amplitude * np.repeat(phase, self.channels)[:, None]
+        return replace(found, amplitude=turned), angle
+
+
+def mesh_bands(teeth: int, top: int) -> list[IntArray]:
+    """Return multiples of the rotation about each mesh harmonic, half a mesh order either way."""
+    bands: list[IntArray] = []
+    for k in range(1, (top + teeth // 2) // teeth + 1):
+        low, high = max(1, k * teeth - teeth // 2), min(top, k * teeth + (teeth - 1) // 2)
+        if high - low >= 3:
+            bands.append(np.arange(low, high + 1))
+    return bands
+
+
+def turn_energy(lines: ComplexArray, number: IntArray, steps: int) -> FloatArray:
+    """Energy of lines at equal steps of the turn, all channels together.
+
+    Parameters
+    ----------
+    lines : ndarray of complex, shape (..., channels, lines)
+    number : ndarray of int, shape (lines,)
+        Multiples of the rotation; no two of them alike but for a multiple of `steps`.
+    steps : int
+
+    Returns
+    -------
+    ndarray of float, shape (..., steps)
+    """
+    folded = np.zeros((*lines.shape[:-1], steps), dtype=complex)
+    folded[..., number % steps] = lines
+    return np.asarray(np.sum(np.abs(np.fft.ifft(folded) * steps) ** 2, axis=-2))
+
+
+def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
+    """Angle by which a healthy pattern must be turned, whatever one tooth does.
+
+    Parameters
+    ----------
+    known, new : GearPattern
+        A healthy pattern and a new one, of the same lines.
+    teeth : int
+        z of the gear.
+
+    Returns
+    -------
+    float
+        Turns. Of the angles at which the healthy pattern explains most of the new one, that which
+        leaves least at most of the teeth: a damaged tooth may be louder than all else and draws the
+        pattern to whichever healthy tooth departs most.
+    """
+    usable = new.usable[0] & known.usable[0]
+    bands = [band[usable[band]] for band in mesh_bands(teeth, new.top)]
+    bands = [band for band in bands if len(band) >= LEAST_LINES]
+    if not bands:
+        return 0.0
+    angle = _best_angle(known, new, bands, teeth)
+    for _ in range(_ROUNDS if _louder(known, new, bands) > _DROWNED else 0):
+        event = _event(known.turned(angle), new, bands, teeth)
+        if event is None:
+            break
+        beside = replace(new, amplitude=new.amplitude - event)
+        # a loud event leaks to all teeth: what is left at them tells nothing then
+        moved = float(_likely_angles(known, beside, bands, teeth)[0])
+        step = abs((moved - angle + 0.5) % 1.0 - 0.5) * teeth
+        angle = moved
+        if step < _SETTLED:
+            break
+    return angle
+
+
+def _louder(known: GearPattern, new: GearPattern, bands: Sequence[IntArray]) -> float:
+    """Power of a new pattern over that of the healthy one, median of bands and channels."""
+    own, healthy = (
+        np.array([np.sum(np.abs(one.amplitude[:, band]) ** 2, axis=1) for band in bands])
+        for one in (new, known)
+    )
+    told = healthy > 0
+    return float(np.median(own[told] / healthy[told])) if told.any() else 0.0
+
+
+def _best_angle(
+    known: GearPattern, new: GearPattern, bands: Sequence[IntArray], teeth: int
+) -> float:
+    """Of the likely angles that which leaves least at most of the teeth."""
+    angles = _likely_angles(known, new, bands, teeth)
+    left = _left_at_teeth(known, new, bands, teeth, angles)
+    quiet = np.sort(left, axis=1)[:, : max(1, int(_SOUND_TEETH * teeth))].mean(axis=1)
+    return float(angles[int(np.argmin(quiet))])
+
+
+def _event(
+    known: GearPattern, new: GearPattern, bands: Sequence[IntArray], teeth: int
+) -> ComplexArray | None:
+    """Lines of the greatest event in what the healthy pattern leaves; None if there is none.
+
+    All that is heard there is fitted, not what the healthy pattern leaves of it: that would put the
+    pattern in its place, at the very angle that is in doubt.
+    """
+    places = _PLACES * teeth
+    energy = np.zeros(places)
+    deviations = []
+    for band in bands:
+        variance = new.variance[:, band] + known.variance[:, band]
+        old, value = known.amplitude[:, band], new.amplitude[:, band]
+        power = np.sum(np.abs(old) ** 2 / variance, axis=1)
+        gain = np.sum(old.conj() * value / variance, axis=1)
+        gain /= np.maximum(power, np.finfo(float).tiny)
+        deviations.append(np.sqrt(variance))
+        energy += turn_energy((value - gain[:, None] * old) / deviations[-1], band, places)
+    wide = _EVENT_TEETH * _PLACES
+    ends = np.cumsum(np.tile(energy, 2))
+    window = ends[wide : wide + places] - ends[:places]
+    if float(window.max()) < _EVENT * float(np.median(window)):
+        return None
+    middle = (int(np.argmax(window)) + 1 + wide // 2) / _PLACES
+    delay = (middle + AROUND) / teeth
+    event = np.zeros_like(new.amplitude)
+    for band, deviation in zip(bands, deviations, strict=True):
+        waves = np.exp(-2j * np.pi * np.outer(band, delay))
+        for channel, scale in enumerate(deviation):
+            told = new.amplitude[channel, band] / scale
+            size = np.linalg.lstsq(waves / scale[:, None], told, rcond=RANK)[0]
+            event[channel, band] = waves @ size
+    return event
+
+
+def _likely_angles(
+    known: GearPattern, new: GearPattern, bands: Sequence[IntArray], teeth: int
+) -> FloatArray:
+    """Angles [turns] at which the healthy pattern explains most of the new one, best first."""
+    top = new.top
+    # eight steps per cycle of the highest line: the best angle is met within 3 per cent of power
+    steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
+    explained = np.zeros(steps)
+    for band in bands:
+        weight = 1.0 / (new.variance[:, band] + known.variance[:, band])
+        healthy = known.amplitude[:, band]
+        product = np.zeros((len(weight), steps), dtype=complex)
+        product[:, band] = weight * np.conj(healthy) * new.amplitude[:, band]
+        power = np.sum(weight * np.abs(healthy) ** 2, axis=1)
+        match = np.abs(np.fft.fft(product, axis=1)) ** 2
+        explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
+    angles, apart = [], max(1, int(_APART * steps / teeth))
+    for _ in range(_ANGLES):
+        best = int(np.argmax(explained))
+        angles.append(best / steps)
+        explained[np.arange(best - apart, best + apart + 1) % steps] = -1.0
+    return np.array(angles)
+
+
+def _left_at_teeth(
+    known: GearPattern,
+    new: GearPattern,
+    bands: Sequence[IntArray],
+    teeth: int,
+    angles: FloatArray,
+) -> FloatArray:
+    """Energy left at each tooth for each angle, one gain a band fitted, shape (angles, teeth)."""
+    left = np.zeros((len(angles), teeth))
+    for band in bands:
+        turn = np.exp(2j * np.pi * np.outer(angles, band))[:, None]
+        variance = new.variance[:, band] + known.variance[:, band]
+        healthy, value = known.amplitude[:, band] * turn, new.amplitude[:, band]
+        power = np.sum(np.abs(known.amplitude[:, band]) ** 2 / variance, axis=1)
+        gain = np.sum(healthy.conj() * (value - healthy) / variance, axis=2)
+        gain = 1.0 + gain / (power + 1.0 / GAIN**2)
+        rest = (value - gain[:, :, None] * healthy) / np.sqrt(variance)
+        left += turn_energy(rest, band, teeth)
+    return left
+
+
+def turned_alike(wheels: Sequence[WheelPattern], *, same_zero: bool) -> tuple[GearPattern, ...]:
+    """Turn the patterns of one gear in several healthy recordings to the angle of the first.
+
+    Parameters
+    ----------
+    wheels : sequence of WheelPattern
+        The same gear in each, in the same channels.
+    same_zero : bool
+        Whether they have the same angle zero already.
+    """
+    top = min(int(wheel.number.max(initial=0)) for wheel in wheels)
+    found: list[GearPattern] = []
+    for wheel in wheels:
+        pattern = GearPattern.of(wheel, top)
+        if found and not same_zero:
+            # the mean of those that are turned already: it is surer than any one
+            mean = GearPattern.combined(found, np.full(len(found), 1.0 / len(found)))
+            pattern, _ = pattern.turned_to(mean, wheel.teeth)
+        found.append(pattern)
+    return tuple(found)
