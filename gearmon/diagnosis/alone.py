@@ -13,7 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.evidence import LIMITS, broadband_strength, false_alarm_probability, score_of
+from gearmon.diagnosis.evidence import (
+    LIMITS,
+    broadband_strength,
+    comparable,
+    false_alarm_probability,
+    score_of,
+)
 from gearmon.diagnosis.hypotheses.turns import locate
 from gearmon.diagnosis.law.machine import MachineDeviation
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
@@ -196,7 +202,7 @@ def mesh_lost(found: Analysis, deviation: MachineDeviation, references: int) -> 
     if broadband is None:
         return found
     strength, gain = broadband_strength(broadband), float(np.median(broadband.gain_db))
-    probability = false_alarm_probability(strength, references, deviation.gap)
+    probability = false_alarm_probability(comparable(strength), references, deviation.gap)
     flags: tuple[Flag, ...] = ()
     if gain < _SILENT_DB:
         told = (

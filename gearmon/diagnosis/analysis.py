@@ -308,7 +308,7 @@ class _Compared:
             machine=self.machine.name,
             verdict=answer,
             reason=verdict.reason(answer, evidence, flags, changes, profiles, deaf),
-            score=score_of(evidence.strength),
+            score=score_of(evidence.comparable),
             false_alarm_probability=evidence.probability,
             compared_with="reference",
             signature=signature,
