@@ -34,7 +34,7 @@ def rows(monkeypatch):
         tasks._spectra(16_384, 1),
         tasks._kurtogram(1 << 15, 1),
         tasks._reading(20_000, 2, 1),
-        tasks._after_reading(60_000, 1),
+        tasks._reading(60_000, 1, 1),
     ]
     return [row for step in steps for row in step]
 
