@@ -290,7 +290,8 @@ def packed_npz(path):
 
 
 def packed_mat(path):
-    savemat(path, {f"a{k}": np.zeros(2_000_000) for k in range(3)}, do_compression=True)
+    # beyond 32 MB glibc never takes an array from what the process holds already
+    savemat(path, {f"a{k}": np.zeros(5_000_000) for k in range(3)}, do_compression=True)
 
 
 def unwritten_hdf5(path):
