@@ -19,7 +19,9 @@ def test_a_crack_that_was_not_found_is_told_as_such(tmp_path):
         "The truth: sound until 1970-01-02, then a loss of pair stiffness that grows to 34%.",
         "Flags in the 2 sound recordings: 1.",
         "The last recording is not flagged: this crack was not found.",
-        "The truth lies within the 90 % interval of the trend in 2 of 3 recordings.",
+        "The truth lies within the 90 % interval of the trend in 2 of 3 recordings;",
+        "what the pitch deviation of this one tooth adds to its loss, or takes from it, is the same in "
+        "all of them.",
         "",
         "drive: 3 recordings",
     )

@@ -100,7 +100,10 @@ _FINE = np.geomspace(LOSSES[0], 0.95, 200)
 # of them that were not used to set these 85 %; of 30 % 92 and 93 %. The medians of 10 to 40 % are
 # right within 6 % on each kind. A tooth's pitch error weighs the more the less it is loaded: of
 # teeth at 0.17 and 0.42 of full load intervals hold 26 of 35 losses of 15 and 30 % if what lines
-# have in common is taken as at full load, 29 if its square grows in inverse proportion.
+# have in common is taken as at full load, 29 if its square grows in inverse proportion. Of 210
+# losses of 10 and 20 % of a pinion at 127 N/mm (30 simulated machines of accuracy grade 6)
+# intervals hold 85 and 91 %; two thirds of the variance is how far the tooth stands off the mean of
+# its neighbours (correlation 0.8): 5 % of the loss for each micrometre.
 _SEARCHED, _COMMON, _LINE, _RESPONSE, _GROWTH = 0.35, 0.12, 0.2, 0.2, 0.5
 # Share of a departure's mean square that is noise at least: no event is all of it.
 _MISFIT = 0.03
