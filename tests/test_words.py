@@ -20,8 +20,8 @@ def test_a_crack_that_was_not_found_is_told_as_such(tmp_path):
         "Flags in the 2 sound recordings: 1.",
         "The last recording is not flagged: this crack was not found.",
         "The truth lies within the 90 % interval of the trend in 2 of 3 recordings;",
-        "what the pitch deviation of this one tooth adds to its loss, or takes from it, is the same in "
-        "all of them.",
+        "what the pitch deviation of this one tooth adds to its loss, or takes from it, is the "
+        "same in all of them.",
         "",
         "drive: 3 recordings",
     )

@@ -108,6 +108,9 @@ def test_forces_and_deflections_belong_together():
     np.testing.assert_allclose(
         system.mesh_vectors.T @ r.at(time, "mesh_force"), pressing, atol=1e-8 * scale
     )
+    np.testing.assert_allclose(r.mesh_deflection, r.displacement @ system.mesh_vectors.T)
+    spring = r.spring_force(np.eye(len(q))[:1], [5.0])
+    np.testing.assert_allclose(spring[:, 0], 5 * r.displacement[:, 0])
 
 
 def test_orders_approach_the_answer():
