@@ -176,7 +176,8 @@ class Analysis(Result):
     reason : str
         The verdict in one or two sentences.
     score : float
-        Rises with the evidence of a fault: -log10 of the probability of the strongest test.
+        Orders recordings by the evidence of a fault: -log10 of the probability of the strongest
+        test, comparable between tests; 2 and more is a fault.
     false_alarm_probability : float
         Probability of as much evidence on a healthy machine.
     compared_with : {"reference", "expected signature", "nothing"}
