@@ -7,9 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from reference import small_gearbox
+from sklearn.ensemble import IsolationForest
 
 from gearmon.benchmark import run_case, summary_rows
 from gearmon.benchmark.detection import (
+    FOLDS,
     LOCALISED,
     NOTHING,
     TEXTBOOK,
@@ -130,10 +132,17 @@ def test_learning_is_trained_on_other_machines():
     scored = with_learning(rows)
     assert scored[0]["plain learning"] is None
     assert value(detection_summary(scored), "ROC area", "loss 0.2", "plain learning")[0] > 0.95
-    # a machine whose every pair is odd is so by the others alone
-    odd = [one | dict.fromkeys(TEXTBOOK, 9.0) if one["machine"] == 3 else one for one in rows[1:]]
-    score = {one["machine"]: one["plain learning"] for one in with_learning(odd)[1::3]}
-    assert score[3] == max(score.values())
+    # another forest that has never seen the machines of its fold
+    told = [[one[name] for name in TEXTBOOK] for one in rows[1:]]
+    others = [
+        own
+        for own, one in zip(told, rows[1:], strict=True)
+        if one["machine"] % FOLDS != 3 and one["condition"] == "healthy"
+    ]
+    expected = -IsolationForest(random_state=0).fit(others).score_samples(told)
+    for one, score in zip(scored[1:], expected, strict=True):
+        if one["machine"] % FOLDS == 3:
+            assert one["plain learning"] == pytest.approx(score)
 
 
 def test_distance_on_a_gear_goes_the_shorter_way():

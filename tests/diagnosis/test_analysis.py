@@ -23,8 +23,8 @@ from reference.small_gearbox import (
 from reference.synthetic_signals import as_recording, white
 from scipy.interpolate import CubicSpline
 
-from gearmon.diagnosis.analysis import analyse, learn
-from gearmon.diagnosis.evidence import LIMITS
+from gearmon.diagnosis.analysis import analyse, evidence_against, learn
+from gearmon.diagnosis.evidence import LIMITS, false_alarm_probability
 from gearmon.diagnosis.results import VERDICTS
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.faults import parse_fault
@@ -69,6 +69,17 @@ def test_healthy_at_another_load_is_healthy():
     assert told.verdict == "healthy"
     assert told.flags == ()
     assert told.compared_with == "reference"
+
+
+def test_score_and_probability_are_of_the_strongest_test_on_a_common_scale():
+    told = analysis()
+    strengths = evidence_against(told.signature, machine(), reference()).strengths
+    tooth = strengths.pop("tooth")
+    strongest = max(tooth, *(2.0 - 1.6 * (2.0 - value) for value in strengths.values()))
+    assert strongest < 1.0
+    assert told.score == pytest.approx(math.log10(1.0 + 10.0**strongest))
+    chance = false_alarm_probability(strongest, len(HEALTHY_LOADS), 0.0)
+    assert told.false_alarm_probability == pytest.approx(chance)
 
 
 def test_planetary_set_is_compared_with_its_own_reference(planetary_recording):

@@ -9,7 +9,14 @@ import pytest
 from reference.gear_departures import TEETH, complex_noise, gear, machine, weights
 
 from gearmon.diagnosis.alone import mesh_lost, own_teeth_flags, own_teeth_reason
-from gearmon.diagnosis.evidence import Evidence, PathChange, decide
+from gearmon.diagnosis.evidence import (
+    Evidence,
+    PathChange,
+    broadband_strength,
+    comparable,
+    decide,
+    false_alarm_probability,
+)
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
 from gearmon.diagnosis.fault_types.kinds import rule_probabilities
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
@@ -380,8 +387,13 @@ def test_a_mesh_that_is_gone_is_a_fault_but_where_all_is_quiet(noise, gain_db, v
         indicators={},
         warnings=(),
     )
-    found = mesh_lost(alone, evidence(noise=noise, noise_gain_db=gain_db).deviation, 3)
+    deviation = evidence(noise=noise, noise_gain_db=gain_db).deviation
+    found = mesh_lost(alone, deviation, 3)
     assert found.verdict == verdict
+    if verdict == "fault":
+        strength = comparable(broadband_strength(deviation.broadband))
+        chance = false_alarm_probability(strength, 3, deviation.gap)
+        assert found.false_alarm_probability == found.flags[0].false_alarm_probability == chance
     assert told in found.reason
     assert [flag.kind for flag in found.flags] == ["mesh lost"] * (verdict == "fault")
     assert found.compared_with == ("nothing" if verdict == "no mesh found" else "reference")
