@@ -371,6 +371,7 @@ def test_sentences_begin_with_the_most_striking():
         (0.0, -30.0, "cannot tell", "30 dB quieter"),
         (0.0, -15.0, "no mesh found", "No gear mesh"),
         (3.0, -15.0, "fault", "is gone"),
+        (2.0, -15.0, "fault", "is gone"),
         (3.0, -21.0, "cannot tell", "stood still"),
     ],
 )
