@@ -100,7 +100,7 @@ def stiffness_figures(report: StiffnessReport) -> dict[str, plots.Picture]:
 
 @plots.sheet_style()
 def stiffness_figure(stage: StageStiffness) -> plots.Picture:
-    """Draw the plots.sheet of a stage: teeth, flank, stiffness, shares of compliance, loss by size.
+    """Draw the sheet of a stage: teeth, flank, stiffness, shares of compliance, loss by size.
 
     Parameters
     ----------

@@ -671,8 +671,10 @@ def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
     lost = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if coherence[a:b].min() < _LOST]
     long = [(a, b) for a, b in lost if (b - a) * hop >= _FADING_TURNS]
     # a long stretch tells nothing of whether lines fade by themselves elsewhere
-    beside = np.delete(coherence, np.concatenate([np.arange(0), *(np.arange(*s) for s in long)]))
-    fading = len(beside) and np.quantile(beside, 0.1) < _STEADY_LINES
+    beside = np.ones(len(coherence), dtype=bool)
+    for start, stop in long:
+        beside[start:stop] = False
+    fading = beside.any() and np.quantile(coherence[beside], 0.1) < _STEADY_LINES
     found: list[tuple[int, int]] = []
     for start, stop in long if fading else lost:
         # while the angle slips by several periods the lines come back once in each
