@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from importlib import import_module
@@ -47,6 +48,16 @@ def test_every_public_name_resolves(name):
 
 def test_promised_names_are_there():
     assert set(gearmon.__all__) >= PROMISED
+
+
+def test_names_that_the_readme_gives_are_there():
+    text = open_text(Path(__file__).parents[1] / "README.md")
+    names = set(re.findall(r"`gearmon\.([a-z_]+(?:\.[a-z_]+)*)", text))
+    assert len(names) > 3
+    for name in names:
+        value = gearmon
+        for part in name.split("."):
+            value = getattr(value, part, None) or import_module(f"{value.__name__}.{part}")
 
 
 def test_names_are_listed_sorted_and_once():

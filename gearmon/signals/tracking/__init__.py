@@ -23,7 +23,10 @@ _OFFERED = {
         *("SlipCheck", "check_slips", "coherent_share", "follow_lines", "integrate_speed"),
         *("lock_track", "mend_slips"),
     ),
-    "tacho": ("TachoPulses", "find_pulses", "join", "pulses_per_turn", "track_from_pulses"),
+    "tacho": (
+        *("TachoPulses", "find_pulses", "join", "pulses_per_turn", "track_from_pulse_times"),
+        "track_from_pulses",
+    ),
 }
 
 __all__ = sorted(name for names in _OFFERED.values() for name in names)
