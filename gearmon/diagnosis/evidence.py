@@ -350,8 +350,7 @@ class Evidence:
     def strengths(self) -> dict[str, float]:
         """Strength of every test, by its name."""
         deviation, offset = self.deviation, LIMITS.levels_offset
-        levels = LIMITS.lines_weight * (deviation.levels.mean_square() - offset)
-        levels += broadband_strength(deviation.broadband)
+        levels = lines_strength(deviation.levels) + broadband_strength(deviation.broadband)
         path = LIMITS.bands_weight * (self.path.together - offset)
         # a shorter recording has shorter blocks, which part lines from their neighbours less
         told = {"levels": levels * deviation.length, "path": path * deviation.length}
@@ -433,6 +432,11 @@ def comparable(strength: float) -> float:
 def tooth_strength(evidence: float) -> float:
     """Strength of a believed log Bayes factor of damage of one tooth."""
     return (evidence - LIMITS.tooth_offset) / LIMITS.tooth_scale
+
+
+def lines_strength(levels: LevelDeviation) -> float:
+    """Share of the families of lines in the strength of changed levels."""
+    return LIMITS.lines_weight * (levels.mean_square() - LIMITS.levels_offset)
 
 
 def broadband_strength(broadband: LevelDeviation | None) -> float:

@@ -18,6 +18,7 @@ from gearmon.diagnosis.evidence import (
     Evidence,
     false_alarm_probability,
     heard_from,
+    lines_strength,
     noise_rose,
     rare_strength,
 )
@@ -237,8 +238,10 @@ class Flagging:
             )
             return [self._flag("path changed", strength, told)]
         first = max(self.changes, key=lambda c: abs(c.standardised), default=None)
-        if first is None:
-            return [self._flag("broadband change", strength, ("no line moved with it",))]
+        if first is None or lines_strength(self.evidence.deviation.levels) < LIMITS.open:
+            # mains and bearings fill whole bands of the spectrum; no gear is to blame
+            told = ("no line of a gear moved with it", *strongest[:1])
+            return [] if nongear else [self._flag("broadband change", strength, told)]
         group = attrgetter("kind", "stage", "gear")
         own = sentences([change for change in self.changes if group(change) == group(first)])
         # the kind of fault that they are most like

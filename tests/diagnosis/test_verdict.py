@@ -23,6 +23,7 @@ from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, LossEstimate, ToothFinding
 from gearmon.diagnosis.hypotheses.turns import TurnChange, runout_growth
 from gearmon.diagnosis.law.machine import LevelDeviation, MachineDeviation
+from gearmon.diagnosis.nongear import NonGearFinding
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
 from gearmon.diagnosis.verdict import Flagging, fault_sentence, level_changes, reason, sentences
 from gearmon.signatures.measured.line_plan import Family
@@ -216,6 +217,29 @@ def test_noise_that_rose_beyond_the_lines_is_no_gear():
     # lines and noise alike: a gain
     alike = replace(rose.deviation, levels=levels(2.0, 6.0))
     assert flags_of(replace(rose, deviation=alike), None, [change(-10.0)])[0].gear == "pinion"
+
+
+def test_a_spectrum_that_changes_without_its_lines_blames_no_gear():
+    """Mains fill whole bands of the spectrum, and the lines of the gears stay as they were."""
+    hum = evidence(lines=0.4, noise=5.0)
+    moved = [change(-18.0)]
+    (flag,) = flags_of(hum, features(once_db=15.0), moved)
+    assert (flag.kind, flag.stage, flag.gear) == ("broadband change", None, None)
+    assert "no gear is to blame" in fault_sentence([flag])
+    mains = NonGearFinding(
+        kind="electrical",
+        name="mains, multiples of 50 Hz",
+        lines=(),
+        change_db=30.0,
+        orders=(),
+        width=0.01,
+        log10_probability=-6.0,
+        evidence=(),
+    )
+    flags = flags_of(replace(hum, nongear=(mains,)), features(once_db=15.0), moved)
+    assert [flag.kind for flag in flags] == ["electrical"]
+    both = evidence(lines=3.0, noise=5.0)
+    assert flags_of(both, features(once_db=15.0), moved)[0].gear == "pinion"
 
 
 def test_noise_that_fell_anywhere_was_not_added():
