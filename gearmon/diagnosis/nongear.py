@@ -552,15 +552,18 @@ class _Naming(NamedTuple):
     top: float
 
     def mains(self, left: set[int]) -> list[NamedSeries]:
-        found = []
-        for mains in MAINS_HZ:
-            own = [i for i in sorted(left) if self._of_mains(self.lines[i], mains)]
-            labels = {i: f"{round(self.lines[i].frequency_hz / mains)} x {mains:g} Hz" for i in own}
-            name = f"mains, multiples of {mains:g} Hz"
-            found += [NamedSeries(kind="electrical", name=name, labels=labels)] if own else []
+        """Lines of the supply; what both frequencies explain is of the one that explains more."""
+        found: list[NamedSeries] = []
+        own = {hz: [i for i in sorted(left) if self._of_mains(i, hz)] for hz in MAINS_HZ}
+        for hz, of_hz in sorted(own.items(), key=lambda item: -len(item[1])):
+            rest = [i for i in of_hz if i not in _members(found)]
+            labels = {i: f"{round(self.lines[i].frequency_hz / hz)} x {hz:g} Hz" for i in rest}
+            name = f"mains, multiples of {hz:g} Hz"
+            found += [NamedSeries(kind="electrical", name=name, labels=labels)] if rest else []
         return found
 
-    def _of_mains(self, line: NonGearLine, mains: float) -> bool:
+    def _of_mains(self, i: int, mains: float) -> bool:
+        line = self.lines[i]
         multiple = round(line.frequency_hz / mains)
         # a line that follows the shafts is none of the mains; envelopes are against angle
         if line.locked == "shaft" or line.kind == "envelope" or multiple not in _MAINS_MULTIPLES:

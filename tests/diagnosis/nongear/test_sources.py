@@ -84,3 +84,18 @@ def test_sidebands_of_a_bearing_are_named_by_their_side():
     (found,) = name_lines(heard, train, WIDTH, 100.0)
     assert list(found.labels.values()) == ["1 x", "2 x - 1 x shaft", "2 x", "2 x + 1 x shaft"]
     assert found.slip == pytest.approx(-0.01, abs=1e-6)
+
+
+@pytest.mark.parametrize("mains_hz", [50.0, 60.0])
+def test_a_plant_has_one_mains_frequency(mains_hz):
+    """300 and 600 Hz are multiples of both."""
+    orders = mains_hz / 25.0 * np.array([1, 2, 3, 4, 6, 8, 10, 12])
+    train = kinematics(
+        load_machine(
+            stage={"kind": "parallel", "pinion_teeth": 20, "gear_teeth": 41},
+            operating={"speed_rpm": 1500.0},
+        )
+    )
+    (series,) = name_lines(lines(orders, locked="time"), train, WIDTH, 60.0)
+    assert series.name == f"mains, multiples of {mains_hz:g} Hz"
+    assert sorted(series.labels) == list(range(len(orders)))
