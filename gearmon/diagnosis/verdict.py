@@ -219,16 +219,8 @@ class Flagging:
     def _levels(self, nongear: bool) -> list[Flag]:
         """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
         strongest, strength = sentences(self.changes), self._changed
-        if noise_rose(self.evidence.deviation):
-            if nongear:
-                return []
-            told = (
-                "the spectrum between the lines of the gears rose, by more than those lines: a "
-                "bearing, a loose part, or another machine",
-                *strongest[:1],
-            )
-            return [self._flag("broadband rise", strength, told)]
-        if self.evidence.path.likely:
+        noisy, bands = noise_rose(self.evidence.deviation), self.evidence.strengths["path"]
+        if self.evidence.path.likely and (bands >= LIMITS.fault or not noisy):
             common = 100 * self.evidence.path.common
             told = (
                 f"all lines about one mesh harmonic moved together: {common:.0f} % "
@@ -237,6 +229,15 @@ class Flagging:
                 *strongest,
             )
             return [self._flag("path changed", strength, told)]
+        if noisy:
+            if nongear:
+                return []
+            told = (
+                "the spectrum between the lines of the gears rose, by more than those lines: a "
+                "bearing, a loose part, or another machine",
+                *strongest[:1],
+            )
+            return [self._flag("broadband rise", strength, told)]
         first = max(self.changes, key=lambda c: abs(c.standardised), default=None)
         if first is None or lines_strength(self.evidence.deviation.levels) < LIMITS.open:
             # mains and bearings fill whole bands of the spectrum; no gear is to blame

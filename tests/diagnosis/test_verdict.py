@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from reference.gear_departures import TEETH, complex_noise, gear, machine, weigh
 
 from gearmon.diagnosis.alone import mesh_lost, own_teeth_flags, own_teeth_reason
 from gearmon.diagnosis.evidence import (
+    LIMITS,
     Evidence,
     PathChange,
     broadband_strength,
@@ -217,6 +219,26 @@ def test_noise_that_rose_beyond_the_lines_is_no_gear():
     # lines and noise alike: a gain
     alike = replace(rose.deviation, levels=levels(2.0, 6.0))
     assert flags_of(replace(rose, deviation=alike), None, [change(-10.0)])[0].gear == "pinion"
+
+
+def test_a_path_that_moves_whole_bands_is_named_before_the_noise_it_lets_through():
+    rose = evidence(lines=2.0, noise=3.0, noise_gain_db=6.0)
+    for together, kind in ((30.0, "path changed"), (1.0, "broadband rise")):
+        (flag,) = flags_of(rose, None, [change(-10.0)], common=0.6, together=together)
+        assert (flag.kind, flag.gear) == (kind, None)
+
+
+@pytest.mark.parametrize(("apart", "verdict"), [(0.0, "cannot tell"), (0.1, "fault")])
+def test_a_load_that_nobody_learned_does_not_make_channels_differ(apart, verdict):
+    """Levels of lightly loaded teeth mean little beside one reference."""
+    path = PathChange(common=0.6, apart=apart, together=30.0, bands=16)
+    light = SimpleNamespace(searched=(SimpleNamespace(load_unlearned=True),), evidence=0.0)
+    found = replace(evidence(lines=4.0), finding=light, path=path)
+    assert decide(found) == verdict
+    assert found.strengths["levels"] == pytest.approx(LIMITS.levels_open)
+    # at another speed lines move across the modes of each channel's path
+    off = replace(found, deviation=replace(found.deviation, speed_off=1.6))
+    assert decide(off) == "cannot tell"
 
 
 def test_a_spectrum_that_changes_without_its_lines_blames_no_gear():

@@ -9,7 +9,7 @@ import pytest
 from reference.small_gearbox import machine, recording
 
 from gearmon.diagnosis.analysis import learn
-from gearmon.diagnosis.evidence import path_change
+from gearmon.diagnosis.evidence import PathChange, path_change
 from gearmon.diagnosis.law.gear_lines import FULL_LOAD, LENGTH
 from gearmon.diagnosis.law.machine import HealthyMachine, level_deviation
 from gearmon.signatures.measured.line_plan import Family
@@ -148,3 +148,15 @@ def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
         for a, b in zip(one.bands, other.bands, strict=True):
             wider = b.deviation / a.deviation
             assert np.all(wider > 1.0) if share < 1.0 else wider == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("common", "apart", "likely"),
+    [(0.55, 0.0, True), (0.3, 0.05, True), (0.0, 0.1, True), (0.4, 0.0, False), (0.0, 0.05, False)],
+)
+def test_bands_and_channels_speak_for_another_path_together(common, apart, likely):
+    path = PathChange(common=common, apart=apart, together=9.0, bands=16)
+    assert path.likely == likely
+    assert not replace(path, bands=3).likely
+    # a single channel tells less, and has to do
+    assert replace(path, apart=None).likely == (common > 0.25)
