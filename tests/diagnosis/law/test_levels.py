@@ -152,7 +152,7 @@ def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
 
 @pytest.mark.parametrize(
     ("common", "apart", "likely"),
-    [(0.55, 0.0, True), (0.3, 0.05, True), (0.0, 0.1, True), (0.4, 0.0, False), (0.0, 0.05, False)],
+    [(0.55, 0.0, True), (0.3, 0.06, True), (0.0, 0.2, True), (0.4, 0.0, False), (0.0, 0.1, False)],
 )
 def test_bands_and_channels_speak_for_another_path_together(common, apart, likely):
     path = PathChange(common=common, apart=apart, together=9.0, bands=16)
