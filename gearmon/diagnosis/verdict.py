@@ -224,8 +224,8 @@ class Flagging:
             common = 100 * self.evidence.path.common
             told = (
                 f"all lines about one mesh harmonic moved together: {common:.0f} % "
-                "of the change is common to them, and none of it to one gear: a sensor that was "
-                "moved or fixed anew, or a gearbox that was opened",
+                "of the change is common to them, and no gear stands out: a sensor that was moved or "
+                "fixed anew, or a gearbox that was opened",
                 *strongest,
             )
             return [self._flag("path changed", strength, told)]
@@ -374,7 +374,7 @@ _PLAIN = {
     "misalignment": "{Gear} wobbles, or more than it did: it may stand askew.",
     "looseness": "Something about {gear} is likely loose.",
     "path changed": "Everything sounds different, as if the sensor had been moved or the gearbox "
-    "opened: no single gear is to blame.",
+    "opened. If neither was done, look at the gears: which one it is cannot be told.",
     "broadband rise": "The noise between the gears' lines rose: look at bearings and mounts first.",
     "broadband change": "The noise between the gears' lines changed; no gear is to blame.",
     "bearing": "A bearing has likely been damaged.",
