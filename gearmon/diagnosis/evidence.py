@@ -221,9 +221,10 @@ def _table() -> dict[str, Any]:
 # 18 drawn machines that were moved all do (least 0.54), of 111 of worn, pitted and misaligned gears
 # and damaged teeth in which whole bands change as strongly as a fault asks none (most 0.44).
 _ALONE, _COMMON, _WORTH = 0.25, 0.5, 4.0
-# Share by which channels differ in what no load does: a simulated drive at a tenth to the whole of
-# its load, beside one reference at another, has 0.00 where its bands change by a strength of 7.
-_APART = 0.04
+# Share by which channels differ, and strength of the change, from which no load makes it: simulated
+# drives at a tenth to the whole of their load, beside one reference at another, have 0.00 where
+# their bands change by up to 7.5, and 0.06 once, with 2.3.
+_APART, _NO_LOAD = 0.04, 4.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,9 +260,9 @@ class PathChange:
         return self.bands >= 4 and told
 
     @property
-    def sure(self) -> bool:
-        """Whether it cannot be the load either, which no channel hears otherwise than another."""
-        return self.likely and self.apart is not None and self.apart > _APART
+    def differs(self) -> bool:
+        """Whether channels differ by what neither the gears nor their load make."""
+        return self.apart is not None and self.apart > _APART
 
 
 #: Nothing was compared.
@@ -371,7 +372,8 @@ class Evidence:
         astray = deviation.speed_off > 1.0 or self.knocks > LIMITS.knocks or self.lost
         capped = {name: min(value, LIMITS.levels_open) for name, value in told.items()}
         if astray or self.load_unlearned:
-            told = capped | ({"path": path} if self.path.sure and not astray else {})
+            sure = self.path.likely and self.path.differs and path >= _NO_LOAD
+            told = capped | ({"path": path} if sure and not astray else {})
         told |= {
             "runout": rare_strength([one.log10_probability for one in self.runout]),
             "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),

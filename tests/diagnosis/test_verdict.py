@@ -228,10 +228,13 @@ def test_a_path_that_moves_whole_bands_is_named_before_the_noise_it_lets_through
         assert (flag.kind, flag.gear) == (kind, None)
 
 
-@pytest.mark.parametrize(("apart", "verdict"), [(0.0, "cannot tell"), (0.1, "fault")])
-def test_a_load_that_nobody_learned_does_not_make_channels_differ(apart, verdict):
+@pytest.mark.parametrize(
+    ("apart", "together", "verdict"),
+    [(0.0, 30.0, "cannot tell"), (0.1, 8.0, "cannot tell"), (0.1, 30.0, "fault")],
+)
+def test_a_load_that_nobody_learned_hardly_makes_channels_differ(apart, together, verdict):
     """Levels of lightly loaded teeth mean little beside one reference."""
-    path = PathChange(common=0.6, apart=apart, together=30.0, bands=16)
+    path = PathChange(common=0.6, apart=apart, together=together, bands=16)
     light = SimpleNamespace(searched=(SimpleNamespace(load_unlearned=True),), evidence=0.0)
     found = replace(evidence(lines=4.0), finding=light, path=path)
     assert decide(found) == verdict
