@@ -224,8 +224,8 @@ class Flagging:
             common = 100 * self.evidence.path.common
             told = (
                 f"all lines about one mesh harmonic moved together: {common:.0f} % "
-                "of the change is common to them, and no gear stands out: a sensor that was moved or "
-                "fixed anew, or a gearbox that was opened",
+                "of the change is common to them, and no gear stands out: a sensor that was moved "
+                "or fixed anew, or a gearbox that was opened",
                 *strongest,
             )
             return [self._flag("path changed", strength, told)]
