@@ -134,7 +134,8 @@ class Flag(Result):
         Of a gear: "tooth damage" (one tooth: crack, breakage, chipping), "several teeth",
         "distributed pitting", "wear", "eccentricity", "misalignment", "looseness", or where no kind
         is clearer than others "changed mesh", "changed sidebands", "changed residual". Of no gear:
-        "bearing", "electrical", "unknown lines", and "looseness" heard at half orders.
+        "path changed", "broadband rise", "broadband change", "mesh lost", "bearing", "electrical",
+        "unknown lines", and "looseness" heard at half orders.
     stage : int or None
         Stage, from 1.
     gear : str or None
