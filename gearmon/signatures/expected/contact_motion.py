@@ -152,11 +152,6 @@ class PeriodicMotion:
             )
 
     @cached_property
-    def known_changes(self) -> dict[tuple[bytes, bytes], list[_Changed]]:
-        """Mesh periods that differ, of the last turns asked for."""
-        return {}
-
-    @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
         around, size = self.around, len(self.around.force)
@@ -365,15 +360,10 @@ class Deviations:
 
     @cached_property
     def _changed(self) -> list[_Changed]:
-        """The mesh periods that differ; known where another gear asked for the same just now."""
-        known, delta, e = self.mesh.known_changes, self.delta, self.excitation
-        key = delta.tobytes(), b"" if e is None else e.tobytes()
-        if key not in known:
-            known.clear()
-            still = [None] * delta.shape[1] if e is None else e.swapaxes(0, 1)
-            each = zip(delta.swapaxes(0, 1), still, strict=True)
-            known[key] = [_Changed(self.mesh, *own) for own in each]
-        return known[key]
+        """The mesh periods that differ."""
+        delta, e = self.delta.swapaxes(0, 1), self.excitation
+        moved = [None] * len(delta) if e is None else e.swapaxes(0, 1)
+        return [_Changed(self.mesh, *own) for own in zip(delta, moved, strict=True)]
 
     @cached_property
     def states(self) -> FloatArray:

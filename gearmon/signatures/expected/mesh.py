@@ -28,7 +28,7 @@ sun-planet mesh.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -48,7 +48,7 @@ from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_me
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
-from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
+from gearmon.signatures.expected.contact_motion import Surroundings
 
 Wrong = Fault | GearError
 
@@ -166,19 +166,12 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
-        return self._with(lambda k: replace(k, pulses=(), modulations=()), errors=())
-
-    def scaled(self, factor: float) -> PosedStage:
-        """Return the same with `factor` times what its damaged teeth lose."""
-        return self._with(lambda k: replace(k, pulses=tuple(t.scaled(factor) for t in k.pulses)))
-
-    def _with(self, changed: Callable[[MeshStiffness], MeshStiffness], **moved: Any) -> PosedStage:
         members = []
         for mesh in self.members:
-            stiffness = changed(mesh.stiffness)
+            stiffness = replace(mesh.stiffness, pulses=(), modulations=())
             mechanics = replace(mesh.mechanics, stiffness=stiffness)
-            excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
-            members.append(replace(mesh, mechanics=mechanics, excitation=excitation))
+            excitation = Excitation(stiffness=stiffness, errors=())
+            members.append(PosedMesh(mechanics=mechanics, excitation=excitation, lead=mesh.lead))
         return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
@@ -239,10 +232,15 @@ class PosedStage:
         own = self.members[0].mechanics
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
-    def heard(
-        self, made: PeriodicMotion | Deviations, highest: int, period: int
-    ) -> tuple[IntArray, IntArray, ComplexArray]:
-        """Return the lines 1..highest of a period, of a set with sidebands of the planet pass.
+    def heard(self, forces: ComplexArray, period: int) -> tuple[IntArray, IntArray, ComplexArray]:
+        """Return the lines that mesh forces make, of a set with sidebands of the planet pass.
+
+        Parameters
+        ----------
+        forces : ndarray of complex, shape (turns, meshes, highest)
+            Lines 1..highest over the period, in the units of `scale`.
+        period : int
+            P.
 
         Returns
         -------
@@ -251,8 +249,7 @@ class PosedStage:
         lines : ndarray of complex, shape (turns, n)
             As `MeshLines.displacement`.
         """
-        forces = made.force_lines(highest)
-        planets = len(self.angles_rad)
+        planets, highest = len(self.angles_rad), forces.shape[-1]
         shape = len(forces), len(self.members) // planets, planets, highest
         forces = forces.reshape(shape).sum(axis=1)
         sides = np.array([-1, 0, 1] if self.pass_order else [0])
@@ -264,8 +261,11 @@ class PosedStage:
         turn = number / period + sides[:, None] * float(self.pass_order)
         kept = turn > 0
         if self.train is not None:
-            brought = np.abs(forces).sum(axis=1).max(axis=0)
-            kept &= np.abs(lines).max(axis=0) > CANCELLED * brought
+            brought = np.abs(forces).sum(axis=1, keepdims=True)
+            # each turn beside its own loudest line
+            loudest = brought.max(axis=2, keepdims=True, initial=np.finfo(float).tiny)
+            share = (np.abs(lines) / loudest).max(axis=0)
+            kept &= share > CANCELLED * (brought / loudest).max(axis=0)
         which, line = np.nonzero(kept)
         own, mass = self.mechanics, self.members[0].mechanics.equivalent_mass_kg
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
