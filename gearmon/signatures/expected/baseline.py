@@ -124,7 +124,7 @@ def expected_signature(
     if max_hz is not None:
         check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-13, 1.0)
-    tables, stages, mechanics = [], [], []
+    tables, stages = [], []
     for number in range(1, len(machine.stages) + 1):
         ring = any(fault.stage == number and fault.gear == "ring" for fault in known)
         posed = MeshPlace(machine, number, operating, form, int(ring)).posed(known)
@@ -134,9 +134,8 @@ def expected_signature(
         tables.append(columns)
         told |= {"max_hz": limit, "cross_lines_share": share}
         stages.append(lines.header() | told | {"warnings": [*posed.warnings, *warnings]})
-        mechanics.append(posed.mechanics)
     if max_hz is not None and not any(len(table["stage"]) for table in tables):
-        refuse_no_lines(mechanics, max_hz)
+        refuse_no_lines((own["mesh_frequency_hz"] for own in stages), max_hz)
     header = {key: value for key, value in stages[0].items() if key != "stage"} | {
         "speed_rpm": point.speed_rpm,
         "torque_nm": point.torque_nm,

@@ -280,7 +280,7 @@ def fault_family(
         for key, own in _healthy(machine, points, meshes, form).items()
     }
     if not any(len(lines.displacement) for lines in healthy.values()):
-        refuse_no_lines((lines.mechanics for lines in healthy.values()), max_hz)
+        refuse_no_lines((own.mechanics.mesh_frequency_hz for own in healthy.values()), max_hz)
     members: list[FamilyMember] = []
     notes: dict[str, None] = {}
     for number, ((stage, gear), mesh) in product(points, places.items()):

@@ -31,7 +31,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -42,9 +42,9 @@ from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train, of_told_bearings
 from gearmon.gears.excitation import Excitation, displacement_excitation
-from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
+from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
-from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
+from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, pair_of, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
@@ -336,7 +336,9 @@ class MeshPlace:
         """
         mesh = kinematics(self.machine).mesh(self.stage)
         return PosedStage(
-            members=(self._meshed(_parsed(wrong)),), mesh=mesh, angles_rad=np.zeros(1)
+            members=(self._meshed(faults_of(wrong, errors=True)),),
+            mesh=mesh,
+            angles_rad=np.zeros(1),
         )
 
     def in_train(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
@@ -374,18 +376,13 @@ class MeshPlace:
             raise ArgumentError(f"stage={self.stage} is not planetary: no planets pass the housing")
         train = drive_train(self.machine, self.point, self.form)
         before = sum(isinstance(other, PlanetaryStage) for other in stages[: self.stage - 1])
-        known = _parsed(wrong)
-        shared = [one for one in known if one.gear != "planet" or one.kind in ("wear", "profile")]
-        members = []
-        for side in (0, 1):
-            place = replace(self, mesh=side)
-            first = other = place._meshed(known)
-            if len(shared) < len(known):
-                other = place._meshed(shared)
-            leads = [spring.phase for spring in train.meshes(self.stage)[side * own.planets :]]
-            members += [replace(other if i else first, lead=leads[i]) for i in range(own.planets)]
+        known = faults_of(wrong, errors=True)
+        alike = tuple(w for w in known if w.gear != "planet" or w.kind in ("wear", "profile"))
+        meshed = cache(lambda side, wrong: replace(self, mesh=side)._meshed(wrong))
+        every = [(side, alike if i else known) for side in (0, 1) for i in range(own.planets)]
+        springs = zip(every, train.meshes(self.stage), strict=True)
         return PosedStage(
-            members=tuple(members),
+            members=tuple(replace(meshed(*place), lead=spring.phase) for place, spring in springs),
             mesh=kinematics(self.machine).mesh(self.stage),
             train=train,
             angles_rad=train.planets[before].angles_rad,
@@ -412,24 +409,20 @@ class MeshPlace:
         alone = self.alone(faults)
         return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
 
-    def _meshed(self, wrong: list[Wrong]) -> PosedMesh:
+    def _meshed(self, wrong: Iterable[Wrong]) -> PosedMesh:
         own = [one for one in wrong if one.stage == self.stage]
-        faults = [fault for fault in own if isinstance(fault, Fault)]
-        errors = [error for error in own if isinstance(error, GearError)]
-        wrongs: dict[str, Any] = {"faults": faults, "errors": errors}
+        wrongs: dict[str, Any] = {
+            "faults": [one for one in own if isinstance(one, Fault)],
+            "errors": [one for one in own if isinstance(one, GearError)],
+        }
         mechanics = stage_mechanics(
             self.machine, self.stage, self.point, form=self.form, mesh=self.mesh, **wrongs
         )
         moved = Excitation(stiffness=mechanics.stiffness, errors=())
         if own:
-            stage = self.machine.stages[self.stage - 1]
-            pair = mesh_pairs(stage, self.stage, self.machine.path)[self.mesh]
-            moved = displacement_excitation(pair, mechanics.stiffness, errors, faults)
+            pair = pair_of(self.machine, self.stage, self.mesh)
+            moved = displacement_excitation(pair, mechanics.stiffness, **wrongs)
         return PosedMesh(mechanics=mechanics, excitation=moved)
-
-
-def _parsed(wrong: Iterable[Wrong | str]) -> list[Wrong]:
-    return [parse_fault_or_error(one) if isinstance(one, str) else one for one in wrong]
 
 
 def mesh_problem(
@@ -630,11 +623,10 @@ def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def refuse_no_lines(meshes: Iterable[StageMechanics], max_hz: float | None) -> None:
+def refuse_no_lines(mesh_hz: Iterable[float], max_hz: float | None) -> None:
     """Say that no line is left below the highest frequency."""
-    lowest = min(mechanics.mesh_frequency_hz for mechanics in meshes)
     raise ArgumentError(
-        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {lowest:.6g} Hz: no lines"
+        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {min(mesh_hz):.6g} Hz: no lines"
     )
 
 

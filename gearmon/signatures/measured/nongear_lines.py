@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincc, gammainccinv, pdtrc
 
-from gearmon.arrays import FloatArray
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.spectra import (
@@ -276,12 +276,12 @@ def _decibels(power: FloatArray) -> NDArray[np.float32]:
     return np.asarray(10 * np.log10(np.maximum(power, np.finfo(float).tiny)), dtype=np.float32)
 
 
-def _highest_within(values: FloatArray, reach: int) -> FloatArray:
-    """Return the highest within `reach` places to either side, fewer at the ends."""
-    from scipy.ndimage import maximum_filter1d
-
-    size = 2 * reach + 1
-    return np.asarray(maximum_filter1d(values, size, axis=-1, mode="constant", cval=-np.inf))
+def _highest_within(values: FloatArray, reach: IntArray) -> FloatArray:
+    """Return the highest within so many places to either side of each, fewer at the ends."""
+    place, count = np.arange(len(reach)), values.shape[-1]
+    ends = np.clip([place - reach, place + reach + 1], 0, count).T.ravel()
+    padded = np.pad(values, ((0, 0), (0, 1)), constant_values=-np.inf)
+    return np.asarray(np.maximum.reduceat(padded, ends, axis=-1)[:, ::2])
 
 
 def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None) -> FloatArray:
@@ -289,21 +289,15 @@ def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None)
     highest = _highest_in_cells(spectrum, 1 / _CELLS_AN_ORDER)
     orders = (np.arange(highest.shape[-1]) + 0.5) / _CELLS_AN_ORDER
     reach = 1 + int(np.ceil(course.reach(spectrum.width) * _CELLS_AN_ORDER))
-    hidden = course.skirt(orders) * _highest_within(highest, reach)
+    hidden = course.skirt(orders) * _highest_within(highest, np.full(len(orders), reach))
     if in_time is None:
         return np.asarray(hidden)
     # what was smeared over angle, or is near enough to what was not
     swing = max(course.high / course.mean - 1, 1 - course.low / course.mean)
     cells = 1 + np.ceil((swing * orders + 2 * spectrum.width) * _CELLS_AN_ORDER)
     count = min(in_time.shape[-1], hidden.shape[-1])
-    half = 1
-    for _ in range(int(np.ceil(np.log2(cells.max()))) + 1):
-        wide = _highest_within(in_time, half)
-        own = (cells[:count] > half / 2) & (cells[:count] <= half)
-        hidden[:, :count][:, own] = np.maximum(
-            hidden[:, :count][:, own], wide[:, :count][:, own] / _SHARPER
-        )
-        half *= 2
+    wide = _highest_within(in_time, 2 ** np.ceil(np.log2(cells[:count])).astype(int))
+    hidden[:, :count] = np.maximum(hidden[:, :count], wide / _SHARPER)
     return np.asarray(hidden)
 
 
