@@ -21,6 +21,7 @@ from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
+from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.threads import at_once
@@ -237,6 +238,10 @@ class GearVibration:
         orders = self.orders(fastest_hz)
         return OrderSums(self.samples, self.rate, orders) if len(orders) else None
 
+    def in_angle(self, track: AngleTrack) -> InAngle:
+        """Return the vibration in the angle of a track."""
+        return InAngle.of(self.samples, self.rate, track)
+
     def tracked(
         self, track: AngleTrack, scan: SpeedScan, centre_hz: float, tolerance: float
     ) -> Tracking:
@@ -253,7 +258,7 @@ class GearVibration:
     def judged(self, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
         """Judge the meshes on a scan about a track, so far about its speed as a fraction."""
         block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
-        scan, _ = scan_angle(self.samples, self.rate, track, self.comb, reach, block)
+        scan = scan_angle(self.in_angle(track), self.comb, reach, block)
         return self.tracked(track, scan, 1.0, reach)
 
 
@@ -515,7 +520,7 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
         return None
     track = integrate_speed(speed, signal.last_s)
     for reach in _PATH_REACHES:
-        track = unwarp(signal.samples, signal.rate, track, signal.comb, reach)
+        track = unwarp(sums, track, signal.comb, reach)
     track = lock_track(sums, track)
     judged, share = signal.judged(track), coherent_share(sums, track)
     if share < _GATHERED or not _agrees(judged):
@@ -539,7 +544,7 @@ def _agrees(judged: Tracking) -> bool:
     signal, speeds = judged.signal, judged.track.speed_hz
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
     pieces = max(1, signal.samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(signal.samples, signal.rate, judged.track, pieces)
+    spectrum = fine_order_spectrum(signal.in_angle(judged.track), pieces)
     supported = False
     for mesh, comb, seen in zip(signal.train.meshes, signal.meshes, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:

@@ -17,7 +17,7 @@ from reference.simulated_machines import planetary
 
 from gearmon.files import restored, stored
 from gearmon.gears.kinematics import kinematics
-from gearmon.signals.orders import fine_order_spectrum
+from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import (
     NonGearLines,
@@ -119,8 +119,8 @@ def test_a_silent_channel_changes_nothing():
     samples, track = recorded(1, orders=TURNING)
     silent = np.vstack([samples, np.zeros(samples.shape[-1])])
     one, other = (
-        nongear_lines(x, RATE_HZ, track, train(), fine_order_spectrum(x, RATE_HZ, track))
-        for x in (samples, silent)
+        nongear_lines(x, train(), fine_order_spectrum(x))
+        for x in (InAngle.of(own, RATE_HZ, track) for own in (samples, silent))
     )
     assert [line.order for line in one] == [line.order for line in other]
     assert all(np.isfinite(line.level_db).all() for line in other)
@@ -152,10 +152,8 @@ def test_channels_can_be_taken_out():
 def test_every_channel_is_one_more_place_where_noise_may_peak():
     samples, track = recorded(3)
     one, two = (
-        nongear_lines(
-            part, RATE_HZ, track, train(), fine_order_spectrum(part, RATE_HZ, track)
-        ).grids[0]
-        for part in (samples[:1], samples)
+        nongear_lines(part, train(), fine_order_spectrum(part)).grids[0]
+        for part in (InAngle.of(own, RATE_HZ, track) for own in (samples[:1], samples))
     )
     assert two.looked_at == pytest.approx(2 * one.looked_at)
     assert two.least_db > one.least_db

@@ -25,7 +25,7 @@ from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
-from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Spreading, resample_to_angle
+from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, InAngle, resample_to_angle
 from gearmon.signals.spectra import (
     fast_length,
     hann,
@@ -111,43 +111,29 @@ class FineSpectrum:
         return result
 
 
-def fine_order_spectrum(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    pieces: int = 1,
-    spreading: Spreading | None = None,
-) -> FineSpectrum:
+def fine_order_spectrum(signals: InAngle, pieces: int = 1) -> FineSpectrum:
     """Spectrum of whole signals against the angle of shaft 1.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        The signals.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
+    signals : InAngle
+        On as many steps a turn as samples.
     pieces : int
         Consecutive pieces whose powers are averaged, >= 1; of more than eight, eight that are
         spread evenly.
-    spreading : Spreading, optional
-        The samples onto steps as many a turn as samples, if they are at hand.
 
     Returns
     -------
     FineSpectrum
         Over orders; Hann window, zero padding to twice the length.
     """
-    if spreading is None:
-        spreading = Spreading.of(samples, sampling_rate_hz, track)
-    per_turn, block = spreading.grid.per_turn, spreading.grid.count // pieces
+    per_turn, block = signals.grid.per_turn, signals.grid.count // pieces
     # it falls so smoothly that straight lines between these are right to 1e-6
     places = np.linspace(0.0, 0.5, _SHARES)
-    shares = spreading.kernel.transform(places) ** 2
+    shares = signals.kernel.transform(places) ** 2
 
     def part(piece: int) -> FloatArray:
-        return spreading.steps(piece * block, block)
+        return signals.steps(piece * block, block)
 
     def share(orders: FloatArray) -> FloatArray:
         return np.interp(orders, places * per_turn, shares)
@@ -182,13 +168,7 @@ def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1)
     )
 
 
-def fine_envelope_spectrum(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    top_order: float,
-    pieces: int = 1,
-) -> FineSpectrum:
+def fine_envelope_spectrum(signals: InAngle, top_order: float, pieces: int = 1) -> FineSpectrum:
     """Spectrum of the squared envelope of whitened signals against the angle of shaft 1.
 
     Impacts that slip against the shafts, as a rolling bearing's do, leave few sharp lines in the
@@ -197,12 +177,7 @@ def fine_envelope_spectrum(
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        The signals.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
+    signals : InAngle
     top_order : float
         Highest order wanted, > 0; cut to an eighth of the sampling rate.
     pieces : int
@@ -226,13 +201,14 @@ def fine_envelope_spectrum(
     (2013) 370-384.
     """
     check_positive("top_order", top_order)
+    samples, rate, track = signals.samples, signals.sampling_rate_hz, signals.track
     fastest = float(track.speed_hz.max())
-    top_order = min(top_order, sampling_rate_hz / 8 / fastest)
-    together = 2 * max(1, int(sampling_rate_hz / (8 * top_order * fastest)))
+    top_order = min(top_order, rate / 8 / fastest)
+    together = 2 * max(1, int(rate / (8 * top_order * fastest)))
     block = samples.shape[-1] // pieces // together * together
     per_turn = int(np.ceil(4 * top_order))
-    middle_s = (0.5 * together - 1 + together * np.arange(block // together)) / sampling_rate_hz
-    ends = np.array([[p * block / sampling_rate_hz] for p in range(pieces)]) + middle_s[[0, -1]]
+    middle_s = (0.5 * together - 1 + together * np.arange(block // together)) / rate
+    ends = np.array([[p * block / rate] for p in range(pieces)]) + middle_s[[0, -1]]
     turns = track.turns_at(ends.ravel()).reshape(pieces, 2)
     count = int(np.floor(np.diff(turns, axis=-1).min() * per_turn))
 
@@ -240,7 +216,7 @@ def fine_envelope_spectrum(
         squared = _whitened_envelope(samples[:, piece * block : (piece + 1) * block])
         slow = squared.reshape(len(samples), -1, together // 2).mean(axis=-1)
         angle = turns[piece, 0] + np.arange(count) / per_turn
-        at_s = track.time_at(angle) - piece * block / sampling_rate_hz
+        at_s = track.time_at(angle) - piece * block / rate
         read = np.array([np.interp(at_s, middle_s, row) for row in slow])
         # a channel in which nothing vibrates has no envelope
         mean = np.maximum(read.mean(axis=-1, keepdims=True), np.finfo(float).tiny)

@@ -38,7 +38,7 @@ from gearmon.arrays import BoolArray, ComplexArray, FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
-from gearmon.signals.orders.resampling import AngleGrid, Spreading
+from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_speed
 
 # Thresholds divide what `test_phases` and `test_speed_tracking` hold apart: simulated gears whose
@@ -318,24 +318,13 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count + 1))))
 
 
-def scan_angle(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    comb: Comb,
-    reach: float,
-    block_turns: float,
-) -> tuple[SpeedScan, AngleGrid]:
+def scan_angle(vibration: InAngle, comb: Comb, reach: float, block_turns: float) -> SpeedScan:
     """Try all speeds about a track in its angle, where lines stand still however the speed changes.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        The track.
+    vibration : InAngle
+        In the angle of the track; what spreading takes of an order it takes of the noise there too.
     comb : Comb
         Orders and weights.
     reach : float
@@ -345,35 +334,21 @@ def scan_angle(
 
     Returns
     -------
-    scan : SpeedScan
+    SpeedScan
         With turns for seconds: speeds are multiples of the track's.
-    grid : AngleGrid
-        Steps of angle that it was made in.
     """
-    top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
-    # what spreading takes of an order it takes of the noise there as well
-    read = Spreading.of(samples, sampling_rate_hz, track)
-    if samples.size <= _HELD:
-        read = read.holding()
-    scan = scan_speed(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
-    return scan, read.grid
+    top = 0.45 * vibration.sampling_rate_hz / float(vibration.track.speed_hz.max())
+    read = vibration.holding() if vibration.samples.size <= _HELD else vibration
+    return scan_speed(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
 
 
-def unwarp(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    comb: Comb,
-    reach: float = 0.015,
-) -> AngleTrack:
+def unwarp(sums: OrderSums, track: AngleTrack, comb: Comb, reach: float = 0.015) -> AngleTrack:
     """Follow a comb again in the angle of a first track, where its lines are nearly steady.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
+    sums : OrderSums
+        Of the recording.
     track : AngleTrack
         The first track.
     comb : Comb
@@ -386,7 +361,8 @@ def unwarp(
     AngleTrack
         The better track, from blocks of 10 turns.
     """
-    scan, grid = scan_angle(samples, sampling_rate_hz, track, comb, reach, _UNWARP_TURNS)
+    vibration = InAngle.of(sums.samples, sums.sampling_rate_hz, track)
+    grid, scan = vibration.grid, scan_angle(vibration, comb, reach, _UNWARP_TURNS)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
     first = grid.first_turn
     return track.moved(first + inner.time_s, lambda turns: inner.turns_at(turns - first), np.nan)
@@ -419,7 +395,7 @@ def follow_lines(sums: OrderSums, track: AngleTrack, comb: Comb) -> tuple[AngleT
     for _ in range(_UNWARPED):
         if share > _ALL_COHERENT:
             break
-        track = unwarp(sums.samples, sums.sampling_rate_hz, track, comb)
+        track = unwarp(sums, track, comb)
         locked = lock_track(sums, track)
         its = coherent_share(sums, locked)
         if its > share:
@@ -593,7 +569,7 @@ def mend_slips(
     """
     share = coherent_share(sums, track)
     for _ in range(_AGAIN):
-        again = lock_track(sums, unwarp(sums.samples, sums.sampling_rate_hz, track, comb))
+        again = lock_track(sums, unwarp(sums, track, comb))
         found, its = check_slips(sums, again), coherent_share(sums, again)
         if its < share or _lost_turns(found) >= _lost_turns(check):
             break

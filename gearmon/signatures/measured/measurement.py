@@ -17,6 +17,7 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders.lines import OrderBlocks, OrderLines, without_knocks
+from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
@@ -221,13 +222,13 @@ def measure_signature(
     # the lines and the spectrum of the whole recording are made of one and the same steps of angle
     gaps, held = vibration.left_out or (), not vibration.left_out and samples.size <= _HELD_SAMPLES
     blocks = OrderBlocks(samples, rate, track, plan.orders, block_turns, LEAKAGE, gaps, held)
-    steps = blocks.spreading if held else None
+    in_angle = blocks.signals if held else InAngle.of(piece, rate, part)
 
     def others() -> tuple[FineSpectrum, NonGearLines]:
         # at most some millions of points: the test needs the resolution of seconds, not of hours
         pieces = max(1, piece.shape[-1] >> 18)
-        spectrum = fine_order_spectrum(piece, rate, part, pieces, steps)
-        return spectrum, nongear_lines(piece, rate, part, train, spectrum)
+        spectrum = fine_order_spectrum(in_angle, pieces)
+        return spectrum, nongear_lines(in_angle, train, spectrum)
 
     lines, (spectrum, foreign) = at_once(blocks.lines, others, samples.size)
     for wheel in plan.wheels:

@@ -18,6 +18,7 @@ from scipy.special import gammaincc, gammainccinv, pdtrc
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import (
     FineSpectrum,
     clear_peaks,
@@ -180,26 +181,17 @@ class NonGearLines:
 
 
 def nongear_lines(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    train: Kinematics,
-    order_spectrum: FineSpectrum,
+    vibration: InAngle, train: Kinematics, order_spectrum: FineSpectrum
 ) -> NonGearLines:
     """List the lines of a recording that no gear explains.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
+    vibration : InAngle
     train : Kinematics
         What gears, shafts and bearings the machine has.
     order_spectrum : FineSpectrum
-        `fine_order_spectrum` of the samples.
+        `fine_order_spectrum` of the vibration.
 
     Returns
     -------
@@ -210,10 +202,10 @@ def nongear_lines(
     Lines within 1.5 widths of a gear's order are left out, also those of bearings, for nothing can
     tell them apart there; so is what slow wander of load and speed sets about strong lines.
     """
-    course = _Course(track)
+    course, turns = _Course(vibration.track), vibration.track.turns
     # pieces of the whole recording: of very many only some were looked at
-    pieces = max(1, round(float(track.turns[-1] - track.turns[0]) * order_spectrum.width))
-    by_time = fine_spectrum(samples, sampling_rate_hz, pieces)
+    pieces = max(1, round(float(turns[-1] - turns[0]) * order_spectrum.width))
+    by_time = fine_spectrum(vibration.samples, vibration.sampling_rate_hz, pieces)
     cell_hz = course.mean / _CELLS_AN_ORDER
     in_time = _highest_in_cells(by_time, cell_hz)
     grid = _noise_grid("spectrum", order_spectrum, course, in_time)
@@ -222,7 +214,7 @@ def nongear_lines(
     found += _sharp_in_time(_Standing(grid, by_time, course), order_spectrum)
     bearings = [line.order for line in train.lines if line.kind == "bearing"]
     top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
-    envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces)
+    envelope = fine_envelope_spectrum(vibration, top, pieces)
     beats = _noise_grid("envelope", envelope, course)
     found += _of_envelope(_Standing(beats, envelope, course, train))
     found.sort(key=lambda line: -max(line.over_noise_db))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
 
-from gearmon.signals.orders import fine_order_spectrum
+from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signals.tracking import MeshComb, MeshEvidence, mesh_evidence, scan_speed
 from gearmon.signals.tracking.mesh_detection import combined_comb, sideband_spacing
 
@@ -167,7 +167,7 @@ def test_mesh_near_half_the_sampling_rate_can_be_judged():
 def quality_of(orders, levels, seed=0, duration=10.0):
     time = np.arange(int(duration * RATE)) / RATE
     samples = lines_on(NOMINAL * time, orders, levels) + white((1, len(time)), seed=seed)
-    found = fine_order_spectrum(samples, RATE, constant_track(NOMINAL, time[-1]))
+    found = fine_order_spectrum(InAngle.of(samples, RATE, constant_track(NOMINAL, time[-1])))
     return found.quality, found.step
 
 
