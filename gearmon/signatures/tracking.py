@@ -242,14 +242,12 @@ class GearVibration:
         """Return the vibration in the angle of a track."""
         return InAngle.of(self.samples, self.rate, track)
 
-    def tracked(
-        self, track: AngleTrack, scan: SpeedScan, centre_hz: float, tolerance: float
-    ) -> Tracking:
-        """Tell how clearly each mesh stands out in a scan so far about a centre, beside a track."""
+    def tracked(self, track: AngleTrack, scan: SpeedScan) -> Tracking:
+        """Tell how clearly each mesh stands out in a scan, beside a track."""
         orders = [shaft.order for shaft in self.train.shafts]
 
         def judged() -> tuple[MeshEvidence, ...]:
-            return mesh_evidence(scan, self.meshes, orders, centre_hz, tolerance)
+            return mesh_evidence(scan, self.meshes, orders)
 
         # the path through all blocks, which is wanted next, is found meanwhile
         evidence, _ = at_once(judged, lambda: scan.best_score, scan.scores.size)
@@ -259,7 +257,7 @@ class GearVibration:
         """Judge the meshes on a scan about a track, so far about its speed as a fraction."""
         block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
         scan = scan_angle(self.in_angle(track), self.comb, reach, block)
-        return self.tracked(track, scan, 1.0, reach)
+        return self.tracked(track, scan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -360,7 +358,7 @@ class _Tacholess:
         looked_at = max(len(comb.groups) for comb in signal.meshes)
         scan = signal.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
         track = integrate_speed(scan.track(), signal.last_s)
-        return signal.tracked(track, scan, signal.nominal_hz, SPEED_TOLERANCE)
+        return signal.tracked(track, scan)
 
     @cached_property
     def alone(self) -> Tracking:
@@ -549,10 +547,7 @@ def _agrees(judged: Tracking) -> bool:
     for mesh, comb, seen in zip(signal.train.meshes, signal.meshes, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
-        told = [
-            sideband_spacing(spectrum.quality, spectrum.step, comb, spacing, SPEED_REACH)
-            for spacing in comb.spacings
-        ]
+        told = [sideband_spacing(spectrum, comb, own, SPEED_REACH) for own in comb.spacings]
         excess, support = max(one.excess for one in told), max(one.support for one in told)
         clear = support >= _SUPPORTED
         # right sidebands of one gear fix the speed: what beats those of the other is some line else

@@ -468,8 +468,7 @@ class _SeenMesh:
 
     def sidebands(self, spacing: float, *, broken: bool = False) -> SidebandSpacing:
         """Return what the sidebands of the mesh say of a spacing."""
-        quality, step = self.spectrum.quality, self.spectrum.step
-        return sideband_spacing(quality, step, self.comb, spacing, SPEED_TOLERANCE, broken=broken)
+        return sideband_spacing(self.spectrum, self.comb, spacing, SPEED_TOLERANCE, broken)
 
     @cached_property
     def shown(self) -> tuple[float, ...]:
