@@ -453,6 +453,11 @@ class SlidingLines:
     orders: FloatArray
     amplitude: ComplexArray
 
+    @property
+    def hop(self) -> float:
+        """Distance of the blocks [turns]."""
+        return float(np.median(np.diff(self.angle)))
+
 
 class OrderSums:
     """Lines of a recording at some orders, in the angle of any track.

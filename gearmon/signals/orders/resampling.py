@@ -240,10 +240,7 @@ class AngularWaveform(Result):
 
 
 def angular_waveform(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    per_turn: int | None = None,
+    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, per_turn: int | None = None
 ) -> AngularWaveform:
     """Sample signals at equal steps of the angle of a shaft, over all its whole turns.
 

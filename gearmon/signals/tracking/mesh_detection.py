@@ -26,6 +26,8 @@ from gearmon.signals.orders.spectra import FineSpectrum
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack
 
+Orders = Sequence[float]
+
 _DECOYS_A_SIDE = 14
 # Decoy scores scatter about like a normal law: 3 is one false mesh in about a thousand machines. Of
 # a mesh with two clear harmonics less is asked, two together being rare enough.
@@ -113,7 +115,7 @@ class MeshEvidence:
         return self.score >= enough and self.decoys_above <= self.decoys // 10
 
 
-def combined_comb(meshes: Sequence[MeshComb], shaft_orders: Sequence[float]) -> Comb:
+def combined_comb(meshes: Sequence[MeshComb], shaft_orders: Orders) -> Comb:
     """Join meshes, their first sidebands and the first shaft harmonics into one comb.
 
     Parameters
@@ -144,7 +146,7 @@ def combined_comb(meshes: Sequence[MeshComb], shaft_orders: Sequence[float]) -> 
 
 
 def mesh_evidence(
-    scan: SpeedScan, meshes: Sequence[MeshComb], shaft_orders: Sequence[float]
+    scan: SpeedScan, meshes: Sequence[MeshComb], shaft_orders: Orders
 ) -> tuple[MeshEvidence, ...]:
     """Judge for each mesh whether its lines stand out from those of decoys.
 
@@ -171,7 +173,7 @@ def mesh_evidence(
 
 
 def _evidence(
-    judged: _JudgedSpectrum, meshes: Sequence[MeshComb], shaft_orders: Sequence[float], index: int
+    judged: _JudgedSpectrum, meshes: Sequence[MeshComb], shaft_orders: Orders, index: int
 ) -> MeshEvidence:
     others = [mesh for i, mesh in enumerate(meshes) if i != index]
     mesh = meshes[index]
@@ -357,11 +359,7 @@ def sideband_spacing(
 
 
 def foreign_spacing(
-    spectrum: FineSpectrum,
-    mesh: MeshComb,
-    turning: Sequence[float],
-    meshing: Sequence[float],
-    own: Sequence[float] = (),
+    spectrum: FineSpectrum, mesh: MeshComb, turning: Orders, meshing: Orders, own: Orders = ()
 ) -> float | None:
     """Return the spacing of a finer comb to which the lines of a mesh belong, None if to none.
 
@@ -427,9 +425,7 @@ class _Lines:
         away = np.abs(orders - spacing * np.rint(orders / spacing))
         return np.asarray(away <= 1.5 * self.width)
 
-    def standing(
-        self, orders: FloatArray, shafts: Sequence[float], combs: Sequence[float]
-    ) -> FloatArray:
+    def standing(self, orders: FloatArray, shafts: Orders, combs: Orders) -> FloatArray:
         """How far lines stand above those a few turns of any shaft away that are on no comb."""
         below = np.full(len(orders), self.usual)
         for shaft in shafts:
@@ -444,11 +440,7 @@ class _Lines:
 
 
 def _finer_comb(
-    lines: _Lines,
-    mesh: MeshComb,
-    turning: Sequence[float],
-    meshing: Sequence[float],
-    own: Sequence[float],
+    lines: _Lines, mesh: MeshComb, turning: Orders, meshing: Orders, own: Orders
 ) -> float | None:
     """Coarsest spacing whose lines between those of the mesh are as clear as these."""
     harmonics = np.arange(1.0, _HARMONICS + 1) * mesh.order

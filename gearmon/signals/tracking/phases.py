@@ -267,9 +267,8 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     from scipy.interpolate import make_interp_spline
     from scipy.linalg import solveh_banded
 
-    hop_turns = float(np.median(np.diff(lines.angle)))
-    hop_s = hop_turns / float(np.mean(track.speed_hz))
-    step = _WANDER * np.sqrt(hop_s) * hop_turns
+    hop_s = lines.hop / float(np.mean(track.speed_hz))
+    step = _WANDER * np.sqrt(hop_s) * lines.hop
     low = 1.01 * float(lines.orders.min())
     error = _unwound(lines)
     hats = _speed_classes(track, lines.angle)
@@ -514,14 +513,13 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
             f"recording of {turns:.2g} turns of shaft 1: slips show in {LEAST_TURNS:g} and more"
         )
     lines = sums.sliding(track, _CHECKED_TURNS)
-    hop = float(np.median(np.diff(lines.angle)))
-    mean = _about(lines.amplitude, _ABOUT_TURNS / hop)
+    mean = _about(lines.amplitude, _ABOUT_TURNS / lines.hop)
     phase = np.angle(lines.amplitude * np.conj(mean)) / (2 * np.pi)
     scatter = np.median(np.abs(phase), axis=0) / 0.6745
     clear = scatter < _CLEAR_CYCLES
     time_s = track.time_at(lines.angle)
     coherence = _coherence(lines.amplitude[:, clear], mean[:, clear])
-    stretches = _stretches(coherence, hop)
+    stretches = _stretches(coherence, lines.hop)
     # sound and lost blocks take turns between these
     cuts = [0, *chain(*stretches), len(time_s)]
     sound = np.repeat(np.arange(len(cuts) - 1) % 2 == 0, np.diff(cuts))
@@ -664,8 +662,7 @@ def _variance(
     lines: SlidingLines, phase: FloatArray, weight: FloatArray, sound: BoolArray, time_s: FloatArray
 ) -> FloatArray:
     """Variance of the angle while it is locked [turns^2]."""
-    total = float(weight.sum())
-    hop = float(np.median(np.diff(lines.angle)))
+    total, hop = float(weight.sum()), lines.hop
     slow = _about(lines.amplitude, _DELAY_TURNS / hop)
     # a lost stretch would unwind phases by whole cycles
     drift = np.unwrap(np.angle(slow[sound]), axis=0) / (2 * np.pi)
@@ -722,8 +719,7 @@ def _displacement(told: SlidingLines, cuts: Sequence[int], reach: float) -> floa
 
 def _turned(lines: SlidingLines, cuts: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """By how many cycles lines are turned after a stretch, and how surely."""
-    hop = float(np.median(np.diff(lines.angle)))
-    most, least = int(_BESIDE_TURNS / hop), int(np.ceil(_LEAST_BESIDE / hop))
+    most, least = int(_BESIDE_TURNS / lines.hop), int(np.ceil(_LEAST_BESIDE / lines.hop))
     # blocks that reach into the stretch hold what is lost
     first, start, stop, last = cuts[0] + 3, cuts[1] - 3, cuts[2] + 3, cuts[3] - 3
     variance = np.full(len(lines.orders), (2 * np.pi * _TURNED_CYCLES) ** 2)
