@@ -587,16 +587,10 @@ class MeshLines:
 
     def _sidebands(self, distance: IntArray) -> tuple[IntArray, npt.NDArray[np.str_]]:
         """Sideband number and modulating gear of lines by their distance from the mesh harmonic."""
-        number = np.zeros(len(self.number), dtype=int)
-        name = np.full(len(self.number), "?", dtype="U16")
-        for gear, teeth in self.posed.marked.items():
-            step = self.period // teeth
-            own = (self.number % step == 0) & (name == "?")
-            name[own] = gear
-            number[own] = distance[own] // step
-        name[distance == 0] = ""
-        number[distance == 0] = 0
-        return number, name
+        steps = {gear: self.period // teeth for gear, teeth in self.posed.marked.items()}
+        mine = [distance == 0, *(self.number % step == 0 for step in steps.values())]
+        aside = [np.zeros_like(distance), *(distance // step for step in steps.values())]
+        return np.select(mine, aside), np.select(mine, ["", *steps], "?").astype("U16")
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines."""

@@ -422,15 +422,7 @@ def _findings(
     misled = not by_tacho and any(own.foreign is not None for own in meshes)
     findings = []
     for own in meshes:
-        found, reason = own.judged(told)
-        if found and (misled or own.foreign is not None):
-            found, reason = False, _disowned(own.foreign)
-        if found and not several and own.seen.visible > 1 and own.support < _SUPPORTED:
-            found, others = False, own.seen.visible - 1
-            reason = (
-                f"one line suits it, but none of the {others} other harmonics that could be seen: "
-                "it may be a tone of anything"
-            )
+        found, reason = own.judged(told, misled, several)
         holds = tracking.coherent >= _HELD and not misled
         chosen = _mesh_lines(plan, own.mesh, signal.nominal_hz)
         findings.append(
@@ -505,8 +497,12 @@ class _SeenMesh:
         # gears that are there have pitch errors of their own
         return foreign_spacing(self.spectrum, self.comb, turning, meshing, self.shown)
 
-    def judged(self, told: bool) -> tuple[bool, str]:
-        """Whether the mesh is found, and why; `told` if it is known to be the right speed."""
+    def judged(self, told: bool, misled: bool, several: bool) -> tuple[bool, str]:
+        """Whether the mesh is found, and why.
+
+        `told` if it is known to be the right speed, `misled` if it is that of something else;
+        `several` if harmonics of any meshes fix it.
+        """
         seen = self.seen
         if not seen.visible:
             return False, "too few of its harmonics lie below half the sampling rate to judge it"
@@ -523,16 +519,20 @@ class _SeenMesh:
                     f"{own.departure:+.1%} from the rotation that this mesh would need: it "
                     "belongs to something else"
                 )
+        if self.foreign is not None:
+            return False, (
+                f"lines suit it, but others as clear stand every {self.foreign:.4g} orders between "
+                "them, and nothing in this machine turns so: they belong to something else, such "
+                "as a bearing"
+            )
+        if misled:
+            return False, (
+                "lines suit it, but at a speed at which those of another stage belong to something "
+                "else, such as a bearing"
+            )
+        if not several and seen.visible > 1 and self.support < _SUPPORTED:
+            return False, (
+                f"one line suits it, but none of the {seen.visible - 1} other harmonics that could "
+                "be seen: it may be a tone of anything"
+            )
         return True, f"{stands}counts"
-
-
-def _disowned(spacing: float | None) -> str:
-    if spacing is None:
-        return (
-            "lines suit it, but at a speed at which those of another stage belong to something "
-            "else, such as a bearing"
-        )
-    return (
-        f"lines suit it, but others as clear stand every {spacing:.4g} orders between them, and "
-        "nothing in this machine turns so: they belong to something else, such as a bearing"
-    )

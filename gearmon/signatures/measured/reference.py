@@ -300,11 +300,8 @@ def taken(held: Any, rows: Sequence[int], axis: int | None = None) -> Any:
         kept = {name: taken(getattr(held, name), rows, _CHANNELS.get(name)) for name in names}
         return dataclasses.replace(held, **kept)
     if isinstance(held, tuple):
-        return (
-            tuple(taken(own, rows) for own in held)
-            if axis is None
-            else tuple(held[k] for k in rows)
-        )
+        chosen = held if axis is None else [held[k] for k in rows]
+        return tuple(taken(own, rows) for own in chosen)
     return held if axis is None or not held.size else held.take(rows, axis)
 
 
@@ -563,15 +560,13 @@ def _check_orders(machine: Machine, reference: Reference) -> None:
         for mesh in kinematics(machine).meshes
         for wheel in mesh.wheels
     }
-    for profile in reference.profiles:
-        for wheel in profile.wheels:
-            order = orders.get((wheel.stage, wheel.gear))
-            if order is None or abs(wheel.order - order) > 1e-6 * order:
-                raise ArgumentError(
-                    f"the reference has a {wheel.gear} in stage {wheel.stage} of order "
-                    f"{wheel.order:.6g}, the machine file {order or 'none'}; learn one for this "
-                    "machine"
-                )
+    for wheel in (own for profile in reference.profiles for own in profile.wheels):
+        order = orders.get((wheel.stage, wheel.gear))
+        if order is None or abs(wheel.order - order) > 1e-6 * order:
+            raise ArgumentError(
+                f"the reference has a {wheel.gear} in stage {wheel.stage} of order "
+                f"{wheel.order:.6g}, the machine file {order or 'none'}; learn one for this machine"
+            )
 
 
 def _changed_facts(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
