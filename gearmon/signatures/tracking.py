@@ -16,7 +16,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.gears.kinematics import Kinematics, kinematics
+from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
@@ -130,20 +130,16 @@ class Speed(Result):
 
 def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
     """Return the meshes of a drive train as plain orders, one comb a stage; `shaft1_hz` nominal."""
-    return tuple(
-        MeshComb(
-            order=mesh.order,
-            groups=tuple(
-                tuple(float(order) for order in group_orders(mesh, k))
-                for k in range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
-            ),
-            # what sets sidebands apart: both shafts, or the carrier of a planetary set
-            spacings=(abs(float(mesh.carrier)),)
-            if mesh.carrier
-            else tuple(wheel.relative_order for wheel in mesh.wheels),
-        )
-        for mesh in train.meshes
-    )
+    return tuple(_mesh_comb(mesh, shaft1_hz) for mesh in train.meshes)
+
+
+def _mesh_comb(mesh: Mesh, shaft1_hz: float) -> MeshComb:
+    harmonics = range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
+    groups = tuple(tuple(map(float, group_orders(mesh, k))) for k in harmonics)
+    # what sets sidebands apart: both shafts, or the carrier of a planetary set
+    turning = tuple(wheel.relative_order for wheel in mesh.wheels)
+    spacings = (abs(float(mesh.carrier)),) if mesh.carrier else turning
+    return MeshComb(order=mesh.order, groups=groups, spacings=spacings)
 
 
 def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:

@@ -13,7 +13,7 @@ at that of something else.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import zip_longest
 from math import gcd
@@ -73,14 +73,9 @@ class MeshComb:
 
     def shifted(self, shift: float) -> MeshComb:
         """Return the comb of a mesh whose order is higher by `shift`."""
-        return MeshComb(
-            order=self.order + shift,
-            groups=tuple(
-                tuple(order + k * shift for order in group)
-                for k, group in enumerate(self.groups, start=1)
-            ),
-            spacings=self.spacings,
-        )
+        numbered = enumerate(self.groups, start=1)
+        groups = tuple(tuple(order + k * shift for order in group) for k, group in numbered)
+        return replace(self, order=self.order + shift, groups=groups)
 
 
 @dataclass(frozen=True, kw_only=True)

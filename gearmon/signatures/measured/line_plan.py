@@ -300,13 +300,9 @@ class _Planning:
 
         last = int(self.top / wheel.exact_relative)
         held = [n for n in range(1, last + 1) if n * turning in position]
+        apart = {order: place for order, place in position.items() if not of_mesh(order)}
         beside = [
-            [
-                position.get(n * turning + aside, -1)
-                if n % step == first and not of_mesh(n * turning + aside)
-                else -1
-                for n in held
-            ]
+            [apart.get(n * turning + aside, -1) if n % step == first else -1 for n in held]
             for aside, step, first in self._sides(mesh, wheel)
         ]
         return WheelLines.of(

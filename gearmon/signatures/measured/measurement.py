@@ -235,12 +235,9 @@ def measure_signature(
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
     speed = tracking.speed()
+    told = ("origin", "duration_s", "sampling_rate_hz", "channel_names", "units")
     return MeasuredSignature(
-        origin=recording.origin,
-        duration_s=recording.duration_s,
-        sampling_rate_hz=rate,
-        channel_names=vibration.channel_names,
-        units=vibration.units,
+        **{name: getattr(vibration, name) for name in told},
         speed=speed,
         meshes=_findings(tracking, speed.peak_hz, spectrum, lines, plan),
         track=track,
