@@ -160,12 +160,7 @@ def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1)
     """
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     block = samples.shape[-1] // pieces
-    return _of_pieces(
-        lambda piece: samples[:, piece * block : (piece + 1) * block],
-        block,
-        pieces,
-        sampling_rate_hz,
-    )
+    return _of_pieces(lambda k: samples[:, k * block :][:, :block], block, pieces, sampling_rate_hz)
 
 
 def fine_envelope_spectrum(signals: InAngle, top_order: float, pieces: int = 1) -> FineSpectrum:

@@ -335,11 +335,8 @@ class MeshPlace:
             If the machine lacks data, or a fault does not fit it.
         """
         mesh = kinematics(self.machine).mesh(self.stage)
-        return PosedStage(
-            members=(self._meshed(faults_of(wrong, errors=True)),),
-            mesh=mesh,
-            angles_rad=np.zeros(1),
-        )
+        members = (self._meshed(faults_of(wrong, errors=True)),)
+        return PosedStage(members=members, mesh=mesh, angles_rad=np.zeros(1))
 
     def in_train(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
         """Pose a pair as a part of its machine, other meshes at their means.

@@ -171,10 +171,7 @@ def loss_response(
         teeth=faulty.period,
         operating=operating,
         loss=lost if loss else 0.0,
-        number=added.number,
-        carrier=added.carrier,
-        order=added.order,
-        frequency_hz=added.frequency_hz,
+        **{name: getattr(added, name) for name in ("number", "carrier", "order", "frequency_hz")},
         acceleration=added.acceleration / lost,
         mesh_acceleration=even,
     )

@@ -121,11 +121,8 @@ class WheelPattern:
         # a few blocks tell little about their scatter: the noise between the lines helps
         floor = lines.noise[:, places] / max(1.0, lines.independent_blocks)
         least = _LEAST_OF_FEW if len(blocks) < _FEW_BLOCKS else _LEAST
-        variance = np.maximum(variance_of_mean(blocks), least * floor)
-        amplitude, variance = (
-            np.where(places >= 0, own, 0.0).swapaxes(0, 1)
-            for own in (blocks.mean(axis=0), variance)
-        )
+        told = blocks.mean(axis=0), np.maximum(variance_of_mean(blocks), least * floor)
+        amplitude, variance = (np.where(places >= 0, own, 0.0).swapaxes(0, 1) for own in told)
         return cls(
             **_shared(cls, wheel),
             amplitude=amplitude[0],
@@ -194,9 +191,7 @@ class Profile:
             speed_hz=signature.speed.estimated_hz,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
-            wheels=tuple(
-                WheelPattern.of(wheel, signature.lines) for wheel in signature.plan.wheels
-            ),
+            wheels=tuple(WheelPattern.of(own, signature.lines) for own in signature.plan.wheels),
         )
 
     def part(self, rows: Sequence[int]) -> Profile:
