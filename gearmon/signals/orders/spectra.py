@@ -440,8 +440,8 @@ def order_map(
     middle, speed = 0.5 * (ends[0] + ends[1]), length / (ends[1] - ends[0])
     row, low, high = _rows(middle if against == "time" else ratio * speed, against, most)
     bins = int(highest * block / grid.per_turn) + 1
-    powers = np.zeros((len(low), len(samples), bins))
-    seen = np.bincount(row, minlength=len(low))
+    used, row, blocks = np.unique(row, return_inverse=True, return_counts=True)
+    powers = np.zeros((len(used), len(samples), bins))
     weights, part = window(window_name, block), samples[:, :0]
     for number, turn in zip(row, begin, strict=True):
         # its first half is the second of the block before
@@ -453,18 +453,16 @@ def order_map(
         powers[number] += window_powers(centred, weights, block)[:, :bins]
     powers *= (2.0 / weights.sum()) ** 2
     powers[..., 0] *= 0.25  # the line at zero has no mirror image
-    kept = seen > 0
-    counts = seen[kept].astype(float)
     return OrderMap(
         against=against,
         shaft_order=ratio,
         order=np.arange(float(bins)) * float(grid.per_turn / block / ratio),
-        amplitude=np.sqrt(powers[kept] / counts[:, None, None]),
-        time_s=np.bincount(row, middle, len(low))[kept] / counts,
-        speed_hz=ratio * np.bincount(row, speed, len(low))[kept] / counts,
-        low=low[kept],
-        high=high[kept],
-        blocks=seen[kept],
+        amplitude=np.sqrt(powers / blocks[:, None, None]),
+        time_s=np.bincount(row, middle) / blocks,
+        speed_hz=ratio * np.bincount(row, speed) / blocks,
+        low=low[used],
+        high=high[used],
+        blocks=blocks,
         block_turns=block / grid.per_turn * ratio,
         resolution=noise_bandwidth(window_name) * float(grid.per_turn / block / ratio),
     )
