@@ -339,7 +339,7 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
         grid=grid,
         around=posed.around,
         kappa=posed.scale * np.array(kappa),
-        excitation=_moved(posed, grid.phase) if posed.is_excited else None,
+        excitation=_moved(posed, grid.phase),
     )
 
 
@@ -389,7 +389,7 @@ def _changes(
         period=faulty[0].period,
         where=where,
         delta=healthy.scale * delta.swapaxes(1, 2),
-        excitation=moved.swapaxes(1, 2) if moved.any() else None,
+        excitation=moved.swapaxes(1, 2),
     )
 
 
