@@ -405,10 +405,7 @@ def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Mo
 
 
 def _each(
-    posed: Sequence[PosedStage],
-    found: PeriodicMotion | Deviations,
-    lines: ComplexArray,
-    **same: Any,
+    posed: Sequence[PosedStage], found: _Motion, lines: ComplexArray, **same: Any
 ) -> list[MeshLines]:
     """Return the lines of each turn by themselves."""
     columns = found.unresolved, found.contact_lost, found.mean_deflection[:, 0]
