@@ -218,8 +218,8 @@ class GearVibration:
         """Follow the comb in short blocks far about the nominal speed."""
         return find_path(self.samples, self.rate, self.comb, self.nominal_hz, SPEED_REACH)
 
-    def orders(self, speed_hz: float) -> FloatArray:
-        """Mesh harmonics whose phases are followed while the speed is at most `speed_hz`."""
+    def sums(self, fastest_hz: float) -> OrderSums | None:
+        """Mesh harmonics whose phases are followed up to a speed; None if the band has none."""
         found = {
             order
             for comb in self.meshes
@@ -227,12 +227,8 @@ class GearVibration:
             for order in group
             if k <= _HARMONICS or len(comb.groups) > MESH_HARMONICS
         }
-        return np.array(sorted(order for order in found if order < 0.45 * self.rate / speed_hz))
-
-    def sums(self, fastest_hz: float) -> OrderSums | None:
-        """Lines of the meshes up to a speed; None if all lie beyond the band."""
-        orders = self.orders(fastest_hz)
-        return OrderSums(self.samples, self.rate, orders) if len(orders) else None
+        orders = sorted(order for order in found if order < 0.45 * self.rate / fastest_hz)
+        return OrderSums(self.samples, self.rate, np.array(orders)) if orders else None
 
     def in_angle(self, track: AngleTrack) -> InAngle:
         """Return the vibration in the angle of a track."""
