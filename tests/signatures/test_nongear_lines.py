@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from reference.nongear_cases import (
     RATE_HZ,
     SPEED_HZ,
@@ -21,6 +23,7 @@ from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import (
     NonGearLines,
+    _highest_within,
     noise_exceeds,
     nongear_lines,
 )
@@ -157,3 +160,11 @@ def test_every_channel_is_one_more_place_where_noise_may_peak():
     )
     assert two.looked_at == pytest.approx(2 * one.looked_at)
     assert two.least_db > one.least_db
+
+
+@given(st.lists(st.integers(0, 40), min_size=1, max_size=30), st.integers(0, 20))
+def test_the_highest_about_a_place_is_that_of_the_places_within_reach(reach, more):
+    values = np.random.default_rng(len(reach)).normal(size=(2, len(reach) + more))
+    found = _highest_within(values, np.array(reach))
+    parts = [values[:, max(0, k - own) : k + own + 1] for k, own in enumerate(reach)]
+    np.testing.assert_array_equal(found, np.array([part.max(axis=1) for part in parts]).T)
