@@ -388,16 +388,13 @@ def family_levels(
     them; a family that is not heard is put at its own standard error, an upper estimate.
     """
     products, pairs = lines.block_powers()
-    power = np.empty((products.shape[1], len(plan.families)))
-    error = np.empty_like(power)
-    for column, family in enumerate(plan.families):
-        chosen = list(family.lines)
-        series = products[:, :, chosen].sum(axis=2)
-        power[:, column] = series.mean(axis=0)
-        noise = lines.noise[:, chosen]
-        scatter = np.std(series, axis=0, ddof=1) if len(series) > 1 else np.zeros(len(noise))
-        floor = np.sqrt(np.sum(noise**2, axis=1))
-        error[:, column] = np.maximum(scatter, floor) / np.sqrt(pairs)
+    chosen = np.array([line for family in plan.families for line in family.lines], dtype=int)
+    sizes = np.array([len(family.lines) for family in plan.families], dtype=int)
+    starts = np.cumsum(sizes) - sizes
+    series = np.add.reduceat(products[:, :, chosen], starts, axis=2)
+    floor = np.sqrt(np.add.reduceat(lines.noise[:, chosen] ** 2, starts, axis=1))
+    scatter = np.std(series, axis=0, ddof=1) if len(series) > 1 else 0.0
+    power, error = series.mean(axis=0), np.maximum(scatter, floor) / np.sqrt(pairs)
     heard = power > 2 * error
     shown = np.maximum(power, np.maximum(error, np.finfo(float).tiny))
     relative = np.minimum(error / shown, 1.0)
