@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -266,7 +266,7 @@ def periodic_lines(posed: PosedStage, max_hz: float, tolerance: float) -> MeshLi
     period = posed.period
     grid = contact_grid([posed], max_hz, period)
     found = _refined(grid, tolerance, partial(periodic_motion, posed))
-    places, lines = _heard(posed, found.force_lines(_count(posed, max_hz, period)), period)
+    places, lines = posed.heard(found.force_lines(_count(posed, max_hz, period)), period)
     method = "contact" if posed.is_local else "whole turn"
     return _each([posed], found, lines, method=method, **places)[0]
 
@@ -343,10 +343,6 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
     )
 
 
-# panels of several gears may be alike
-_even = lru_cache(maxsize=1)(periodic_motion)
-
-
 def _solved(
     healthy: PosedStage,
     faulty: Sequence[PosedStage],
@@ -356,36 +352,26 @@ def _solved(
 ) -> tuple[ComplexArray, list[MeshLines]]:
     """Return the healthy lines, and in their places what faults add in each turn."""
     period = faulty[0].period
-    found = _refined(grid, tolerance, lambda own: _changes(_even(healthy, own), faulty, healthy))
+    found = _refined(grid, tolerance, lambda own: _changes(healthy, own, faulty))
     count = _count(healthy, max_hz, period)
     forces = found.force_lines(count)
     even = np.zeros_like(forces[:1])
     even[..., period - 1 :: period] = found.mesh.force_lines(count // period)
-    places, lines = _heard(healthy, np.concatenate([even, forces]), period)
+    places, lines = healthy.heard(np.concatenate([even, forces]), period)
     return lines[0], _each(faulty, found, lines[1:], method="contact", **places)
 
 
-def _heard(
-    posed: PosedStage, forces: ComplexArray, period: int
-) -> tuple[dict[str, Any], ComplexArray]:
-    """Return where the lines of a period stand, and the lines of each turn."""
-    number, carrier, lines = posed.heard(forces, period)
-    return {"period": period, "number": number, "carrier": carrier}, lines
-
-
-def _changes(
-    motion: PeriodicMotion, faulty: Sequence[PosedStage], healthy: PosedStage
-) -> Deviations:
+def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage]) -> Deviations:
     """Return what faults of teeth change in a turn, case by case."""
     where = tuple(sorted(set().union(*map(_changed, faulty)))) or (0,)
-    phases = np.array(where)[:, None, None] + motion.grid.phase
+    phases = np.array(where)[:, None, None] + grid.phase
     delta = np.zeros((len(faulty), len(healthy.members), *phases.shape))
     for posed, own in zip(faulty, delta, strict=True):
         for mesh, lost in zip(posed.members, own, strict=True):
             lost += sum(train.at(phases + mesh.lead) for train in mesh.stiffness.pulses)
     moved = np.array([_moved(posed, phases) for posed in faulty])
     return Deviations(
-        mesh=motion,
+        mesh=periodic_motion(healthy, grid),
         period=faulty[0].period,
         where=where,
         delta=healthy.scale * delta.swapaxes(1, 2),

@@ -232,7 +232,7 @@ class PosedStage:
         own = self.members[0].mechanics
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
-    def heard(self, forces: ComplexArray, period: int) -> tuple[IntArray, IntArray, ComplexArray]:
+    def heard(self, forces: ComplexArray, period: int) -> tuple[dict[str, Any], ComplexArray]:
         """Return the lines that mesh forces make, of a set with sidebands of the planet pass.
 
         Parameters
@@ -244,8 +244,8 @@ class PosedStage:
 
         Returns
         -------
-        number, carrier : ndarray of int, shape (n,)
-            A line lies at number/P mesh orders and `carrier` turns of the carrier.
+        places : dict
+            `period`, `number` and `carrier` of the lines, as in `MeshLines`.
         lines : ndarray of complex, shape (turns, n)
             As `MeshLines.displacement`.
         """
@@ -269,8 +269,8 @@ class PosedStage:
         which, line = np.nonzero(kept)
         own, mass = self.mechanics, self.members[0].mechanics.equivalent_mass_kg
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
-        heard = lines[:, kept] * (1 / (mass * angular**2 * self.scale))
-        return number[line], sides[which], heard
+        places = {"period": period, "number": number[line], "carrier": sides[which]}
+        return places, lines[:, kept] * (1 / (mass * angular**2 * self.scale))
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
         """Return the equation of a pair without excitation, by the harmonics of its stiffness."""
