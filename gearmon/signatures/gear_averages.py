@@ -193,13 +193,9 @@ class GearAverage:
     @property
     def columns(self) -> dict[str, FloatArray]:
         """What is told of every angle, by name, shape (channels, per_turn)."""
-        return {
-            "average": self.average.waveform,
-            "standard_error": self.average.waveform_error,
-            "residual": self.signals.residual,
-            "difference": self.signals.difference,
-            "regular": self.signals.regular,
-        }
+        known = {"average": self.average.waveform, "standard_error": self.average.waveform_error}
+        made = ("residual", "difference", "regular")
+        return known | {name: getattr(self.signals, name) for name in made}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -280,20 +276,17 @@ class GearAverages(Result):
 
     def _brief(self, own: GearAverage) -> dict[str, Any]:
         average, wheel = own.average, own.wheel
-        return {name: getattr(wheel, name) for name in ("stage", "gear", "teeth", "shaft")} | {
-            "rotation_order": average.rotation_order,
-            "turns": average.turns,
-            "per_turn": average.per_turn,
+        told = {name: getattr(wheel, name) for name in ("stage", "gear", "teeth", "shaft")}
+        told |= {name: getattr(average, name) for name in ("rotation_order", "turns", "per_turn")}
+        removed = own.signals.removed.items()
+        return told | {
             "numbered": own.numbered,
             "channels": [
                 {"channel": channel, "unit": self.units[row] or ""}
                 | {f"{name}_rms": _rms(name, values[row]) for name, values in own.columns.items()}
                 for row, channel in enumerate(self.channel_names)
             ],
-            "removed_orders": {
-                name: [n * wheel.order for n in taken]
-                for name, taken in own.signals.removed.items()
-            },
+            "removed_orders": {name: [n * wheel.order for n in taken] for name, taken in removed},
         }
 
 

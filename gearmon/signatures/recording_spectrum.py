@@ -348,10 +348,8 @@ def _peaks(
     whose = zip(found.values, found.channel_names, found.units, strict=True)
     for number, (values, channel, unit) in enumerate(whose):
         places, heights = read(number, highest_peaks(values, most, reach))
-        ranked = sorted(
-            zip(places.tolist(), heights.tolist(), strict=True), key=lambda own: -own[1]
-        )
-        for place, height in ranked:
+        ranked = np.argsort(-heights, kind="stable")
+        for place, height in zip(places[ranked].tolist(), heights[ranked].tolist(), strict=True):
             near = mark_near(found.marks, place, max(widths * step, found.wander * place))
             row = {"channel": channel, found.axis: place, value: height}
             rows.append(row | {"unit": unit or "", "near": near})

@@ -25,18 +25,8 @@ from gearmon.result import Result
 
 INTEGER_COLUMNS = ("stage", "mesh_harmonic", "sideband")
 TEXT_COLUMNS = ("sideband_of",)
-COLUMNS = (
-    "stage",
-    "mesh_harmonic",
-    "sideband",
-    "sideband_of",
-    "order",
-    "frequency_hz",
-    "displacement_m",
-    "velocity_ms",
-    "acceleration_ms2",
-    "phase_rad",
-)
+SIZES = ("displacement_m", "velocity_ms", "acceleration_ms2")
+COLUMNS = (*INTEGER_COLUMNS, *TEXT_COLUMNS, "order", "frequency_hz", *SIZES, "phase_rad")
 FORMAT = "gearmon signature 1"
 RESERVED = ("format", "machine", "origin", "columns", "rows")
 SUFFIXES = (".csv", ".json", ".parquet")

@@ -16,11 +16,12 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.gears.kinematics import Kinematics, kinematics
+from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
+from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.threads import at_once
@@ -129,20 +130,16 @@ class Speed(Result):
 
 def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
     """Return the meshes of a drive train as plain orders, one comb a stage; `shaft1_hz` nominal."""
-    return tuple(
-        MeshComb(
-            order=mesh.order,
-            groups=tuple(
-                tuple(float(order) for order in group_orders(mesh, k))
-                for k in range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
-            ),
-            # what sets sidebands apart: both shafts, or the carrier of a planetary set
-            spacings=(abs(float(mesh.carrier)),)
-            if mesh.carrier
-            else tuple(wheel.relative_order for wheel in mesh.wheels),
-        )
-        for mesh in train.meshes
-    )
+    return tuple(_mesh_comb(mesh, shaft1_hz) for mesh in train.meshes)
+
+
+def _mesh_comb(mesh: Mesh, shaft1_hz: float) -> MeshComb:
+    harmonics = range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
+    groups = tuple(tuple(map(float, group_orders(mesh, k))) for k in harmonics)
+    # what sets sidebands apart: both shafts, or the carrier of a planetary set
+    turning = tuple(wheel.relative_order for wheel in mesh.wheels)
+    spacings = (abs(float(mesh.carrier)),) if mesh.carrier else turning
+    return MeshComb(order=mesh.order, groups=groups, spacings=spacings)
 
 
 def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
@@ -221,8 +218,8 @@ class GearVibration:
         """Follow the comb in short blocks far about the nominal speed."""
         return find_path(self.samples, self.rate, self.comb, self.nominal_hz, SPEED_REACH)
 
-    def orders(self, speed_hz: float) -> FloatArray:
-        """Mesh harmonics whose phases are followed while the speed is at most `speed_hz`."""
+    def sums(self, fastest_hz: float) -> OrderSums | None:
+        """Mesh harmonics whose phases are followed up to a speed; None if the band has none."""
         found = {
             order
             for comb in self.meshes
@@ -230,21 +227,19 @@ class GearVibration:
             for order in group
             if k <= _HARMONICS or len(comb.groups) > MESH_HARMONICS
         }
-        return np.array(sorted(order for order in found if order < 0.45 * self.rate / speed_hz))
+        orders = sorted(order for order in found if order < 0.45 * self.rate / fastest_hz)
+        return OrderSums(self.samples, self.rate, np.array(orders)) if orders else None
 
-    def sums(self, fastest_hz: float) -> OrderSums | None:
-        """Lines of the meshes up to a speed; None if all lie beyond the band."""
-        orders = self.orders(fastest_hz)
-        return OrderSums(self.samples, self.rate, orders) if len(orders) else None
+    def in_angle(self, track: AngleTrack) -> InAngle:
+        """Return the vibration in the angle of a track."""
+        return InAngle.of(self.samples, self.rate, track)
 
-    def tracked(
-        self, track: AngleTrack, scan: SpeedScan, centre_hz: float, tolerance: float
-    ) -> Tracking:
-        """Tell how clearly each mesh stands out in a scan so far about a centre, beside a track."""
+    def tracked(self, track: AngleTrack, scan: SpeedScan) -> Tracking:
+        """Tell how clearly each mesh stands out in a scan, beside a track."""
         orders = [shaft.order for shaft in self.train.shafts]
 
         def judged() -> tuple[MeshEvidence, ...]:
-            return mesh_evidence(scan, self.meshes, orders, centre_hz, tolerance)
+            return mesh_evidence(scan, self.meshes, orders)
 
         # the path through all blocks, which is wanted next, is found meanwhile
         evidence, _ = at_once(judged, lambda: scan.best_score, scan.scores.size)
@@ -253,8 +248,8 @@ class GearVibration:
     def judged(self, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
         """Judge the meshes on a scan about a track, so far about its speed as a fraction."""
         block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
-        scan, _ = scan_angle(self.samples, self.rate, track, self.comb, reach, block)
-        return self.tracked(track, scan, 1.0, reach)
+        scan = scan_angle(self.in_angle(track), self.comb, reach, block)
+        return self.tracked(track, scan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -355,7 +350,7 @@ class _Tacholess:
         looked_at = max(len(comb.groups) for comb in signal.meshes)
         scan = signal.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
         track = integrate_speed(scan.track(), signal.last_s)
-        return signal.tracked(track, scan, signal.nominal_hz, SPEED_TOLERANCE)
+        return signal.tracked(track, scan)
 
     @cached_property
     def alone(self) -> Tracking:
@@ -515,7 +510,7 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
         return None
     track = integrate_speed(speed, signal.last_s)
     for reach in _PATH_REACHES:
-        track = unwarp(signal.samples, signal.rate, track, signal.comb, reach)
+        track = unwarp(sums, track, signal.comb, reach)
     track = lock_track(sums, track)
     judged, share = signal.judged(track), coherent_share(sums, track)
     if share < _GATHERED or not _agrees(judged):
@@ -539,15 +534,12 @@ def _agrees(judged: Tracking) -> bool:
     signal, speeds = judged.signal, judged.track.speed_hz
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
     pieces = max(1, signal.samples.shape[-1] >> 18)
-    spectrum = fine_order_spectrum(signal.samples, signal.rate, judged.track, pieces)
+    spectrum = fine_order_spectrum(signal.in_angle(judged.track), pieces)
     supported = False
     for mesh, comb, seen in zip(signal.train.meshes, signal.meshes, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
-        told = [
-            sideband_spacing(spectrum.quality, spectrum.step, comb, spacing, SPEED_REACH)
-            for spacing in comb.spacings
-        ]
+        told = [sideband_spacing(spectrum, comb, own, SPEED_REACH) for own in comb.spacings]
         excess, support = max(one.excess for one in told), max(one.support for one in told)
         clear = support >= _SUPPORTED
         # right sidebands of one gear fix the speed: what beats those of the other is some line else

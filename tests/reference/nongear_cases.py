@@ -9,7 +9,7 @@ from reference.simulated_machines import two_stages
 from reference.synthetic_signals import track_of, wandering_turns
 
 from gearmon.gears.kinematics import kinematics
-from gearmon.signals.orders import fine_order_spectrum
+from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signatures.measured.nongear_lines import nongear_lines
 
 RATE_HZ, DURATION_S, SPEED_HZ = 6000.0, 6.0, 24.7
@@ -83,8 +83,8 @@ def recorded(
 def heard(seed=0, **changes):
     """The lines of no gear of such a recording."""
     samples, track = recorded(seed, **changes)
-    spectrum = fine_order_spectrum(samples, RATE_HZ, track)
-    return nongear_lines(samples, RATE_HZ, track, train(), spectrum)
+    vibration = InAngle.of(samples, RATE_HZ, track)
+    return nongear_lines(vibration, train(), fine_order_spectrum(vibration))
 
 
 def impacts(ring, size, slip=-0.01, jitter=0.02, resonance_hz=1900.0, damping=0.05):

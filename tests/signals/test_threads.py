@@ -10,7 +10,7 @@ import pytest
 from reference.synthetic_signals import constant_track, lines_on, white
 
 from gearmon.signals import threads
-from gearmon.signals.orders import OrderBlocks, OrderSums, fine_order_spectrum
+from gearmon.signals.orders import InAngle, OrderBlocks, OrderSums, fine_order_spectrum
 from gearmon.signals.orders.spectra import fine_envelope_spectrum
 from gearmon.signals.threads import alone_on_a_core, at_once, cores, side_by_side
 
@@ -47,8 +47,8 @@ def test_numbers_do_not_depend_on_the_number_of_cores(monkeypatch):
         yield from (lines.amplitude, lines.noise)
         sums = OrderSums(samples, RATE, np.array([9.0, 18.0, 27.0]))
         yield from (sums.noise(track, 8.0), sums.sliding(track, 4.0).amplitude)
-        yield fine_order_spectrum(samples, RATE, track, 5).power
-        yield fine_envelope_spectrum(samples, RATE, track, 8.0, 5).power
+        yield fine_order_spectrum(InAngle.of(samples, RATE, track), 5).power
+        yield fine_envelope_spectrum(InAngle.of(samples, RATE, track), 8.0, 5).power
 
     monkeypatch.setattr(threads, "_WORTH_THREADS", 0)
     alone, *others = [

@@ -20,7 +20,12 @@ from gearmon.machine import load_machine
 from gearmon.signatures.expected.baseline import contact_grid, expected_signature, faulty_lines
 from gearmon.signatures.expected.fault_family import FAMILY_KINDS, fault_family
 from gearmon.signatures.expected.mesh import MeshPlace
-from gearmon.signatures.expected.tooth_response import GROWN, grown_lines, loss_response
+from gearmon.signatures.expected.tooth_response import (
+    GROWN,
+    grown_lines,
+    loss_response,
+    tooth_response,
+)
 from gearmon.signatures.signature import read_signature, write_signature
 
 FOLDER = Path(__file__).resolve().parents[2] / "signatures"
@@ -208,6 +213,13 @@ def test_response_at_a_loss_is_the_member_of_that_loss(loss, gear, kind):
     whole = response.mesh_acceleration + response.loss * response.acceleration
     exact = member.lines.acceleration
     assert whole == pytest.approx(exact, abs=1e-6 * abs(exact).max())
+
+
+@pytest.mark.parametrize(("machine", "stage"), [(PAIR, 1), (PTO, 1), (COMBINE, 1), (COMBINE, 2)])
+def test_shares_of_the_pairs_in_contact_add_up_to_the_mesh(machine, stage):
+    share = tooth_response(machine, stage, "gear", 50.0).pair_share
+    together = np.pad(share, (0, -len(share) % 512)).reshape(-1, 512).sum(axis=0)
+    np.testing.assert_allclose(together, 1.0, atol=1e-9)
 
 
 def test_grown_lines_of_a_train_are_those_of_marching():

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from reference.nongear_cases import (
     RATE_HZ,
     SPEED_HZ,
@@ -17,10 +19,11 @@ from reference.simulated_machines import planetary
 
 from gearmon.files import restored, stored
 from gearmon.gears.kinematics import kinematics
-from gearmon.signals.orders import fine_order_spectrum
+from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import (
     NonGearLines,
+    _highest_within,
     noise_exceeds,
     nongear_lines,
 )
@@ -119,8 +122,8 @@ def test_a_silent_channel_changes_nothing():
     samples, track = recorded(1, orders=TURNING)
     silent = np.vstack([samples, np.zeros(samples.shape[-1])])
     one, other = (
-        nongear_lines(x, RATE_HZ, track, train(), fine_order_spectrum(x, RATE_HZ, track))
-        for x in (samples, silent)
+        nongear_lines(x, train(), fine_order_spectrum(x))
+        for x in (InAngle.of(own, RATE_HZ, track) for own in (samples, silent))
     )
     assert [line.order for line in one] == [line.order for line in other]
     assert all(np.isfinite(line.level_db).all() for line in other)
@@ -152,10 +155,16 @@ def test_channels_can_be_taken_out():
 def test_every_channel_is_one_more_place_where_noise_may_peak():
     samples, track = recorded(3)
     one, two = (
-        nongear_lines(
-            part, RATE_HZ, track, train(), fine_order_spectrum(part, RATE_HZ, track)
-        ).grids[0]
-        for part in (samples[:1], samples)
+        nongear_lines(part, train(), fine_order_spectrum(part)).grids[0]
+        for part in (InAngle.of(own, RATE_HZ, track) for own in (samples[:1], samples))
     )
     assert two.looked_at == pytest.approx(2 * one.looked_at)
     assert two.least_db > one.least_db
+
+
+@given(st.lists(st.integers(0, 40), min_size=1, max_size=30), st.integers(0, 20))
+def test_the_highest_about_a_place_is_that_of_the_places_within_reach(reach, more):
+    values = np.random.default_rng(len(reach)).normal(size=(2, len(reach) + more))
+    found = _highest_within(values, np.array(reach))
+    parts = [values[:, max(0, k - own) : k + own + 1] for k, own in enumerate(reach)]
+    np.testing.assert_array_equal(found, np.array([part.max(axis=1) for part in parts]).T)

@@ -9,7 +9,7 @@ from reference.speed_cases import train_of
 from reference.synthetic_signals import constant_track, lines_on, white
 
 from gearmon.gears.kinematics import kinematics
-from gearmon.signals.orders import fine_order_spectrum
+from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking import foreign_spacing
 from gearmon.signatures.measured.measurement import measure_signature
@@ -22,7 +22,7 @@ def spacing_about(samples, rate, speed_hz, *teeth, own=()):
     """What `foreign_spacing` says of a pair at a speed."""
     train = kinematics(train_of(teeth, speed_hz=speed_hz))
     track = constant_track(speed_hz, (samples.shape[-1] - 1) / rate)
-    spectrum = fine_order_spectrum(samples, rate, track)
+    spectrum = fine_order_spectrum(InAngle.of(samples, rate, track))
     turning = [1.0, teeth[0] / teeth[1]]
     (comb,) = mesh_combs(train, speed_hz)
     return foreign_spacing(spectrum, comb, turning, [], own)

@@ -24,7 +24,7 @@ from gearmon.lazy import lazily
 _OFFERED = {
     "lines": ("OrderBlocks", "OrderLines", "OrderSums", "variance_of_mean", "without_knocks"),
     "resampling": (
-        *("AngleGrid", "angular_waveform", "one_turn", "resample_to_angle"),
+        *("AngleGrid", "InAngle", "angular_waveform", "one_turn", "resample_to_angle"),
         "time_synchronous_average",
     ),
     "spectra": ("OrderMap", "clear_peaks", "fine_order_spectrum", "fine_spectrum", "order_map"),

@@ -38,7 +38,7 @@ from scipy.sparse import csr_array
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
-from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
+from gearmon.signals.orders.resampling import AngleGrid, InAngle, Kernel
 from gearmon.signals.spectra import (
     fast_length,
     hann,
@@ -150,7 +150,7 @@ class OrderLines:
 class OrderBlocks:
     """Half-overlapped Hann blocks of a recording: complex line amplitudes at arbitrary orders.
 
-    The samples are spread onto equal steps of angle (`resampling.Spreading`) half a block at a
+    The samples are spread onto equal steps of angle (`resampling.InAngle`) half a block at a
     time, so that memory stays bounded, by all cores. Each half is transformed once: its transform
     at the orders comes from a non-uniform transform (zero padding to twice the length,
     Kaiser-Bessel kernel of eight bins), those of the rising and of the falling half of the Hann
@@ -177,7 +177,7 @@ class OrderBlocks:
     left_out : sequence of (int, int)
         First samples and ends of stretches; blocks that hold some of one are left out.
     held : bool
-        Whether `spreading` is to hold all steps, enough of them for the whole band.
+        Whether `signals` is to hold all steps, enough of them for the whole band.
 
     Raises
     ------
@@ -220,8 +220,8 @@ class OrderBlocks:
         self.scale = np.where(orders > 0, 2.0, 1.0) / (self.steps * response)
         steps = int(grid.count / grid.per_turn * per_turn + 1e-6)
         grid = AngleGrid(per_turn=per_turn, first_turn=grid.first_turn, count=steps)
-        spreading = Spreading(samples, rate, track, grid, kernel)
-        self.spreading = spreading.holding() if held else spreading
+        signals = InAngle(samples, rate, track, grid, kernel)
+        self.signals = signals.holding() if held else signals
         self.starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
         sound = np.ones(self.count - 1, dtype=bool)
         for stretch in left_out:
@@ -238,12 +238,12 @@ class OrderBlocks:
     def lines(self) -> OrderLines:
         """Return the lines in all blocks that are sound; phases count from the start."""
         plan = GriddedPlan(self.steps, 0.5 * self.orders * self.block_turns, self.beside)
-        together, samples = max(1, _STEPS_TOGETHER // self.steps), self.spreading.samples
+        together, samples = max(1, _STEPS_TOGETHER // self.steps), self.signals.samples
 
         def part(first: int) -> ComplexArray:
             """Transform halves under the rising and the falling half of the window."""
             number = min(together, self.count - first)
-            cut = self.spreading.steps(first * self.steps, number * self.steps)
+            cut = self.signals.steps(first * self.steps, number * self.steps)
             found = plan.lines(cut.reshape(-1, self.steps))
             return np.stack(found).reshape(2, len(samples), number, -1)
 
@@ -267,10 +267,10 @@ class OrderBlocks:
         about 1 - 1/(3 n) + 0.02/n^2; half overlapped Hann blocks are worth a twentieth less.
         """
         window, length = hann(2 * self.steps), 4 * self.steps
-        work = len(self.sampled) * length * len(self.spreading.samples)
+        work = len(self.sampled) * length * len(self.signals.samples)
 
         def power(number: int) -> FloatArray:
-            block = self.spreading.steps(number * self.steps, 2 * self.steps)
+            block = self.signals.steps(number * self.steps, 2 * self.steps)
             return window_powers(block - block.mean(axis=-1, keepdims=True), window, length)
 
         powers = side_by_side(power, self.sampled, work)
@@ -452,6 +452,11 @@ class SlidingLines:
     angle: FloatArray
     orders: FloatArray
     amplitude: ComplexArray
+
+    @property
+    def hop(self) -> float:
+        """Distance of the blocks [turns]."""
+        return float(np.median(np.diff(self.angle)))
 
 
 class OrderSums:

@@ -240,10 +240,7 @@ class AngularWaveform(Result):
 
 
 def angular_waveform(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    per_turn: int | None = None,
+    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, per_turn: int | None = None
 ) -> AngularWaveform:
     """Sample signals at equal steps of the angle of a shaft, over all its whole turns.
 
@@ -422,8 +419,8 @@ class Kernel:
 
 
 @dataclass(frozen=True, eq=False)
-class Spreading:
-    """Spreads samples onto equal steps of angle, any stretch of them, by any thread.
+class InAngle:
+    """Signals and their angle; spreads them onto equal steps of it, any stretch, by any thread.
 
     Parameters
     ----------
@@ -449,12 +446,12 @@ class Spreading:
     held: FloatArray | None = None
 
     @classmethod
-    def of(cls, samples: FloatArray, sampling_rate_hz: float, track: AngleTrack) -> Spreading:
-        """Return signals on as many steps as keep the whole band, a line to 0.3 %."""
+    def of(cls, samples: FloatArray, sampling_rate_hz: float, track: AngleTrack) -> InAngle:
+        """Return signals for as many steps as keep the whole band, a line to 0.3 %."""
         grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, 0.0)
         return cls(samples, sampling_rate_hz, track, grid, Kernel.of(_QUICK, 1.3))
 
-    def holding(self) -> Spreading:
+    def holding(self) -> InAngle:
         """Return the same with all its steps at hand."""
 
         def part(first: int) -> FloatArray:

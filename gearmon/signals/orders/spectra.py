@@ -25,7 +25,7 @@ from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
-from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, Spreading, resample_to_angle
+from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, InAngle, resample_to_angle
 from gearmon.signals.spectra import (
     fast_length,
     hann,
@@ -111,43 +111,29 @@ class FineSpectrum:
         return result
 
 
-def fine_order_spectrum(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    pieces: int = 1,
-    spreading: Spreading | None = None,
-) -> FineSpectrum:
+def fine_order_spectrum(signals: InAngle, pieces: int = 1) -> FineSpectrum:
     """Spectrum of whole signals against the angle of shaft 1.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        The signals.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
+    signals : InAngle
+        On as many steps a turn as samples.
     pieces : int
         Consecutive pieces whose powers are averaged, >= 1; of more than eight, eight that are
         spread evenly.
-    spreading : Spreading, optional
-        The samples onto steps as many a turn as samples, if they are at hand.
 
     Returns
     -------
     FineSpectrum
         Over orders; Hann window, zero padding to twice the length.
     """
-    if spreading is None:
-        spreading = Spreading.of(samples, sampling_rate_hz, track)
-    per_turn, block = spreading.grid.per_turn, spreading.grid.count // pieces
+    per_turn, block = signals.grid.per_turn, signals.grid.count // pieces
     # it falls so smoothly that straight lines between these are right to 1e-6
     places = np.linspace(0.0, 0.5, _SHARES)
-    shares = spreading.kernel.transform(places) ** 2
+    shares = signals.kernel.transform(places) ** 2
 
     def part(piece: int) -> FloatArray:
-        return spreading.steps(piece * block, block)
+        return signals.steps(piece * block, block)
 
     def share(orders: FloatArray) -> FloatArray:
         return np.interp(orders, places * per_turn, shares)
@@ -174,21 +160,10 @@ def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1)
     """
     check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     block = samples.shape[-1] // pieces
-    return _of_pieces(
-        lambda piece: samples[:, piece * block : (piece + 1) * block],
-        block,
-        pieces,
-        sampling_rate_hz,
-    )
+    return _of_pieces(lambda k: samples[:, k * block :][:, :block], block, pieces, sampling_rate_hz)
 
 
-def fine_envelope_spectrum(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    top_order: float,
-    pieces: int = 1,
-) -> FineSpectrum:
+def fine_envelope_spectrum(signals: InAngle, top_order: float, pieces: int = 1) -> FineSpectrum:
     """Spectrum of the squared envelope of whitened signals against the angle of shaft 1.
 
     Impacts that slip against the shafts, as a rolling bearing's do, leave few sharp lines in the
@@ -197,12 +172,7 @@ def fine_envelope_spectrum(
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        The signals.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
+    signals : InAngle
     top_order : float
         Highest order wanted, > 0; cut to an eighth of the sampling rate.
     pieces : int
@@ -226,13 +196,14 @@ def fine_envelope_spectrum(
     (2013) 370-384.
     """
     check_positive("top_order", top_order)
+    samples, rate, track = signals.samples, signals.sampling_rate_hz, signals.track
     fastest = float(track.speed_hz.max())
-    top_order = min(top_order, sampling_rate_hz / 8 / fastest)
-    together = 2 * max(1, int(sampling_rate_hz / (8 * top_order * fastest)))
+    top_order = min(top_order, rate / 8 / fastest)
+    together = 2 * max(1, int(rate / (8 * top_order * fastest)))
     block = samples.shape[-1] // pieces // together * together
     per_turn = int(np.ceil(4 * top_order))
-    middle_s = (0.5 * together - 1 + together * np.arange(block // together)) / sampling_rate_hz
-    ends = np.array([[p * block / sampling_rate_hz] for p in range(pieces)]) + middle_s[[0, -1]]
+    middle_s = (0.5 * together - 1 + together * np.arange(block // together)) / rate
+    ends = np.array([[p * block / rate] for p in range(pieces)]) + middle_s[[0, -1]]
     turns = track.turns_at(ends.ravel()).reshape(pieces, 2)
     count = int(np.floor(np.diff(turns, axis=-1).min() * per_turn))
 
@@ -240,7 +211,7 @@ def fine_envelope_spectrum(
         squared = _whitened_envelope(samples[:, piece * block : (piece + 1) * block])
         slow = squared.reshape(len(samples), -1, together // 2).mean(axis=-1)
         angle = turns[piece, 0] + np.arange(count) / per_turn
-        at_s = track.time_at(angle) - piece * block / sampling_rate_hz
+        at_s = track.time_at(angle) - piece * block / rate
         read = np.array([np.interp(at_s, middle_s, row) for row in slow])
         # a channel in which nothing vibrates has no envelope
         mean = np.maximum(read.mean(axis=-1, keepdims=True), np.finfo(float).tiny)
@@ -469,8 +440,8 @@ def order_map(
     middle, speed = 0.5 * (ends[0] + ends[1]), length / (ends[1] - ends[0])
     row, low, high = _rows(middle if against == "time" else ratio * speed, against, most)
     bins = int(highest * block / grid.per_turn) + 1
-    powers = np.zeros((len(low), len(samples), bins))
-    seen = np.bincount(row, minlength=len(low))
+    used, row, blocks = np.unique(row, return_inverse=True, return_counts=True)
+    powers = np.zeros((len(used), len(samples), bins))
     weights, part = window(window_name, block), samples[:, :0]
     for number, turn in zip(row, begin, strict=True):
         # its first half is the second of the block before
@@ -482,18 +453,16 @@ def order_map(
         powers[number] += window_powers(centred, weights, block)[:, :bins]
     powers *= (2.0 / weights.sum()) ** 2
     powers[..., 0] *= 0.25  # the line at zero has no mirror image
-    kept = seen > 0
-    counts = seen[kept].astype(float)
     return OrderMap(
         against=against,
         shaft_order=ratio,
         order=np.arange(float(bins)) * float(grid.per_turn / block / ratio),
-        amplitude=np.sqrt(powers[kept] / counts[:, None, None]),
-        time_s=np.bincount(row, middle, len(low))[kept] / counts,
-        speed_hz=ratio * np.bincount(row, speed, len(low))[kept] / counts,
-        low=low[kept],
-        high=high[kept],
-        blocks=seen[kept],
+        amplitude=np.sqrt(powers / blocks[:, None, None]),
+        time_s=np.bincount(row, middle) / blocks,
+        speed_hz=ratio * np.bincount(row, speed) / blocks,
+        low=low[used],
+        high=high[used],
+        blocks=blocks,
         block_turns=block / grid.per_turn * ratio,
         resolution=noise_bandwidth(window_name) * float(grid.per_turn / block / ratio),
     )

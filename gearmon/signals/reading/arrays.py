@@ -291,9 +291,8 @@ def _stated_rate(facts: Mapping[str, float]) -> tuple[float | None, str]:
     if len({*believed.values()}) == 1:
         name, rate = next(iter(believed.items()))
         others = shown({k: own for k, own in every.items() if k not in believed})
-        return rate, f"sampling rate {rate:g} Hz taken from {name}" + f", not {others}" * bool(
-            others
-        )
+        beside = f", not {others}" if others else ""
+        return rate, f"sampling rate {rate:g} Hz taken from {name}{beside}"
     return None, f"{shown(plausible or every)} may be it" if every else ""
 
 

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.signals.orders.resampling import Spreading
+from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.spectra import fast_length, hann, local_floor, window_powers
 from gearmon.signals.threads import side_by_side
 
@@ -231,7 +231,7 @@ def clearest(scans: Sequence[tuple[SpeedScan, Comb]]) -> int:
 
 
 def scan_speed(
-    samples: FloatArray | Spreading,
+    samples: FloatArray | InAngle,
     sampling_rate_hz: float,
     comb: Comb,
     nominal_hz: float,
@@ -242,7 +242,7 @@ def scan_speed(
 
     Parameters
     ----------
-    samples : ndarray of float or Spreading, shape (channels, n)
+    samples : ndarray of float or InAngle, shape (channels, n)
         Vibration; a channel's scale does not matter. What is spread is made block by block.
     sampling_rate_hz : float
         Sampling rate [Hz].
@@ -324,7 +324,7 @@ class _Blocks:
     """Hann blocks of a recording, half overlapped unless there are too many."""
 
     def __init__(
-        self, samples: FloatArray | Spreading, rate: float, block_s: float, many: float = np.inf
+        self, samples: FloatArray | InAngle, rate: float, block_s: float, many: float = np.inf
     ) -> None:
         count = samples.shape[-1]
         self.samples = samples

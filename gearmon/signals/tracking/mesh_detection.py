@@ -13,7 +13,7 @@ at that of something else.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import zip_longest
 from math import gcd
@@ -25,6 +25,8 @@ from gearmon.arrays import BoolArray, FloatArray, IntArray
 from gearmon.signals.orders.spectra import FineSpectrum
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack
+
+Orders = Sequence[float]
 
 _DECOYS_A_SIDE = 14
 # Decoy scores scatter about like a normal law: 3 is one false mesh in about a thousand machines. Of
@@ -71,14 +73,9 @@ class MeshComb:
 
     def shifted(self, shift: float) -> MeshComb:
         """Return the comb of a mesh whose order is higher by `shift`."""
-        return MeshComb(
-            order=self.order + shift,
-            groups=tuple(
-                tuple(order + k * shift for order in group)
-                for k, group in enumerate(self.groups, start=1)
-            ),
-            spacings=self.spacings,
-        )
+        numbered = enumerate(self.groups, start=1)
+        groups = tuple(tuple(order + k * shift for order in group) for k, group in numbered)
+        return replace(self, order=self.order + shift, groups=groups)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +110,7 @@ class MeshEvidence:
         return self.score >= enough and self.decoys_above <= self.decoys // 10
 
 
-def combined_comb(meshes: Sequence[MeshComb], shaft_orders: Sequence[float]) -> Comb:
+def combined_comb(meshes: Sequence[MeshComb], shaft_orders: Orders) -> Comb:
     """Join meshes, their first sidebands and the first shaft harmonics into one comb.
 
     Parameters
@@ -144,34 +141,25 @@ def combined_comb(meshes: Sequence[MeshComb], shaft_orders: Sequence[float]) -> 
 
 
 def mesh_evidence(
-    scan: SpeedScan,
-    meshes: Sequence[MeshComb],
-    shaft_orders: Sequence[float],
-    nominal_hz: float,
-    tolerance: float = 0.03,
+    scan: SpeedScan, meshes: Sequence[MeshComb], shaft_orders: Orders
 ) -> tuple[MeshEvidence, ...]:
     """Judge for each mesh whether its lines stand out from those of decoys.
 
     Parameters
     ----------
     scan : SpeedScan
-        Scan of a recording with the comb of all these meshes and shafts.
+        Scan of a recording with the comb of all these meshes and shafts, at evenly spaced speeds.
     meshes : sequence of MeshComb
         The meshes of all stages.
     shaft_orders : sequence of float
         Rotation orders of the shafts.
-    nominal_hz : float
-        Nominal rotation frequency of shaft 1 [Hz].
-    tolerance : float
-        How far the true speed may be from it, as a fraction.
 
     Returns
     -------
     tuple of MeshEvidence
         One a mesh.
     """
-    track = scan.track(_unseen(scan))
-    judged = _JudgedSpectrum(scan, track, nominal_hz, tolerance)
+    judged = _JudgedSpectrum(scan, scan.track(_unseen(scan)))
 
     def evidence(index: int) -> MeshEvidence:
         return _evidence(judged, meshes, shaft_orders, index)
@@ -180,7 +168,7 @@ def mesh_evidence(
 
 
 def _evidence(
-    judged: _JudgedSpectrum, meshes: Sequence[MeshComb], shaft_orders: Sequence[float], index: int
+    judged: _JudgedSpectrum, meshes: Sequence[MeshComb], shaft_orders: Orders, index: int
 ) -> MeshEvidence:
     others = [mesh for i, mesh in enumerate(meshes) if i != index]
     mesh = meshes[index]
@@ -236,16 +224,14 @@ class _JudgedSpectrum:
     The kept blocks are averaged at speeds that were told by others.
     """
 
-    def __init__(
-        self, scan: SpeedScan, track: SpeedTrack, nominal_hz: float, tolerance: float
-    ) -> None:
-        mean = track.mean_hz
+    def __init__(self, scan: SpeedScan, track: SpeedTrack) -> None:
+        mean, tolerance = track.mean_hz, float(scan.ratio[-1]) - 1
         self.bin_order = scan.bin_hz / mean
         bins = scan.quality.shape[1]
         self.top_order = (bins - 1) * self.bin_order / (1 + tolerance)
         steps = int(np.ceil(2 * tolerance * self.top_order / self.bin_order))
         corrections = tolerance * np.arange(-steps, steps + 1) / max(1, steps)
-        inside = np.abs(mean * (1 + corrections) / nominal_hz - 1) <= tolerance
+        inside = np.abs(mean * (1 + corrections) / scan.nominal_hz - 1) <= tolerance
         self.corrections = corrections[inside] if inside.any() else np.zeros(1)
         grid, quality = np.arange(bins) * self.bin_order, np.zeros(bins)
         for row, speed in zip(scan.quality, track.at(scan.centre_s[scan.kept]), strict=True):
@@ -312,27 +298,20 @@ class SidebandSpacing:
 
 
 def sideband_spacing(
-    quality: FloatArray,
-    bin_order: float,
-    mesh: MeshComb,
-    spacing: float,
-    tolerance: float = 0.03,
-    broken: bool = False,
+    spectrum: FineSpectrum, mesh: MeshComb, spacing: float, reach: float, broken: bool = False
 ) -> SidebandSpacing:
     """Compare the sidebands at a shaft's spacing with those at slightly different spacings.
 
     Parameters
     ----------
-    quality : ndarray of float, shape (bins,)
-        log(1 + signal-to-noise ratio) against order, resolved as finely as the recording allows.
-    bin_order : float
-        Spacing of the bins [orders].
+    spectrum : FineSpectrum
+        Of the whole recording against the angle of shaft 1.
     mesh : MeshComb
         The mesh, at its place in this spectrum. Departures at which the sidebands of its other
         spacings stand are left out.
     spacing : float
         Order of the shaft.
-    tolerance : float
+    reach : float
         Departures of the spacing to try, as a fraction.
     broken : bool
         Whether the other gear may have a broken tooth, whose lines fill all of its orders.
@@ -341,10 +320,10 @@ def sideband_spacing(
     -------
     SidebandSpacing
     """
-    top = (len(quality) - 1) * bin_order
+    quality, step = spectrum.quality, spectrum.step
     # a line width at the second sideband: finer departures cannot be told from none
-    near = max(2 * bin_order / spacing, 1e-3)
-    departures = np.linspace(-tolerance, tolerance, 2 * max(20, int(4 * tolerance / near)) + 1)
+    near = max(2 * step / spacing, 1e-3)
+    departures = np.linspace(-reach, reach, 2 * max(20, int(4 * reach / near)) + 1)
     # where the second sideband of one gear nearly meets the first of the other, it is that one's
     others, low = [other for other in mesh.spacings if other != spacing], np.arange(1, 5)
     for ratio in (j * other / (i * spacing) for other in others for i in low for j in low):
@@ -354,8 +333,8 @@ def sideband_spacing(
     for k in range(1, len(mesh.groups) + 1):
         for r in (*range(-_SIDEBANDS, 0), *range(1, _SIDEBANDS + 1)):
             orders = k * mesh.order + r * spacing * (1 + departures)
-            if orders.min() > 0 and orders.max() < top:
-                total += quality[np.rint(orders / bin_order).astype(int)]
+            if orders.min() > 0 and orders.max() < (len(quality) - 1) * step:
+                total += quality[np.rint(orders / step).astype(int)]
     middle = float(np.median(total))
     spread = 1.4826 * float(np.median(np.abs(total - middle)))
     standard = (total - middle) / spread if spread > 0 else np.zeros(len(total))
@@ -375,11 +354,7 @@ def sideband_spacing(
 
 
 def foreign_spacing(
-    spectrum: FineSpectrum,
-    mesh: MeshComb,
-    turning: Sequence[float],
-    meshing: Sequence[float],
-    own: Sequence[float] = (),
+    spectrum: FineSpectrum, mesh: MeshComb, turning: Orders, meshing: Orders, own: Orders = ()
 ) -> float | None:
     """Return the spacing of a finer comb to which the lines of a mesh belong, None if to none.
 
@@ -445,9 +420,7 @@ class _Lines:
         away = np.abs(orders - spacing * np.rint(orders / spacing))
         return np.asarray(away <= 1.5 * self.width)
 
-    def standing(
-        self, orders: FloatArray, shafts: Sequence[float], combs: Sequence[float]
-    ) -> FloatArray:
+    def standing(self, orders: FloatArray, shafts: Orders, combs: Orders) -> FloatArray:
         """How far lines stand above those a few turns of any shaft away that are on no comb."""
         below = np.full(len(orders), self.usual)
         for shaft in shafts:
@@ -462,11 +435,7 @@ class _Lines:
 
 
 def _finer_comb(
-    lines: _Lines,
-    mesh: MeshComb,
-    turning: Sequence[float],
-    meshing: Sequence[float],
-    own: Sequence[float],
+    lines: _Lines, mesh: MeshComb, turning: Orders, meshing: Orders, own: Orders
 ) -> float | None:
     """Coarsest spacing whose lines between those of the mesh are as clear as these."""
     harmonics = np.arange(1.0, _HARMONICS + 1) * mesh.order

@@ -38,7 +38,7 @@ from gearmon.arrays import BoolArray, ComplexArray, FloatArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
-from gearmon.signals.orders.resampling import AngleGrid, Spreading
+from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_speed
 
 # Thresholds divide what `test_phases` and `test_speed_tracking` hold apart: simulated gears whose
@@ -267,9 +267,8 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     from scipy.interpolate import make_interp_spline
     from scipy.linalg import solveh_banded
 
-    hop_turns = float(np.median(np.diff(lines.angle)))
-    hop_s = hop_turns / float(np.mean(track.speed_hz))
-    step = _WANDER * np.sqrt(hop_s) * hop_turns
+    hop_s = lines.hop / float(np.mean(track.speed_hz))
+    step = _WANDER * np.sqrt(hop_s) * lines.hop
     low = 1.01 * float(lines.orders.min())
     error = _unwound(lines)
     hats = _speed_classes(track, lines.angle)
@@ -318,24 +317,13 @@ def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(place[:, None] - np.arange(count + 1))))
 
 
-def scan_angle(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    comb: Comb,
-    reach: float,
-    block_turns: float,
-) -> tuple[SpeedScan, AngleGrid]:
+def scan_angle(vibration: InAngle, comb: Comb, reach: float, block_turns: float) -> SpeedScan:
     """Try all speeds about a track in its angle, where lines stand still however the speed changes.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        The track.
+    vibration : InAngle
+        In the angle of the track; what spreading takes of an order it takes of the noise there too.
     comb : Comb
         Orders and weights.
     reach : float
@@ -345,35 +333,21 @@ def scan_angle(
 
     Returns
     -------
-    scan : SpeedScan
+    SpeedScan
         With turns for seconds: speeds are multiples of the track's.
-    grid : AngleGrid
-        Steps of angle that it was made in.
     """
-    top = 0.45 * sampling_rate_hz / float(track.speed_hz.max())
-    # what spreading takes of an order it takes of the noise there as well
-    read = Spreading.of(samples, sampling_rate_hz, track)
-    if samples.size <= _HELD:
-        read = read.holding()
-    scan = scan_speed(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
-    return scan, read.grid
+    top = 0.45 * vibration.sampling_rate_hz / float(vibration.track.speed_hz.max())
+    read = vibration.holding() if vibration.samples.size <= _HELD else vibration
+    return scan_speed(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
 
 
-def unwarp(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    comb: Comb,
-    reach: float = 0.015,
-) -> AngleTrack:
+def unwarp(sums: OrderSums, track: AngleTrack, comb: Comb, reach: float = 0.015) -> AngleTrack:
     """Follow a comb again in the angle of a first track, where its lines are nearly steady.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
+    sums : OrderSums
+        Of the recording.
     track : AngleTrack
         The first track.
     comb : Comb
@@ -386,7 +360,8 @@ def unwarp(
     AngleTrack
         The better track, from blocks of 10 turns.
     """
-    scan, grid = scan_angle(samples, sampling_rate_hz, track, comb, reach, _UNWARP_TURNS)
+    vibration = InAngle.of(sums.samples, sums.sampling_rate_hz, track)
+    grid, scan = vibration.grid, scan_angle(vibration, comb, reach, _UNWARP_TURNS)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
     first = grid.first_turn
     return track.moved(first + inner.time_s, lambda turns: inner.turns_at(turns - first), np.nan)
@@ -419,7 +394,7 @@ def follow_lines(sums: OrderSums, track: AngleTrack, comb: Comb) -> tuple[AngleT
     for _ in range(_UNWARPED):
         if share > _ALL_COHERENT:
             break
-        track = unwarp(sums.samples, sums.sampling_rate_hz, track, comb)
+        track = unwarp(sums, track, comb)
         locked = lock_track(sums, track)
         its = coherent_share(sums, locked)
         if its > share:
@@ -538,14 +513,13 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
             f"recording of {turns:.2g} turns of shaft 1: slips show in {LEAST_TURNS:g} and more"
         )
     lines = sums.sliding(track, _CHECKED_TURNS)
-    hop = float(np.median(np.diff(lines.angle)))
-    mean = _about(lines.amplitude, _ABOUT_TURNS / hop)
+    mean = _about(lines.amplitude, _ABOUT_TURNS / lines.hop)
     phase = np.angle(lines.amplitude * np.conj(mean)) / (2 * np.pi)
     scatter = np.median(np.abs(phase), axis=0) / 0.6745
     clear = scatter < _CLEAR_CYCLES
     time_s = track.time_at(lines.angle)
     coherence = _coherence(lines.amplitude[:, clear], mean[:, clear])
-    stretches = _stretches(coherence, hop)
+    stretches = _stretches(coherence, lines.hop)
     # sound and lost blocks take turns between these
     cuts = [0, *chain(*stretches), len(time_s)]
     sound = np.repeat(np.arange(len(cuts) - 1) % 2 == 0, np.diff(cuts))
@@ -593,7 +567,7 @@ def mend_slips(
     """
     share = coherent_share(sums, track)
     for _ in range(_AGAIN):
-        again = lock_track(sums, unwarp(sums.samples, sums.sampling_rate_hz, track, comb))
+        again = lock_track(sums, unwarp(sums, track, comb))
         found, its = check_slips(sums, again), coherent_share(sums, again)
         if its < share or _lost_turns(found) >= _lost_turns(check):
             break
@@ -688,8 +662,7 @@ def _variance(
     lines: SlidingLines, phase: FloatArray, weight: FloatArray, sound: BoolArray, time_s: FloatArray
 ) -> FloatArray:
     """Variance of the angle while it is locked [turns^2]."""
-    total = float(weight.sum())
-    hop = float(np.median(np.diff(lines.angle)))
+    total, hop = float(weight.sum()), lines.hop
     slow = _about(lines.amplitude, _DELAY_TURNS / hop)
     # a lost stretch would unwind phases by whole cycles
     drift = np.unwrap(np.angle(slow[sound]), axis=0) / (2 * np.pi)
@@ -746,8 +719,7 @@ def _displacement(told: SlidingLines, cuts: Sequence[int], reach: float) -> floa
 
 def _turned(lines: SlidingLines, cuts: Sequence[int]) -> tuple[FloatArray, FloatArray]:
     """By how many cycles lines are turned after a stretch, and how surely."""
-    hop = float(np.median(np.diff(lines.angle)))
-    most, least = int(_BESIDE_TURNS / hop), int(np.ceil(_LEAST_BESIDE / hop))
+    most, least = int(_BESIDE_TURNS / lines.hop), int(np.ceil(_LEAST_BESIDE / lines.hop))
     # blocks that reach into the stretch hold what is lost
     first, start, stop, last = cuts[0] + 3, cuts[1] - 3, cuts[2] + 3, cuts[3] - 3
     variance = np.full(len(lines.orders), (2 * np.pi * _TURNED_CYCLES) ** 2)

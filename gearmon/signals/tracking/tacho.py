@@ -307,14 +307,10 @@ def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:
     expected = time_s.copy()
     if len(time_s) < _FEWEST_JUDGED:
         return expected
-    for own, away in (
-        (number[2:-2], (-2, -1, 1, 2)),
-        (number[:2], (1, 2, 3)),
-        (number[-2:], (-1, -2, -3)),
-    ):
-        expected[own] = _curve_at(
-            angle[own], [angle[own + k] for k in away], [time_s[own + k] for k in away]
-        )
+    inner, first, last = number[2:-2], number[:2], number[-2:]
+    for own, away in ((inner, (-2, -1, 1, 2)), (first, (1, 2, 3)), (last, (-1, -2, -3))):
+        near = [own + k for k in away]
+        expected[own] = _curve_at(angle[own], [angle[k] for k in near], [time_s[k] for k in near])
     return expected
 
 

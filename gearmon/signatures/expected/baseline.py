@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -124,7 +124,7 @@ def expected_signature(
     if max_hz is not None:
         check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-13, 1.0)
-    tables, stages, mechanics = [], [], []
+    tables, stages = [], []
     for number in range(1, len(machine.stages) + 1):
         ring = any(fault.stage == number and fault.gear == "ring" for fault in known)
         posed = MeshPlace(machine, number, operating, form, int(ring)).posed(known)
@@ -134,9 +134,8 @@ def expected_signature(
         tables.append(columns)
         told |= {"max_hz": limit, "cross_lines_share": share}
         stages.append(lines.header() | told | {"warnings": [*posed.warnings, *warnings]})
-        mechanics.append(posed.mechanics)
     if max_hz is not None and not any(len(table["stage"]) for table in tables):
-        refuse_no_lines(mechanics, max_hz)
+        refuse_no_lines((own["mesh_frequency_hz"] for own in stages), max_hz)
     header = {key: value for key, value in stages[0].items() if key != "stage"} | {
         "speed_rpm": point.speed_rpm,
         "torque_nm": point.torque_nm,
@@ -267,10 +266,9 @@ def periodic_lines(posed: PosedStage, max_hz: float, tolerance: float) -> MeshLi
     period = posed.period
     grid = contact_grid([posed], max_hz, period)
     found = _refined(grid, tolerance, partial(periodic_motion, posed))
-    number, carrier, lines = posed.heard(found, _count(posed, max_hz, period), period)
-    same = {"period": period, "number": number, "carrier": carrier}
+    places, lines = posed.heard(found.force_lines(_count(posed, max_hz, period)), period)
     method = "contact" if posed.is_local else "whole turn"
-    return _each([posed], found, lines, method=method, **same)[0]
+    return _each([posed], found, lines, method=method, **places)[0]
 
 
 def faulty_lines(
@@ -295,10 +293,15 @@ def faulty_lines(
         if posed.is_local and posed.period > 1:
             teeth.setdefault(posed.period, []).append(posed)
     solved: dict[PosedStage, MeshLines] = {}
-    # panels of several gears may be alike
-    even = lru_cache(maxsize=1)(partial(periodic_motion, healthy))
     for own in teeth.values():
-        solved |= zip(own, _tooth_lines(healthy, even, own, max_hz, tolerance), strict=True)
+        grid = contact_grid([healthy, *own], max_hz)
+        numbers = len(grid.widths) * (8 + len(healthy.around.force)) ** 2
+        together = max(1, MOST_NUMBERS // numbers)
+        for first in range(0, len(own), together):
+            some = own[first : first + together]
+            sound, added = _solved(healthy, some, grid, max_hz, tolerance)
+            for posed, lines in zip(some, added, strict=True):
+                solved[posed] = replace(lines, displacement=sound + lines.displacement)
     return [solved.get(own) or periodic_lines(own, max_hz, tolerance) for own in faulty]
 
 
@@ -312,28 +315,9 @@ def added_lines(
     healthy, faulty, max_hz
         As in `faulty_lines`.
     """
-    even = partial(periodic_motion, healthy)
     grid = contact_grid([healthy, *faulty], max_hz)
-    sound, added = _solved(healthy, even, faulty, grid, max_hz, math.inf)
+    sound, added = _solved(healthy, faulty, grid, max_hz, math.inf)
     return replace(added[0], displacement=sound).acceleration, added
-
-
-def _tooth_lines(
-    healthy: PosedStage,
-    even: Callable[[PhaseGrid], PeriodicMotion],
-    faulty: Sequence[PosedStage],
-    max_hz: float,
-    tolerance: float,
-) -> list[MeshLines]:
-    """Solve cases of which a few mesh periods of a turn differ from the others."""
-    grid, half = contact_grid([healthy, *faulty], max_hz), len(faulty) // 2
-    numbers = len(faulty) * len(grid.widths) * (8 + len(healthy.around.force)) ** 2
-    if half and numbers > MOST_NUMBERS:
-        parts = faulty[:half], faulty[half:]
-        each = (_tooth_lines(healthy, even, part, max_hz, tolerance) for part in parts)
-        return [own for part in each for own in part]
-    sound, added = _solved(healthy, even, faulty, grid, max_hz, tolerance)
-    return [replace(own, displacement=sound + own.displacement) for own in added]
 
 
 def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) -> PhaseGrid:
@@ -350,66 +334,48 @@ def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) ->
 
 def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
     """Solve a mesh or a set on panels of its whole period."""
-    phase = grid.phase
-    kappa = [own.stiffness.at(phase + own.lead) for own in posed.members]
+    kappa = [own.stiffness.at(grid.phase + own.lead) for own in posed.members]
     return PeriodicMotion(
         grid=grid,
         around=posed.around,
         kappa=posed.scale * np.array(kappa),
-        excitation=_moved(posed, phase) if posed.is_excited else None,
+        excitation=_moved(posed, grid.phase),
     )
 
 
 def _solved(
     healthy: PosedStage,
-    even: Callable[[PhaseGrid], PeriodicMotion],
     faulty: Sequence[PosedStage],
     grid: PhaseGrid,
     max_hz: float,
     tolerance: float,
 ) -> tuple[ComplexArray, list[MeshLines]]:
     """Return the healthy lines, and in their places what faults add in each turn."""
-    period = max(posed.period for posed in faulty)
-    found = _refined(grid, tolerance, lambda own: _changes(healthy, even(own), faulty, period))
+    period = faulty[0].period
+    found = _refined(grid, tolerance, lambda own: _changes(healthy, own, faulty))
     count = _count(healthy, max_hz, period)
-    number, carrier, added = healthy.heard(found, count, period)
-    of_mesh, beside, sound = healthy.heard(found.mesh, count // period, 1)
-    number = np.concatenate([number, of_mesh * period])
-    carrier = np.concatenate([carrier, beside])
-    span = 1 + 2 * int(np.abs(carrier).max(initial=0))
-    _, first, where = np.unique(number * span + carrier, return_index=True, return_inverse=True)
-    lines = np.zeros((1 + len(added), len(first)), dtype=np.complex128)
-    lines[1:, where[: added.shape[1]]], lines[0, where[added.shape[1] :]] = added, sound[0]
-    same = {"period": period, "number": number[first], "carrier": carrier[first]}
-    return lines[0], _each(faulty, found, lines[1:], method="contact", **same)
+    forces = found.force_lines(count)
+    even = np.zeros_like(forces[:1])
+    even[..., period - 1 :: period] = found.mesh.force_lines(count // period)
+    places, lines = healthy.heard(np.concatenate([even, forces]), period)
+    return lines[0], _each(faulty, found, lines[1:], method="contact", **places)
 
 
-def _changes(
-    healthy: PosedStage, motion: PeriodicMotion, faulty: Sequence[PosedStage], period: int
-) -> Deviations:
-    """Return what faults of teeth change in a turn of P mesh periods, case by case."""
-    where = tuple(sorted({place for posed in faulty for place in _changed(posed, period)})) or (0,)
-    phases = np.array(where)[:, None, None] + motion.grid.phase
-    delta = np.zeros((len(faulty), len(where), *motion.kappa.shape))
-    # sizes of a kind may share a pulse
-    known: dict[tuple[object, ...], FloatArray] = {}
+def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage]) -> Deviations:
+    """Return what faults of teeth change in a turn, case by case."""
+    where = tuple(sorted(set().union(*map(_changed, faulty)))) or (0,)
+    phases = np.array(where)[:, None, None] + grid.phase
+    delta = np.zeros((len(faulty), len(healthy.members), *phases.shape))
     for posed, own in zip(faulty, delta, strict=True):
-        for number, mesh in enumerate(posed.members):
-            for train in mesh.stiffness.pulses:
-                for term in train.terms:
-                    place = (term.pulse, term.offset, term.face_start, term.face_end)
-                    key = (*place, train.period_mesh, mesh.lead)
-                    if key not in known:
-                        alone = replace(train, terms=(replace(term, weight=healthy.scale),))
-                        known[key] = alone.at(phases + mesh.lead)
-                    own[:, number] += term.weight * known[key]
-    moved = np.array([_moved(posed, phases).swapaxes(0, 1) for posed in faulty])
+        for mesh, lost in zip(posed.members, own, strict=True):
+            lost += sum(train.at(phases + mesh.lead) for train in mesh.stiffness.pulses)
+    moved = np.array([_moved(posed, phases) for posed in faulty])
     return Deviations(
-        mesh=motion,
-        period=period,
+        mesh=periodic_motion(healthy, grid),
+        period=faulty[0].period,
         where=where,
-        delta=delta,
-        excitation=moved if moved.any() else None,
+        delta=healthy.scale * delta.swapaxes(1, 2),
+        excitation=moved.swapaxes(1, 2),
     )
 
 
@@ -425,10 +391,7 @@ def _refined(grid: PhaseGrid, tolerance: float, solve: Callable[[PhaseGrid], _Mo
 
 
 def _each(
-    posed: Sequence[PosedStage],
-    found: PeriodicMotion | Deviations,
-    lines: ComplexArray,
-    **same: Any,
+    posed: Sequence[PosedStage], found: _Motion, lines: ComplexArray, **same: Any
 ) -> list[MeshLines]:
     """Return the lines of each turn by themselves."""
     columns = found.unresolved, found.contact_lost, found.mean_deflection[:, 0]
@@ -443,16 +406,12 @@ def _count(posed: PosedStage, max_hz: float, period: int) -> int:
 
 def _moved(posed: PosedStage, phases: FloatArray) -> FloatArray:
     """Return e [m] of every mesh at some phases, (meshes, *phases.shape)."""
-    found = np.zeros((len(posed.members), *phases.shape))
-    for own, moved in zip(posed.members, found, strict=True):
-        if own.excitation.errors:
-            moved[:] = own.excitation.at(phases + own.lead)
-    return found
+    return np.array([own.excitation.at(phases + own.lead) for own in posed.members])
 
 
-def _changed(posed: PosedStage, period: int) -> set[int]:
-    """Mesh periods of P in which a mesh differs."""
-    found: set[int] = set()
+def _changed(posed: PosedStage) -> set[int]:
+    """Mesh periods of a turn in which a mesh differs."""
+    found, period = set[int](), posed.period
     for mesh in posed.members:
         for repeats, corners in _corners(mesh, mesh.stiffness.pulses):
             first = math.floor(corners.min() - mesh.lead + 1e-9)

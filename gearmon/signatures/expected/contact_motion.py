@@ -129,7 +129,7 @@ class PeriodicMotion:
     around : Surroundings
     kappa : ndarray, shape (meshes, panels, points)
         k T^2.
-    excitation : ndarray, same shape, optional
+    excitation : ndarray, same shape
         e [m].
 
     Raises
@@ -141,7 +141,7 @@ class PeriodicMotion:
     grid: PhaseGrid
     around: Surroundings
     kappa: FloatArray
-    excitation: FloatArray | None = None
+    excitation: FloatArray
 
     def __post_init__(self) -> None:
         growth = float(np.abs(np.linalg.eigvals(self.monodromy)).max())
@@ -152,21 +152,13 @@ class PeriodicMotion:
             )
 
     @cached_property
-    def known_changes(self) -> dict[tuple[bytes, bytes], list[_Changed]]:
-        """Mesh periods that differ, of the last turns asked for."""
-        return {}
-
-    @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
         around, size = self.around, len(self.around.force)
         push, shift = np.zeros((2, *self.kappa.shape[1:], size, 2 * size + 1))
-        push[..., -1] = around.force
-        if self.excitation is not None:
-            pressed = self.kappa * self.excitation
-            push[..., -1] += np.einsum("mpi,ma->pia", pressed, around.vectors)
-            moved = around.dampers[:, None] * around.vectors
-            shift[..., -1] = np.einsum("mpi,ma->pia", self.excitation, moved)
+        pressed, moved = self.kappa * self.excitation, around.dampers[:, None] * around.vectors
+        push[..., -1] = around.force + np.einsum("mpi,ma->pia", pressed, around.vectors)
+        shift[..., -1] = np.einsum("mpi,ma->pia", self.excitation, moved)
         return self._answer(push, shift, np.eye(2 * size, 2 * size + 1))
 
     @cached_property
@@ -258,8 +250,7 @@ class PeriodicMotion:
     @cached_property
     def load(self) -> FloatArray:
         """Kappa (d - e) at the points, shape (meshes, panels, points)."""
-        moved = 0.0 if self.excitation is None else self.excitation
-        return np.asarray(self.kappa * (self.motion[1] - moved))
+        return np.asarray(self.kappa * (self.motion[1] - self.excitation))
 
     @cached_property
     def force(self) -> FloatArray:
@@ -300,11 +291,9 @@ class PeriodicMotion:
     def force_lines(self, highest: int) -> ComplexArray:
         """Return the harmonics 1..highest of all mesh forces, shape (1, meshes, highest)."""
         turns, weights = self.grid.phase / self.period, self.grid.weights / self.period
-        found = fourier_sums(turns, self.force * weights, highest)
-        if self.excitation is not None:
-            moved = fourier_sums(turns, self.excitation * weights, highest)
-            found -= self.around.moved(moved, self.period)
-        return found[None]
+        values = np.stack([self.force, self.excitation]) * weights
+        force, moved = fourier_sums(turns, values, highest)
+        return np.asarray(force - self.around.moved(moved, self.period))[None]
 
 
 def fourier_sums(turns: FloatArray, values: FloatArray, highest: int) -> ComplexArray:
@@ -353,7 +342,7 @@ class Deviations:
         Those that differ, 0 to P - 1.
     delta : ndarray, shape (turns, W, meshes, panels, points)
         Change of k T^2 in these periods.
-    excitation : ndarray, same shape, optional
+    excitation : ndarray, same shape
         e [m] in these periods; zero in the others.
     """
 
@@ -361,19 +350,13 @@ class Deviations:
     period: int
     where: tuple[int, ...]
     delta: FloatArray
-    excitation: FloatArray | None = None
+    excitation: FloatArray
 
     @cached_property
     def _changed(self) -> list[_Changed]:
-        """The mesh periods that differ; known where another gear asked for the same just now."""
-        known, delta, e = self.mesh.known_changes, self.delta, self.excitation
-        key = delta.tobytes(), b"" if e is None else e.tobytes()
-        if key not in known:
-            known.clear()
-            still = [None] * delta.shape[1] if e is None else e.swapaxes(0, 1)
-            each = zip(delta.swapaxes(0, 1), still, strict=True)
-            known[key] = [_Changed(self.mesh, *own) for own in each]
-        return known[key]
+        """The mesh periods that differ."""
+        each = zip(self.delta.swapaxes(0, 1), self.excitation.swapaxes(0, 1), strict=True)
+        return [_Changed(self.mesh, *own) for own in each]
 
     @cached_property
     def states(self) -> FloatArray:
@@ -421,9 +404,7 @@ class Deviations:
     def _force(self) -> FloatArray:
         """Change of the mesh forces there but for those of e'."""
         mesh, (speed, moved) = self.mesh, self.motion
-        if self.excitation is not None:
-            moved = moved - self.excitation
-        load = self.delta * mesh.motion[1] + (mesh.kappa + self.delta) * moved
+        load = self.delta * mesh.motion[1] + (mesh.kappa + self.delta) * (moved - self.excitation)
         return np.asarray(load + mesh.around.dampers[:, None, None] * speed)
 
     @property
@@ -465,9 +446,8 @@ class Deviations:
         a transform of the states.
         """
         mesh, turns, period = self.mesh, len(self.delta), self.period
-        numbers, force, e = np.arange(1, highest + 1), self._force, self.excitation
-        excited = np.flatnonzero([] if e is None else e.any(axis=(1, 2, 3, 4)))
-        values = force if e is None else np.concatenate([force, e[excited]])
+        numbers, excited = np.arange(1, highest + 1), self.excitation.any(axis=(1, 2, 3, 4))
+        values = np.concatenate([self._force, self.excitation[excited]])
         phases = (np.array(self.where)[:, None, None] + mesh.grid.phase) / period
         weights = mesh.grid.weights / period
         sums = fourier_sums(phases, values.swapaxes(1, 2) * weights, highest)
@@ -492,7 +472,7 @@ class _Changed:
     mesh : PeriodicMotion
     delta : ndarray, shape (turns, meshes, panels, points)
         Change of kappa.
-    excitation : ndarray, same shape, optional
+    excitation : ndarray, same shape
         e.
 
     Attributes
@@ -501,17 +481,14 @@ class _Changed:
         Meshes that differ, among the columns of `PeriodicMotion.forced`.
     force : ndarray, shape (turns, panels, acting * points, 2n + 1)
         f by the state of the deviation when its panel begins, and what is there anyway.
-    moved : ndarray, shape (turns, panels, acting * points), or None
+    moved : ndarray, shape (turns, panels, acting * points)
         e.
     maps : _PanelMaps
         Of the deviation.
     """
 
-    def __init__(
-        self, mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray | None
-    ) -> None:
-        marked = delta if excitation is None else (delta != 0) | (excitation != 0)
-        acting = np.flatnonzero(marked.any(axis=(0, 2, 3)))
+    def __init__(self, mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray) -> None:
+        acting = np.flatnonzero(((delta != 0) | (excitation != 0)).any(axis=(0, 2, 3)))
         columns = (acting[:, None] * POINTS + np.arange(POINTS)).ravel()
 
         def rows(values: FloatArray) -> FloatArray:
@@ -523,8 +500,9 @@ class _Changed:
         free[..., -1] = rows(mesh.motion[1])
         own = rows(delta)
         right = -own[..., None] * free
-        self.columns, self.moved = columns, None if excitation is None else rows(excitation)
-        if self.moved is not None:
+        self.columns, self.moved = columns, rows(excitation)
+        # of damage alone there is nothing to shift
+        if self.moved.any():
             shifted = mesh.shifted
             by_e = _times(shifted.rows(acting)[..., columns], self.moved)
             right[..., -1] += rows(mesh.kappa + delta) * self.moved - own * by_e
@@ -534,7 +512,7 @@ class _Changed:
         self.force[pressed] = np.linalg.solve(matrix + np.eye(len(columns)), right[pressed])
         step = forced.step[..., columns] @ self.force
         step[..., :-1] += mesh.maps.step[..., :-1]
-        if self.moved is not None:
+        if self.moved.any():
             step[..., -1] += _times(shifted.step[..., columns], self.moved)
         self.maps = _PanelMaps(step=step, seen=mesh.maps.seen)
 
@@ -543,7 +521,7 @@ class _Changed:
         states = self.maps.states(start)
         found = _reached(mesh.maps.seen[..., :-1], states)
         found += _reached(mesh.forced.seen[..., self.columns], _applied(self.force, states))
-        if self.moved is not None:
+        if self.moved.any():
             found += _reached(mesh.shifted.seen[..., self.columns], self.moved)
         return found
 

@@ -10,16 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import product
 from typing import Any
 
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
-from gearmon.gears.faults import ERROR_KINDS, KINDS, Fault, parse_fault_or_error
-from gearmon.gears.pulses import LEAST_OVERLAP
-from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
+from gearmon.gears.faults import ERROR_KINDS, KINDS, WHOLE_KINDS, parse_fault_or_error
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signatures.expected.baseline import faulty_lines, periodic_lines
@@ -42,10 +39,8 @@ FAMILY_KINDS += ("pitch", "eccentricity", "misalignment")
 LOSSES = ("2.5%", "5%", "10%", "20%", "40%")
 ERROR_SIZES = ("5um", "10um", "20um", "40um")
 GONE = ("1tooth",)
-#: Kinds that take as a loss the same pulse, more or less of it; breakage does of spur teeth only.
-EVEN_KINDS = ("breakage", "crack", "stiffness", "pitting", "spall")
 #: Kinds that concern all teeth of a gear.
-ALL_TEETH = ("wear", "eccentricity", "cumulative", "misalignment", "profile")
+ALL_TEETH = ("wear", "profile", *WHOLE_KINDS)
 
 Size = float | str
 # Columns of the table beside those of the lines.
@@ -62,9 +57,6 @@ class FamilyMember:
     stage : int
     size : str
         As in ``KIND:STAGE:GEAR:TOOTH:SIZE``.
-    loss : float
-        Share that the pair of a faulty tooth loses of its stiffness, integrated over its contact.
-        0 for errors that take no stiffness.
     operating : int
         Operating point, from 0.
     lines : MeshLines
@@ -77,10 +69,17 @@ class FamilyMember:
     stage: int
     gear: str
     size: str
-    loss: float
     operating: int
     lines: MeshLines
     sound: MeshLines
+
+    @property
+    def loss(self) -> float:
+        """Share that the pair of a faulty tooth loses of its stiffness, over its contact.
+
+        0 for errors that take no stiffness.
+        """
+        return self.lines.posed.loss(self.sound.posed)
 
     @property
     def teeth(self) -> int:
@@ -274,27 +273,34 @@ def fault_family(
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
         if not part:
             raise ArgumentError(f"{name}: none given, at least one is needed")
-    stages = _stages(machine, points, places, form)
+    meshes = [(number, 0) for number in range(1, len(machine.stages) + 1)]
+    meshes += [(stage, mesh) for (stage, _), mesh in places.items()]
     healthy = {
-        key: periodic_lines(own, own.limit_hz(max_hz), tolerance) for key, own in stages.items()
+        key: periodic_lines(own, own.limit_hz(max_hz), tolerance)
+        for key, own in _healthy(machine, points, meshes, form).items()
     }
     if not any(len(lines.displacement) for lines in healthy.values()):
-        refuse_no_lines((lines.mechanics for lines in healthy.values()), max_hz)
-    cases: list[_Case] = []
+        refuse_no_lines((own.mechanics.mesh_frequency_hz for own in healthy.values()), max_hz)
+    members: list[FamilyMember] = []
     notes: dict[str, None] = {}
     for number, ((stage, gear), mesh) in product(points, places.items()):
-        even = stages.get((number, stage, mesh)) or stages[number, stage, 0]
-        one = _Gear(MeshPlace(machine, stage, number, form, mesh), gear, even)
-        for kind, own in texts.items():
+        place = MeshPlace(machine, stage, number, form, mesh)
+        posed: dict[tuple[str, str], PosedStage] = {}
+        for kind, sized in texts.items():
             try:
-                cases += list(one.cases(kind, own))
+                posed |= {
+                    (kind, size): place.posed([replace(wrong, stage=stage, gear=gear)])
+                    for size, wrong in sized.items()
+                }
             except ArgumentError as error:
                 if kinds is not None:
                     raise
                 notes[f"{kind} of the {gear} of stage {stage} left out: {error}"] = None
+        sound = healthy.get((number, stage, mesh)) or healthy[number, stage, 0]
+        members += _members(place, gear, posed, sound, max_hz, tolerance)
     return FaultFamily(
         machine=machine,
-        members=_solved(cases, {own.posed: own for own in healthy.values()}, max_hz, tolerance),
+        members=tuple(members),
         healthy=healthy,
         max_hz=max_hz,
         tolerance=tolerance,
@@ -302,80 +308,41 @@ def fault_family(
     )
 
 
-def _stages(
-    machine: Machine, points: Sequence[int], places: Mapping[tuple[int, str], int], form: str
+def _healthy(
+    machine: Machine, points: Sequence[int], places: Iterable[tuple[int, int]], form: str
 ) -> dict[tuple[int, int, int], PosedStage]:
     """Pose the healthy stages, by operating point, stage and mesh."""
     found: dict[tuple[int, int, int], PosedStage] = {}
-    every = {(number, 0) for number in range(1, len(machine.stages) + 1)}
-    every |= {(stage, mesh) for (stage, _), mesh in places.items()}
-    for number, (stage, mesh) in product(points, sorted(every)):
+    for number, (stage, mesh) in product(points, sorted({*places})):
         even = MeshPlace(machine, stage, number, form, mesh).posed()
         # a set that is taken as a whole has all of its gears in one
         found.setdefault((number, stage, mesh if even.train is None else 0), even)
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Gear:
-    """A gear at an operating point, and its stage without faults."""
-
-    place: MeshPlace
-    gear: str
-    even: PosedStage
-
-    @cached_property
-    def alone(self) -> PosedStage:
-        """Its mesh without faults, by itself."""
-        return self.place.alone()
-
-    def cases(self, kind: str, sizes: Mapping[str, Wrong]) -> Iterator[_Case]:
-        """Pose all sizes of a kind; losses that take the same pulse, more or less, by a half."""
-        place = {"stage": self.place.stage, "gear": self.gear, "operating": self.place.operating}
-        helical = self.even.mechanics.stiffness.overlap_ratio >= LEAST_OVERLAP
-        alike = kind in EVEN_KINDS[helical:] and self.place.form != POTENTIAL_ENERGY
-        half: PosedStage | None = None
-        for size, wrong in sizes.items():
-            if alike and isinstance(wrong, Fault) and wrong.is_loss and wrong.loss:
-                half = half or self._posed(replace(wrong, size=0.5, unit=""))
-                posed = half.scaled(2 * wrong.loss)
-            else:
-                posed = self._posed(wrong)
-            # what a set cannot be solved with is taken by itself
-            even = self.even if (self.even.train is None) == (posed.train is None) else self.alone
-            yield _Case(place | {"kind": kind, "size": size}, posed, even, self.even)
-
-    def _posed(self, wrong: Wrong) -> PosedStage:
-        return self.place.posed([replace(wrong, stage=self.place.stage, gear=self.gear)])
-
-
-@dataclass(frozen=True, eq=False)
-class _Case:
-    """A fault, what is told of it, the same stage without it, and that as it is usually posed."""
-
-    told: dict[str, Any]
-    posed: PosedStage
-    even: PosedStage
-    usual: PosedStage
-
-
-def _solved(
-    cases: Sequence[_Case],
-    healthy: Mapping[PosedStage, MeshLines],
+def _members(
+    place: MeshPlace,
+    gear: str,
+    posed: Mapping[tuple[str, str], PosedStage],
+    healthy: MeshLines,
     max_hz: float | None,
     tolerance: float,
-) -> tuple[FamilyMember, ...]:
-    """Solve all faults, those of the gears of a mesh at once."""
-    found: dict[_Case, FamilyMember] = {}
-    for even in dict.fromkeys(case.even for case in cases):
-        own = [case for case in cases if case.even is even]
-        limit_hz = own[0].usual.limit_hz(max_hz)
-        sound = healthy.get(even) or periodic_lines(even, limit_hz, tolerance)
-        solved = faulty_lines(even, [case.posed for case in own], limit_hz, tolerance)
-        for case, lines in zip(own, solved, strict=True):
-            loss = case.posed.loss(even)
-            found[case] = FamilyMember(**case.told, loss=loss, lines=lines, sound=sound)
-    return tuple(found[case] for case in cases)
+) -> Iterator[FamilyMember]:
+    """Solve what is wrong with a gear, by kind and size."""
+    limit_hz = healthy.posed.limit_hz(max_hz)
+    found: dict[tuple[str, str], tuple[MeshLines, MeshLines]] = {}
+    for alone in (False, True):
+        own = {key: one for key, one in posed.items() if (one.train is None) == alone}
+        sound = healthy
+        # what a set cannot be solved with is taken by itself
+        if own and (healthy.posed.train is None) != alone:
+            sound = periodic_lines(place.alone(), limit_hz, tolerance)
+        solved = faulty_lines(sound.posed, list(own.values()), limit_hz, tolerance)
+        found |= {key: (lines, sound) for key, lines in zip(own, solved, strict=True)}
+    where: dict[str, Any] = {"stage": place.stage, "gear": gear, "operating": place.operating}
+    for kind, size in posed:
+        lines, sound = found[kind, size]
+        yield FamilyMember(**where, kind=kind, size=size, lines=lines, sound=sound)
 
 
 def _words(kind: str, stage: int, gear: str, size: str, tooth: int = 1) -> str:

@@ -28,10 +28,10 @@ sun-planet mesh.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -42,13 +42,13 @@ from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train, of_told_bearings
 from gearmon.gears.excitation import Excitation, displacement_excitation
-from gearmon.gears.faults import Fault, GearError, parse_fault_or_error
+from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
-from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
+from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, pair_of, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
-from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, Surroundings
+from gearmon.signatures.expected.contact_motion import Surroundings
 
 Wrong = Fault | GearError
 
@@ -166,19 +166,12 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
-        return self._with(lambda k: replace(k, pulses=(), modulations=()), errors=())
-
-    def scaled(self, factor: float) -> PosedStage:
-        """Return the same with `factor` times what its damaged teeth lose."""
-        return self._with(lambda k: replace(k, pulses=tuple(t.scaled(factor) for t in k.pulses)))
-
-    def _with(self, changed: Callable[[MeshStiffness], MeshStiffness], **moved: Any) -> PosedStage:
         members = []
         for mesh in self.members:
-            stiffness = changed(mesh.stiffness)
+            stiffness = replace(mesh.stiffness, pulses=(), modulations=())
             mechanics = replace(mesh.mechanics, stiffness=stiffness)
-            excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
-            members.append(replace(mesh, mechanics=mechanics, excitation=excitation))
+            excitation = Excitation(stiffness=stiffness, errors=())
+            members.append(PosedMesh(mechanics=mechanics, excitation=excitation, lead=mesh.lead))
         return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
@@ -239,20 +232,24 @@ class PosedStage:
         own = self.members[0].mechanics
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
-    def heard(
-        self, made: PeriodicMotion | Deviations, highest: int, period: int
-    ) -> tuple[IntArray, IntArray, ComplexArray]:
-        """Return the lines 1..highest of a period, of a set with sidebands of the planet pass.
+    def heard(self, forces: ComplexArray, period: int) -> tuple[dict[str, Any], ComplexArray]:
+        """Return the lines that mesh forces make, of a set with sidebands of the planet pass.
+
+        Parameters
+        ----------
+        forces : ndarray of complex, shape (turns, meshes, highest)
+            Lines 1..highest over the period, in the units of `scale`.
+        period : int
+            P.
 
         Returns
         -------
-        number, carrier : ndarray of int, shape (n,)
-            A line lies at number/P mesh orders and `carrier` turns of the carrier.
+        places : dict
+            `period`, `number` and `carrier` of the lines, as in `MeshLines`.
         lines : ndarray of complex, shape (turns, n)
             As `MeshLines.displacement`.
         """
-        forces = made.force_lines(highest)
-        planets = len(self.angles_rad)
+        planets, highest = len(self.angles_rad), forces.shape[-1]
         shape = len(forces), len(self.members) // planets, planets, highest
         forces = forces.reshape(shape).sum(axis=1)
         sides = np.array([-1, 0, 1] if self.pass_order else [0])
@@ -264,13 +261,16 @@ class PosedStage:
         turn = number / period + sides[:, None] * float(self.pass_order)
         kept = turn > 0
         if self.train is not None:
-            brought = np.abs(forces).sum(axis=1).max(axis=0)
-            kept &= np.abs(lines).max(axis=0) > CANCELLED * brought
+            brought = np.abs(forces).sum(axis=1, keepdims=True)
+            # each turn beside its own loudest line
+            loudest = brought.max(axis=2, keepdims=True, initial=np.finfo(float).tiny)
+            share = (np.abs(lines) / loudest).max(axis=0)
+            kept &= share > CANCELLED * (brought / loudest).max(axis=0)
         which, line = np.nonzero(kept)
         own, mass = self.mechanics, self.members[0].mechanics.equivalent_mass_kg
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
-        heard = lines[:, kept] * (1 / (mass * angular**2 * self.scale))
-        return number[line], sides[which], heard
+        places = {"period": period, "number": number[line], "carrier": sides[which]}
+        return places, lines[:, kept] * (1 / (mass * angular**2 * self.scale))
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
         """Return the equation of a pair without excitation, by the harmonics of its stiffness."""
@@ -335,9 +335,8 @@ class MeshPlace:
             If the machine lacks data, or a fault does not fit it.
         """
         mesh = kinematics(self.machine).mesh(self.stage)
-        return PosedStage(
-            members=(self._meshed(_parsed(wrong)),), mesh=mesh, angles_rad=np.zeros(1)
-        )
+        members = (self._meshed(faults_of(wrong, errors=True)),)
+        return PosedStage(members=members, mesh=mesh, angles_rad=np.zeros(1))
 
     def in_train(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
         """Pose a pair as a part of its machine, other meshes at their means.
@@ -374,18 +373,13 @@ class MeshPlace:
             raise ArgumentError(f"stage={self.stage} is not planetary: no planets pass the housing")
         train = drive_train(self.machine, self.point, self.form)
         before = sum(isinstance(other, PlanetaryStage) for other in stages[: self.stage - 1])
-        known = _parsed(wrong)
-        shared = [one for one in known if one.gear != "planet" or one.kind in ("wear", "profile")]
-        members = []
-        for side in (0, 1):
-            place = replace(self, mesh=side)
-            first = other = place._meshed(known)
-            if len(shared) < len(known):
-                other = place._meshed(shared)
-            leads = [spring.phase for spring in train.meshes(self.stage)[side * own.planets :]]
-            members += [replace(other if i else first, lead=leads[i]) for i in range(own.planets)]
+        known = faults_of(wrong, errors=True)
+        alike = tuple(w for w in known if w.gear != "planet" or w.kind in ("wear", "profile"))
+        meshed = cache(lambda side, wrong: replace(self, mesh=side)._meshed(wrong))
+        every = [(side, alike if i else known) for side in (0, 1) for i in range(own.planets)]
+        springs = zip(every, train.meshes(self.stage), strict=True)
         return PosedStage(
-            members=tuple(members),
+            members=tuple(replace(meshed(*place), lead=spring.phase) for place, spring in springs),
             mesh=kinematics(self.machine).mesh(self.stage),
             train=train,
             angles_rad=train.planets[before].angles_rad,
@@ -412,24 +406,20 @@ class MeshPlace:
         alone = self.alone(faults)
         return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
 
-    def _meshed(self, wrong: list[Wrong]) -> PosedMesh:
+    def _meshed(self, wrong: Iterable[Wrong]) -> PosedMesh:
         own = [one for one in wrong if one.stage == self.stage]
-        faults = [fault for fault in own if isinstance(fault, Fault)]
-        errors = [error for error in own if isinstance(error, GearError)]
-        wrongs: dict[str, Any] = {"faults": faults, "errors": errors}
+        wrongs: dict[str, Any] = {
+            "faults": [one for one in own if isinstance(one, Fault)],
+            "errors": [one for one in own if isinstance(one, GearError)],
+        }
         mechanics = stage_mechanics(
             self.machine, self.stage, self.point, form=self.form, mesh=self.mesh, **wrongs
         )
         moved = Excitation(stiffness=mechanics.stiffness, errors=())
         if own:
-            stage = self.machine.stages[self.stage - 1]
-            pair = mesh_pairs(stage, self.stage, self.machine.path)[self.mesh]
-            moved = displacement_excitation(pair, mechanics.stiffness, errors, faults)
+            pair = pair_of(self.machine, self.stage, self.mesh)
+            moved = displacement_excitation(pair, mechanics.stiffness, **wrongs)
         return PosedMesh(mechanics=mechanics, excitation=moved)
-
-
-def _parsed(wrong: Iterable[Wrong | str]) -> list[Wrong]:
-    return [parse_fault_or_error(one) if isinstance(one, str) else one for one in wrong]
 
 
 def mesh_problem(
@@ -594,16 +584,10 @@ class MeshLines:
 
     def _sidebands(self, distance: IntArray) -> tuple[IntArray, npt.NDArray[np.str_]]:
         """Sideband number and modulating gear of lines by their distance from the mesh harmonic."""
-        number = np.zeros(len(self.number), dtype=int)
-        name = np.full(len(self.number), "?", dtype="U16")
-        for gear, teeth in self.posed.marked.items():
-            step = self.period // teeth
-            own = (self.number % step == 0) & (name == "?")
-            name[own] = gear
-            number[own] = distance[own] // step
-        name[distance == 0] = ""
-        number[distance == 0] = 0
-        return number, name
+        steps = {gear: self.period // teeth for gear, teeth in self.posed.marked.items()}
+        mine = [distance == 0, *(self.number % step == 0 for step in steps.values())]
+        aside = [np.zeros_like(distance), *(distance // step for step in steps.values())]
+        return np.select(mine, aside), np.select(mine, ["", *steps], "?").astype("U16")
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines."""
@@ -630,11 +614,10 @@ def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
-def refuse_no_lines(meshes: Iterable[StageMechanics], max_hz: float | None) -> None:
+def refuse_no_lines(mesh_hz: Iterable[float], max_hz: float | None) -> None:
     """Say that no line is left below the highest frequency."""
-    lowest = min(mechanics.mesh_frequency_hz for mechanics in meshes)
     raise ArgumentError(
-        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {lowest:.6g} Hz: no lines"
+        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {min(mesh_hz):.6g} Hz: no lines"
     )
 
 

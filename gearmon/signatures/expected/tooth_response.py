@@ -24,9 +24,8 @@ import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, GearmonError, check_positive, check_range, check_word
-from gearmon.gears.faults import Fault
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
+from gearmon.gears.pairs import Stage, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, MachineLike, PlanetaryStage, load_machine
 from gearmon.result import Result
@@ -38,7 +37,6 @@ SMALL_LOSS = 1e-6
 _POINTS = 512
 #: Losses at which `grown_lines` are told; at the first they still grow in proportion.
 GROWN = (0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75, 0.95)
-_SMALL_LOSS = 1e-3
 # Face width over module where the file gives no geometry: it does not enter the ratio of lines.
 _STANDARD_WIDTH = 10.0
 _UNIT_STIFFNESS = 1e8
@@ -173,10 +171,7 @@ def loss_response(
         teeth=faulty.period,
         operating=operating,
         loss=lost if loss else 0.0,
-        number=added.number,
-        carrier=added.carrier,
-        order=added.order,
-        frequency_hz=added.frequency_hz,
+        **{name: getattr(added, name) for name in ("number", "carrier", "order", "frequency_hz")},
         acceleration=added.acceleration / lost,
         mesh_acceleration=even,
     )
@@ -298,10 +293,10 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
         depends on masses and stiffnesses.
     """
     check_range("stage", stage, 1, len(machine.stages))
-    own = machine.stages[stage - 1]
-    pair, stiffness, standard = _teeth(own, stage, gear)
-    teeth, planets = pair.member(gear).teeth, isinstance(own, PlanetaryStage)
-    share, phase = _pair_share(pair, stiffness, stage, gear)
+    own, mesh_of_stage = machine.stages[stage - 1], kinematics(machine).mesh(stage)
+    teeth = mesh_of_stage.wheel(gear).teeth
+    stiffness, standard = _stiffness(own, stage, gear)
+    share, phase = _pair_share(stiffness, teeth)
     try:
         found = loss_response(machine, stage, gear, max_order=max_order)
     except GearmonError:
@@ -309,12 +304,13 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
         if gear in ("sun", "planet"):
             told = f"stage={stage} is planetary, and its file bears no baseline"
             raise ArgumentError(told) from None
-        top = int(max_order / kinematics(machine).mesh(stage).order * teeth)
+        top = int(max_order / mesh_of_stage.order * teeth)
         lines, mesh = _deflected(stiffness, share, phase, teeth, top)
     else:
         standard = False
         lines, mesh = (np.append(0.0, own) for own in (found.acceleration, found.mesh_acceleration))
-        lines, mesh = _of_set(machine, found) if planets else (lines, mesh[::teeth])
+        is_set = isinstance(own, PlanetaryStage)
+        lines, mesh = _of_set(machine, found) if is_set else (lines, mesh[::teeth])
     return ToothResponse(
         stage=stage,
         gear=gear,
@@ -371,8 +367,8 @@ def grown_lines(
         told[:, added[0].number] = [even, *(own.acceleration for own in added)]
         return told[0, :: wheel.teeth], told[1:]
     except GearmonError:  # as of `tooth_response`
-        pair, stiffness, _ = _teeth(machine.stages[stage - 1], stage, gear)
-        share, phase = _pair_share(pair, stiffness, stage, gear)
+        stiffness, _ = _stiffness(machine.stages[stage - 1], stage, gear)
+        share, phase = _pair_share(stiffness, wheel.teeth)
         shed = [x * share / (1.0 - x * share) for x in GROWN]
         parts = [_deflected(stiffness, own, phase, wheel.teeth, top) for own in shed]
         return parts[0][1], np.array([lines for lines, _ in parts])
@@ -419,11 +415,11 @@ def _deflected(
     return lines, np.asarray(healthy[harmonic] * (harmonic * teeth) ** 2)
 
 
-def _teeth(own: Stage, stage: int, gear: str) -> tuple[MeshPair, MeshStiffness, bool]:
-    """Teeth of the file or, where it does not tell, of standard proportions; whether these."""
-    pair = _pair(own, stage, gear)
+def _stiffness(own: Stage, stage: int, gear: str) -> tuple[MeshStiffness, bool]:
+    """Mesh of the file or, where it does not tell, of standard proportions; whether of these."""
+    pair = mesh_pairs(own, stage)[gear == "ring"]
     try:
-        return pair, mesh_stiffness(pair, number=stage), False
+        return mesh_stiffness(pair, number=stage), False
     except GearmonError:
         told = {"planets", "fixed", "driving"}
         told |= {"mesh_stiffness_n_per_m", "ring_mesh_stiffness_n_per_m"}
@@ -433,23 +429,12 @@ def _teeth(own: Stage, stage: int, gear: str) -> tuple[MeshPair, MeshStiffness, 
             if key.name.endswith("_teeth") or key.name in told
         }
         plain = type(own)(**given, module_mm=1.0, face_width_mm=_STANDARD_WIDTH)
-        pair = _pair(plain, stage, gear)
-        return pair, mesh_stiffness(pair, number=stage), True
+        return mesh_stiffness(mesh_pairs(plain, stage)[gear == "ring"], number=stage), True
 
 
-def _pair(own: Stage, stage: int, gear: str) -> MeshPair:
-    """Return the mesh of a gear."""
-    pairs = mesh_pairs(own, stage)
-    return next((p for p in pairs if gear in (m.name for m in p.members)), pairs[0])
-
-
-def _pair_share(
-    pair: MeshPair, stiffness: MeshStiffness, stage: int, gear: str
-) -> tuple[FloatArray, FloatArray]:
+def _pair_share(stiffness: MeshStiffness, teeth: int) -> tuple[FloatArray, FloatArray]:
     """Share of the mesh that the pair of one tooth carries, and the phases of its contact."""
-    fault = Fault(kind="stiffness", stage=stage, gear=gear, tooth=1, size=_SMALL_LOSS)
-    hurt = mesh_stiffness(pair, [fault], number=stage)
     count = int(np.ceil(stiffness.total_contact_ratio * _POINTS))
     phase = (np.arange(count) + 0.5) / _POINTS
-    healthy = stiffness.at(phase)
-    return np.clip((healthy - hurt.at(phase)) / (_SMALL_LOSS * healthy), 0.0, 1.0), phase
+    alone = replace(stiffness.healthy, period_mesh=teeth)
+    return np.clip(alone.at(phase) / stiffness.at(phase), 0.0, 1.0), phase

@@ -300,13 +300,9 @@ class _Planning:
 
         last = int(self.top / wheel.exact_relative)
         held = [n for n in range(1, last + 1) if n * turning in position]
+        apart = {order: place for order, place in position.items() if not of_mesh(order)}
         beside = [
-            [
-                position.get(n * turning + aside, -1)
-                if n % step == first and not of_mesh(n * turning + aside)
-                else -1
-                for n in held
-            ]
+            [apart.get(n * turning + aside, -1) if n % step == first else -1 for n in held]
             for aside, step, first in self._sides(mesh, wheel)
         ]
         return WheelLines.of(
@@ -338,15 +334,11 @@ def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
     tuple of Fraction
         Orders, exact.
     """
-    centre = harmonic * mesh.exact
-    if mesh.carrier == 0:
-        return (centre,)
-    carrier = abs(mesh.carrier)
-    orders = {centre - carrier, centre, centre + carrier}
-    if mesh.equally_spaced:
-        shift = -harmonic * mesh.wheel("ring").teeth % mesh.planets
-        turned = (shift, shift - mesh.planets) if shift else ()
-        orders |= {centre + turns * mesh.carrier for turns in turned}
+    turns = {0}
+    if mesh.carrier:
+        shift = -harmonic * mesh.wheel("ring").teeth % mesh.planets if mesh.equally_spaced else 0
+        turns |= {-1, 1} | ({shift, shift - mesh.planets} if shift else set())
+    orders = (harmonic * mesh.exact + own * mesh.carrier for own in turns)
     return tuple(sorted(order for order in orders if order > 0))
 
 

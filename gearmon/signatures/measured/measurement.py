@@ -17,6 +17,7 @@ from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.bad_samples import inspected, sound_part, sound_piece
 from gearmon.signals.orders.lines import OrderBlocks, OrderLines, without_knocks
+from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
@@ -221,25 +222,22 @@ def measure_signature(
     # the lines and the spectrum of the whole recording are made of one and the same steps of angle
     gaps, held = vibration.left_out or (), not vibration.left_out and samples.size <= _HELD_SAMPLES
     blocks = OrderBlocks(samples, rate, track, plan.orders, block_turns, LEAKAGE, gaps, held)
-    steps = blocks.spreading if held else None
+    in_angle = blocks.signals if held else InAngle.of(piece, rate, part)
 
     def others() -> tuple[FineSpectrum, NonGearLines]:
         # at most some millions of points: the test needs the resolution of seconds, not of hours
         pieces = max(1, piece.shape[-1] >> 18)
-        spectrum = fine_order_spectrum(piece, rate, part, pieces, steps)
-        return spectrum, nongear_lines(piece, rate, part, train, spectrum)
+        spectrum = fine_order_spectrum(in_angle, pieces)
+        return spectrum, nongear_lines(in_angle, train, spectrum)
 
     lines, (spectrum, foreign) = at_once(blocks.lines, others, samples.size)
     for wheel in plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
     level, scatter, heard = family_levels(lines, plan)
     speed = tracking.speed()
+    told = ("origin", "duration_s", "sampling_rate_hz", "channel_names", "units")
     return MeasuredSignature(
-        origin=recording.origin,
-        duration_s=recording.duration_s,
-        sampling_rate_hz=rate,
-        channel_names=vibration.channel_names,
-        units=vibration.units,
+        **{name: getattr(vibration, name) for name in told},
         speed=speed,
         meshes=_findings(tracking, speed.peak_hz, spectrum, lines, plan),
         track=track,
@@ -390,16 +388,13 @@ def family_levels(
     them; a family that is not heard is put at its own standard error, an upper estimate.
     """
     products, pairs = lines.block_powers()
-    power = np.empty((products.shape[1], len(plan.families)))
-    error = np.empty_like(power)
-    for column, family in enumerate(plan.families):
-        chosen = list(family.lines)
-        series = products[:, :, chosen].sum(axis=2)
-        power[:, column] = series.mean(axis=0)
-        noise = lines.noise[:, chosen]
-        scatter = np.std(series, axis=0, ddof=1) if len(series) > 1 else np.zeros(len(noise))
-        floor = np.sqrt(np.sum(noise**2, axis=1))
-        error[:, column] = np.maximum(scatter, floor) / np.sqrt(pairs)
+    chosen = np.array([line for family in plan.families for line in family.lines], dtype=int)
+    sizes = np.array([len(family.lines) for family in plan.families], dtype=int)
+    starts = np.cumsum(sizes) - sizes
+    series = np.add.reduceat(products[:, :, chosen], starts, axis=2)
+    floor = np.sqrt(np.add.reduceat(lines.noise[:, chosen] ** 2, starts, axis=1))
+    scatter = np.std(series, axis=0, ddof=1) if len(series) > 1 else 0.0
+    power, error = series.mean(axis=0), np.maximum(scatter, floor) / np.sqrt(pairs)
     heard = power > 2 * error
     shown = np.maximum(power, np.maximum(error, np.finfo(float).tiny))
     relative = np.minimum(error / shown, 1.0)
@@ -421,15 +416,7 @@ def _findings(
     misled = not by_tacho and any(own.foreign is not None for own in meshes)
     findings = []
     for own in meshes:
-        found, reason = own.judged(told)
-        if found and (misled or own.foreign is not None):
-            found, reason = False, _disowned(own.foreign)
-        if found and not several and own.seen.visible > 1 and own.support < _SUPPORTED:
-            found, others = False, own.seen.visible - 1
-            reason = (
-                f"one line suits it, but none of the {others} other harmonics that could be seen: "
-                "it may be a tone of anything"
-            )
+        found, reason = own.judged(told, misled, several)
         holds = tracking.coherent >= _HELD and not misled
         chosen = _mesh_lines(plan, own.mesh, signal.nominal_hz)
         findings.append(
@@ -467,8 +454,7 @@ class _SeenMesh:
 
     def sidebands(self, spacing: float, *, broken: bool = False) -> SidebandSpacing:
         """Return what the sidebands of the mesh say of a spacing."""
-        quality, step = self.spectrum.quality, self.spectrum.step
-        return sideband_spacing(quality, step, self.comb, spacing, SPEED_TOLERANCE, broken=broken)
+        return sideband_spacing(self.spectrum, self.comb, spacing, SPEED_TOLERANCE, broken)
 
     @cached_property
     def shown(self) -> tuple[float, ...]:
@@ -505,8 +491,12 @@ class _SeenMesh:
         # gears that are there have pitch errors of their own
         return foreign_spacing(self.spectrum, self.comb, turning, meshing, self.shown)
 
-    def judged(self, told: bool) -> tuple[bool, str]:
-        """Whether the mesh is found, and why; `told` if it is known to be the right speed."""
+    def judged(self, told: bool, misled: bool, several: bool) -> tuple[bool, str]:
+        """Whether the mesh is found, and why.
+
+        `told` if it is known to be the right speed, `misled` if it is that of something else;
+        `several` if harmonics of any meshes fix it.
+        """
         seen = self.seen
         if not seen.visible:
             return False, "too few of its harmonics lie below half the sampling rate to judge it"
@@ -523,16 +513,20 @@ class _SeenMesh:
                     f"{own.departure:+.1%} from the rotation that this mesh would need: it "
                     "belongs to something else"
                 )
+        if self.foreign is not None:
+            return False, (
+                f"lines suit it, but others as clear stand every {self.foreign:.4g} orders between "
+                "them, and nothing in this machine turns so: they belong to something else, such "
+                "as a bearing"
+            )
+        if misled:
+            return False, (
+                "lines suit it, but at a speed at which those of another stage belong to something "
+                "else, such as a bearing"
+            )
+        if not several and seen.visible > 1 and self.support < _SUPPORTED:
+            return False, (
+                f"one line suits it, but none of the {seen.visible - 1} other harmonics that could "
+                "be seen: it may be a tone of anything"
+            )
         return True, f"{stands}counts"
-
-
-def _disowned(spacing: float | None) -> str:
-    if spacing is None:
-        return (
-            "lines suit it, but at a speed at which those of another stage belong to something "
-            "else, such as a bearing"
-        )
-    return (
-        f"lines suit it, but others as clear stand every {spacing:.4g} orders between them, and "
-        "nothing in this machine turns so: they belong to something else, such as a bearing"
-    )

@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaincc, gammainccinv, pdtrc
 
-from gearmon.arrays import FloatArray
+from gearmon.arrays import FloatArray, IntArray
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import (
     FineSpectrum,
     clear_peaks,
@@ -180,26 +181,17 @@ class NonGearLines:
 
 
 def nongear_lines(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    train: Kinematics,
-    order_spectrum: FineSpectrum,
+    vibration: InAngle, train: Kinematics, order_spectrum: FineSpectrum
 ) -> NonGearLines:
     """List the lines of a recording that no gear explains.
 
     Parameters
     ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    track : AngleTrack
-        Angle of shaft 1 against time.
+    vibration : InAngle
     train : Kinematics
         What gears, shafts and bearings the machine has.
     order_spectrum : FineSpectrum
-        `fine_order_spectrum` of the samples.
+        `fine_order_spectrum` of the vibration.
 
     Returns
     -------
@@ -210,10 +202,10 @@ def nongear_lines(
     Lines within 1.5 widths of a gear's order are left out, also those of bearings, for nothing can
     tell them apart there; so is what slow wander of load and speed sets about strong lines.
     """
-    course = _Course(track)
+    course, turns = _Course(vibration.track), vibration.track.turns
     # pieces of the whole recording: of very many only some were looked at
-    pieces = max(1, round(float(track.turns[-1] - track.turns[0]) * order_spectrum.width))
-    by_time = fine_spectrum(samples, sampling_rate_hz, pieces)
+    pieces = max(1, round(float(turns[-1] - turns[0]) * order_spectrum.width))
+    by_time = fine_spectrum(vibration.samples, vibration.sampling_rate_hz, pieces)
     cell_hz = course.mean / _CELLS_AN_ORDER
     in_time = _highest_in_cells(by_time, cell_hz)
     grid = _noise_grid("spectrum", order_spectrum, course, in_time)
@@ -222,7 +214,7 @@ def nongear_lines(
     found += _sharp_in_time(_Standing(grid, by_time, course), order_spectrum)
     bearings = [line.order for line in train.lines if line.kind == "bearing"]
     top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
-    envelope = fine_envelope_spectrum(samples, sampling_rate_hz, track, top, pieces)
+    envelope = fine_envelope_spectrum(vibration, top, pieces)
     beats = _noise_grid("envelope", envelope, course)
     found += _of_envelope(_Standing(beats, envelope, course, train))
     found.sort(key=lambda line: -max(line.over_noise_db))
@@ -276,12 +268,12 @@ def _decibels(power: FloatArray) -> NDArray[np.float32]:
     return np.asarray(10 * np.log10(np.maximum(power, np.finfo(float).tiny)), dtype=np.float32)
 
 
-def _highest_within(values: FloatArray, reach: int) -> FloatArray:
-    """Return the highest within `reach` places to either side, fewer at the ends."""
-    from scipy.ndimage import maximum_filter1d
-
-    size = 2 * reach + 1
-    return np.asarray(maximum_filter1d(values, size, axis=-1, mode="constant", cval=-np.inf))
+def _highest_within(values: FloatArray, reach: IntArray) -> FloatArray:
+    """Return the highest within so many places to either side of each, fewer at the ends."""
+    place, count = np.arange(len(reach)), values.shape[-1]
+    ends = np.clip([place - reach, place + reach + 1], 0, count).T.ravel()
+    padded = np.pad(values, ((0, 0), (0, 1)), constant_values=-np.inf)
+    return np.asarray(np.maximum.reduceat(padded, ends, axis=-1)[:, ::2])
 
 
 def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None) -> FloatArray:
@@ -289,21 +281,15 @@ def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None)
     highest = _highest_in_cells(spectrum, 1 / _CELLS_AN_ORDER)
     orders = (np.arange(highest.shape[-1]) + 0.5) / _CELLS_AN_ORDER
     reach = 1 + int(np.ceil(course.reach(spectrum.width) * _CELLS_AN_ORDER))
-    hidden = course.skirt(orders) * _highest_within(highest, reach)
+    hidden = course.skirt(orders) * _highest_within(highest, np.full(len(orders), reach))
     if in_time is None:
         return np.asarray(hidden)
     # what was smeared over angle, or is near enough to what was not
     swing = max(course.high / course.mean - 1, 1 - course.low / course.mean)
     cells = 1 + np.ceil((swing * orders + 2 * spectrum.width) * _CELLS_AN_ORDER)
     count = min(in_time.shape[-1], hidden.shape[-1])
-    half = 1
-    for _ in range(int(np.ceil(np.log2(cells.max()))) + 1):
-        wide = _highest_within(in_time, half)
-        own = (cells[:count] > half / 2) & (cells[:count] <= half)
-        hidden[:, :count][:, own] = np.maximum(
-            hidden[:, :count][:, own], wide[:, :count][:, own] / _SHARPER
-        )
-        half *= 2
+    wide = _highest_within(in_time, 2 ** np.ceil(np.log2(cells[:count])).astype(int))
+    hidden[:, :count] = np.maximum(hidden[:, :count], wide / _SHARPER)
     return np.asarray(hidden)
 
 

@@ -121,11 +121,8 @@ class WheelPattern:
         # a few blocks tell little about their scatter: the noise between the lines helps
         floor = lines.noise[:, places] / max(1.0, lines.independent_blocks)
         least = _LEAST_OF_FEW if len(blocks) < _FEW_BLOCKS else _LEAST
-        variance = np.maximum(variance_of_mean(blocks), least * floor)
-        amplitude, variance = (
-            np.where(places >= 0, own, 0.0).swapaxes(0, 1)
-            for own in (blocks.mean(axis=0), variance)
-        )
+        told = blocks.mean(axis=0), np.maximum(variance_of_mean(blocks), least * floor)
+        amplitude, variance = (np.where(places >= 0, own, 0.0).swapaxes(0, 1) for own in told)
         return cls(
             **_shared(cls, wheel),
             amplitude=amplitude[0],
@@ -194,9 +191,7 @@ class Profile:
             speed_hz=signature.speed.estimated_hz,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
-            wheels=tuple(
-                WheelPattern.of(wheel, signature.lines) for wheel in signature.plan.wheels
-            ),
+            wheels=tuple(WheelPattern.of(own, signature.lines) for own in signature.plan.wheels),
         )
 
     def part(self, rows: Sequence[int]) -> Profile:
@@ -300,11 +295,8 @@ def taken(held: Any, rows: Sequence[int], axis: int | None = None) -> Any:
         kept = {name: taken(getattr(held, name), rows, _CHANNELS.get(name)) for name in names}
         return dataclasses.replace(held, **kept)
     if isinstance(held, tuple):
-        return (
-            tuple(taken(own, rows) for own in held)
-            if axis is None
-            else tuple(held[k] for k in rows)
-        )
+        chosen = held if axis is None else [held[k] for k in rows]
+        return tuple(taken(own, rows) for own in chosen)
     return held if axis is None or not held.size else held.take(rows, axis)
 
 
@@ -563,15 +555,13 @@ def _check_orders(machine: Machine, reference: Reference) -> None:
         for mesh in kinematics(machine).meshes
         for wheel in mesh.wheels
     }
-    for profile in reference.profiles:
-        for wheel in profile.wheels:
-            order = orders.get((wheel.stage, wheel.gear))
-            if order is None or abs(wheel.order - order) > 1e-6 * order:
-                raise ArgumentError(
-                    f"the reference has a {wheel.gear} in stage {wheel.stage} of order "
-                    f"{wheel.order:.6g}, the machine file {order or 'none'}; learn one for this "
-                    "machine"
-                )
+    for wheel in (own for profile in reference.profiles for own in profile.wheels):
+        order = orders.get((wheel.stage, wheel.gear))
+        if order is None or abs(wheel.order - order) > 1e-6 * order:
+            raise ArgumentError(
+                f"the reference has a {wheel.gear} in stage {wheel.stage} of order "
+                f"{wheel.order:.6g}, the machine file {order or 'none'}; learn one for this machine"
+            )
 
 
 def _changed_facts(then: dict[str, Any], now: dict[str, Any]) -> list[str]:

@@ -7,7 +7,7 @@ import pytest
 from reference.synthetic_signals import lines_on, track_of, wandering_turns, white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.orders import clear_peaks, fine_order_spectrum, fine_spectrum
+from gearmon.signals.orders import InAngle, clear_peaks, fine_order_spectrum, fine_spectrum
 from gearmon.signals.orders import spectra as module
 from gearmon.signals.orders.lines import OrderBlocks
 from gearmon.signals.orders.spectra import FineSpectrum, fine_envelope_spectrum
@@ -30,7 +30,7 @@ def highest(spectrum, place):
 
 @pytest.mark.parametrize("order", [0.37, 3.3, 17.123, 61.2])
 def test_line_reads_its_squared_amplitude_against_angle(order):
-    spectrum = fine_order_spectrum(lines_on(angle(TIME), order, 0.7), RATE, TRACK)
+    spectrum = fine_order_spectrum(InAngle.of(lines_on(angle(TIME), order, 0.7), RATE, TRACK))
     # half a bin of twice padded Hann costs at most 0.14 dB, twice that with its curvature
     assert highest(spectrum, order)[0] == pytest.approx(0.49, rel=0.08)
 
@@ -42,9 +42,9 @@ def test_steps_of_order_lines_serve_the_spectrum_as_well(order):
     few, held = (
         OrderBlocks(samples, RATE, TRACK, orders, 20.0, 1e-4, held=held) for held in (False, True)
     )
-    shared = fine_order_spectrum(samples, RATE, TRACK, spreading=held.spreading)
+    shared = fine_order_spectrum(held.signals)
     assert highest(shared, order)[0] == pytest.approx(0.49, rel=0.08)
-    alone = fine_order_spectrum(samples, RATE, TRACK)
+    alone = fine_order_spectrum(InAngle.of(samples, RATE, TRACK))
     assert np.median(shared.floor) == pytest.approx(np.median(alone.floor), rel=0.03)
     np.testing.assert_allclose(held.lines().amplitude, few.lines().amplitude, atol=1e-3)
     np.testing.assert_allclose(held.noise(), few.noise(), rtol=0.3)
@@ -59,7 +59,8 @@ def test_line_reads_its_squared_amplitude_against_time(hertz, offset):
 
 def test_line_is_sharper_on_its_own_grid():
     samples = lines_on(angle(TIME), 12.3, 1.0) + np.cos(2 * np.pi * 333.0 * TIME)
-    by_angle, by_time = fine_order_spectrum(samples, RATE, TRACK), fine_spectrum(samples, RATE)
+    by_angle = fine_order_spectrum(InAngle.of(samples, RATE, TRACK))
+    by_time = fine_spectrum(samples, RATE)
     smear = np.array([0.97, 1.03])
     turning = highest(by_angle, 12.3)[0]
     assert turning > 3 * by_time.highest_near(*(12.3 * SPEED * smear[:, None]))[0, 0]
@@ -90,7 +91,7 @@ def test_peaks_are_the_lines_and_not_their_side_lobes(spectrum_of):
         spectrum, scale = fine_spectrum(lines_on(SPEED * TIME, orders, sizes) + noise, RATE), SPEED
     else:
         samples = lines_on(angle(TIME), orders, sizes) + noise
-        spectrum, scale = fine_order_spectrum(samples, RATE, TRACK), 1.0
+        spectrum, scale = fine_order_spectrum(InAngle.of(samples, RATE, TRACK)), 1.0
     peaks = spectrum.places(clear_peaks(spectrum, 40.0)) / scale
     np.testing.assert_allclose(peaks, orders, atol=spectrum.step / scale)
 
@@ -111,11 +112,11 @@ def test_envelope_shows_the_modulation_of_noise_at_any_gain():
     depth = 0.5
     shape = np.sqrt(1 + depth * np.cos(2 * np.pi * 3.7 * angle(TIME)))
     samples = white((1, len(TIME)), seed=2) * shape
-    one = fine_envelope_spectrum(samples, RATE, TRACK, 20.0)
+    one = fine_envelope_spectrum(InAngle.of(samples, RATE, TRACK), 20.0)
     place = int(np.argmax(one.power[0])) * one.step
     assert place == pytest.approx(3.7, abs=one.step)
     assert highest(one, 3.7)[0] == pytest.approx(depth**2, rel=0.35)
-    other = fine_envelope_spectrum(1e-3 * samples, RATE, TRACK, 20.0)
+    other = fine_envelope_spectrum(InAngle.of(1e-3 * samples, RATE, TRACK), 20.0)
     np.testing.assert_allclose(other.power, one.power, rtol=1e-6)
 
 
@@ -123,7 +124,7 @@ def test_strong_lines_do_not_rule_the_envelope():
     shape = 1 + 0.6 * np.cos(2 * np.pi * 3.7 * angle(TIME))
     beat = lines_on(angle(TIME), [30.0, 31.3], 20.0)
     samples = white((1, len(TIME)), seed=2) * shape + beat
-    spectrum = fine_envelope_spectrum(samples, RATE, TRACK, 20.0)
+    spectrum = fine_envelope_spectrum(InAngle.of(samples, RATE, TRACK), 20.0)
     assert highest(spectrum, 3.7)[0] > 10 * highest(spectrum, 1.3)[0]
 
 
@@ -134,14 +135,14 @@ def test_bad_arguments_are_refused():
     with pytest.raises(ArgumentError, match="sampling_rate_hz"):
         fine_spectrum(samples, 0.0)
     with pytest.raises(ArgumentError, match="top_order"):
-        fine_envelope_spectrum(samples, RATE, TRACK, 0.0)
+        fine_envelope_spectrum(InAngle.of(samples, RATE, TRACK), 0.0)
 
 
 def test_no_more_than_eight_pieces_are_heard():
     samples = white((1, len(TIME)), seed=6)
     assert fine_spectrum(samples, RATE, 10).pieces == 8
-    assert fine_order_spectrum(samples, RATE, TRACK, 10).pieces == 8
-    assert fine_envelope_spectrum(samples, RATE, TRACK, 10.0, 10).pieces == 8
+    assert fine_order_spectrum(InAngle.of(samples, RATE, TRACK), 10).pieces == 8
+    assert fine_envelope_spectrum(InAngle.of(samples, RATE, TRACK), 10.0, 10).pieces == 8
     heard = [fine_spectrum(part, RATE).power for part in np.split(samples, 2, axis=1)]
     np.testing.assert_allclose(fine_spectrum(samples, RATE, 2).power, np.mean(heard, axis=0))
 
@@ -162,7 +163,7 @@ def test_whitened_envelope_is_that_of_the_analytic_signal(count):
 def test_quality_peaks_at_the_lines(pieces):
     samples = lines_on(angle(TIME), [7.25, 13.0], [0.5, 0.5])
     samples = np.vstack([samples, 1e3 * samples]) + white((2, len(TIME)), seed=5) * [[1.0], [1e3]]
-    found = fine_order_spectrum(samples, RATE, TRACK, pieces)
+    found = fine_order_spectrum(InAngle.of(samples, RATE, TRACK), pieces)
     quality, bin_order = found.quality, found.step
     peaks = np.sort(np.argsort(quality)[-6:]) * bin_order
     near = np.minimum(np.abs(peaks - 7.25), np.abs(peaks - 13.0))
@@ -171,7 +172,7 @@ def test_quality_peaks_at_the_lines(pieces):
     assert near.max() <= 2.5 * bin_order
     assert np.median(quality) < 1.5
     # the scale of a channel does not matter
-    other = fine_order_spectrum(samples * [[5.0], [0.01]], RATE, TRACK, pieces).quality
+    other = fine_order_spectrum(InAngle.of(samples * [[5.0], [0.01]], RATE, TRACK), pieces).quality
     np.testing.assert_allclose(other, quality, rtol=1e-6)
 
 

@@ -8,14 +8,14 @@ from reference.synthetic_signals import track_of, wandering_turns, white
 
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders import resampling
-from gearmon.signals.orders.resampling import AngleGrid, Kernel, Spreading
+from gearmon.signals.orders.resampling import AngleGrid, InAngle, Kernel
 
 RATE = 2000.0
 
 
 def spread_of(samples, track, per_turn, kernel, first_turn, count):
     grid = AngleGrid(per_turn=per_turn, first_turn=first_turn, count=count)
-    return Spreading(samples, RATE, track, grid, kernel).steps(0, count)
+    return InAngle(samples, RATE, track, grid, kernel).steps(0, count)
 
 
 @pytest.mark.parametrize(("width", "bound"), [(4, 3e-3), (6, 6e-5), (8, 1e-6)])
@@ -92,13 +92,13 @@ def test_steps_stand_where_the_track_has_them(knots, monkeypatch):
     )
     per_turn = 90.0
     grid = AngleGrid(per_turn=per_turn, first_turn=0.0, count=7001)
-    spreading = Spreading(white((1, 8000), seed=1), RATE, track, grid, Kernel.of(8, 1.5))
+    spreading = InAngle(white((1, 8000), seed=1), RATE, track, grid, Kernel.of(8, 1.5))
     for first, count in ((0, 7001), (2997, 5), (1953, 16)):
         time_s, slope = track.time_and_slope_at((first + np.arange(count)) / per_turn)
-        monkeypatch.setattr(Spreading, "_piece", lambda *own: own[1][None])
+        monkeypatch.setattr(InAngle, "_piece", lambda *own: own[1][None])
         found = spreading.steps(first, count)[0]
         np.testing.assert_allclose(found, RATE * time_s, rtol=0, atol=1e-8)
-        monkeypatch.setattr(Spreading, "_piece", lambda *own: own[2][None])
+        monkeypatch.setattr(InAngle, "_piece", lambda *own: own[2][None])
         found = spreading.steps(first, count)[0]
         np.testing.assert_allclose(found, per_turn / (RATE * slope), rtol=1e-8)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
 
-from gearmon.signals.orders import fine_order_spectrum
+from gearmon.signals.orders import InAngle, fine_order_spectrum
 from gearmon.signals.tracking import MeshComb, MeshEvidence, mesh_evidence, scan_speed
 from gearmon.signals.tracking.mesh_detection import combined_comb, sideband_spacing
 
@@ -27,7 +29,7 @@ def parallel(pinion, gear, order=1.0, harmonics=8):
 def evidence(samples, meshes, shafts, nominal=NOMINAL):
     comb = combined_comb(meshes, shafts)
     scan = scan_speed(samples, RATE, comb, nominal, block_s=30 / nominal)
-    return mesh_evidence(scan, meshes, shafts, nominal)
+    return mesh_evidence(scan, meshes, shafts)
 
 
 def pair(pinion, gear):
@@ -164,11 +166,10 @@ def test_mesh_near_half_the_sampling_rate_can_be_judged():
     assert np.isfinite(evidence(samples, *pair(60, 61))[0].score)
 
 
-def quality_of(orders, levels, seed=0, duration=10.0):
+def spectrum_of(orders, levels, seed=0, duration=10.0):
     time = np.arange(int(duration * RATE)) / RATE
     samples = lines_on(NOMINAL * time, orders, levels) + white((1, len(time)), seed=seed)
-    found = fine_order_spectrum(samples, RATE, constant_track(NOMINAL, time[-1]))
-    return found.quality, found.step
+    return fine_order_spectrum(InAngle.of(samples, RATE, constant_track(NOMINAL, time[-1])))
 
 
 SIDES = (-2, -1, 0, 1, 2)
@@ -176,37 +177,38 @@ SIDES = (-2, -1, 0, 1, 2)
 
 def test_sidebands_in_their_places_are_no_mismatch():
     orders = [23.0 * k + r for k in (1, 2, 3) for r in SIDES]
-    quality, bin_order = quality_of(orders, 0.3)
-    excess = sideband_spacing(quality, bin_order, parallel(23, 61), 1.0).excess
+    spectrum = spectrum_of(orders, 0.3)
+    excess = sideband_spacing(spectrum, parallel(23, 61), 1.0, 0.03).excess
     assert excess == 0.0
 
 
 @pytest.mark.parametrize("departure", [-0.02, 0.015])
 def test_sidebands_of_another_rotation_are_a_mismatch(departure):
     orders = [23.0 * k + r * (1 + departure) for k in (1, 2, 3) for r in SIDES]
-    quality, bin_order = quality_of(orders, 0.3)
-    told = sideband_spacing(quality, bin_order, parallel(23, 61), 1.0)
+    spectrum = spectrum_of(orders, 0.3)
+    told = sideband_spacing(spectrum, parallel(23, 61), 1.0, 0.03)
     assert told.excess > 3.0
     assert told.departure == pytest.approx(departure, abs=1.5e-3)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_no_sidebands_are_no_mismatch(seed):
-    quality, bin_order = quality_of([23.0, 46.0, 69.0], 0.3, seed)
-    excess = sideband_spacing(quality, bin_order, parallel(23, 61), 1.0).excess
+    spectrum = spectrum_of([23.0, 46.0, 69.0], 0.3, seed)
+    excess = sideband_spacing(spectrum, parallel(23, 61), 1.0, 0.03).excess
     assert excess < 2.0
 
 
 def test_sidebands_of_the_other_gear_are_no_mismatch():
     # a ratio near two, and sidebands of the slow gear only
     orders = [26.0 * k + r * 26 / 53 for k in (1, 2, 3) for r in (-4, *SIDES, 4)]
-    quality, bin_order = quality_of(orders, 0.3)
-    excess = sideband_spacing(quality, bin_order, parallel(26, 53), 1.0).excess
+    spectrum = spectrum_of(orders, 0.3)
+    excess = sideband_spacing(spectrum, parallel(26, 53), 1.0, 0.03).excess
     assert excess == 0.0
 
 
 def test_spectrum_without_any_spread_is_no_mismatch():
-    told = sideband_spacing(np.zeros(10_000), 0.01, parallel(23, 61), 1.0)
+    spectrum = SimpleNamespace(quality=np.zeros(10_000), step=0.01)
+    told = sideband_spacing(spectrum, parallel(23, 61), 1.0, 0.03)
     assert (told.excess, told.departure) == (0.0, 0.0)
 
 
@@ -215,7 +217,7 @@ def test_a_mesh_with_few_decoys_in_the_band_is_not_judged():
     rate, mesh = 2 * 11.5 * NOMINAL, MeshComb(order=10.0, groups=((10.0,),), spacings=(1.0,))
     samples = lines_on(NOMINAL * np.arange(int(rate * DURATION)) / rate, 10.0, 1.0)
     scan = scan_speed(samples, rate, combined_comb([mesh], [1.0]), NOMINAL)
-    (found,) = mesh_evidence(scan, [mesh], [1.0], NOMINAL)
+    (found,) = mesh_evidence(scan, [mesh], [1.0])
     assert found.decoys < 8
     assert (found.visible, found.clear, found.decoys_above) == (0, 0, found.decoys)
     assert not found.stands_out

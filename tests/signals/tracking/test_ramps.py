@@ -15,7 +15,7 @@ from reference.synthetic_signals import (
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
-from gearmon.signals.orders import OrderSums
+from gearmon.signals.orders import InAngle, OrderSums
 from gearmon.signals.tracking import find_path, integrate_speed, lock_track, scan_speed
 from gearmon.signals.tracking.comb import peak_refined
 from gearmon.signals.tracking.phases import scan_angle, unwarp
@@ -70,12 +70,14 @@ def test_lines_stand_still_in_the_angle_of_a_track_however_the_speed_changes():
     turns = wandering_turns(TIME, NOMINAL, 0.03, 5, slowest_s=4.0)
     samples, comb = vibration(turns), COMB.below(60.0)  # within the band at the highest speed
     known = track_of(lambda t: wandering_turns(t, NOMINAL, 0.03, 5, slowest_s=4.0), TIME[-1], 400)
-    scan, grid = scan_angle(samples, RATE, known, comb, 0.012, 20.0)
+    known = InAngle.of(samples, RATE, known)
+    scan, grid = scan_angle(known, comb, 0.012, 20.0), known.grid
     np.testing.assert_allclose(scan.track().speed_hz, 1.0, atol=3e-4)
     assert scan.centre_s[-1] < grid.count / grid.per_turn
     # as clear as of a steady speed; in blocks of as many turns of time they are smeared
     even = constant_track(NOMINAL, TIME[-1])
-    steady, _ = scan_angle(vibration(NOMINAL * TIME), RATE, even, comb, 0.012, 20.0)
+    even = InAngle.of(vibration(NOMINAL * TIME), RATE, even)
+    steady = scan_angle(even, comb, 0.012, 20.0)
     smeared = scan_speed(samples, RATE, comb, NOMINAL, 0.012, 20 / NOMINAL)
     assert scan.best_score == pytest.approx(steady.best_score, rel=0.1)
     assert smeared.best_score < 0.6 * steady.best_score
@@ -84,16 +86,18 @@ def test_lines_stand_still_in_the_angle_of_a_track_however_the_speed_changes():
 def test_a_long_recording_is_spread_block_by_block_with_the_same_result(monkeypatch):
     turns = wandering_turns(TIME, NOMINAL, 0.01, 5, slowest_s=4.0)
     known = track_of(lambda t: wandering_turns(t, NOMINAL, 0.01, 5, slowest_s=4.0), TIME[-1], 400)
-    held, _ = scan_angle(vibration(turns), RATE, known, COMB, 0.012, 20.0)
+    known = InAngle.of(vibration(turns), RATE, known)
+    held = scan_angle(known, COMB, 0.012, 20.0)
     monkeypatch.setattr("gearmon.signals.tracking.phases._HELD", 0)
-    spread, _ = scan_angle(vibration(turns), RATE, known, COMB, 0.012, 20.0)
+    spread = scan_angle(known, COMB, 0.012, 20.0)
     np.testing.assert_allclose(spread.scores, held.scores, rtol=1e-6)
 
 
 @pytest.mark.parametrize("off", [-0.006, 0.003])
 def test_a_scan_in_the_angle_of_a_track_tells_by_what_its_speed_is_off(off):
     wrong = constant_track(NOMINAL * (1 + off), TIME[-1])
-    scan, _ = scan_angle(vibration(NOMINAL * TIME), RATE, wrong, COMB, 0.012, 10.0)
+    wrong = InAngle.of(vibration(NOMINAL * TIME), RATE, wrong)
+    scan = scan_angle(wrong, COMB, 0.012, 10.0)
     np.testing.assert_allclose(scan.track().speed_hz, 1 / (1 + off), atol=3e-4)
 
 
@@ -130,7 +134,7 @@ def test_peak_between_uneven_candidates_is_that_of_the_parabola():
 def test_unwarping_sharpens_a_speed_that_is_slightly_wrong():
     turns = ramp(0.02)
     first = constant_track(NOMINAL, TIME[-1])
-    better = unwarp(vibration(turns), RATE, first, COMB)
+    better = unwarp(OrderSums(vibration(turns), RATE, MESHES), first, COMB)
     assert error_of(better, turns).std() < 0.2 * error_of(first, turns).std()
 
 
@@ -138,10 +142,11 @@ def followed(samples):
     """Track by the path, the mesh lines and the comb, as a recording is tracked."""
     path = find_path(samples, RATE, COMB, NOMINAL).track()
     track = integrate_speed(path, TIME[-1])
-    for reach in (0.015, 0.008):
-        track = unwarp(samples, RATE, track, COMB, reach)
     within = MESHES[0.45 * RATE / path.speed_hz.max() > MESHES]
-    return lock_track(OrderSums(samples, RATE, within), track)
+    sums = OrderSums(samples, RATE, within)
+    for reach in (0.015, 0.008):
+        track = unwarp(sums, track, COMB, reach)
+    return lock_track(sums, track)
 
 
 @pytest.mark.parametrize("share", [-0.2, 0.2])
