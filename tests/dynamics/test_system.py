@@ -14,6 +14,8 @@ from reference.system_reference import (
 )
 
 from gearmon.dynamics import HillSystem, steady_state
+from gearmon.dynamics.compliance import core_norm, coupling_matrix
+from gearmon.dynamics.mesh_equations import equations_of
 from gearmon.errors import ArgumentError
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -93,6 +95,34 @@ def test_many_meshes_meet_the_tolerance():
         refused += found.stable and not found.error_bound <= 1e-6
     assert stable >= 4
     assert not refused
+
+
+@given(SEEDS, st.integers(1, 30))
+def test_norm_of_a_core_lies_closely_above_that_of_its_matrix(seed, core):
+    equations = equations_of(random_system(np.random.default_rng(seed), 12, 5, 8, 0.8))
+    matrices, harmonics = equations.compliance.matrices(core + 1), equations.pattern.harmonics
+    values = np.linalg.svd(coupling_matrix(matrices, harmonics), compute_uv=False)
+    assert 1 <= core_norm(matrices, harmonics) * values[-1] <= 1.5
+
+
+def test_many_meshes_and_a_slow_period_leave_a_bound():
+    """Twelve meshes and a highest mode at line 150: 5,500 unknowns, some in resonance."""
+    rng = np.random.default_rng(8)
+    n, meshes = 20, 12
+    shapes = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    vectors = rng.normal(size=(meshes, n))
+    squares = np.geomspace(1.0, 150.0, n) ** 2
+    stiffness = shapes @ np.diag(squares) @ shapes.T
+    damping = shapes @ np.diag(0.01 * np.sqrt(squares)) @ shapes.T
+    c = rng.normal(size=(meshes, 3)) * 0.1 / 3
+    means = np.full(meshes, 30.0)
+    force = rng.normal(size=n)
+    system = HillSystem(np.eye(n), damping, stiffness, vectors, means, c, 2 * np.pi, force)
+    found = steady_state(system, 1e-6)
+    assert found.stable
+    assert found.error_bound <= 1e-6
+    exact = lines_at_once(system, len(found.displacement) + 7)
+    assert relative(exact, found) <= found.error_bound + ROUNDING
 
 
 def test_forces_and_deflections_belong_together():
