@@ -45,8 +45,8 @@ from gearmon.dynamics.hill import dynamic_stiffness, largest_responses
 from gearmon.dynamics.system import HillSystem
 from gearmon.errors import ArgumentError
 
-BYTES_ALLOWED = 1e9
-#: Unknowns of a matrix that is solved: 3000 take 70 MB and some seconds.
+BYTES_ALLOWED, BYTES_OF_BANDS = 1e9, 2e8
+#: Unknowns of a matrix that is inverted or solved: 3000 take 70 MB and some seconds.
 MOST_UNKNOWNS = 3000
 #: Rounds of inverse iteration: some percent of the least singular value are left.
 ITERATIONS = 8
@@ -371,10 +371,10 @@ def inverse_norm(compliance: PairCompliance | SystemCompliance, pattern: Pattern
     if most < 0.5:
         return 1 / (1 - most)
     core, best = compliance.quiet_above(0.25 / swing) + c.shape[1] // 2 + 1, math.inf
-    while 32 * c.size * len(c) * (2 * core + 1) <= BYTES_ALLOWED:
+    while 32 * c.size * len(c) * (2 * core + 1) <= BYTES_OF_BANDS:
         found, loop = _norm_from_core(compliance, swing, c, core)
         best = min(best, found)
-        if loop <= 0.5:
+        if loop <= 0.5 or math.isinf(loop):
             break
         core = math.ceil(1.4 * core) + 1
     return best
@@ -385,8 +385,6 @@ def _norm_from_core(
 ) -> tuple[float, float]:
     """Bound from lines up to `core`, and the loop through the others, bounded below 1."""
     tail = swing * compliance.most_from(core + 1)[0]
-    if tail >= 0.5:
-        return math.inf, math.inf
     edge = swing * compliance.most_from(max(0, core + 1 - c.shape[1]))[0]
     inner = core_norm(compliance.matrices(core + 1), c)
     rest = 1 / (1 - tail)
@@ -425,7 +423,7 @@ def core_norm(matrices: Complex, c: Complex) -> float:
             vector /= np.linalg.norm(vector)
             vector = np.asarray(cho_solve_banded((factor, True), vector), dtype=complex)
     except LinAlgError:
-        return math.inf
+        return _norm_of_inverse(matrices, c)
     square = 1 / float(np.linalg.norm(vector))
     for share in (0.8, 0.4, 0.1):
         shifted = bands.copy()
@@ -435,7 +433,20 @@ def core_norm(matrices: Complex, c: Complex) -> float:
         except LinAlgError:
             continue
         return 1 / math.sqrt(share * square)
-    return math.inf
+    return _norm_of_inverse(matrices, c)
+
+
+def _norm_of_inverse(matrices: Complex, c: Complex) -> float:
+    """Frobenius norm of B^-1, close where one direction outweighs all others."""
+    if len(c) * (2 * len(matrices) - 1) > MOST_UNKNOWNS:
+        return math.inf
+    matrix = coupling_matrix(matrices, c)
+    try:
+        size = float(np.linalg.norm(np.linalg.inv(matrix)))
+    except np.linalg.LinAlgError:
+        return math.inf
+    rounding = size * float(np.linalg.norm(matrix)) * len(matrix) * UNIT_ROUNDOFF
+    return size / (1 - rounding) if rounding < 0.5 else math.inf
 
 
 def _normal_bands(matrices: Complex, c: Complex) -> Complex:
