@@ -301,6 +301,9 @@ def history(arguments: Namespace) -> int:
         if entries:
             replaced = kept.append(arguments.store, entries, replace=arguments.replace)
         history = kept.read_history(arguments.store, name)
+        if not (arguments.recording or history.entries):
+            known = [own["machine"] for own in kept.read_latest(arguments.store)]
+            check_word(f"{arguments.store}: machine ", name, known)
     else:
         history = kept.History(machine=name)
         for entry in entries:
