@@ -134,6 +134,8 @@ class HillSystem:
 
     def _check_shapes(self) -> None:
         sizes = {"n": len(self.mass), "m": len(self.mesh_vectors)}
+        if not sizes["m"]:
+            raise ArgumentError("mesh_vectors: no row, at least one mesh is needed")
         if len(self.mesh_harmonics) == 1:
             shared = np.broadcast_to(
                 self.mesh_harmonics, (sizes["m"], self.mesh_harmonics.shape[1])
