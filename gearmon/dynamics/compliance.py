@@ -27,6 +27,7 @@ part of the dynamic stiffness is no smaller.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -365,8 +366,6 @@ def inverse_norm(compliance: PairCompliance | SystemCompliance, pattern: Pattern
     together bound the whole.
     """
     swing, c = pattern.highest, np.atleast_2d(pattern.harmonics)
-    if not swing:
-        return 1.0
     most = swing * compliance.most_from(0)[0]
     if most < 0.5:
         return 1 / (1 - most)
@@ -376,7 +375,8 @@ def inverse_norm(compliance: PairCompliance | SystemCompliance, pattern: Pattern
         best = min(best, found)
         if loop <= 0.5 or math.isinf(loop):
             break
-        core = math.ceil(1.4 * core) + 1
+        # the loop falls with the fourth power of the core
+        core = math.ceil(core * max(1.4, loop**0.25)) + 1
     return best
 
 
@@ -417,22 +417,17 @@ def core_norm(matrices: Complex, c: Complex) -> float:
     rounding = 8 * (len(bands) + 1) * UNIT_ROUNDOFF * float(bands[0].real.sum())
     # of all directions something
     vector: Complex = np.exp(1j * np.arange(bands.shape[1]) ** 2)
-    try:
+    with suppress(LinAlgError):
         factor = cholesky_banded(bands, lower=True, check_finite=False)
         for _ in range(ITERATIONS):
             vector /= np.linalg.norm(vector)
             vector = np.asarray(cho_solve_banded((factor, True), vector), dtype=complex)
-    except LinAlgError:
-        return _norm_of_inverse(matrices, c)
-    square = 1 / float(np.linalg.norm(vector))
-    for share in (0.8, 0.4, 0.1):
-        shifted = bands.copy()
-        shifted[0] -= share * square + rounding
-        try:
-            cholesky_banded(shifted, overwrite_ab=True, lower=True, check_finite=False)
-        except LinAlgError:
-            continue
-        return 1 / math.sqrt(share * square)
+        for square in np.array([0.8, 0.4, 0.1]) / np.linalg.norm(vector):
+            shifted = bands.copy()
+            shifted[0] -= square + rounding
+            with suppress(LinAlgError):
+                cholesky_banded(shifted, overwrite_ab=True, lower=True, check_finite=False)
+                return 1 / math.sqrt(square)
     return _norm_of_inverse(matrices, c)
 
 
@@ -441,12 +436,11 @@ def _norm_of_inverse(matrices: Complex, c: Complex) -> float:
     if len(c) * (2 * len(matrices) - 1) > MOST_UNKNOWNS:
         return math.inf
     matrix = coupling_matrix(matrices, c)
-    try:
+    with suppress(np.linalg.LinAlgError):
         size = float(np.linalg.norm(np.linalg.inv(matrix)))
-    except np.linalg.LinAlgError:
-        return math.inf
-    rounding = size * float(np.linalg.norm(matrix)) * len(matrix) * UNIT_ROUNDOFF
-    return size / (1 - rounding) if rounding < 0.5 else math.inf
+        rounding = size * float(np.linalg.norm(matrix)) * len(matrix) * UNIT_ROUNDOFF
+        return size / (1 - rounding) if rounding < 0.5 else math.inf
+    return math.inf
 
 
 def _normal_bands(matrices: Complex, c: Complex) -> Complex:

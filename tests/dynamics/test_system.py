@@ -262,7 +262,6 @@ def test_parametric_instability_of_a_combination():
         ({"stiffness": np.full((2, 2), np.nan)}, r"stiffness\[0, 0\]=nan must be a finite"),
         ({"stiffness": np.diag([1.0, -30.0])}, "has a mode of negative stiffness"),
         ({"mesh_vectors": [[1.0, 0.0, 0.0]]}, r"mesh_vectors: shape \(1, 3\) must be \(1, 2\)"),
-        ({"mesh_vectors": np.zeros((0, 2))}, "mesh_vectors: no row, at least one mesh"),
         ({"mesh_stiffness_n_per_m": [-1.0]}, "mesh_stiffness_n_per_m: all values must be > 0"),
         ({"mesh_damping_ns_per_m": [-1.0]}, "mesh_damping_ns_per_m: all values must be >= 0"),
         ({"gyroscopic": np.eye(2)}, "gyroscopic: must be skew-symmetric"),
@@ -284,6 +283,13 @@ def test_bad_systems_are_refused(change, message):
     }
     with pytest.raises(ArgumentError, match=message):
         HillSystem(**(values | change))
+
+
+def test_a_machine_has_a_mesh():
+    none = {"mesh_vectors": np.zeros((0, 2)), "mesh_harmonics": np.zeros((0, 1))}
+    bare = {"mass": np.eye(2), "damping": np.eye(2), "stiffness": np.eye(2), "period_s": 1.0}
+    with pytest.raises(ArgumentError, match="one at least"):
+        HillSystem(**bare, **none, mesh_stiffness_n_per_m=[], force_n=[0.0, 0.0])
 
 
 def test_without_damping_nothing_is_said_to_grow():
