@@ -426,13 +426,15 @@ def table_cell(value: Any) -> Any:
     return None if isinstance(value, float) and math.isnan(value) else value
 
 
-def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
+def rows_as_csv(rows: Sequence[dict[str, Any]], columns: Iterable[str] = ()) -> str:
     """Return rows as CSV text with a header.
 
     Parameters
     ----------
     rows : sequence of dict
         Rows with the same keys.
+    columns : iterable of str
+        The keys, for the header of no rows.
 
     Returns
     -------
@@ -440,10 +442,11 @@ def rows_as_csv(rows: Sequence[dict[str, Any]]) -> str:
         None is an empty field; see `table_cell`.
     """
     text = io.StringIO()
-    if rows:
+    names = list(rows[0] if rows else columns)
+    if names:
         writer = csv.writer(text, lineterminator="\n")
-        writer.writerow(map(table_cell, rows[0]))
-        writer.writerows([table_cell(row.get(name)) for name in rows[0]] for row in rows)
+        writer.writerow(map(table_cell, names))
+        writer.writerows([table_cell(row.get(name)) for name in names] for row in rows)
     return text.getvalue()
 
 
@@ -460,10 +463,15 @@ def as_json(result: Mapping[str, Any]) -> str:
         return json.dumps(plain, indent=1, ensure_ascii=False)
 
 
-def write_table(path: str | Path, result: Mapping[str, Any], rows: list[dict[str, Any]]) -> None:
+def write_table(
+    path: str | Path,
+    result: Mapping[str, Any],
+    rows: list[dict[str, Any]],
+    columns: Iterable[str] = (),
+) -> None:
     """Write rows as CSV or the whole result as JSON, by the ending of the name."""
     is_csv = Path(path).suffix.lower() == ".csv"
-    write_atomically(path, rows_as_csv(rows) if is_csv else as_json(result) + "\n")
+    write_atomically(path, rows_as_csv(rows, columns) if is_csv else as_json(result) + "\n")
 
 
 def _umask() -> int:

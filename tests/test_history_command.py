@@ -56,6 +56,10 @@ def test_store_grows_and_files_are_written(folder, tmp_path, capsys):
     # and it can be looked at without any recording
     assert main(["history", "--machine", str(folder / "machine.toml"), "--store", str(store)]) == 1
     assert "2 recordings" in capsys.readouterr().out
+    # but not by a name that it does not know
+    asked = ["--machine", str(folder / "machine.toml"), "--store", str(store), "--name", "other"]
+    assert main(["history", *asked]) == 2
+    assert "machine 'other' is not one of " in capsys.readouterr().err
 
 
 def test_a_bad_recording_is_named_and_the_others_are_kept(folder, tmp_path, capsys):

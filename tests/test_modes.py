@@ -403,3 +403,11 @@ def test_the_command_writes_tables_and_picture(tmp_path, monkeypatch, capsys, fi
     assert len(rows) == len(answer["rows"]) + 1
     assert main(["modes", path]) == 0
     assert "shaft 2 is rigid" in capsys.readouterr().out
+
+
+def test_a_campbell_table_without_meetings_keeps_its_header(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["modes", written(tmp_path, SHAFT), "-o", "slow.csv", "--to-rpm", "0.01"]) == 0
+    assert "meets" not in capsys.readouterr().out
+    (header,) = (tmp_path / "slow-campbell.csv").read_text().splitlines()
+    assert header == "speed_rpm,mode,frequency_hz,stage,harmonic,mesh_share,in_phase"

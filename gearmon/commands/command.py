@@ -362,6 +362,7 @@ def finish(
     figures: Callable[[], Mapping[str, Any]] | None = None,
     *,
     rows_in_json: bool = False,
+    columns: Iterable[str] = (),
     write: Callable[[str], Any] | None = None,
 ) -> int:
     """Write a result under the name given, pictures beside it, and show it.
@@ -380,6 +381,8 @@ def finish(
         Figures by what is added to the name.
     rows_in_json : bool
         Whether a JSON file holds the rows beside the result; one of a further table holds but rows.
+    columns : iterable of str
+        Of further tables, which may have no rows.
     write : callable, optional
         Writes the table in the place of rows; takes its name.
     """
@@ -398,7 +401,7 @@ def finish(
         for added, own in tables.items() if target.suffix.lower() != ".png" else ():
             path, listed = str(target.with_name(f"{target.stem}{added}{target.suffix}")), own()
             more = {"rows": listed} if added or rows_in_json else {}
-            write_table(path, ({} if added else result) | more, listed)
+            write_table(path, ({} if added else result) | more, listed, columns if added else ())
             written.append(path)
     if arguments.output and (write is not None or rows is not None):
         result["tables"] = written

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from argparse import Namespace
+from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -234,10 +235,13 @@ def stability(arguments: Namespace) -> int:
 )
 def modes(arguments: Namespace) -> int:
     """Run `gearmon modes`."""
+    from gearmon.signatures.expected.modes import Meeting
+
     named = given(arguments, "harmonics", "highest_rpm", "form")
     found = gearmon.modes(arguments.machine, **named)
     tables = {"": found.frame_rows, "-campbell": found.campbell_rows}
-    return finish(arguments, found, lambda: _modes_lines(found), tables)
+    columns = [own.name for own in fields(Meeting)]
+    return finish(arguments, found, lambda: _modes_lines(found), tables, columns=columns)
 
 
 def _modes_lines(found: Modes) -> list[str]:

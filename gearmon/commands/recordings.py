@@ -301,6 +301,9 @@ def history(arguments: Namespace) -> int:
         if entries:
             replaced = kept.append(arguments.store, entries, replace=arguments.replace)
         history = kept.read_history(arguments.store, name)
+        if not (arguments.recording or history.entries):
+            known = [own["machine"] for own in kept.read_latest(arguments.store)]
+            check_word(f"{arguments.store}: machine ", name, known)
     else:
         history = kept.History(machine=name)
         for entry in entries:
@@ -457,9 +460,12 @@ def _serve(arguments: Namespace, fleet: Fleet) -> int:
 
 
 def _rank(arguments: Namespace, fleet: Fleet) -> int:
-    from gearmon.fleet.ledger import compare, rank
+    from gearmon.fleet.ledger import FEWEST, compare, rank
 
     rows = {"rank": rank, "compare": compare}[arguments.action](fleet)
+    if not rows:
+        told = f"{FEWEST} recordings of a machine, and indicators that differ between them"
+        raise ArgumentError(f"{fleet.name}: nothing to rank; it takes {told}")
     result = {"fleet": fleet.name, "rows": rows}
     return finish(arguments, result, lambda: table_lines(rows[:_SHOWN]), lambda: rows)
 

@@ -46,6 +46,8 @@ _SENTENCES = 4
 # one of two gears of a shaft (17 machines of two simulators, 10 to 30 %) the right one was blamed
 # in 28 of 41 below it, in 32 of 34 beyond.
 _SURE_LEAD = 10.0
+#: How sentences end that leave open which tooth or gear it is.
+UNTOLD = ("cannot be told", "may be any of them")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -270,14 +272,14 @@ def _alike(finding: ToothFinding) -> list[str]:
     best = finding.best
     count, teeth = best.deviation.meetings, best.deviation.teeth
     if count > 1 and best.deviation.gear == "planet":
-        return ["which of the planets it is of cannot be told"]
+        return [f"which of the planets it is of {UNTOLD[0]}"]
     others = sorted(
         {round(best.place[0] - 1 + k * teeth / count) % teeth + 1 for k in range(count)}
     )
     if len(others) < 2:
         return []
     named = ", ".join(str(tooth) for tooth in others)
-    return [f"teeth {named} meet a planet at the same moments: it may be any of them"]
+    return [f"teeth {named} meet a planet at the same moments: it {UNTOLD[1]}"]
 
 
 def _explained(spread: DepartureSpread) -> str:

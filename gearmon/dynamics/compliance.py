@@ -27,6 +27,7 @@ part of the dynamic stiffness is no smaller.
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
@@ -45,11 +46,11 @@ from gearmon.dynamics.hill import dynamic_stiffness, largest_responses
 from gearmon.dynamics.system import HillSystem
 from gearmon.errors import ArgumentError
 
-BYTES_ALLOWED = 1e9
+BYTES_ALLOWED, BYTES_OF_BANDS = 1e9, 2e8
 #: Unknowns of a matrix that is inverted or solved: 3000 take 70 MB and some seconds.
 MOST_UNKNOWNS = 3000
-#: Rounds of Schur's test for the norm of a matrix.
-POWERS = 4
+#: Rounds of inverse iteration: some percent of the least singular value are left.
+ITERATIONS = 8
 #: Lines of the compliance of a machine that are computed at most.
 MOST_LINES = 20_000
 
@@ -361,60 +362,106 @@ def inverse_norm(compliance: PairCompliance | SystemCompliance, pattern: Pattern
 
         1 + phi G = [ B_cc  phi G_t ; phi G_edge  1 + phi G_t ],
 
-    the inverse of B_cc is computed and measured, |phi G_t| < 1 gives that of the rest, and both
+    the least singular value of B_cc is bounded, |phi G_t| < 1 gives that of the rest, and both
     together bound the whole.
     """
     swing, c = pattern.highest, np.atleast_2d(pattern.harmonics)
-    if not swing:
-        return 1.0
     most = swing * compliance.most_from(0)[0]
     if most < 0.5:
         return 1 / (1 - most)
     core, best = compliance.quiet_above(0.25 / swing) + c.shape[1] // 2 + 1, math.inf
-    while len(c) * (2 * core + 1) <= MOST_UNKNOWNS:
+    while 32 * c.size * len(c) * (2 * core + 1) <= BYTES_OF_BANDS:
         found, loop = _norm_from_core(compliance, swing, c, core)
         best = min(best, found)
-        if loop <= 0.5:
+        if loop <= 0.5 or math.isinf(loop):
             break
-        core = math.ceil(1.4 * core) + 1
+        # the loop falls with the fourth power of the core
+        core = math.ceil(core * max(1.4, loop**0.25)) + 1
     return best
 
 
 def _norm_from_core(
     compliance: PairCompliance | SystemCompliance, swing: float, c: Complex, core: int
 ) -> tuple[float, float]:
-    """Bound with lines up to `core` inverted, and the loop through the others, bounded below 1."""
+    """Bound from lines up to `core`, and the loop through the others, bounded below 1."""
     tail = swing * compliance.most_from(core + 1)[0]
-    if tail >= 0.5:
-        return math.inf, math.inf
     edge = swing * compliance.most_from(max(0, core + 1 - c.shape[1]))[0]
-    matrix = coupling_matrix(compliance.matrices(core + 1), c)
-    try:
-        inverse = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return math.inf, math.inf
-    inner = _crude_norm(inverse)
-    rounding = inner * _crude_norm(matrix) * len(matrix) * UNIT_ROUNDOFF
+    inner = core_norm(compliance.matrices(core + 1), c)
     rest = 1 / (1 - tail)
     loop = inner * tail * rest * edge
-    if rounding > 0.5 or loop > 0.98:
+    if loop > 0.98:
         return math.inf, loop
-    inner /= 1 - rounding
     coupled = np.array([[inner, inner * tail * rest], [rest * edge * inner, 0.0]]) / (1 - loop)
     coupled[1, 1] = rest + rest * edge * coupled[0, 1]
     return float(np.linalg.norm(coupled, 2)), loop
 
 
-def _crude_norm(matrix: Real) -> float:
-    """Bound of the spectral norm that needs no singular values.
+def core_norm(matrices: Complex, c: Complex) -> float:
+    """Bound of |B^-1|, B the lines -N..N of 1 + phi G; infinite where rounding hides it.
 
-    By Schur's test it is at most the root of max (A^T A w)/w, A of the moduli, for any w > 0; a few
-    powers bring w near to the best.
+    Parameters
+    ----------
+    matrices : complex ndarray, shape (N+1, meshes, meshes)
+        G.
+    c : complex ndarray, shape (meshes, J)
+
+    Notes
+    -----
+    B^H B - s^2 has a Cholesky factor only if 1/s is such a bound. Inverse iteration finds s, and
+    rounding of product and factor, below 8 (width + 1) units of the trace, is taken off
+    (Higham, Accuracy and Stability of Numerical Algorithms, 2002, theorem 10.3).
     """
-    sizes, weights, least = np.abs(matrix), np.ones(matrix.shape[1]), math.inf
-    for _ in range(POWERS):
-        image = sizes.T @ (sizes @ weights)
-        least = min(least, float((image / weights).max()))
-        # no weight so small that its quotient is rounding
-        weights = np.maximum(image / image.max(), 1e-6)
-    return math.sqrt(least) * (1 + 1e-9)
+    from scipy.linalg import LinAlgError, cho_solve_banded, cholesky_banded
+
+    bands = _normal_bands(matrices, c)
+    rounding = 8 * (len(bands) + 1) * UNIT_ROUNDOFF * float(bands[0].real.sum())
+    # of all directions something
+    vector: Complex = np.exp(1j * np.arange(bands.shape[1]) ** 2)
+    with suppress(LinAlgError):
+        factor = cholesky_banded(bands, lower=True, check_finite=False)
+        for _ in range(ITERATIONS):
+            vector /= np.linalg.norm(vector)
+            vector = np.asarray(cho_solve_banded((factor, True), vector), dtype=complex)
+        for square in np.array([0.8, 0.4, 0.1]) / np.linalg.norm(vector):
+            shifted = bands.copy()
+            shifted[0] -= square + rounding
+            with suppress(LinAlgError):
+                cholesky_banded(shifted, overwrite_ab=True, lower=True, check_finite=False)
+                return 1 / math.sqrt(square)
+    return _norm_of_inverse(matrices, c)
+
+
+def _norm_of_inverse(matrices: Complex, c: Complex) -> float:
+    """Frobenius norm of B^-1, close where one direction outweighs all others."""
+    if len(c) * (2 * len(matrices) - 1) > MOST_UNKNOWNS:
+        return math.inf
+    matrix = coupling_matrix(matrices, c)
+    with suppress(np.linalg.LinAlgError):
+        size = float(np.linalg.norm(np.linalg.inv(matrix)))
+        rounding = size * float(np.linalg.norm(matrix)) * len(matrix) * UNIT_ROUNDOFF
+        return size / (1 - rounding) if rounding < 0.5 else math.inf
+    return math.inf
+
+
+def _normal_bands(matrices: Complex, c: Complex) -> Complex:
+    """Lower bands of B^H B, lines -N..N and in each of them the meshes."""
+    meshes, reach = len(c), min(c.shape[1], 2 * len(matrices) - 2)
+    c = c[:, :reach]
+    swings = np.concatenate([c[:, ::-1].conj(), np.zeros((meshes, 1)), c], axis=1)
+    both = np.concatenate([matrices[:0:-1].conj(), matrices])
+    count = len(both)
+    # what a line gives to those from `reach` below to `reach` above it
+    blocks = swings.T[None, :, :, None] * both[:, None]
+    blocks[:, reach] += np.eye(meshes)
+    target = np.arange(count)[:, None] + np.arange(-reach, reach + 1)
+    blocks[(target < 0) | (target >= count)] = 0
+    bands = np.zeros(((2 * reach + 1) * meshes, count, meshes), dtype=complex)
+    for apart in range(min(2 * reach, count - 1) + 1):
+        one = blocks[: count - apart, apart:].reshape(count - apart, -1, meshes)
+        other = blocks[apart:, : 2 * reach + 1 - apart].reshape(count - apart, -1, meshes)
+        product = other.conj().transpose(0, 2, 1) @ one
+        for row, column in np.ndindex(meshes, meshes):
+            if apart or row >= column:
+                place = apart * meshes + row - column
+                bands[place, : count - apart, column] = product[:, row, column]
+    return bands.reshape(len(bands), -1)

@@ -390,10 +390,10 @@ def _kicked(state: Real, drift: Real, seen: Real, pushed: Real, kicks: Real) -> 
     tensor = np.where((lag > 0)[..., None, None], felt[np.maximum(lag, 0)], 0.0)
     between = tensor.swapaxes(1, 2).reshape(steps * meshes, -1)
     unkicked, left = np.concatenate(freely), np.concatenate(after[::-1], axis=1)
-    whole = np.linalg.matrix_power(drift, steps)
+    whole, kicked = np.linalg.matrix_power(drift, steps), np.empty_like(between)
     for strengths in kicks.reshape(-1, steps * meshes):
         places = solve_triangular(
-            np.eye(len(between)) + between * strengths,
+            np.multiply(between, strengths, out=kicked),
             unkicked @ state,
             lower=True,
             unit_diagonal=True,

@@ -235,13 +235,13 @@ def _norm(squares: Real, weights: Real | float) -> Real:
 
 def _stencil(step: Real, zeta: Real) -> Real:
     """m+ + m-, m+ m-, and b+, b, b- of steps of some length, shape (5, B)."""
-    root = step * np.sqrt(zeta**2 - 1 + 0j)
-    decay = np.exp(-zeta * step)
-    twice = 2 * (np.cosh(root.real) * np.cos(root.imag)) * decay
-    product = decay * decay
+    # both exponents without a difference that cancels, however large the damping
+    fast = zeta + np.sqrt(zeta**2 - 1 + 0j)
+    exponents = -step * np.array([fast, 1 / fast])
+    twice, product = np.exp(exponents).sum(axis=0).real, np.exp(-2 * zeta * step)
     turn = np.exp(1j * step)
     resonant = (turn - twice + product / turn) / (2j * zeta)
-    mean = 1 - twice + product
+    mean = np.expm1(exponents).prod(axis=0).real
     both = (mean - resonant.real) / (1 - turn.real)
     apart = resonant.imag / turn.imag
     return np.array([twice, product, (both + apart) / 2, mean - both, (both - apart) / 2])

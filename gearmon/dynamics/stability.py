@@ -370,6 +370,8 @@ def _first_crossing(function: Callable[[float], float], grid: Real, values: Real
 
 MOST_HARMONICS = 600
 MOST_TONGUE = 200
+#: Damping ratio up to which tongues are sought.
+MOST_DAMPING = 0.999
 #: A tongue whose excess stays below this is closed as far as rounding can tell.
 CLOSED = 1e-13
 #: Rounds of the search for the top of a tongue, and points of each.
@@ -413,7 +415,7 @@ def tongue_edges(
     (1.949698438, 2.049678773)
     """
     check_range("tongue", tongue, 1, MOST_TONGUE)
-    check_range("damping_ratio", damping_ratio, 0.0, 0.999)
+    check_range("damping_ratio", damping_ratio, 0.0, MOST_DAMPING)
     eps = np.atleast_1d(np.asarray(variations, dtype=np.float64))
     least = 1 + np.minimum(eps * shape.extremes[0], eps * shape.extremes[1])
     if eps.ndim != 1 or not (least > 0).all():
@@ -644,7 +646,7 @@ def stability_map(
     shape : FourierShape
         f(t) of k0 [1 + eps f(t)].
     damping_ratio : float
-        zeta, 0 to below 1.
+        zeta, 0 to 100; from 0.999 on no tongues are followed.
     speeds : (float, float)
         Range of w/w0, > 0. The fourteen tongues with the lowest numbers in it are followed.
     highest_variation : float, optional
@@ -678,7 +680,9 @@ def stability_map(
     )
     # tongues bend to lower speeds, so that some begin outside
     first, last = max(1, math.ceil(1.7 / high)), math.floor(2 / low)
-    numbers = range(first, min(last, first + MOST_TONGUES - 1, MOST_TONGUE) + 1)
+    # what is damped so much has none: nothing swings
+    last = min(last, first + MOST_TONGUES - 1, MOST_TONGUE) if damping_ratio <= MOST_DAMPING else 0
+    numbers = range(first, last + 1)
     coarse = highest_variation * np.linspace(0.0, 1.0, 49)
     boundaries = Boundaries(shape, damping_ratio, numbers, coarse)
     tongues = tuple(_tongue(boundaries, n, coarse, orders) for n in numbers)
@@ -741,7 +745,7 @@ def stability_map_of(
     Parameters
     ----------
     problem : HillProblem
-        Damping ratio below 1 and w/w0 from 0.01; eps is max k(t)/k0 - 1.
+        w/w0 from 0.01; eps is max k(t)/k0 - 1.
     orders, points
         As of `stability_map`.
 

@@ -12,6 +12,7 @@ import numpy as np
 from gearmon.dynamics import direct
 from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.direct import Solution, lines
+from gearmon.dynamics.floquet import SETTLED
 from gearmon.dynamics.fourier import Complex, cut
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.mesh_equations import (
@@ -295,6 +296,10 @@ def _verdict(bound: float, tolerance: float) -> str:
 
 def growing_by(size: float) -> str:
     """Say that there is no steady state: `size` is the modulus of the largest multiplier."""
+    if size <= 1 + SETTLED:
+        return (
+            "some free vibration never dies out (Floquet multiplier 1): no steady state is reached"
+        )
     return (
         f"unstable: free vibrations grow by {size:.6g} a period (largest Floquet multiplier), so "
         "there is no steady state"

@@ -124,8 +124,8 @@ class HillSystem:
             _check_symmetry(name, getattr(self, name), -1.0 if name == "gyroscopic" else 1.0)
         if (self.mesh_damping_ns_per_m < 0).any():
             raise ArgumentError("mesh_damping_ns_per_m: all values must be >= 0 N s/m")
-        if not (self.mesh_stiffness_n_per_m > 0).all():
-            raise ArgumentError("mesh_stiffness_n_per_m: all values must be > 0 N/m")
+        if not (len(self.mesh_vectors) and (self.mesh_stiffness_n_per_m > 0).all()):
+            raise ArgumentError("mesh_stiffness_n_per_m: all values must be > 0 N/m, one at least")
         check_swing("mesh_harmonics", self.mesh_harmonics)
         least = float(np.linalg.eigvalsh(self.damping)[0])
         if least < -SYMMETRIC * np.abs(self.damping).max():

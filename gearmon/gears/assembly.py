@@ -295,6 +295,10 @@ class _Assembly:
         if bends and not bearings:
             self.notes.append(f"shaft {number} is held rigidly at its ends: it has no [[bearing]]")
             stiff = [float(line.at[0]), float(line.at[-1])]
+        if bends and len({at for at, _ in bearings}) == 1:
+            self.notes.append(
+                f"shaft {number} swings freely about its only bearing: give it a second [[bearing]]"
+            )
         if bends:
             for place, row in zip(line.at, line.rows, strict=True):
                 if np.abs(place - np.array(stiff or [np.inf])).min() > 1e-9:

@@ -268,7 +268,9 @@ def exposure_figure(exposure: Exposure) -> plots.Picture:
         label = f"{axis.axis}: {k}{axis.weighting}"
         bands.plot(exposure.band_hz, weighted[number], linewidth=2, color=colour, label=label)
         bands.plot(exposure.band_hz, recorded, linewidth=1, color=colour, linestyle=plots.DASHED)
-        course.plot(*extremes(seconds, exposure.running_ms2[number]), color=colour, linewidth=0.9)
+        (felt,) = course.plot(*extremes(seconds, exposure.running_ms2[number]), color=colour)
+        # a single second makes no line
+        felt.set(linewidth=0.9, marker="o" if len(seconds) == 1 else "")
     bands.set(xscale="log", yscale="log", ylim=(top * 10**-_DECADES, top * 2))
     plots.plain_frequencies(bands)
     bands.set(xlabel="third octave in Hz", ylabel="rms in m/s²")

@@ -355,7 +355,7 @@ def _truth(
             for m in kinematics(machine).meshes
         ],
         "meshes": [_mesh(train, drive, number) for number in range(len(train.meshes))],
-        "natural_frequencies_hz": integration.frequencies_hz.tolist(),
+        "natural_frequencies_hz": train.system.natural_frequencies_hz().tolist(),
         "integration": {
             "longest_step_s": integration.longest_step_s,
             "steps": integration.steps,

@@ -73,14 +73,11 @@ class Integration:
     steps : int
     joint_mismatch : float
         Largest disagreement where chunks join: root of its energy over that at rest.
-    frequencies_hz : ndarray
-        Natural frequencies of the train at the greatest mesh stiffnesses [Hz].
     """
 
     longest_step_s: float
     steps: int
     joint_mismatch: float
-    frequencies_hz: FloatArray
 
 
 def triangle_means(
@@ -280,9 +277,7 @@ def _stage_forces(
         _add_to_stages(forces[:, first:last], train, drive, means, grid, first)
         state, before_s = result.end_state, span[1]
         mismatch, steps = max(mismatch, result.joint_mismatch), steps + course.pieces * SUBSTEPS
-    return forces, Integration(
-        longest_step_s=step_s, steps=steps, joint_mismatch=mismatch, frequencies_hz=frequencies_hz
-    )
+    return forces, Integration(longest_step_s=step_s, steps=steps, joint_mismatch=mismatch)
 
 
 def _longest_step_s(frequencies_hz: FloatArray, rate_hz: float) -> float:

@@ -282,6 +282,13 @@ def test_map_holds_exact_and_expanded_boundaries():
     )
 
 
+@pytest.mark.parametrize("zeta", [1.0, 1.4, 5.0])
+def test_an_overdamped_map_has_no_tongues_and_is_stable(zeta):
+    found = stability_map(COSINE, zeta, points=(8, 6))
+    assert found.tongues == ()
+    assert not found.chart.unstable.any()
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [

@@ -227,3 +227,14 @@ def test_one_cell_of_nonsense_does_not_stop_a_sweep():
     found = sweep(0.28, 9e3, 8e8, [0.065], 1.6e-3, 4e3, scale=[1.0, 1e12])
     assert "would swing by 6.5e+10 times" in found.reason[1]
     assert found.stable[0]
+
+
+def test_dampers_beyond_all_sense_overflow_nothing():
+    dampings = 2 * np.sqrt(0.28 * 8e8) * np.geomspace(1.0, 3e6, 40)
+    many = sweep(0.28, dampings, 8e8, [0.065, 0.0, -0.022], 1.6e-3, 4e3)
+    assert many.met.all()
+    for index in (0, 20, 39):
+        alone = steady_state(many.problem(index), 1e-7, "harmonic balance", harmonics=20)
+        apart = np.linalg.norm(many.acceleration[index, :21] - alone.acceleration)
+        most = many.error_bound[index] + alone.error_bound
+        assert apart <= 2 * most * np.linalg.norm(alone.acceleration)

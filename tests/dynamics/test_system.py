@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,8 @@ from reference.system_reference import (
 )
 
 from gearmon.dynamics import HillSystem, steady_state
+from gearmon.dynamics.compliance import core_norm, coupling_matrix
+from gearmon.dynamics.mesh_equations import equations_of
 from gearmon.errors import ArgumentError
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -93,6 +96,44 @@ def test_many_meshes_meet_the_tolerance():
         refused += found.stable and not found.error_bound <= 1e-6
     assert stable >= 4
     assert not refused
+
+
+@given(SEEDS, st.integers(1, 30))
+def test_norm_of_a_core_lies_closely_above_that_of_its_matrix(seed, core):
+    equations = equations_of(random_system(np.random.default_rng(seed), 12, 5, 8, 0.8))
+    matrices, harmonics = equations.compliance.matrices(core + 1), equations.pattern.harmonics
+    values = np.linalg.svd(coupling_matrix(matrices, harmonics), compute_uv=False)
+    assert 1 <= core_norm(matrices, harmonics) * values[-1] <= 1.5
+
+
+def test_norm_of_a_core_that_squares_would_hide():
+    """The spring pulls for a third of the period: an answer a million times its cause."""
+    stiff = replace(published_pair(2), stiffness_harmonics=np.array([0.9, 0.3j]))
+    matrices = equations_of(stiff).compliance.matrices(61)
+    harmonics = stiff.stiffness_harmonics[None]
+    values = np.linalg.svd(coupling_matrix(matrices, harmonics), compute_uv=False)
+    assert values[0] > 1e6 * values[-1]
+    assert 1 <= core_norm(matrices, harmonics) * values[-1] <= 1.5
+
+
+def test_many_meshes_and_a_slow_period_leave_a_bound():
+    """Twelve meshes and a highest mode at line 150: 5,500 unknowns, some in resonance."""
+    rng = np.random.default_rng(8)
+    n, meshes = 20, 12
+    shapes = np.linalg.qr(rng.normal(size=(n, n)))[0]
+    vectors = rng.normal(size=(meshes, n))
+    squares = np.geomspace(1.0, 150.0, n) ** 2
+    stiffness = shapes @ np.diag(squares) @ shapes.T
+    damping = shapes @ np.diag(0.01 * np.sqrt(squares)) @ shapes.T
+    c = rng.normal(size=(meshes, 3)) * 0.1 / 3
+    means = np.full(meshes, 30.0)
+    force = rng.normal(size=n)
+    system = HillSystem(np.eye(n), damping, stiffness, vectors, means, c, 2 * np.pi, force)
+    found = steady_state(system, 1e-6)
+    assert found.stable
+    assert found.error_bound <= 1e-6
+    exact = lines_at_once(system, len(found.displacement) + 7)
+    assert relative(exact, found) <= found.error_bound + ROUNDING
 
 
 def test_forces_and_deflections_belong_together():
@@ -242,6 +283,20 @@ def test_bad_systems_are_refused(change, message):
     }
     with pytest.raises(ArgumentError, match=message):
         HillSystem(**(values | change))
+
+
+def test_a_machine_has_a_mesh():
+    none = {"mesh_vectors": np.zeros((0, 2)), "mesh_harmonics": np.zeros((0, 1))}
+    bare = {"mass": np.eye(2), "damping": np.eye(2), "stiffness": np.eye(2), "period_s": 1.0}
+    with pytest.raises(ArgumentError, match="one at least"):
+        HillSystem(**bare, **none, mesh_stiffness_n_per_m=[], force_n=[0.0, 0.0])
+
+
+def test_without_damping_nothing_is_said_to_grow():
+    system = replace(as_system(published_pair(2)), mesh_damping_ns_per_m=np.zeros(1))
+    found = steady_state(system)
+    assert not found.stable
+    assert found.message.startswith("some free vibration never dies out")
 
 
 def test_no_variation_no_vibration():

@@ -392,3 +392,10 @@ def test_an_exact_sine_is_not_clipped(frequency_hz):
     sine = np.sqrt(2) * np.sin(2 * np.pi * frequency_hz * np.arange(120_000) / RATE)
     expected = abs(WEIGHTINGS["Wk"].response(frequency_hz))
     assert felt(sine, names=("z",)).axes[0].rms_ms2 == pytest.approx(expected, rel=0.01)
+
+
+@pytest.mark.parametrize(("seconds", "marker"), [(1.0, "o"), (5.0, "")])
+def test_a_single_second_is_drawn_as_a_point(seconds, marker):
+    row = sine(20.0, seconds=seconds, rate=2500.0)
+    _, course = felt(row, position="hand", rate=2500.0).plot()
+    assert course.get_lines()[0].get_marker() == marker

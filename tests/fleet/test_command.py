@@ -60,6 +60,7 @@ def test_a_fleet_from_recordings_to_report(folder, capsys):
         (["watch", "fleet.toml", "--every", "0"], "--every"),
         (["serve", "fleet.toml", "--port", "0"], "--port"),
         (["compare", "fleet.toml"], "it takes 4 machines with the same gears"),
+        (["rank", "fleet.toml"], "it takes 6 recordings of a machine"),
     ],
 )
 def test_what_makes_no_sense_is_refused(folder, monkeypatch, capsys, words, message):

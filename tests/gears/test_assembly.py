@@ -62,3 +62,18 @@ def test_gears_without_a_place_sit_at_equal_parts_of_their_shaft():
     ]
     between = sorted(own for own in places if 0 < own[1] < 120)
     assert between == [(1, 60), (2, 40), (2, 80), (3, 60)]
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_shaft_on_one_bearing_is_said_to_swing(count):
+    shaft = {"shaft": 1, "length_mm": 200.0, "diameter_mm": 30.0}
+    bearings = [
+        {"name": f"b{n}", "shaft": 1, "position_mm": 200.0 * n, "stiffness_n_per_m": 2e8}
+        for n in range(count)
+    ]
+    known = load_machine(operating=POINT, stage=PAIR, shaft=shaft, bearing=bearings)
+    train = drive_train(known)
+    # turning, and swinging up and down and to the sides
+    assert sum(square == 0 for square in train.modes[0]) == (3 if count == 1 else 1)
+    said = any("shaft 1 swings freely about its only bearing" in own for own in train.notes)
+    assert said == (count == 1)

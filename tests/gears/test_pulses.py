@@ -90,14 +90,19 @@ def test_an_empty_window_is_zero():
     assert empty.integral([0.5, 2.5]).tolist() == [0.0, 0.0]
 
 
-@given(pulses(), st.integers(1, 4), st.floats(0, 3), st.floats(0, 2.5), st.floats(0.1, 0.9))
+# a mean over a narrower part is the difference of two integrals over next to nothing: rounding
+OVERLAPS = st.just(0.0) | st.floats(1e-4, 2.5)
+
+
+@given(pulses(), st.integers(1, 4), st.floats(0, 3), OVERLAPS, st.floats(0.1, 0.9))
 def test_trains_repeat_and_their_coefficients_are_those_of_the_curve(
     pulse, period, offset, overlap, face
 ):
     """Pulses longer than the period overlap; sections of the face width lag behind."""
     term = PulseTerm(pulse=pulse, weight=-0.7, offset=offset, face_end=face)
     train = PulseTrain(gear="pinion", period_mesh=period, overlap_ratio=overlap, terms=(term,))
-    x = np.linspace(0, period, 50)
+    # not where a plain number is the phase of a jump, which rounding moves to one of its sides
+    x = np.linspace(0, period, 50) + 0.01 * np.sqrt(2)
     np.testing.assert_allclose(train.at(x + 3 * period), train.at(x), atol=1e-9)
     # coefficients of the sum = transform of one pulse: check with a slow sum over sections
     orders = np.arange(4)

@@ -54,6 +54,16 @@ def test_every_kind_of_fault_says_what_to_do(faulty, kind):
     assert "{" not in told
 
 
+def test_what_to_inspect_leaves_open_what_the_evidence_leaves_open(faulty):
+    flag = replace(
+        faulty.analysis.flags[0],
+        evidence=("one", "teeth 2, 25 meet a planet at the same moments: it may be any of them"),
+    )
+    told = summary(replace(faulty.analysis, flags=(flag,))).next
+    assert told.startswith("Inspect tooth")
+    assert told.endswith(". Teeth 2, 25 meet a planet at the same moments: it may be any of them.")
+
+
 def test_a_speed_far_from_nominal_is_a_caution(healthy):
     assert summary(healthy.analysis).caution == ""
     told = summary(slowed(healthy.analysis, 0.8)).caution

@@ -228,6 +228,13 @@ def test_truth_is_ready_for_json_and_says_what_was_asked():
     assert "torsion" in truth["model"]
 
 
+def test_natural_frequencies_of_the_truth_are_those_of_the_mesh_as_it_says():
+    truth = simulate(one_pair(), (), 0.5, 10_000.0, channels=1).truth
+    (mesh,) = truth["meshes"]
+    angular = math.sqrt(mesh["mean_stiffness_n_per_m"] / mesh["equivalent_mass_kg"])
+    assert truth["natural_frequencies_hz"] == pytest.approx([angular / (2 * math.pi)])
+
+
 def test_sizes_are_those_of_a_gearbox():
     recording = simulate(two_stages(), (), 0.5, 10_000.0, seed=1)
     assert np.all(recording.samples.std(axis=1) > 0.1)

@@ -126,8 +126,11 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
         kind, hint = _confirmed(column, values, first=index == 0 and not timed)
         columns[index] = _with_unit(table.path, replace(column, kind=kind), wanted.unit)
         hints += [hint] if hint else []
-    time = next((column for column in columns if column.kind == "time"), None)
+    times = [column for column in columns if column.kind == "time"]
+    time = times[0] if times else None
     rate_hz, rate_note = sampling_rate(table, time, wanted.sampling_rate_hz, "; ".join(hints))
+    for column in times[1:] if wanted.sampling_rate_hz is None else ():
+        _refuse_another_rate(table, column, rate_hz)
     kept, left_out = _usable(table, columns, named_only=bool(wanted.channels))
     samples, taken = _taken(table.values, kept), [columns[index] for index in kept]
     scaled = [_unit_and_scale(column) for column in taken]
@@ -517,6 +520,23 @@ def _from_stamps(
             "leave --sampling-rate out, or correct it or the unit of the time column"
         )
     return given_hz, note
+
+
+def _refuse_another_rate(table: Table, column: DataColumn, rate_hz: float) -> None:
+    """Refuse a further time column that tells another rate: the channels beside it have that."""
+    stamps = table.values[[own.number for own in table.columns].index(column.number)]
+    found = None if len(missing_rows(stamps)) else spacing(stamps)
+    if found is None or found.fault or not found.step:
+        return
+    known = time_factor(column.unit)
+    factors = [factor for _, factor in _USUAL_UNITS] if known is None else [known]
+    apart = min(abs(found.step * factor * rate_hz - 1.0) for factor in factors)
+    if apart > _AGREEMENT + found.uncertainty:
+        raise RecordingError(
+            f"{table.path}, {column.label}: goes up by {found.step:.6g} {column.unit or ''} a row, "
+            f"but another time column says {rate_hz:.7g} Hz; delete the one that is wrong, or give "
+            "channels of another rate a file of their own"
+        )
 
 
 def _unit(

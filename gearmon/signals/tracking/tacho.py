@@ -480,7 +480,7 @@ def track_from_pulses(
     Raises
     ------
     RecordingError
-        If there are fewer than three turns.
+        If there are fewer than three turns, or the pulses begin late or end early.
     """
     check_positive("pulses_per_turn", pulses_per_turn)
     check_positive("shaft_order", shaft_order)
@@ -488,6 +488,7 @@ def track_from_pulses(
     whole = (len(time_s) - 1) // count + 1
     if whole < 3:
         raise RecordingError(f"tacho channel: {whole} turns recorded, at least 3 are needed")
+    _check_ends(time_s, count, duration_s)
     number, spacing = np.arange(len(time_s)), learn_spacing(time_s, count)
     turns = (number // count + spacing[number % count]) / shaft_order
     slope = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0]))
@@ -501,6 +502,19 @@ def track_from_pulses(
         indexed=count == 1 and shaft_order == 1.0,
         uncertainty_turns=_jitter(time_s, turns) * slope,
     )
+
+
+def _check_ends(time_s: FloatArray, per_turn: int, duration_s: float) -> None:
+    """Refuse pulses of a part of the recording: nobody knows the speed of the rest."""
+    before = time_s[0] / (time_s[per_turn] - time_s[0])
+    after = (duration_s - time_s[-1]) / (time_s[-1] - time_s[-1 - per_turn])
+    missing = int(per_turn * before) + int(per_turn * after)
+    if missing > max(2, _REPAIRABLE * len(time_s)):
+        raise RecordingError(
+            f"tacho channel: pulses from {time_s[0]:.4g} to {time_s[-1]:.4g} s of {duration_s:.4g} "
+            f"s only, {missing} are missing beside them; at most 2 % can be. Check the sensor, cut "
+            "the recording, or leave the tacho out"
+        )
 
 
 def track_through(time_s: FloatArray, turns: FloatArray, duration_s: float) -> AngleTrack:

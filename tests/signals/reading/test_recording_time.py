@@ -114,6 +114,30 @@ def test_a_time_without_unit_is_seconds_unless_that_cannot_be(write):
     assert any("it is in ms" in note for note in recording.notes)
 
 
+@pytest.mark.parametrize(
+    ("name", "step", "alike"),
+    [
+        ("time2_s", 5e-4, True),
+        ("time_ms", 0.5, True),
+        ("time2", 500.0, True),
+        ("time2_s", 1e-3, False),
+        ("time_ms", 0.6, False),
+        ("time2", 700.0, False),
+        ("time2_s", 0.0, True),
+    ],
+)
+def test_two_time_columns_must_tell_the_same(tmp_path, name, step, alike):
+    path = tmp_path / "twice.csv"
+    rows = [f"{i / 2000:.4f},{np.sin(i):.5f},{i * step:.9g},{np.cos(i):.5f}\n" for i in range(400)]
+    path.write_text(f"time_s,a1,{name},a2\n" + "".join(rows))
+    assert read_recording(path, 2000.0).sampling_rate_hz == 2000.0
+    if alike:
+        assert read_recording(path).channel_names == ("a1", "a2")
+        return
+    with pytest.raises(RecordingError, match=r"another time column says 2000 Hz; delete the one"):
+        read_recording(path)
+
+
 @pytest.mark.parametrize("unit", ["s", "ms", "us", "ns", "min"])
 def test_a_given_rate_tells_the_unit_of_the_time(write, unit):
     seconds = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}[unit]

@@ -197,6 +197,15 @@ def test_three_turns_at_least():
         track_from_pulses(pulses, 3, 1.0, 1.0)
 
 
+@pytest.mark.parametrize("kept", [slice(None, 120), slice(80, None), slice(30, 160)])
+def test_pulses_of_a_part_of_the_recording_do_not_tell_the_rest(kept):
+    times = 0.0125 + np.arange(199) / 20.0
+    few = f"{199 - len(times[kept])} are missing beside them"
+    with pytest.raises(RecordingError, match=few):
+        track_from_pulses(TachoPulses(time_s=times[kept]), 1, 1.0, 9.93)
+    assert track_from_pulses(TachoPulses(time_s=times[1:-1]), 1, 1.0, 9.93).method == "tacho"
+
+
 def evenly(rate_hz):
     return TachoPulses(time_s=np.arange(200) / rate_hz, missing=0, extra=0)
 

@@ -7,7 +7,8 @@ import pytest
 from reference.synthetic_signals import wandering_turns, white
 
 from gearmon.signals.orders import OrderSums
-from gearmon.signals.tracking import TachoPulses, find_pulses, join, track_from_pulses
+from gearmon.signals.tracking import find_pulses, join, track_from_pulses
+from gearmon.signals.tracking.tacho import track_through
 
 RATE, DURATION, SPEED, TEETH = 4000.0, 10.0, 21.7, 31
 TIME = np.arange(int(RATE * DURATION)) / RATE
@@ -89,8 +90,7 @@ def test_lines_that_do_not_fit_leave_the_pulses_alone(what):
     }[what]
     known, found = joined(samples, switched(turns))
     if what == "few":
-        pulses = TachoPulses(time_s=(1.0 + np.arange(8)) / SPEED)
-        known = track_from_pulses(pulses, 1, 1.0, TIME[-1])
+        known = track_through((1.0 + np.arange(8)) / SPEED, np.arange(8.0), TIME[-1])
         found, _ = join(OrderSums(samples, RATE, ORDERS), known)
     assert found is known
 
