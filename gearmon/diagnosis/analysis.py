@@ -321,7 +321,7 @@ class _Compared:
                 *self.notes,
                 *verdict.limits(signature, self.reference),
                 *verdict.not_found(signature),
-                *verdict.size_note(evidence),
+                *verdict.taken_for_granted(evidence),
             ),
             foreign=evidence.nongear,
         )

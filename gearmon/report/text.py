@@ -24,7 +24,7 @@ from gearmon.diagnosis.history.trends import (
     ToothTrend,
 )
 from gearmon.diagnosis.results import Analysis, Change, Flag
-from gearmon.diagnosis.verdict import UNTOLD, fault_sentence
+from gearmon.diagnosis.verdict import fault_sentence, left_open
 from gearmon.gears.kinematics import LineTable
 from gearmon.report.wording import (
     counted,
@@ -355,8 +355,8 @@ def _next(analysis: Analysis) -> str:
         tooth = f"tooth {flag.tooth} of {gear}" if flag.tooth else f"every tooth of {gear}"
         other = "Record again at the same load; if it stays, open the gearbox at the next stop."
         told = words()["next"].get(flag.kind, other).format(gear=gear, tooth=tooth)
-        doubts = [own for own in flag.evidence if own.endswith(UNTOLD)]
-        return " ".join([told, *(f"{own[0].upper()}{own[1:]}." for own in doubts)])
+        doubts = (f"{own[:1].upper()}{own[1:]}." for own in left_open(flag))
+        return " ".join([told, *doubts])
     if analysis.compared_with != "reference":
         return "Record the machine while it is sound, and compare with that (gearmon learn)."
     return (

@@ -93,11 +93,13 @@ def test_what_was_not_looked_at_or_not_heard_is_named():
     found = Evidence(deviation=clear.deviation, finding=finding, references=2)
     other, both = "the gear of stage 1", "the pinion of stage 1, the gear of stage 1"
     assert f"unnoticed on {other}: record longer" in unheard(found, pair, [], 2 * loss)
-    deaf = f"unnoticed on {both}, what channel a2 hears: record"
-    assert deaf in unheard(found, pair, ["a2"], loss / 2)
+    told = unheard(found, pair, ["a2"], loss / 2)
+    assert f"unnoticed on {both}: record longer" in told
+    assert "What a2 hears is missing: check sensor, cable and name of the channel" in told
     mate = replace(clear, deviation=replace(clear.deviation, gear="gear"))
     heard = replace(found, finding=SimpleNamespace(searched=(clear, mate)))
     assert unheard(heard, pair, [], 2 * loss) == ""
+    assert unheard(heard, pair, ["a2"], 2 * loss).startswith("What a2 hears is missing")
     nothing = Evidence(deviation=clear.deviation, finding=None, references=2)
     told = unheard(nothing, pair, [], 0.4)
     assert told.startswith("Even a loss of 40 % of a tooth's stiffness might have gone unnoticed")

@@ -27,7 +27,15 @@ from gearmon.diagnosis.hypotheses.turns import TurnChange, runout_growth
 from gearmon.diagnosis.law.machine import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.nongear import NonGearFinding
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
-from gearmon.diagnosis.verdict import Flagging, fault_sentence, level_changes, reason, sentences
+from gearmon.diagnosis.verdict import (
+    Flagging,
+    fault_sentence,
+    level_changes,
+    reason,
+    sentences,
+    taken_for_granted,
+)
+from gearmon.machine import PlanetaryStage
 from gearmon.signatures.measured.line_plan import Family
 
 
@@ -464,3 +472,17 @@ def test_a_changed_level_is_what_was_expected_and_the_rest():
     )
     assert (other.level_db, other.reference_db, other.standardised) == (-32.0, -30.0, -2.0 / 0.7)
     assert (other.channel, other.family, other.harmonic) == ("a1", families[2].name, 3)
+
+
+@pytest.mark.parametrize("fixed", ["ring", "carrier"])
+def test_what_a_ring_that_stands_still_hides_far_from_the_sensor_is_said(fixed):
+    stage = PlanetaryStage(
+        sun_teeth=18, planet_teeth=27, ring_teeth=72, planets=3, fixed=fixed, driving="sun"
+    )
+    own = replace(machine(), stages=(machine().stages[0], stage))
+    best = SimpleNamespace(search=None, load_unlearned=False)
+    finding = SimpleNamespace(machine=own, best=best, searched=())
+    told = [*taken_for_granted(replace(evidence(), finding=finding))]
+    assert [note.split(":")[0] for note in told] == (
+        ["the ring of stage 2 stands still"] if fixed == "ring" else []
+    )
