@@ -17,6 +17,7 @@ from functools import cached_property, lru_cache, reduce
 from itertools import chain, combinations, pairwise
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
@@ -85,16 +86,15 @@ class PairsInMesh(ABC):
         return float(self.corners[-1])
 
     @abstractmethod
-    def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
+    def loads(self, phase: FloatArray, states: Sequence[PairState]) -> FloatArray:
         """Return what each pair carries per unit of deflection [N/m].
 
         Parameters
         ----------
         phase : ndarray, shape (pieces, points)
             Phase of the middle pair; within a row the same pairs are in contact.
-        states : sequence of PairState, optional
-            Of the pairs from `reach` before it to `reach` after it, itself in the middle; sound
-            by default.
+        states : sequence of PairState
+            Of the pairs from `reach` before it to `reach` after it, itself in the middle.
 
         Returns
         -------
@@ -114,8 +114,8 @@ class PairsInMesh(ABC):
     @cached_property
     def healthy(self) -> Pulse:
         """What a pair carries among sound neighbours, per unit of deflection [N/m]."""
-        edges = self._edges(self._sound)
-        return Pulse.through(edges, self.loads(panel_nodes(edges, self.points))[self.reach])
+        edges, sound = self._edges(self._sound), self._sound
+        return Pulse.through(edges, self.loads(panel_nodes(edges, self.points), sound)[self.reach])
 
     def trains(self, pair: MeshPair, losses: tuple[GearLosses, GearLosses]) -> list[PulseTrain]:
         """Return what damaged teeth take away, with a period each.
@@ -135,10 +135,12 @@ class PairsInMesh(ABC):
         (one, two), z, overlap = losses, pair.teeth, pair.overlap_ratio
         parts = [(pair.first.name, z[0], one, {}), (pair.second.name, z[1], {}, two)]
         parts += [(" and ".join(pair.names), math.lcm(*z), one, two)] * bool(one and two)
-        found = [(gear, period, self._terms(a, b, z)) for gear, period, a, b in parts]
+        found = [(gear, period, self._terms(a, b, z, period)) for gear, period, a, b in parts]
         return [PulseTrain(gear, period, overlap, terms) for gear, period, terms in found if terms]
 
-    def _terms(self, one: GearLosses, two: GearLosses, teeth: tuple[int, int]) -> Losses:
+    def _terms(
+        self, one: GearLosses, two: GearLosses, teeth: tuple[int, int], period: int
+    ) -> Losses:
         """Return what damaged teeth take from the pairs near them.
 
         Of both gears, where their damaged teeth meet: what they take less than by themselves.
@@ -147,14 +149,11 @@ class PairsInMesh(ABC):
         # teeth that are damaged alike, with neighbours alike, lose the same
         known: dict[tuple[PairState, ...], Pulse] = {}
         for low, high in _face_parts(one, two):
-            first, second = _inside(one, low, high), _inside(two, low, high)
-            near, (z1, z2) = [self._near(first, teeth[0]), self._near(second, teeth[1])], teeth
-            entries = near[0] | near[1]
-            if one and two:
-                met = [n for entry in near[0] for n in range(entry, math.lcm(z1, z2), z1)]
-                entries = {n for n in met if n % z2 in near[1]}
-            for entry in sorted(entries):
-                states = self._states(entry, first, second, teeth)
+            inside = _inside(one, low, high), _inside(two, low, high)
+            near = [self._near(*own, period) for own in zip(inside, teeth, strict=True)]
+            entries = near[0] & near[1] if one and two else near[0] | near[1]
+            for entry in np.flatnonzero(entries).tolist():
+                states = self._states(entry, *inside, teeth)
                 if states not in known:
                     known[states] = self._lost(states)
                 if len(known[states].series):
@@ -211,9 +210,10 @@ class PairsInMesh(ABC):
             for n in self._places
         )
 
-    def _near(self, losses: GearLosses, period: int) -> set[int]:
-        """Return the mesh phases at which pairs enter that damage affects."""
-        return {(tooth - 1 + n) % period for tooth in losses for n in self._places}
+    def _near(self, losses: GearLosses, teeth: int, period: int) -> npt.NDArray[np.bool_]:
+        """Return which of the pairs that enter one after the other damage of a gear affects."""
+        places = np.add.outer(np.arange(period), self._places) % teeth
+        return np.asarray(np.isin(places + 1, [*losses]).any(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -243,10 +243,10 @@ class CurvePairs(PairsInMesh):
         """What a pair carries [N/m]; without wear the curve as it is."""
         return super().healthy if any(self.worn) else self.pulse
 
-    def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
+    def loads(self, phase: FloatArray, states: Sequence[PairState]) -> FloatArray:
         """Return what the pair carries per unit of deflection [N/m], shape (1, pieces, points)."""
         left = self.pulse.value(phase)
-        for losses in (*self.worn, *(SOUND_PAIR if states is None else states[0])):
+        for losses in (*self.worn, *states[0]):
             left = left * (1 - _lost_here(losses, phase))
         return left[None]
 
@@ -276,14 +276,13 @@ class TeethInMesh(PairsInMesh):
         """How many pairs before and after one may be in contact with it."""
         return max(0, math.ceil(self.length - 1e-12) - 1)
 
-    def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
+    def loads(self, phase: FloatArray, states: Sequence[PairState]) -> FloatArray:
         """Return what each pair carries per unit of deflection [N/m]."""
-        known = self._sound if states is None else states
         if self.pair.form.contact == "constant" or self.force_n is None:
-            return self._share(phase, known, None)
-        force = np.full((len(known), *phase.shape), self.force_n / self.length)
+            return self._share(phase, states, None)
+        force = np.full((len(states), *phase.shape), self.force_n / self.length)
         for _ in range(LOAD_ROUNDS):
-            loads = self._share(phase, known, force)
+            loads = self._share(phase, states, force)
             # a pair that carries nothing flattens nothing, and its logarithm needs some load
             force = self.force_n * np.maximum(loads / loads.sum(axis=0), 1e-6)
         return loads

@@ -114,6 +114,7 @@ class _Frame:
     def drawn(self, faults: Sequence[Fault]) -> DrawnGear:
         """Return the gear with those faults whose sizes are no losses."""
         tooth, profile = self.tooth, half_profile(self.tooth)
+        root = tooth.sign * tooth.root_radius_m
         pitch = tooth.sign * 2 * math.pi / tooth.rack.teeth
         # teeth one after the other across the tooth in the middle
         turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
@@ -124,13 +125,14 @@ class _Frame:
             outline=self.place(np.concatenate(row)),
             damage=tuple(self._damage(own, profile)),
             face_width=1e3 * tooth.face_width_m,
-            flank_start=1e3 * float(tooth.height(tooth.start) - tooth.root_height_m),
-            tip=1e3 * (profile[-1].imag - tooth.root_height_m),
+            flank_start=1e3 * float(tooth.height(tooth.start) - root),
+            tip=1e3 * (profile[-1].imag - root),
         )
 
     def _damage(self, faults: Sequence[Fault], profile: ComplexArray) -> Iterator[DrawnDamage]:
         tooth, damage = self.tooth, tooth_damage(faults, self.tooth)
-        width, root, tip = tooth.face_width_m, tooth.root_height_m, profile[-1].imag
+        tip = profile[-1].imag
+        width, root = tooth.face_width_m, tooth.sign * tooth.root_radius_m
 
         def drawn(kind: str, section: ComplexArray, *where: float) -> DrawnDamage:
             begin, part, low, high = (1e3 * x for x in where)
@@ -178,9 +180,8 @@ def teeth_picture(
     )
     frames = _Frame(pair.first, 0j, one), _Frame(pair.second, 1j * centres, -two)
     touching = pair.first.flank(pair.first.angle(roll))
-    return TeethPicture(
-        gears=(frames[0].drawn(faults), frames[1].drawn(faults)), contact=frames[0].place(touching)
-    )
+    gears = frames[0].drawn(faults), frames[1].drawn(faults)
+    return TeethPicture(gears, frames[0].place(touching))
 
 
 def half_profile(tooth: Tooth) -> ComplexArray:

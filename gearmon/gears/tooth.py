@@ -240,11 +240,6 @@ class Tooth:
             )
 
     @property
-    def shear_modulus_pa(self) -> float:
-        """G = E/(2 (1 + nu))."""
-        return self.elastic_modulus_pa / (2 * (1 + self.poisson_ratio))
-
-    @property
     def sign(self) -> int:
         """Return -1 for a ring, whose teeth point to its centre, else 1."""
         return -1 if self.internal else 1
@@ -284,13 +279,7 @@ class Tooth:
 
     def angle_at_radius(self, radius_m: float) -> float:
         """Return the profile angle t [rad] on a circle outside the base circle."""
-        rolled = math.sqrt(max((radius_m / self.base_radius_m) ** 2 - 1, 0.0))
-        return self.sign * (rolled - self.rack.base_half_angle)
-
-    @property
-    def root_height_m(self) -> float:
-        """Height [m] of the root circle in the middle of the tooth."""
-        return self.sign * self.root_radius_m
+        return float(self.angle(math.sqrt(max(radius_m**2 - self.base_radius_m**2, 0.0))))
 
     def flank(self, angle: ArrayLike) -> ComplexArray:
         """Return points of the loaded side: half thickness + i height [m], from the centre."""
@@ -352,7 +341,7 @@ class ToothBeam:
     tooth: Tooth
     damage: ToothDamage = SOUND
 
-    def compliances(self, angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def compliances(self, angle: FloatArray) -> FloatArray:
         """Return compliances in bending, shear and compression [m/N] for contacts at `angle`.
 
         Parameters
@@ -372,9 +361,9 @@ class ToothBeam:
         cosine, sine = np.cos(slope), np.sin(slope)
         lever = (point.imag - self._reference) * cosine - point.real * sine
         bending = (lever * zeroth - 2 * cosine * first) * lever + cosine * cosine * second
-        shear = SHEAR_FACTOR / tooth.shear_modulus_pa * cosine * cosine * area
-        axial = sine * sine * area / tooth.elastic_modulus_pa
-        return bending / tooth.elastic_modulus_pa, shear, axial
+        # with G = E/(2 (1 + nu))
+        shear = 2 * (1 + tooth.poisson_ratio) * SHEAR_FACTOR * cosine * cosine * area
+        return np.stack([bending, shear, sine * sine * area]) / tooth.elastic_modulus_pa
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -576,7 +565,7 @@ def _mean_work(ratio: float, kappa: float, half: float, outwards: float) -> Floa
     return np.asarray(np.real(np.outer(mean, moved)))
 
 
-def sainsot(radius_ratio: float, root_angle_rad: float) -> tuple[float, float, float, float]:
+def sainsot(radius_ratio: float, root_angle_rad: float) -> list[float]:
     """Return the polynomials L, M, P, Q.
 
     Parameters
@@ -592,11 +581,9 @@ def sainsot(radius_ratio: float, root_angle_rad: float) -> tuple[float, float, f
     [6.927112, 1.190046, 4.324115, 0.437799]
     """
     h, theta = radius_ratio, root_angle_rad
-    terms = (1 / theta**2, h * h, h / theta, 1 / theta, h, 1.0)
-    lower, middle, upper, slope = (
-        sum(c * term for c, term in zip(row, terms, strict=True)) for row in SAINSOT.values()
-    )
-    return lower, middle, upper, slope
+    terms = [1 / theta**2, h * h, h / theta, 1 / theta, h, 1.0]
+    found: list[float] = (np.array([*SAINSOT.values()]) @ terms).tolist()
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -672,8 +659,9 @@ class Foundation:
         """
         tooth = self.tooth
         inner, root = tooth.bore_radius_m, tooth.root_radius_m
-        stiff = tooth.elastic_modulus_pa / (4 * math.pi * tooth.shear_modulus_pa)
-        torsion = stiff * tooth.base_radius_m**2 * (inner**-2 - root**-2)
+        # E/(4 pi G) = (1 + nu)/(2 pi)
+        torsion = (1 + tooth.poisson_ratio) / (2 * math.pi)
+        torsion *= tooth.base_radius_m**2 * (inner**-2 - root**-2)
         dip = COUPLING_SLOPE * math.log(tooth.rack.teeth / apart) + COUPLING_CONSTANT
         dip += COUPLING_BORE * inner / tooth.reference_radius_m
         return max(0.0, torsion + dip) / (tooth.elastic_modulus_pa * tooth.face_width_m)
