@@ -349,8 +349,7 @@ class PairGeometry:
     @cached_property
     def base_radii_m(self) -> Two:
         """Radii of the base circles [m]."""
-        cosine = math.cos(self.transverse_pressure_angle_rad)
-        return _both(lambda i: self.reference_radii_m[i] * cosine)
+        return _both(lambda i: self.rack(i).base * self.normal_module_m)
 
     @property
     def working_radii_m(self) -> Two:

@@ -29,7 +29,7 @@ _Item = TypeVar("_Item")
 PLANET_PASS_DEPTH = 0.8
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Turning:
     """Something that repeats a fixed number of times per turn of shaft 1.
 
@@ -93,25 +93,25 @@ class Wheel(Turning):
         return float(self.exact_relative)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Modulation(Turning):
     """The spacing of one family of sidebands about the harmonics of a mesh.
 
     Parameters
     ----------
+    exact : Fraction
+        Spacing as an order of shaft 1.
     name : str
         What modulates, in words.
     gear : {"pinion", "gear", "sun", "planet", "ring", "carrier"}
         The member to blame.
     shaft : int or None
         Shaft that turns at this order, if any.
-    exact : Fraction
-        Spacing as an order of shaft 1.
     """
 
     name: str
     gear: str
-    shaft: int | None
+    shaft: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -455,7 +455,7 @@ def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, 
     )
     forwards = (carrier - speeds.get("ring", 0)) * carrier > 0
     teeth = "/".join(str(wheel.teeth) for wheel in wheels)
-    families = [(f"{w.gear} rotation", w.gear, w.shaft, w.exact) for w in wheels]
+    families = [Modulation(w.exact, f"{w.gear} rotation", w.gear, w.shaft) for w in wheels]
     if planets:
         families = _planetary_families(wheels, planets, abs(carrier), shafts.get("carrier"))
     return Mesh(
@@ -463,11 +463,7 @@ def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, 
         name=f"{stage.name}, {teeth}" if stage.name else teeth,
         exact=wheels[0].teeth * wheels[0].exact_relative,
         wheels=wheels,
-        modulations=tuple(
-            Modulation(name=name, gear=gear, shaft=shaft, exact=order)
-            for name, gear, shaft, order in families
-            if order
-        ),
+        modulations=tuple(family for family in families if family.exact),
         planets=planets,
         carrier=abs(carrier) if forwards else -abs(carrier),
         equally_spaced=getattr(stage, "equally_spaced", True),
@@ -476,8 +472,8 @@ def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, 
 
 def _planetary_families(
     wheels: tuple[Wheel, ...], planets: int, carrier: Fraction, carrier_shaft: int | None
-) -> list[tuple[str, str, int | None, Fraction]]:
-    """Return the sideband families of a planetary set: name, gear, shaft and order.
+) -> list[Modulation]:
+    """Return the sideband families of a planetary set.
 
     A local fault is met once for every planet that passes (sun, ring), a planet's twice in a turn
     on its carrier, once on the sun and once on the ring. A distributed fault, or an eccentricity,
@@ -487,16 +483,16 @@ def _planetary_families(
     sun, planet, ring = wheels
     relative = 1 if carrier else 0
     return [
-        ("carrier rotation", "carrier", carrier_shaft, carrier),
-        ("planet pass", "carrier", None, planets * carrier),
-        ("sun rotation", "sun", sun.shaft, sun.exact),
-        ("sun relative to carrier", "sun", None, relative * sun.exact_relative),
-        ("sun fault", "sun", None, planets * sun.exact_relative),
-        ("planet spin", "planet", None, planet.exact_relative),
-        ("planet fault", "planet", None, 2 * planet.exact_relative),
-        ("ring rotation", "ring", ring.shaft, ring.exact),
-        ("ring relative to carrier", "ring", None, relative * ring.exact_relative),
-        ("ring fault", "ring", None, planets * ring.exact_relative),
+        Modulation(carrier, "carrier rotation", "carrier", carrier_shaft),
+        Modulation(planets * carrier, "planet pass", "carrier"),
+        Modulation(sun.exact, "sun rotation", "sun", sun.shaft),
+        Modulation(relative * sun.exact_relative, "sun relative to carrier", "sun"),
+        Modulation(planets * sun.exact_relative, "sun fault", "sun"),
+        Modulation(planet.exact_relative, "planet spin", "planet"),
+        Modulation(2 * planet.exact_relative, "planet fault", "planet"),
+        Modulation(ring.exact, "ring rotation", "ring", ring.shaft),
+        Modulation(relative * ring.exact_relative, "ring relative to carrier", "ring"),
+        Modulation(planets * ring.exact_relative, "ring fault", "ring"),
     ]
 
 
@@ -507,12 +503,12 @@ def _mesh_lines(mesh: Mesh) -> list[Line]:
     for one, two in pairwise(mesh.wheels):
         name = f"{one.gear}-{two.gear}, {one.teeth}/{two.teeth}"
         lines += _pair_lines(mesh, name, one.teeth, two.teeth)
+    kinds = {"fault": "local fault", "pass": "planet pass"}
     if turning := mesh.wheel("planet").exact:
         lines.append(Line("rotation", "planet, seen from the housing", turning, stage=mesh.stage))
     for family in mesh.modulations:
         if family.shaft is None:  # the others are shafts and stand among them
-            kind = "local fault" if family.name.endswith("fault") else "rotation"
-            kind = "planet pass" if family.name == "planet pass" else kind
+            kind = kinds.get(family.name.split()[-1], "rotation")
             lines.append(Line(kind, family.name, family.exact, stage=mesh.stage))
     return lines
 

@@ -20,7 +20,7 @@ from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
 from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import pair_of, static_force
+from gearmon.gears.mechanics import known_force, pair_of
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth import Tooth
@@ -285,7 +285,9 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
         If the machine lacks data, or has no such stage.
     """
     pair, point = pair_of(machine, stage), machine.operating[0]
-    force, hertz = _force(machine, pair), kinematics(machine).mesh(stage).order * point.shaft1_hz
+    hertz = kinematics(machine).mesh(stage).order * point.shaft1_hz
+    # most forms do without a load
+    force = known_force(machine, pair, point)
     phase, curves = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH, []
     for name in FOUR_FORMS:
         found = mesh_stiffness(pair, (), name, force_n=force)
@@ -309,15 +311,6 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
         table=[{"stage": stage} | row for row in table],
         spectrum=spectrum,
     )
-
-
-def _force(machine: Any, pair: MeshPair) -> float | None:
-    """Return the static tooth force [N] where it is known; most forms do without."""
-    try:
-        order = kinematics(machine).shaft(pair.number or 1).order
-        return static_force(pair, machine.operating[0], order)
-    except ArgumentError:
-        return None
 
 
 @dataclass(frozen=True)
@@ -517,7 +510,8 @@ def size_curve(fault: Fault, pair: ToothPair, index: int) -> SizeCurve:
 
 
 def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -> StageStiffness:
-    faults, force = [own for own in known if own.stage == pair.number], _force(machine, pair)
+    force = known_force(machine, pair, machine.operating[0])
+    faults = [own for own in known if own.stage == pair.number]
     healthy = mesh_stiffness(pair, (), form, force_n=force)
     damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)

@@ -424,18 +424,16 @@ def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Roo
     ArgumentError
         If the face width is missing, or the bore or rim does not fit.
     """
-    gear = pair.gears[index]
+    gear, rack, roll = pair.gears[index], pair.rack(index), pair.form_rolls_m[index]
     if pair.face_width_m is None:
         raise ArgumentError("face_width_m is missing: the stiffness of a tooth needs it")
-    roll, base = pair.form_rolls_m[index], pair.base_radii_m[index]
-    root_m = pair.root_radii_m[index]
-    if pair.sign(index) < 0:
+    base, root_m = pair.base_radii_m[index], pair.root_radii_m[index]
+    if rack.internal:
         # the involute of a ring does not end before a fillet has room in the space
-        half = pair.rack(index).base_half_angle
-        roll = roomy_roll(base, root_m, half, math.pi / gear.teeth, roll)
+        roll = roomy_roll(base, root_m, rack.base_half_angle, math.pi / gear.teeth, roll)
     return Tooth(
         name=gear.name,
-        rack=pair.rack(index),
+        rack=rack,
         module_m=pair.normal_module_m,
         base_radius_m=base,
         reference_radius_m=pair.reference_radii_m[index],
