@@ -71,9 +71,12 @@ class PairsInMesh(ABC):
     ----------
     worn : PairState
         Loss that all teeth of each gear have.
+    teeth : ToothPair, optional
+        Where they are known.
     """
 
     worn: PairState = SOUND_PAIR
+    teeth: ToothPair | None = None
 
     @property
     @abstractmethod
@@ -257,19 +260,19 @@ class TeethInMesh(PairsInMesh):
 
     Parameters
     ----------
-    pair : ToothPair
+    teeth : ToothPair
         Sound teeth.
     force_n : float or None
         Static force that the pairs carry together; only load-dependent contacts need it.
     """
 
-    pair: ToothPair
+    teeth: ToothPair
     force_n: float | None = None
 
     @cached_property
     def corners(self) -> FloatArray:
         """Where another pair enters or leaves."""
-        return contact_zones(self.pair.contact_ratio)[0]
+        return contact_zones(self.teeth.contact_ratio)[0]
 
     @cached_property
     def reach(self) -> int:
@@ -278,7 +281,7 @@ class TeethInMesh(PairsInMesh):
 
     def loads(self, phase: FloatArray, states: Sequence[PairState]) -> FloatArray:
         """Return what each pair carries per unit of deflection [N/m]."""
-        if self.pair.form.contact == "constant" or self.force_n is None:
+        if self.teeth.form.contact == "constant" or self.force_n is None:
             return self._share(phase, states, None)
         force = np.full((len(states), *phase.shape), self.force_n / self.length)
         for _ in range(LOAD_ROUNDS):
@@ -298,13 +301,13 @@ class TeethInMesh(PairsInMesh):
         bodies = np.zeros((count, 2, *phase.shape))
         for i, (n, here) in enumerate(zip(self._places, present, strict=True)):
             own, own_force = phase[here] - n, None if force is None else force[i][here]
-            parts = self.pair.compliances(self.pair.roll(own), force_n=own_force)
+            parts = self.teeth.compliances(self.teeth.roll(own), force_n=own_force)
             matrix[here, :, i, i] = parts.total * self._ratio(states[i], own)
             bodies[i][:, here] = parts.foundation
-        for j, i in combinations(range(count), 2) if self.pair.form.is_coupled else ():
+        for j, i in combinations(range(count), 2) if self.teeth.form.is_coupled else ():
             both = present[i] & present[j]
             phases = phase[both] - self._places[j], phase[both] - self._places[i]
-            shared = self.pair.coupling(i - j, bodies[[j, i]][:, :, both], phases)
+            shared = self.teeth.coupling(i - j, bodies[[j, i]][:, :, both], phases)
             matrix[both, :, i, j] = matrix[both, :, j, i] = shared
         felt = np.moveaxis(present[..., None] * np.ones((count, *phase.shape)), 0, -1)[..., None]
         return np.moveaxis(np.asarray(np.linalg.solve(matrix, felt)[..., 0]), -1, 0)
@@ -380,14 +383,14 @@ def loss_in_contact(fault: Fault, length: float, pitch_phase: float) -> Losses:
     ArgumentError
         If the size is no loss of stiffness.
     """
-    if fault.loss == 0:
-        return ()
     if fault.kind == "breakage":
-        return (PulseTerm(Pulse.constant(0.0, length), face_end=fault.loss),)
+        return _gone(0.0, length, 0.0, fault.loss)
     # a pitch point near an end of the path leaves less of the band in contact
     half = 0.5 * BANDS[fault.kind] * length if fault.kind in BANDS else math.inf
     start, end = max(0.0, pitch_phase - half), min(length, pitch_phase + half)
-    return (PulseTerm(Pulse.constant(start, end), fault.loss),) if end > start else ()
+    return (
+        (PulseTerm(Pulse.constant(start, end), fault.loss),) if fault.loss and end > start else ()
+    )
 
 
 def measured_losses(
@@ -634,7 +637,7 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
 
 
 def gear_losses(
-    pair: MeshPair, faults: Sequence[Fault], length: float, teeth: ToothPair | None = None
+    pair: MeshPair, faults: Sequence[Fault], mesh: PairsInMesh
 ) -> tuple[GearLosses, GearLosses]:
     """Return the loss of each damaged tooth of each gear, by its number, 0 for all teeth.
 
@@ -643,10 +646,8 @@ def gear_losses(
     pair : MeshPair
     faults : sequence of Fault
         Of this mesh.
-    length : float
-        Length of the contact of a pair [mesh periods].
-    teeth : ToothPair, optional
-        Known teeth of the pair; else they are made when a size asks for them.
+    mesh : PairsInMesh
+        Where it does not know the teeth, they are made when a size asks for them.
 
     Raises
     ------
@@ -654,6 +655,7 @@ def gear_losses(
         If a size does not fit its tooth, or data that it needs are missing.
     """
     # the contact of the half-duty forms is a nominal one, on which the true one is laid
+    length = mesh.length
     pitch = pair.pitch_phase * length / pair.contact_ratio if _needs_pitch(faults) else 0.0
     found: tuple[GearLosses, GearLosses] = {}, {}
     for index, (name, losses) in enumerate(zip(pair.names, found, strict=True)):
@@ -663,7 +665,7 @@ def gear_losses(
             parts = [loss_in_contact(fault, length, pitch) for fault in own if fault.is_loss]
             measured = [fault for fault in own if not fault.is_loss]
             if measured:
-                known, is_helical = teeth or teeth_of(pair), pair.overlap_ratio > 0
+                known, is_helical = mesh.teeth or teeth_of(pair), pair.overlap_ratio > 0
                 parts.append(measured_losses(measured, known, index, is_helical, length))
             lost: Losses = reduce(union, parts, ())
             if lost:
