@@ -388,9 +388,9 @@ def loss_in_contact(fault: Fault, length: float, pitch_phase: float) -> Losses:
     # a pitch point near an end of the path leaves less of the band in contact
     half = 0.5 * BANDS[fault.kind] * length if fault.kind in BANDS else math.inf
     start, end = max(0.0, pitch_phase - half), min(length, pitch_phase + half)
-    return (
-        (PulseTerm(Pulse.constant(start, end), fault.loss),) if fault.loss and end > start else ()
-    )
+    if not fault.loss or end <= start:
+        return ()
+    return (PulseTerm(Pulse.constant(start, end), fault.loss),)
 
 
 def measured_losses(
