@@ -107,18 +107,15 @@ class Wave(Parabolic):
         edges, pairs = contact_zones(contact_ratio)
         width = np.diff(edges)
         at = np.stack([edges[:-1], edges[:-1] + 0.5 * width], axis=1) % 1.0
-        levels = np.array([self._sum(x, n, contact_ratio) for x, n in zip(at, pairs, strict=True)])
+        # summed without the contact test, so that the zone ends give their one-sided limits
+        whole, zones = super().pulse(contact_ratio), zip(at, pairs, strict=True)
+        levels = np.array([whole.at(x[:, None] + np.arange(n)).sum(axis=1) for x, n in zones])
         end, rise = (levels[:, 0] / pairs)[:, None], (np.diff(levels)[:, 0] / pairs)[:, None]
 
         def arches(t: FloatArray) -> FloatArray:
             return np.asarray(end + rise * np.sin(np.pi * (t - edges[:-1, None]) / width[:, None]))
 
         return Pulse.of(edges, arches)
-
-    def _sum(self, phase: FloatArray, pairs: int, contact_ratio: float) -> FloatArray:
-        # summed without the contact test, so that the zone ends give their one-sided limits
-        s = 2 * (phase[:, None] + np.arange(pairs)) / contact_ratio - 1
-        return np.asarray((1 - self.curvature * s * s).sum(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True)

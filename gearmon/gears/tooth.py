@@ -101,12 +101,8 @@ def where_tangent(curve: Curve, angle_rad: float) -> complex:
     along = np.gradient(curve(grid), grid)
     tangent = np.arctan2(-along.real, along.imag)
     # at the root circle the tangent lies across; towards the involute it stands up
-    steep = np.flatnonzero(tangent <= angle_rad)
-    if not len(steep) or steep[0] == 0:
-        return complex(curve(grid[:1])[0])
-    i = int(steep[0])
-    share = (tangent[i - 1] - angle_rad) / (tangent[i - 1] - tangent[i])
-    return complex(curve(grid[i - 1 : i] + share * (grid[i] - grid[i - 1]))[0])
+    place = np.interp(-angle_rad, -tangent, grid)
+    return complex(curve(np.atleast_1d(place))[0])
 
 
 def ring_root(end_m: complex, slope_rad: float, root_radius_m: float) -> Curve:
@@ -520,23 +516,20 @@ def _responses(count: int, ratio: float, kappa: float) -> FloatArray:
     k = np.arange(2, count + 1, dtype=np.float64)
     decay = math.log(ratio) * k
     far = np.exp(np.clip(decay, -LARGEST_DECAY, LARGEST_DECAY) / k)
-    matrix = np.zeros((len(k), 4, 4))
     one = np.ones_like(k)
-    matrix[:, 0] = np.stack([1 - k, one, -one, 0 * k], axis=-1)
-    matrix[:, 1] = np.stack([one, 1 + k, 0 * k, -one], axis=-1)
-    matrix[:, 2:] = _displacements(k, far, kappa)
-    near = _displacements(k, one, kappa)
+    stresses = np.array([[1 - k, one, -one, 0 * k], [one, 1 + k, 0 * k, -one]])
+    matrix = np.moveaxis(np.concatenate([stresses, _displacements(k, far, kappa)]), -1, 0)
     scale = np.abs(matrix).max(axis=1, keepdims=True)
-    right = np.zeros((len(k), 4, 2))
-    right[:, 0, 0] = right[:, 1, 1] = 1.0
-    solved = np.linalg.solve(matrix / scale, right) / np.swapaxes(scale, 1, 2)
-    return np.concatenate([_first_response(ratio, kappa)[None], near @ solved])
+    solved = np.linalg.solve(matrix / scale, np.eye(4, 2)) / np.swapaxes(scale, 1, 2)
+    near = np.moveaxis(_displacements(k, one, kappa), -1, 0) @ solved
+    return np.concatenate([_first_response(ratio, kappa)[None], near])
 
 
 def _displacements(k: FloatArray, r: FloatArray, kappa: float) -> FloatArray:
+    """Return what each potential moves where a circle has the radius r, shape (2, 4, count)."""
     ahead = [kappa * r ** (k + 1) / (k + 1), -(r ** (1 - k)), 0 * k, r ** (-k - 1) / (k + 1)]
     behind = [-(r ** (1 + k)), kappa * r ** (1 - k) / (1 - k), r ** (k - 1) / (1 - k), 0 * k]
-    return np.stack([np.stack(ahead, axis=-1), np.stack(behind, axis=-1)], axis=1)
+    return np.array([ahead, behind])
 
 
 def _first_response(ratio: float, kappa: float) -> FloatArray:
@@ -548,9 +541,7 @@ def _first_response(ratio: float, kappa: float) -> FloatArray:
 
     stresses = np.array([[0.0, 1 + kappa, 0.0, 0.0], [1.0, 2.0, -1.0, 0.0]])
     matrix = np.concatenate([stresses, displacements(ratio)])
-    right = np.zeros((4, 2))
-    right[0, 0] = right[1, 1] = 1.0
-    return np.asarray(displacements(1.0) @ np.linalg.solve(matrix, right))
+    return np.asarray(displacements(1.0) @ np.linalg.solve(matrix, np.eye(4, 2)))
 
 
 def _mean_work(ratio: float, kappa: float, half: float, outwards: float) -> FloatArray:
