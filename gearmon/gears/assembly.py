@@ -258,10 +258,8 @@ class _Assembly:
         if not diameter:
             diameter = 1e3 * SHAFT_OVER_GEAR * min(_diameter_m(*own) for own in gears)
             source = f"{SHAFT_OVER_GEAR:g} of the smaller gear on it"
-        widths = [
-            pair.stage.face_width_mm or 1e3 * WIDTH_OVER_MODULE * pair.geometry.transverse_module_m
-            for pair, _ in gears
-        ]
+        usual, pairs = 1e3 * WIDTH_OVER_MODULE, [pair for pair, _ in gears]
+        widths = [p.stage.face_width_mm or usual * p.geometry.transverse_module_m for p in pairs]
         length = SHAFT_OVER_WIDTHS * sum(widths)
         bar = ShaftSection(shaft=number, length_mm=length, diameter_mm=diameter)
         torsion = _section(bar)[0] / (1e-3 * length)

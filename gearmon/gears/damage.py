@@ -50,6 +50,7 @@ from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
 #: Losses of the teeth of a gear, by tooth number; 0 for all of them.
 GearLosses = dict[int, Losses]
+BothLosses = tuple[GearLosses, GearLosses]
 #: What is lost at the two teeth of a pair.
 PairState = tuple[Losses, Losses]
 #: A pair keeps at least this share of its stiffness: a number for "nothing" that can be inverted.
@@ -120,7 +121,7 @@ class PairsInMesh(ABC):
         edges, sound = self._edges(self._sound), self._sound
         return Pulse.through(edges, self.loads(panel_nodes(edges, self.points), sound)[self.reach])
 
-    def trains(self, pair: MeshPair, losses: tuple[GearLosses, GearLosses]) -> list[PulseTrain]:
+    def trains(self, pair: MeshPair, losses: BothLosses) -> list[PulseTrain]:
         """Return what damaged teeth take away, with a period each.
 
         Parameters
@@ -136,14 +137,12 @@ class PairsInMesh(ABC):
             for what the two miss there.
         """
         (one, two), z, overlap = losses, pair.teeth, pair.overlap_ratio
-        parts = [(pair.first.name, z[0], one, {}), (pair.second.name, z[1], {}, two)]
-        parts += [(" and ".join(pair.names), math.lcm(*z), one, two)] * bool(one and two)
-        found = [(gear, period, self._terms(a, b, z, period)) for gear, period, a, b in parts]
+        parts = [(pair.first.name, z[0], (one, {})), (pair.second.name, z[1], ({}, two))]
+        parts += [(" and ".join(pair.names), math.lcm(*z), losses)] * bool(one and two)
+        found = [(gear, period, self._terms(own, z, period)) for gear, period, own in parts]
         return [PulseTrain(gear, period, overlap, terms) for gear, period, terms in found if terms]
 
-    def _terms(
-        self, one: GearLosses, two: GearLosses, teeth: tuple[int, int], period: int
-    ) -> Losses:
+    def _terms(self, losses: BothLosses, teeth: tuple[int, int], period: int) -> Losses:
         """Return what damaged teeth take from the pairs near them.
 
         Of both gears, where their damaged teeth meet: what they take less than by themselves.
@@ -151,12 +150,12 @@ class PairsInMesh(ABC):
         found: list[PulseTerm] = []
         # teeth that are damaged alike, with neighbours alike, lose the same
         known: dict[tuple[PairState, ...], Pulse] = {}
-        for low, high in _face_parts(one, two):
-            inside = _inside(one, low, high), _inside(two, low, high)
+        for low, high in _face_parts(losses):
+            inside = _inside(losses[0], low, high), _inside(losses[1], low, high)
             near = [self._near(*own, period) for own in zip(inside, teeth, strict=True)]
-            entries = near[0] & near[1] if one and two else near[0] | near[1]
+            entries = near[0] & near[1] if all(losses) else near[0] | near[1]
             for entry in np.flatnonzero(entries).tolist():
-                states = self._states(entry, *inside, teeth)
+                states = self._states(entry, inside, teeth)
                 if states not in known:
                     known[states] = self._lost(states)
                 if len(known[states].series):
@@ -206,12 +205,10 @@ class PairsInMesh(ABC):
         return [SOUND_PAIR] * (2 * self.reach + 1)
 
     def _states(
-        self, entry: int, one: GearLosses, two: GearLosses, teeth: tuple[int, int]
+        self, entry: int, losses: BothLosses, teeth: tuple[int, int]
     ) -> tuple[PairState, ...]:
-        return tuple(
-            (one.get((entry + n) % teeth[0] + 1, ()), two.get((entry + n) % teeth[1] + 1, ()))
-            for n in self._places
-        )
+        (one, two), (z1, z2), entries = losses, teeth, [entry + n for n in self._places]
+        return tuple((one.get(n % z1 + 1, ()), two.get(n % z2 + 1, ())) for n in entries)
 
     def _near(self, losses: GearLosses, teeth: int, period: int) -> npt.NDArray[np.bool_]:
         """Return which of the pairs that enter one after the other damage of a gear affects."""
@@ -328,9 +325,9 @@ def _lost_here(losses: Losses, phase: FloatArray) -> FloatArray:
     return np.asarray(sum(p.weight * p.pulse.value(phase) for p in losses), dtype=np.float64)
 
 
-def _face_parts(one: GearLosses, two: GearLosses) -> list[tuple[float, float]]:
+def _face_parts(losses: BothLosses) -> list[tuple[float, float]]:
     """Return the parts of the face width in which all damage is uniform along the face."""
-    parts = chain(*one.values(), *two.values())
+    parts = chain(*losses[0].values(), *losses[1].values())
     edges = {0.0, 1.0}.union(*({part.face_start, part.face_end} for part in parts))
     return list(pairwise(sorted(edges)))
 
@@ -457,11 +454,9 @@ def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
     phase = panel_nodes(edges)
     lost, stiffness = lost_share(losses, phase), pair.compliances(pair.roll(phase)).stiffness
     weights = gauss(phase.shape[1])[1] * np.diff(edges)[:, None] * stiffness
-    return PairLoss(
-        mean=float((weights * lost).sum() / weights.sum()),
-        greatest=float(lost.max()),
-        at_middle=float(lost_share(losses, np.array(0.5 * pair.contact_ratio))),
-    )
+    mean = float((weights * lost).sum() / weights.sum())
+    middle = float(lost_share(losses, np.array(0.5 * pair.contact_ratio)))
+    return PairLoss(mean=mean, greatest=float(lost.max()), at_middle=middle)
 
 
 def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fault:
@@ -595,12 +590,10 @@ def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothD
         depth = float(crack.at(middle)[0])
         whole = replace(crack, depth_m=depth, far_depth_m=None, extent=1.0, start=0.0)
         crack = whole if depth else None
-    holes = (
-        hole if hole.round else replace(hole, width_m=width, start=0.0)
-        for hole in damage.holes
-        if hole.round or hole.start <= middle[0] <= hole.start + hole.width_m / width
-    )
-    return replace(damage, crack=crack, holes=tuple(holes))
+    x, pits = middle[0], [hole for hole in damage.holes if hole.round]
+    spalls = [own for own in damage.holes if own.start <= x <= own.start + own.width_m / width]
+    whole_face = [replace(own, width_m=width, start=0.0) for own in spalls if not own.round]
+    return replace(damage, crack=crack, holes=(*pits, *whole_face))
 
 
 def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault], list[str]]:
@@ -636,9 +629,7 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
     return acting, notes
 
 
-def gear_losses(
-    pair: MeshPair, faults: Sequence[Fault], mesh: PairsInMesh
-) -> tuple[GearLosses, GearLosses]:
+def gear_losses(pair: MeshPair, faults: Sequence[Fault], mesh: PairsInMesh) -> BothLosses:
     """Return the loss of each damaged tooth of each gear, by its number, 0 for all teeth.
 
     Parameters
@@ -657,7 +648,7 @@ def gear_losses(
     # the contact of the half-duty forms is a nominal one, on which the true one is laid
     length = mesh.length
     pitch = pair.pitch_phase * length / pair.contact_ratio if _needs_pitch(faults) else 0.0
-    found: tuple[GearLosses, GearLosses] = {}, {}
+    found: BothLosses = {}, {}
     for index, (name, losses) in enumerate(zip(pair.names, found, strict=True)):
         hurt = [fault for fault in faults if fault.gear == name]
         for tooth in {fault.tooth or 0 for fault in hurt}:

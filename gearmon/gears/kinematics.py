@@ -47,36 +47,36 @@ class Turning:
         return float(self.exact)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Shaft(Turning):
     """A shaft in the power flow.
 
     Parameters
     ----------
+    exact : Fraction
+        Turns per turn of shaft 1, without sign.
     number : int
         Counted from 1, the input.
     name : str
         What it is in the train.
-    exact : Fraction
-        Turns per turn of shaft 1, without sign.
     """
 
     number: int
     name: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Wheel(Turning):
     """A gear in a mesh.
 
     Parameters
     ----------
+    exact : Fraction
+        Turns per turn of shaft 1, seen from the housing.
     gear : {"pinion", "gear", "sun", "planet", "ring"}
     teeth : int
     shaft : int or None
         Shaft that it turns with; None if it stands still or turns on a planet pin.
-    exact : Fraction
-        Turns per turn of shaft 1, seen from the housing.
     exact_relative : Fraction
         Turns per turn of shaft 1 relative to the carrier (to the housing in a parallel stage):
         ``teeth * exact_relative`` is the mesh order.
@@ -373,10 +373,7 @@ def kinematics(machine: Machine) -> Kinematics:
         meshes.append(_mesh(number, stage, speeds))
         orders.append(abs(speeds[stage.on_shafts[1]]))
     names = {len(orders): "output"} | {1: "input"}
-    shafts = tuple(
-        Shaft(number=number, name=names.get(number, "intermediate"), exact=order)
-        for number, order in enumerate(orders, start=1)
-    )
+    shafts = tuple(Shaft(own, n, names.get(n, "intermediate")) for n, own in enumerate(orders, 1))
     lines = [Line("shaft", f"{own.name} shaft", own.exact, shaft=own.number) for own in shafts]
     for mesh in meshes:
         lines += _mesh_lines(mesh)
@@ -443,18 +440,14 @@ def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
 def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, Fraction]) -> Mesh:
     shafts = dict(zip(stage.on_shafts, (number, number + 1), strict=True))
     carrier, planets = speeds.get("carrier", Fraction(0)), getattr(stage, "planets", 0)
+    gears = ("sun", "planet", "ring") if planets else ("pinion", "gear")
+    counts = {gear: getattr(stage, f"{gear}_teeth") for gear in gears}
     wheels = tuple(
-        Wheel(
-            gear=gear,
-            teeth=getattr(stage, f"{gear}_teeth"),
-            shaft=shafts.get(gear),
-            exact=abs(speeds[gear]),
-            exact_relative=abs(speeds[gear] - carrier),
-        )
-        for gear in (("sun", "planet", "ring") if planets else ("pinion", "gear"))
+        Wheel(abs(speeds[gear]), gear, count, shafts.get(gear), abs(speeds[gear] - carrier))
+        for gear, count in counts.items()
     )
     forwards = (carrier - speeds.get("ring", 0)) * carrier > 0
-    teeth = "/".join(str(wheel.teeth) for wheel in wheels)
+    teeth = "/".join(map(str, counts.values()))
     families = [Modulation(w.exact, f"{w.gear} rotation", w.gear, w.shaft) for w in wheels]
     if planets:
         families = _planetary_families(wheels, planets, abs(carrier), shafts.get("carrier"))

@@ -174,10 +174,9 @@ def teeth_picture(
     roll = pair.roll(0.5 * pair.contact_ratio if phase is None else phase)
     centres, working = pair.centres_m
     # the normal of the flank turns into the line of action
-    one, two = (
-        cmath.exp(1j * (working - float(tooth.slope(tooth.angle(own)))))
-        for tooth, own in zip(pair.teeth, pair.rolls(roll), strict=True)
-    )
+    rolled = zip(pair.teeth, pair.rolls(roll), strict=True)
+    slopes = [float(tooth.slope(tooth.angle(own))) for tooth, own in rolled]
+    one, two = (cmath.exp(1j * (working - slope)) for slope in slopes)
     frames = _Frame(pair.first, 0j, one), _Frame(pair.second, 1j * centres, -two)
     touching = pair.first.flank(pair.first.angle(roll))
     gears = frames[0].drawn(faults), frames[1].drawn(faults)
