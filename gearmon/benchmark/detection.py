@@ -180,9 +180,8 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Row]
     facts["channels"] = len(drawn.path)
     for condition, setting, variant, tachos in list(_plan(rng, drawn, quick)):
         taken = drawn.take(condition, setting)
-        truth: Row = {"condition": condition.kind, "variant": variant}
-        truth |= {"stage": condition.stage or None, "gear": condition.gear or None}
-        truth |= {"tooth": condition.tooth, "size": condition.size}
+        where = {name: getattr(condition, name) or None for name in ("stage", "gear", "tooth")}
+        truth = {"condition": condition.kind, "variant": variant, **where, "size": condition.size}
         truth |= {name: getattr(setting, name) for name in ("load", "speed", "gain")}
         for tacho in tachos:
             yield facts | truth | {"tacho": tacho} | NOTHING | judges[tacho](condition, taken)
@@ -225,7 +224,7 @@ def _somewhere(rng: np.random.Generator, drawn: DrawnMachine, kind: str, size: f
 
 def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Condition, Taken], Row]:
     """Learn from one recording, with or without its tacho; return what judges new ones."""
-    machine, refusal = drawn.machine, None
+    machine = drawn.machine
 
     def recording(taken: Taken) -> Recording:
         return taken.recording if tacho else taken.recording.vibration()
@@ -234,12 +233,11 @@ def _judge(drawn: DrawnMachine, first: Taken, tacho: bool) -> Callable[[Conditio
         alone_s, healthy = task_time(lambda: analyse(recording(first), machine))
         reference = learn([recording(first)], machine)
     except GearmonError as error:
-        refusal = error
+        unheard = {"verdict": "refused", "note": str(error)}
+        return lambda *_: unheard
 
     def outcome(condition: Condition, taken: Taken) -> Row:
         try:
-            if refusal is not None:
-                raise refusal
             run_time_s, found = task_time(lambda: analyse(recording(taken), machine, reference))
         except GearmonError as error:
             return {"verdict": "refused", "note": str(error)}

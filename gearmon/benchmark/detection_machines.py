@@ -248,13 +248,12 @@ def draw_machine(
 
 def _draw_file(rng: np.random.Generator, number: int) -> tuple[Machine, list[ParallelStage]]:
     """Return a random machine and its stages; refuse one that a recording could not show."""
-    count = int(rng.integers(1, 3))
-    speed_hz = rng.uniform(*SPEED_HZ)
+    count, speed_hz = int(rng.integers(1, 3)), rng.uniform(*SPEED_HZ)
     module, order = rng.uniform(*MODULE_MM), 1.0
     stages: list[ParallelStage] = []
     for _ in range(count):
-        pinion = int(rng.integers(PINION_TEETH[0], PINION_TEETH[1] + 1))
-        gear = int(rng.integers(GEAR_TEETH[0], GEAR_TEETH[1] + 1))
+        pinion = int(rng.integers(*PINION_TEETH, endpoint=True))
+        gear = int(rng.integers(*GEAR_TEETH, endpoint=True))
         ratio, mesh_hz = gear / pinion, order * pinion * speed_hz
         heard = MESH_HZ[0] <= mesh_hz <= MESH_HZ[1] and 0.6 <= ratio <= LARGEST_RATIO
         if pinion == gear or not heard:
@@ -310,7 +309,7 @@ def _draw_gear(rng: np.random.Generator, teeth: int) -> HiddenGear:
 
 def _draw_path(rng: np.random.Generator, channels: int, stages: int) -> FloatArray:
     """Draw modes of the housing; return their impulse responses until the slowest is at 1e-4."""
-    modes = int(rng.integers(MODES[0], MODES[1] + 1))
+    modes = int(rng.integers(*MODES, endpoint=True))
     low, high = np.log(MODE_BAND_HZ)
     own_hz = np.exp(rng.uniform(low, high, modes))
     damping = rng.uniform(*MODE_DAMPING, modes)

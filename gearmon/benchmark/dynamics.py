@@ -38,7 +38,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -188,14 +188,13 @@ def _own(case: Case, judge: Judge, wanted: tuple[float, ...]) -> Iterator[Conten
 
 def _for_rectangle(case: Case, judge: Judge) -> Iterator[Contender]:
     """Fourier sums of growing length against the true rectangle."""
-    told = {"note": "the error is that against the true jumps; a bound would be that of the sum"}
+    note = "the error is that against the true jumps; a bound would be that of the sum"
+    told = {"error_bound": None, "note": note}
     for count in (10, 30, 100, 300, 1000):
         kept = case.problem.stiffness_harmonics[:count]
         p, setting = replace(case.problem, stiffness_harmonics=kept), f"{count} stiffness harmonics"
         run, of_sum = partial(steady_state, p, TARGET), "steady_state of the Fourier sum"
-        yield Contender(
-            of_sum, setting, None, run, lambda own: judge(own) | {"error_bound": None} | told
-        )
+        yield Contender(of_sum, setting, None, run, lambda own: judge(own) | told)
 
 
 def _rivals(case: Case) -> Iterator[Rival]:
@@ -368,9 +367,8 @@ def chart_rows(quick: bool = False) -> list[Row]:
     points, rng = 40 if quick else 200, np.random.default_rng(0)
     speeds, variations = np.linspace(*SPEEDS, points), np.linspace(0.0, HIGHEST, points)
     row, column = rng.integers(points, size=(2, JUDGED))
-    exact = np.array(
-        [_growth(1 / speeds[i], variations[j]) for i, j in zip(row, column, strict=True)]
-    )
+    drawn = zip(1 / speeds[row], variations[column], strict=True)
+    exact = np.array([_growth(*point) for point in drawn])
 
     def judge(growth: FloatArray) -> Row:
         error = float(np.abs(growth[column, row] - exact).max())
@@ -417,12 +415,10 @@ def family_rows(quick: bool = False) -> list[Row]:
         return {"error": max(turn.error(turn.lines(*own)) for turn, own in pairs)}
 
     note, words = rivals.NOT_COMPILED, "{:.0f} steps a panel"
-    ways = {
-        COMPILED: from_tables,
-        f"{COMPILED} and its tables": lambda steps: lambda: from_tables(steps)(),
-    }
+    with_tables = f"{COMPILED} and its tables"
+    ways = {COMPILED: from_tables, with_tables: lambda steps: lambda: from_tables(steps)()}
     # an estimate, where there is no RK4 to tell
-    errors = [turn.member.lines.error if note else turn.own_error for turn in turns]
+    errors = [t.member.lines.error if note else t.error(t.member.lines.acceleration) for t in turns]
     known = {"error": max(errors)}
     listed = [Contender(FAMILY, "", TARGET, run, lambda _: known, sets=len(family))]
     for name, ready in ways.items():
@@ -478,11 +474,6 @@ class _Turn:
         """Lines by many steps."""
         return self.lines(*self.marched(FINEST)())
 
-    @property
-    def own_error(self) -> float:
-        """Error of the member."""
-        return self.error(self.member.lines.acceleration)
-
     def error(self, lines: ComplexArray) -> float:
         """Error of acceleration lines over what the fault adds to them."""
         own = self.member.lines
@@ -531,29 +522,18 @@ QUICK = 40
 KNOWN = 10
 
 
-class System(NamedTuple):
-    """One random system.
-
-    Parameters
-    ----------
-    problem : HillProblem
-    variation : float
-        Largest absolute value of phi.
-    limit : float
-        Variation at which the system turns unstable, or 2.
-    """
-
-    problem: HillProblem
-    variation: float
-    limit: float
-
-
-def draw_system(rng: np.random.Generator) -> System:
+def draw_system(rng: np.random.Generator) -> tuple[HillProblem, float, float]:
     """Draw one system.
 
     Parameters
     ----------
     rng : numpy.random.Generator
+
+    Returns
+    -------
+    (HillProblem, float, float)
+        With the largest absolute value of its variation, and the variation at which it turns
+        unstable, or 2.
     """
     ratio, zeta = np.exp(rng.uniform(*np.log([RATIOS, ZETAS]).T)).tolist()
     count = int(rng.integers(1, MOST_HARMONICS + 1))
@@ -563,8 +543,7 @@ def draw_system(rng: np.random.Generator) -> System:
     shape /= np.abs(values).max()
     limit = instability_limit(ratio, zeta, shape)
     variation = float(rng.uniform(0.0, MOST_SHARE)) * limit
-    problem = equations.pair(variation * shape, zeta=zeta, ratio=ratio)
-    return System(problem=problem, variation=variation, limit=limit)
+    return equations.pair(variation * shape, zeta=zeta, ratio=ratio), variation, limit
 
 
 def instability_limit(ratio: float, zeta: float, shape: ComplexArray) -> float:
@@ -627,25 +606,25 @@ def run_stress(
     return [
         {"system": number, **row}
         for number in followed(range(count), count, progress)
-        for row in judged(draw_system(rng))
+        for row in judged(*draw_system(rng))
     ]
 
 
-def judged(system: System) -> list[Row]:
-    """Judge the answers for one system, to every tolerance.
+def judged(p: HillProblem, variation: float, limit: float) -> list[Row]:
+    """Judge the answers for one system, to every tolerance; the system as `draw_system` gives it.
 
     Parameters
     ----------
-    system : System
+    p : HillProblem
+    variation, limit : float
     """
-    p = system.problem
     reference, doubt = equations.reference_and_doubt(p)
     facts: Row = {
         "ratio": p.frequency_ratio,
         "zeta": p.damping_ratio,
         "harmonics": len(p.stiffness_harmonics),
-        "variation": system.variation,
-        "share_of_limit": system.variation / system.limit,
+        "variation": variation,
+        "share_of_limit": variation / limit,
         "log_multiplier": -reference.decay_rate * 2 * math.pi * p.frequency_ratio,
         "reference_uncertainty": doubt,
     }

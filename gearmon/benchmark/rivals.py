@@ -161,12 +161,7 @@ def march_compiled(steps: Steps, ratio: float, zeta: float) -> Samples:
     return Samples(share, shoot(*tables, 2 * math.pi * ratio, 2 * zeta, 1.0)[1])
 
 
-def _compiled(**options: Any) -> Callable[[Any], Any]:
-    made: Callable[[Any], Any] = numba.njit(fastmath=True, **options)
-    return made
-
-
-@_compiled()
+@numba.njit(fastmath=True)
 def move(z, v, force, k1, k2, k3, damping, h):  # type: ignore[no-untyped-def]
     """Take one step; it is written out, so that nothing is called within."""
     a1 = force - damping * v - k1 * z
@@ -180,7 +175,7 @@ def move(z, v, force, k1, k2, k3, damping, h):  # type: ignore[no-untyped-def]
     return z + sixth * (v + 2 * (v2 + v3) + v4), v + sixth * (a1 + 2 * (a2 + a3) + a4)
 
 
-@_compiled()
+@numba.njit(fastmath=True)
 def shoot(length, begin, middle, end, unit, damping, force):  # type: ignore[no-untyped-def]
     """Return velocity and acceleration of the periodic motion at the begin of every step."""
     count = len(begin)
@@ -206,7 +201,7 @@ def shoot(length, begin, middle, end, unit, damping, force):  # type: ignore[no-
     return velocity, acceleration
 
 
-@_compiled(parallel=True)
+@numba.njit(fastmath=True, parallel=True)
 def growth(ratios, variations, zeta, values):  # type: ignore[no-untyped-def]
     """Return the growth a period, ln of the larger multiplier, at every point of a chart."""
     steps, found = (len(values) - 1) // 2, np.empty(ratios.shape)

@@ -226,10 +226,8 @@ def analysis_against_reading(repeats: int = 7, progress: Progress | None = None)
     """
     with tempfile.TemporaryDirectory() as folder:
         processes = _prepared(Path(folder))
-        run = partial(subprocess.run, capture_output=True, check=False)
-        timings = interleaved(
-            [partial(run, own) for own in processes.values()], repeats, NO_LIMIT_S
-        )
+        tasks = [partial(subprocess.run, own, capture_output=True) for own in processes.values()]
+        timings = interleaved(tasks, repeats, NO_LIMIT_S)
     sizes = {"rows": round(WHOLE_RATE_HZ * WHOLE_S), "channels": 4}
     pandas_s, timed = timings[-1].median_s, zip(processes, timings, strict=True)
     return [
@@ -369,9 +367,8 @@ def _beside_ross(stage: ParallelStage, repeats: int) -> Row:
     known: Row = dict.fromkeys(moduli, float(steel.E)) | {"poisson_ratio": float(steel.Poisson)}
     same = replace(stage, **known)
     theirs = partial(mesh.get_stiffness_for_mesh_period, n_mesh_period=1, n_points=POSITIONS)
-    own, other = interleaved(
-        [partial(_sample, same, POSITIONS), theirs], min(repeats, 7), NO_LIMIT_S
-    )
+    tasks = partial(_sample, same, POSITIONS), theirs
+    own, other = interleaved(tasks, min(repeats, 7), NO_LIMIT_S)
     difference, note = _compared(mesh, same)
     beside = {"ross_median_s": other.median_s, "ross_difference": difference, "note": note}
     beside["ross_times_slower"] = other.median_s / own.median_s
@@ -488,9 +485,8 @@ def _pairs_row(sample: int) -> Row:
 def _tuned_power(problem: HillProblem) -> float:
     """Mean power [W] of the harvester that is tuned to the lines of a pair."""
     lines = steady_state(problem, 1e-6).acceleration[1 : len(HARMONICS) + 1]
-    shaking = vibration_of_lines(
-        HARMONICS[: len(lines)] / PERIOD_S, acceleration_ms2=2 * np.abs(lines)
-    )
+    own_hz = HARMONICS[: len(lines)] / PERIOD_S
+    shaking = vibration_of_lines(own_hz, acceleration_ms2=2 * np.abs(lines))
     return float(tune_harvester(INERTIAL, shaking).power_w)
 
 
@@ -525,10 +521,8 @@ def _marched(harvester: InertialHarvester, lines: ComplexArray) -> float:
 
 def _optimum_row(harvester: Harvester, quick: bool) -> Row:
     duty, (frequencies, loads) = _duty(), (200, 10) if quick else FINE_GRID
-    tasks = (
-        lambda: tune_harvester(harvester, duty).power_w,
-        partial(_brute_force, harvester, duty, frequencies, loads),
-    )
+    brute = partial(_brute_force, harvester, duty, frequencies, loads)
+    tasks = lambda: tune_harvester(harvester, duty).power_w, brute
     timed = interleaved(tasks, 1 if quick else REPEATS, NO_LIMIT_S)
     case = f"optimum of one tuning, {type(harvester).__name__}"
     return _row(case, f"brute force, {frequencies} frequencies x {loads} loads", [timed])

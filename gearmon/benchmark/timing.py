@@ -198,9 +198,8 @@ def measured(listed: Sequence[Contender], most: int, budget_s: float) -> list[Ro
 
 def _row(one: Contender, timing: Timing | None) -> Row:
     row: Row = {"method": one.method, "setting": one.setting, "wanted": one.wanted}
-    row |= dict.fromkeys(("error", "error_bound", "unknowns"))
-    row |= {"sets": one.sets, "note": one.note, "median_s": None, "fastest_s": None}
-    row |= {"repeats": 0, "exponent": None}
+    row |= dict.fromkeys(("error", "error_bound", "unknowns", "median_s", "fastest_s", "exponent"))
+    row |= {"sets": one.sets, "note": one.note, "repeats": 0}
     if timing is None:
         return row
     each = timing.median_s / one.sets, timing.fastest_s / one.sets

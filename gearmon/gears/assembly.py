@@ -258,10 +258,8 @@ class _Assembly:
         if not diameter:
             diameter = 1e3 * SHAFT_OVER_GEAR * min(_diameter_m(*own) for own in gears)
             source = f"{SHAFT_OVER_GEAR:g} of the smaller gear on it"
-        widths = [
-            pair.stage.face_width_mm or 1e3 * WIDTH_OVER_MODULE * pair.geometry.transverse_module_m
-            for pair, _ in gears
-        ]
+        usual, pairs = 1e3 * WIDTH_OVER_MODULE, [pair for pair, _ in gears]
+        widths = [p.stage.face_width_mm or usual * p.geometry.transverse_module_m for p in pairs]
         length = SHAFT_OVER_WIDTHS * sum(widths)
         bar = ShaftSection(shaft=number, length_mm=length, diameter_mm=diameter)
         torsion = _section(bar)[0] / (1e-3 * length)
@@ -381,7 +379,7 @@ class _Assembly:
         towards = math.radians(stage.axis_angle_deg) + sense * _push(pair)
         one, two = pair.base_radii_m
         vector = _pushed(first, towards, sense * one) - _pushed(second, towards, -sense * two)
-        self.mesh(pair, [vector], [0.0])
+        self.mesh(i, pair, [vector], [0.0])
 
     def planetary(self, i: int, stage: PlanetaryStage, lines: Sequence[_Shaft], sense: int) -> None:
         inner, outer = self.pairs[i]
@@ -389,7 +387,7 @@ class _Assembly:
         rows[stage.fixed] = self.fixed(i + 1, stage)
         self.gear(inner, 0, rows["sun"])
         self.gear(outer, 1, rows["ring"])
-        self.carrier(inner, rows["carrier"])
+        self.carrier(inner, stage, rows["carrier"])
         speeds = planetary_speeds(stage)
         turn = sense if speeds["sun"] > speeds["carrier"] else -sense
         # torques on sun and ring have one sense, that on the carrier the other
@@ -404,8 +402,8 @@ class _Assembly:
             ring = sense * outer.base_radii_m[1]
             suns.append(_pushed(rows["sun"], psi + push, sun) - _pushed(planet, push, -own))
             rings.append(_pushed(rows["ring"], psi + pull, ring) - _pushed(planet, pull, own))
-        self.mesh(inner, suns, -turn * stage.sun_teeth * seats)
-        self.mesh(outer, rings, turn * stage.ring_teeth * seats - 0.5 * stage.planet_teeth)
+        self.mesh(i, inner, suns, -turn * stage.sun_teeth * seats)
+        self.mesh(i, outer, rings, turn * stage.ring_teeth * seats - 0.5 * stage.planet_teeth)
 
     def fixed(self, number: int, stage: PlanetaryStage) -> FloatArray:
         """Return how the fixed member of a planetary set moves, and add what holds it."""
@@ -420,10 +418,8 @@ class _Assembly:
             self.notes.append(f"stage {number}: the {stage.fixed} is held rigidly")
         return rows
 
-    def carrier(self, pair: MeshPair, rows: FloatArray) -> None:
+    def carrier(self, pair: MeshPair, stage: PlanetaryStage, rows: FloatArray) -> None:
         """Add the inertia of a carrier: as given, else of a disc that reaches the planet axes."""
-        stage = pair.stage
-        assert isinstance(stage, PlanetaryStage)
         mass, inertia = stage.mass_carrier_kg, stage.inertia_carrier_kgm2
         if (mass is None or inertia is None) and rows.any():
             instead = "mass_carrier_kg and inertia_carrier_kgm2"
@@ -441,26 +437,23 @@ class _Assembly:
         """Return how the planets of a set move, and add their inertia and pins."""
         inner = self.pairs[i][0]
         radius = inner.geometry.centre_distance_m
-        # radial and tangential
-        pins = [
-            (_pushed(carrier, psi, 0.0), _pushed(carrier, psi + 0.5 * math.pi, radius))
-            for psi in angles
-        ]
         on_pins = [own for own in self.machine.bearings if own.planet_stage == i + 1]
         force = self.forces[i]
         load = 2 * force * math.sin(_push(inner)) / max(1, len(on_pins)) if force else 0.0
         springs = [(own, self.bearing_stiffness(own, load)) for own in on_pins]
         yields = bool(springs) and all(stiffness is not None for _, stiffness in springs)
         rows = np.zeros((stage.planets, 3, len(self.mass)))
-        for number, row in enumerate(rows):
-            name = f"planet {number + 1} of stage {i + 1}"
+        for number, (psi, row) in enumerate(zip(angles, rows, strict=True), start=1):
+            name = f"planet {number} of stage {i + 1}"
             row[2] = self.free(f"{name}: rotation")
-            row[:2] = pins[number]
+            # radial and tangential
+            pin = _pushed(carrier, psi, 0.0), _pushed(carrier, psi + 0.5 * math.pi, radius)
+            row[:2] = pin
             if yields:
                 row[:2] = self.free(f"{name}: radial"), self.free(f"{name}: tangential")
             self.gear(inner, 1, row)
             for own, stiffness in springs if yields else ():
-                slack, damper = row[:2] - pins[number], own.damping_ns_per_m or 0.0
+                slack, damper = row[:2] - pin, own.damping_ns_per_m or 0.0
                 self.spring(f"pins of stage {i + 1}", slack, stiffness or 0.0, damper)
         if not yields:
             self.notes.append(f"stage {i + 1}: planet pins are rigid: no bearing of them yields")
@@ -468,17 +461,15 @@ class _Assembly:
         self.planets.append(Planets(rows, np.array([mass, mass, inertia]), turn * angles))
         return rows
 
-    def mesh(self, pair: MeshPair, vectors: Sequence[FloatArray], phases: Iterable[float]) -> None:
+    def mesh(self, i: int, pair: MeshPair, rows: list[FloatArray], phases: Iterable[float]) -> None:
         """Add meshes of a kind with their mean stiffness and damping."""
-        assert pair.number is not None
-        notes: list[str] = []
-        force = self.forces[pair.number - 1]
+        force, notes = self.forces[i], list[str]()
         mean = mesh_stiffness(pair, (), self.form, force_n=force).healthy_mean_n_per_m
         damping = mesh_damping(pair, math.sqrt(mean * equivalent_mass(pair, notes)), notes)[1]
         self.notes += [f"stage {pair.number}: {note}" for note in notes if "ring is" not in note]
         part = f"mesh {pair.number} {pair.name}"
-        for vector, phase in zip(vectors, phases, strict=True):
-            self.spring(part, vector[None], mean, damping, float(phase))
+        for row, phase in zip(rows, phases, strict=True):
+            self.spring(part, row[None], mean, damping, float(phase))
 
 
 def _told_m(standing: Bearing | Disc, usual_m: float) -> float:

@@ -17,6 +17,7 @@ from functools import cached_property, lru_cache, reduce
 from itertools import chain, combinations, pairwise
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
@@ -49,6 +50,7 @@ from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 
 #: Losses of the teeth of a gear, by tooth number; 0 for all of them.
 GearLosses = dict[int, Losses]
+BothLosses = tuple[GearLosses, GearLosses]
 #: What is lost at the two teeth of a pair.
 PairState = tuple[Losses, Losses]
 #: A pair keeps at least this share of its stiffness: a number for "nothing" that can be inverted.
@@ -70,9 +72,12 @@ class PairsInMesh(ABC):
     ----------
     worn : PairState
         Loss that all teeth of each gear have.
+    teeth : ToothPair, optional
+        Where they are known.
     """
 
     worn: PairState = SOUND_PAIR
+    teeth: ToothPair | None = None
 
     @property
     @abstractmethod
@@ -85,16 +90,15 @@ class PairsInMesh(ABC):
         return float(self.corners[-1])
 
     @abstractmethod
-    def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
+    def loads(self, phase: FloatArray, states: Sequence[PairState]) -> FloatArray:
         """Return what each pair carries per unit of deflection [N/m].
 
         Parameters
         ----------
         phase : ndarray, shape (pieces, points)
             Phase of the middle pair; within a row the same pairs are in contact.
-        states : sequence of PairState, optional
-            Of the pairs from `reach` before it to `reach` after it, itself in the middle; sound
-            by default.
+        states : sequence of PairState
+            Of the pairs from `reach` before it to `reach` after it, itself in the middle.
 
         Returns
         -------
@@ -114,10 +118,10 @@ class PairsInMesh(ABC):
     @cached_property
     def healthy(self) -> Pulse:
         """What a pair carries among sound neighbours, per unit of deflection [N/m]."""
-        edges = self._edges(self._sound)
-        return Pulse.through(edges, self.loads(panel_nodes(edges, self.points))[self.reach])
+        edges, sound = self._edges(self._sound), self._sound
+        return Pulse.through(edges, self.loads(panel_nodes(edges, self.points), sound)[self.reach])
 
-    def trains(self, pair: MeshPair, losses: tuple[GearLosses, GearLosses]) -> list[PulseTrain]:
+    def trains(self, pair: MeshPair, losses: BothLosses) -> list[PulseTrain]:
         """Return what damaged teeth take away, with a period each.
 
         Parameters
@@ -133,12 +137,12 @@ class PairsInMesh(ABC):
             for what the two miss there.
         """
         (one, two), z, overlap = losses, pair.teeth, pair.overlap_ratio
-        parts = [(pair.first.name, z[0], one, {}), (pair.second.name, z[1], {}, two)]
-        parts += [(" and ".join(pair.names), math.lcm(*z), one, two)] * bool(one and two)
-        found = [(gear, period, self._terms(a, b, z)) for gear, period, a, b in parts]
+        parts = [(pair.first.name, z[0], (one, {})), (pair.second.name, z[1], ({}, two))]
+        parts += [(" and ".join(pair.names), math.lcm(*z), losses)] * bool(one and two)
+        found = [(gear, period, self._terms(own, z, period)) for gear, period, own in parts]
         return [PulseTrain(gear, period, overlap, terms) for gear, period, terms in found if terms]
 
-    def _terms(self, one: GearLosses, two: GearLosses, teeth: tuple[int, int]) -> Losses:
+    def _terms(self, losses: BothLosses, teeth: tuple[int, int], period: int) -> Losses:
         """Return what damaged teeth take from the pairs near them.
 
         Of both gears, where their damaged teeth meet: what they take less than by themselves.
@@ -146,15 +150,12 @@ class PairsInMesh(ABC):
         found: list[PulseTerm] = []
         # teeth that are damaged alike, with neighbours alike, lose the same
         known: dict[tuple[PairState, ...], Pulse] = {}
-        for low, high in _face_parts(one, two):
-            first, second = _inside(one, low, high), _inside(two, low, high)
-            near, (z1, z2) = [self._near(first, teeth[0]), self._near(second, teeth[1])], teeth
-            entries = near[0] | near[1]
-            if one and two:
-                met = [n for entry in near[0] for n in range(entry, math.lcm(z1, z2), z1)]
-                entries = {n for n in met if n % z2 in near[1]}
-            for entry in sorted(entries):
-                states = self._states(entry, first, second, teeth)
+        for low, high in _face_parts(losses):
+            inside = _inside(losses[0], low, high), _inside(losses[1], low, high)
+            near = [self._near(*own, period) for own in zip(inside, teeth, strict=True)]
+            entries = near[0] & near[1] if all(losses) else near[0] | near[1]
+            for entry in np.flatnonzero(entries).tolist():
+                states = self._states(entry, inside, teeth)
                 if states not in known:
                     known[states] = self._lost(states)
                 if len(known[states].series):
@@ -204,16 +205,15 @@ class PairsInMesh(ABC):
         return [SOUND_PAIR] * (2 * self.reach + 1)
 
     def _states(
-        self, entry: int, one: GearLosses, two: GearLosses, teeth: tuple[int, int]
+        self, entry: int, losses: BothLosses, teeth: tuple[int, int]
     ) -> tuple[PairState, ...]:
-        return tuple(
-            (one.get((entry + n) % teeth[0] + 1, ()), two.get((entry + n) % teeth[1] + 1, ()))
-            for n in self._places
-        )
+        (one, two), (z1, z2), entries = losses, teeth, [entry + n for n in self._places]
+        return tuple((one.get(n % z1 + 1, ()), two.get(n % z2 + 1, ())) for n in entries)
 
-    def _near(self, losses: GearLosses, period: int) -> set[int]:
-        """Return the mesh phases at which pairs enter that damage affects."""
-        return {(tooth - 1 + n) % period for tooth in losses for n in self._places}
+    def _near(self, losses: GearLosses, teeth: int, period: int) -> npt.NDArray[np.bool_]:
+        """Return which of the pairs that enter one after the other damage of a gear affects."""
+        places = np.add.outer(np.arange(period), self._places) % teeth
+        return np.asarray(np.isin(places + 1, [*losses]).any(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -243,10 +243,10 @@ class CurvePairs(PairsInMesh):
         """What a pair carries [N/m]; without wear the curve as it is."""
         return super().healthy if any(self.worn) else self.pulse
 
-    def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
+    def loads(self, phase: FloatArray, states: Sequence[PairState]) -> FloatArray:
         """Return what the pair carries per unit of deflection [N/m], shape (1, pieces, points)."""
         left = self.pulse.value(phase)
-        for losses in (*self.worn, *(SOUND_PAIR if states is None else states[0])):
+        for losses in (*self.worn, *states[0]):
             left = left * (1 - _lost_here(losses, phase))
         return left[None]
 
@@ -257,33 +257,32 @@ class TeethInMesh(PairsInMesh):
 
     Parameters
     ----------
-    pair : ToothPair
+    teeth : ToothPair
         Sound teeth.
     force_n : float or None
         Static force that the pairs carry together; only load-dependent contacts need it.
     """
 
-    pair: ToothPair
+    teeth: ToothPair
     force_n: float | None = None
 
     @cached_property
     def corners(self) -> FloatArray:
         """Where another pair enters or leaves."""
-        return contact_zones(self.pair.contact_ratio)[0]
+        return contact_zones(self.teeth.contact_ratio)[0]
 
     @cached_property
     def reach(self) -> int:
         """How many pairs before and after one may be in contact with it."""
         return max(0, math.ceil(self.length - 1e-12) - 1)
 
-    def loads(self, phase: FloatArray, states: Sequence[PairState] | None = None) -> FloatArray:
+    def loads(self, phase: FloatArray, states: Sequence[PairState]) -> FloatArray:
         """Return what each pair carries per unit of deflection [N/m]."""
-        known = self._sound if states is None else states
-        if self.pair.form.contact == "constant" or self.force_n is None:
-            return self._share(phase, known, None)
-        force = np.full((len(known), *phase.shape), self.force_n / self.length)
+        if self.teeth.form.contact == "constant" or self.force_n is None:
+            return self._share(phase, states, None)
+        force = np.full((len(states), *phase.shape), self.force_n / self.length)
         for _ in range(LOAD_ROUNDS):
-            loads = self._share(phase, known, force)
+            loads = self._share(phase, states, force)
             # a pair that carries nothing flattens nothing, and its logarithm needs some load
             force = self.force_n * np.maximum(loads / loads.sum(axis=0), 1e-6)
         return loads
@@ -299,13 +298,13 @@ class TeethInMesh(PairsInMesh):
         bodies = np.zeros((count, 2, *phase.shape))
         for i, (n, here) in enumerate(zip(self._places, present, strict=True)):
             own, own_force = phase[here] - n, None if force is None else force[i][here]
-            parts = self.pair.compliances(self.pair.roll(own), force_n=own_force)
+            parts = self.teeth.compliances(self.teeth.roll(own), force_n=own_force)
             matrix[here, :, i, i] = parts.total * self._ratio(states[i], own)
             bodies[i][:, here] = parts.foundation
-        for j, i in combinations(range(count), 2) if self.pair.form.is_coupled else ():
+        for j, i in combinations(range(count), 2) if self.teeth.form.is_coupled else ():
             both = present[i] & present[j]
             phases = phase[both] - self._places[j], phase[both] - self._places[i]
-            shared = self.pair.coupling(i - j, bodies[[j, i]][:, :, both], phases)
+            shared = self.teeth.coupling(i - j, bodies[[j, i]][:, :, both], phases)
             matrix[both, :, i, j] = matrix[both, :, j, i] = shared
         felt = np.moveaxis(present[..., None] * np.ones((count, *phase.shape)), 0, -1)[..., None]
         return np.moveaxis(np.asarray(np.linalg.solve(matrix, felt)[..., 0]), -1, 0)
@@ -326,9 +325,9 @@ def _lost_here(losses: Losses, phase: FloatArray) -> FloatArray:
     return np.asarray(sum(p.weight * p.pulse.value(phase) for p in losses), dtype=np.float64)
 
 
-def _face_parts(one: GearLosses, two: GearLosses) -> list[tuple[float, float]]:
+def _face_parts(losses: BothLosses) -> list[tuple[float, float]]:
     """Return the parts of the face width in which all damage is uniform along the face."""
-    parts = chain(*one.values(), *two.values())
+    parts = chain(*losses[0].values(), *losses[1].values())
     edges = {0.0, 1.0}.union(*({part.face_start, part.face_end} for part in parts))
     return list(pairwise(sorted(edges)))
 
@@ -381,14 +380,14 @@ def loss_in_contact(fault: Fault, length: float, pitch_phase: float) -> Losses:
     ArgumentError
         If the size is no loss of stiffness.
     """
-    if fault.loss == 0:
-        return ()
     if fault.kind == "breakage":
-        return (PulseTerm(Pulse.constant(0.0, length), face_end=fault.loss),)
+        return _gone(0.0, length, 0.0, fault.loss)
     # a pitch point near an end of the path leaves less of the band in contact
     half = 0.5 * BANDS[fault.kind] * length if fault.kind in BANDS else math.inf
     start, end = max(0.0, pitch_phase - half), min(length, pitch_phase + half)
-    return (PulseTerm(Pulse.constant(start, end), fault.loss),) if end > start else ()
+    if not fault.loss or end <= start:
+        return ()
+    return (PulseTerm(Pulse.constant(start, end), fault.loss),)
 
 
 def measured_losses(
@@ -455,11 +454,9 @@ def stiffness_loss(fault: Fault, pair: ToothPair, index: int) -> PairLoss:
     phase = panel_nodes(edges)
     lost, stiffness = lost_share(losses, phase), pair.compliances(pair.roll(phase)).stiffness
     weights = gauss(phase.shape[1])[1] * np.diff(edges)[:, None] * stiffness
-    return PairLoss(
-        mean=float((weights * lost).sum() / weights.sum()),
-        greatest=float(lost.max()),
-        at_middle=float(lost_share(losses, np.array(0.5 * pair.contact_ratio))),
-    )
+    mean = float((weights * lost).sum() / weights.sum())
+    middle = float(lost_share(losses, np.array(0.5 * pair.contact_ratio)))
+    return PairLoss(mean=mean, greatest=float(lost.max()), at_middle=middle)
 
 
 def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fault:
@@ -593,12 +590,10 @@ def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothD
         depth = float(crack.at(middle)[0])
         whole = replace(crack, depth_m=depth, far_depth_m=None, extent=1.0, start=0.0)
         crack = whole if depth else None
-    holes = (
-        hole if hole.round else replace(hole, width_m=width, start=0.0)
-        for hole in damage.holes
-        if hole.round or hole.start <= middle[0] <= hole.start + hole.width_m / width
-    )
-    return replace(damage, crack=crack, holes=tuple(holes))
+    x, pits = middle[0], [hole for hole in damage.holes if hole.round]
+    spalls = [own for own in damage.holes if own.start <= x <= own.start + own.width_m / width]
+    whole_face = [replace(own, width_m=width, start=0.0) for own in spalls if not own.round]
+    return replace(damage, crack=crack, holes=(*pits, *whole_face))
 
 
 def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault], list[str]]:
@@ -634,9 +629,7 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
     return acting, notes
 
 
-def gear_losses(
-    pair: MeshPair, faults: Sequence[Fault], length: float, teeth: ToothPair | None = None
-) -> tuple[GearLosses, GearLosses]:
+def gear_losses(pair: MeshPair, faults: Sequence[Fault], mesh: PairsInMesh) -> BothLosses:
     """Return the loss of each damaged tooth of each gear, by its number, 0 for all teeth.
 
     Parameters
@@ -644,10 +637,8 @@ def gear_losses(
     pair : MeshPair
     faults : sequence of Fault
         Of this mesh.
-    length : float
-        Length of the contact of a pair [mesh periods].
-    teeth : ToothPair, optional
-        Known teeth of the pair; else they are made when a size asks for them.
+    mesh : PairsInMesh
+        Where it does not know the teeth, they are made when a size asks for them.
 
     Raises
     ------
@@ -655,8 +646,9 @@ def gear_losses(
         If a size does not fit its tooth, or data that it needs are missing.
     """
     # the contact of the half-duty forms is a nominal one, on which the true one is laid
+    length = mesh.length
     pitch = pair.pitch_phase * length / pair.contact_ratio if _needs_pitch(faults) else 0.0
-    found: tuple[GearLosses, GearLosses] = {}, {}
+    found: BothLosses = {}, {}
     for index, (name, losses) in enumerate(zip(pair.names, found, strict=True)):
         hurt = [fault for fault in faults if fault.gear == name]
         for tooth in {fault.tooth or 0 for fault in hurt}:
@@ -664,7 +656,7 @@ def gear_losses(
             parts = [loss_in_contact(fault, length, pitch) for fault in own if fault.is_loss]
             measured = [fault for fault in own if not fault.is_loss]
             if measured:
-                known, is_helical = teeth or teeth_of(pair), pair.overlap_ratio > 0
+                known, is_helical = mesh.teeth or teeth_of(pair), pair.overlap_ratio > 0
                 parts.append(measured_losses(measured, known, index, is_helical, length))
             lost: Losses = reduce(union, parts, ())
             if lost:

@@ -124,24 +124,21 @@ def contact_offsets(pair: MeshPair, errors: Sequence[GearError]) -> tuple[Contac
 
 
 def state_of(
-    offsets: Iterable[ContactOffset], phase: FloatArray, free_gap_m: float
+    offsets: Sequence[ContactOffset], phase: FloatArray, free_gap_m: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return a and b [mesh periods] with gears turned, and the part of the face that carries.
 
     Parameters
     ----------
-    offsets : iterable of ContactOffset
+    offsets : sequence of ContactOffset
     phase : ndarray
         [mesh periods].
     free_gap_m : float
         Lead deviation that the load just closes.
     """
-    leaving, entering, lead = sum(
-        np.multiply.outer(
-            [own.leaving, own.entering, own.lead_m], np.exp(1j * (2 * np.pi * phase / own.teeth))
-        ).real
-        for own in offsets
-    )
+    moved = [(own.leaving, own.entering, own.lead_m) for own in offsets]
+    turns = np.multiply.outer(phase, [2j * np.pi / own.teeth for own in offsets])
+    leaving, entering, lead = np.moveaxis((np.exp(turns) @ np.array(moved)).real, -1, 0)
     return leaving, entering, carrying_share(np.abs(lead), free_gap_m)
 
 
@@ -285,10 +282,9 @@ class ContactFamily:
             low, high = edges[:, piece], edges[:, piece + 1]
             here = np.flatnonzero((x >= low) & (running | (x < high)))
             low, high = low[here], high[here]
-            powers = (2 * np.minimum(x[here], high) - low - high) / (high - low)
-            found = np.einsum(
-                "pn,pn->p", terms[here] @ series[:, piece], legvander(powers, series.shape[2] - 1)
-            )
+            t = (2 * np.minimum(x[here], high) - low - high) / (high - low)
+            powers = legvander(t, series.shape[2] - 1)
+            found = np.einsum("pn,pn->p", terms[here] @ series[:, piece], powers)
             total[here] += 0.5 * (high - low) * found if running else found
         return total
 

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +28,7 @@ CLEARANCE = 0.25
 
 
 Two = tuple[float, float]
+_Own = TypeVar("_Own")
 __all__ = ["GearTeeth", "PairGeometry", "pair_geometry"]
 #: Rim of a ring where none is given [modules]; thinner ones are called thin: from 3.5 on ISO 6336-3
 #: sees no weakening (rim factor 1).
@@ -315,10 +316,6 @@ class PairGeometry:
     tip_shortening : (float, float)
         k, in modules, <= 0 where tips are cut back to keep the tip clearance.
     tip_radii_m : (float, float)
-    path_m : (float, float)
-        Roll lengths (distances from the base tangent point along the line of action) on the first
-        gear at which the path of contact begins (tip of the mate) and ends (own tip); the first
-        gear is taken to drive.
     warnings : tuple of str
     """
 
@@ -332,7 +329,6 @@ class PairGeometry:
     centre_distance_m: float = 0.0
     tip_shortening: Two = (0.0, 0.0)
     tip_radii_m: Two = (0.0, 0.0)
-    path_m: Two = (0.0, 0.0)
     warnings: tuple[str, ...] = ()
 
     @property
@@ -353,8 +349,7 @@ class PairGeometry:
     @cached_property
     def base_radii_m(self) -> Two:
         """Radii of the base circles [m]."""
-        cosine = math.cos(self.transverse_pressure_angle_rad)
-        return _both(lambda i: self.reference_radii_m[i] * cosine)
+        return _both(lambda i: self.rack(i).base * self.normal_module_m)
 
     @property
     def working_radii_m(self) -> Two:
@@ -383,6 +378,16 @@ class PairGeometry:
     def base_pitch_m(self) -> float:
         """Transverse base pitch p_bt [m]."""
         return math.pi * self.transverse_module_m * math.cos(self.transverse_pressure_angle_rad)
+
+    @cached_property
+    def path_m(self) -> Two:
+        """Roll lengths [m] at which contact begins, at the tip of the mate, and ends, at the own.
+
+        Distances from the base tangent point of the first gear along the line of action; it drives.
+        """
+        tips, bases = self.tip_radii_m, self.base_radii_m
+        one, two = _both(lambda i: math.sqrt(max(tips[i] ** 2 - bases[i] ** 2, 0.0)))
+        return self.sign(1) * (self.line_m - two), one
 
     @property
     def path_length_m(self) -> float:
@@ -544,11 +549,14 @@ def pair_geometry(
     # a centre distance above the tight one, or a ring, needs no cutting back
     usual = 0.0 if internal else min(0.0, excess)
     one, two = (usual if k is None else k for k in (first.tip_shortening, second.tip_shortening))
-    pair = _with_tips(replace(pair, tip_shortening=(one, two)))
+    cut = one, two
+    above = _both(lambda i: pair.gears[i].tip_factor + pair.gears[i].profile_shift + cut[i])
+    tips = _both(lambda i: pair.reference_radii_m[i] + pair.sign(i) * module_m * above[i])
+    pair = replace(pair, tip_shortening=cut, tip_radii_m=tips)
     return check_pair(trim_ring(pair)) if check else pair
 
 
-def _both(value: Callable[[int], float]) -> Two:
+def _both(value: Callable[[int], _Own]) -> tuple[_Own, _Own]:
     """Return a value of each gear."""
     return value(0), value(1)
 
@@ -583,26 +591,6 @@ def _working(pair: PairGeometry, centre_distance_m: float | None) -> Two:
     return angle, base / math.cos(angle)
 
 
-def _with_tips(pair: PairGeometry) -> PairGeometry:
-    """Return the pair with its tip circles, and the path of contact that they make."""
-
-    def height(i: int) -> float:
-        gear = pair.gears[i]
-        modules = gear.tip_factor + gear.profile_shift + pair.tip_shortening[i]
-        return pair.sign(i) * pair.normal_module_m * modules
-
-    tips = _both(lambda i: pair.reference_radii_m[i] + height(i))
-    return replace(pair, tip_radii_m=tips, path_m=_path(pair, tips))
-
-
-def _path(pair: PairGeometry, tip_radii_m: Two) -> Two:
-    """Return the roll lengths [m] on the first gear between which tips so high make contact."""
-    sign, bases = pair.sign(1), pair.base_radii_m
-    one, two = _both(lambda i: math.sqrt(max(tip_radii_m[i] ** 2 - bases[i] ** 2, 0.0)))
-    length = (bases[0] + sign * bases[1]) * math.tan(pair.working_pressure_angle_rad)
-    return length - sign * two, one
-
-
 def normal_section(pair: PairGeometry) -> PairGeometry:
     """Return the spur gears whose teeth are those of a helical pair, cut square to its flanks.
 
@@ -615,18 +603,15 @@ def normal_section(pair: PairGeometry) -> PairGeometry:
     """
     cosine = math.cos(pair.base_helix_angle_rad)
     share = cosine**2 * math.cos(pair.helix_angle_rad)
-    one, two = (
-        replace(own, teeth=cast(int, own.teeth / share), virtual=True) for own in pair.gears
-    )
+    teeth = [cast(int, own.teeth / share) for own in pair.gears]
+    gears = _both(lambda i: replace(pair.gears[i], teeth=teeth[i], virtual=True))
     working = math.asin(math.sin(pair.working_pressure_angle_rad) * cosine)
-    section = replace(
-        pair, gears=(one, two), helix_angle_rad=0.0, working_pressure_angle_rad=working
-    )
+    flat = replace(pair, gears=gears, helix_angle_rad=0.0)
+    section = replace(flat, working_pressure_angle_rad=working)
     (first, second), circles = section.working_radii_m, section.reference_radii_m
     tips = _both(lambda i: circles[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i])
     centres = abs(first + pair.sign(1) * second)
-    path = _path(section, tips)
-    return replace(section, centre_distance_m=centres, tip_radii_m=tips, path_m=path)
+    return replace(section, centre_distance_m=centres, tip_radii_m=tips)
 
 
 def check_pair(pair: PairGeometry) -> PairGeometry:
@@ -676,8 +661,8 @@ def trim_ring(pair: PairGeometry) -> PairGeometry:
         f"the tips of the {ring.name} are taken as relieved by {trim:.3f} modules, for they would "
         f"touch the fillet of the {planet.name}; {cure} would say so"
     )
-    tips, path = (pair.tip_radii_m[0], least), (pair.form_rolls_m[0], pair.path_m[1])
-    return replace(pair, tip_radii_m=tips, path_m=path, warnings=(*pair.warnings, note))
+    tips = pair.tip_radii_m[0], least
+    return replace(pair, tip_radii_m=tips, warnings=(*pair.warnings, note))
 
 
 def _check_backlash(pair: PairGeometry) -> Iterator[str]:

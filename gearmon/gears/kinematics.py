@@ -29,7 +29,7 @@ _Item = TypeVar("_Item")
 PLANET_PASS_DEPTH = 0.8
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Turning:
     """Something that repeats a fixed number of times per turn of shaft 1.
 
@@ -47,36 +47,36 @@ class Turning:
         return float(self.exact)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Shaft(Turning):
     """A shaft in the power flow.
 
     Parameters
     ----------
+    exact : Fraction
+        Turns per turn of shaft 1, without sign.
     number : int
         Counted from 1, the input.
     name : str
         What it is in the train.
-    exact : Fraction
-        Turns per turn of shaft 1, without sign.
     """
 
     number: int
     name: str
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Wheel(Turning):
     """A gear in a mesh.
 
     Parameters
     ----------
+    exact : Fraction
+        Turns per turn of shaft 1, seen from the housing.
     gear : {"pinion", "gear", "sun", "planet", "ring"}
     teeth : int
     shaft : int or None
         Shaft that it turns with; None if it stands still or turns on a planet pin.
-    exact : Fraction
-        Turns per turn of shaft 1, seen from the housing.
     exact_relative : Fraction
         Turns per turn of shaft 1 relative to the carrier (to the housing in a parallel stage):
         ``teeth * exact_relative`` is the mesh order.
@@ -93,25 +93,25 @@ class Wheel(Turning):
         return float(self.exact_relative)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Modulation(Turning):
     """The spacing of one family of sidebands about the harmonics of a mesh.
 
     Parameters
     ----------
+    exact : Fraction
+        Spacing as an order of shaft 1.
     name : str
         What modulates, in words.
     gear : {"pinion", "gear", "sun", "planet", "ring", "carrier"}
         The member to blame.
     shaft : int or None
         Shaft that turns at this order, if any.
-    exact : Fraction
-        Spacing as an order of shaft 1.
     """
 
     name: str
     gear: str
-    shaft: int | None
+    shaft: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -373,10 +373,7 @@ def kinematics(machine: Machine) -> Kinematics:
         meshes.append(_mesh(number, stage, speeds))
         orders.append(abs(speeds[stage.on_shafts[1]]))
     names = {len(orders): "output"} | {1: "input"}
-    shafts = tuple(
-        Shaft(number=number, name=names.get(number, "intermediate"), exact=order)
-        for number, order in enumerate(orders, start=1)
-    )
+    shafts = tuple(Shaft(own, n, names.get(n, "intermediate")) for n, own in enumerate(orders, 1))
     lines = [Line("shaft", f"{own.name} shaft", own.exact, shaft=own.number) for own in shafts]
     for mesh in meshes:
         lines += _mesh_lines(mesh)
@@ -443,19 +440,15 @@ def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
 def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, Fraction]) -> Mesh:
     shafts = dict(zip(stage.on_shafts, (number, number + 1), strict=True))
     carrier, planets = speeds.get("carrier", Fraction(0)), getattr(stage, "planets", 0)
+    gears = ("sun", "planet", "ring") if planets else ("pinion", "gear")
+    counts = {gear: getattr(stage, f"{gear}_teeth") for gear in gears}
     wheels = tuple(
-        Wheel(
-            gear=gear,
-            teeth=getattr(stage, f"{gear}_teeth"),
-            shaft=shafts.get(gear),
-            exact=abs(speeds[gear]),
-            exact_relative=abs(speeds[gear] - carrier),
-        )
-        for gear in (("sun", "planet", "ring") if planets else ("pinion", "gear"))
+        Wheel(abs(speeds[gear]), gear, count, shafts.get(gear), abs(speeds[gear] - carrier))
+        for gear, count in counts.items()
     )
     forwards = (carrier - speeds.get("ring", 0)) * carrier > 0
-    teeth = "/".join(str(wheel.teeth) for wheel in wheels)
-    families = [(f"{w.gear} rotation", w.gear, w.shaft, w.exact) for w in wheels]
+    teeth = "/".join(map(str, counts.values()))
+    families = [Modulation(w.exact, f"{w.gear} rotation", w.gear, w.shaft) for w in wheels]
     if planets:
         families = _planetary_families(wheels, planets, abs(carrier), shafts.get("carrier"))
     return Mesh(
@@ -463,11 +456,7 @@ def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, 
         name=f"{stage.name}, {teeth}" if stage.name else teeth,
         exact=wheels[0].teeth * wheels[0].exact_relative,
         wheels=wheels,
-        modulations=tuple(
-            Modulation(name=name, gear=gear, shaft=shaft, exact=order)
-            for name, gear, shaft, order in families
-            if order
-        ),
+        modulations=tuple(family for family in families if family.exact),
         planets=planets,
         carrier=abs(carrier) if forwards else -abs(carrier),
         equally_spaced=getattr(stage, "equally_spaced", True),
@@ -476,8 +465,8 @@ def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, 
 
 def _planetary_families(
     wheels: tuple[Wheel, ...], planets: int, carrier: Fraction, carrier_shaft: int | None
-) -> list[tuple[str, str, int | None, Fraction]]:
-    """Return the sideband families of a planetary set: name, gear, shaft and order.
+) -> list[Modulation]:
+    """Return the sideband families of a planetary set.
 
     A local fault is met once for every planet that passes (sun, ring), a planet's twice in a turn
     on its carrier, once on the sun and once on the ring. A distributed fault, or an eccentricity,
@@ -487,16 +476,16 @@ def _planetary_families(
     sun, planet, ring = wheels
     relative = 1 if carrier else 0
     return [
-        ("carrier rotation", "carrier", carrier_shaft, carrier),
-        ("planet pass", "carrier", None, planets * carrier),
-        ("sun rotation", "sun", sun.shaft, sun.exact),
-        ("sun relative to carrier", "sun", None, relative * sun.exact_relative),
-        ("sun fault", "sun", None, planets * sun.exact_relative),
-        ("planet spin", "planet", None, planet.exact_relative),
-        ("planet fault", "planet", None, 2 * planet.exact_relative),
-        ("ring rotation", "ring", ring.shaft, ring.exact),
-        ("ring relative to carrier", "ring", None, relative * ring.exact_relative),
-        ("ring fault", "ring", None, planets * ring.exact_relative),
+        Modulation(carrier, "carrier rotation", "carrier", carrier_shaft),
+        Modulation(planets * carrier, "planet pass", "carrier"),
+        Modulation(sun.exact, "sun rotation", "sun", sun.shaft),
+        Modulation(relative * sun.exact_relative, "sun relative to carrier", "sun"),
+        Modulation(planets * sun.exact_relative, "sun fault", "sun"),
+        Modulation(planet.exact_relative, "planet spin", "planet"),
+        Modulation(2 * planet.exact_relative, "planet fault", "planet"),
+        Modulation(ring.exact, "ring rotation", "ring", ring.shaft),
+        Modulation(relative * ring.exact_relative, "ring relative to carrier", "ring"),
+        Modulation(planets * ring.exact_relative, "ring fault", "ring"),
     ]
 
 
@@ -507,12 +496,12 @@ def _mesh_lines(mesh: Mesh) -> list[Line]:
     for one, two in pairwise(mesh.wheels):
         name = f"{one.gear}-{two.gear}, {one.teeth}/{two.teeth}"
         lines += _pair_lines(mesh, name, one.teeth, two.teeth)
+    kinds = {"fault": "local fault", "pass": "planet pass"}
     if turning := mesh.wheel("planet").exact:
         lines.append(Line("rotation", "planet, seen from the housing", turning, stage=mesh.stage))
     for family in mesh.modulations:
         if family.shaft is None:  # the others are shafts and stand among them
-            kind = "local fault" if family.name.endswith("fault") else "rotation"
-            kind = "planet pass" if family.name == "planet pass" else kind
+            kind = kinds.get(family.name.split()[-1], "rotation")
             lines.append(Line(kind, family.name, family.exact, stage=mesh.stage))
     return lines
 

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
@@ -198,12 +197,9 @@ def load_share(machine: Machine, number: int) -> float:
     ISO 1328-1 class 6 for small gears. Teeth pressed together by less touch where their deviations
     stand out, and what is missing of one tooth's stiffness is felt the less.
     """
-    loads = []
-    for point in machine.operating:
-        with suppress(ArgumentError):
-            force = stage_mechanics(machine, number, point).force_n
-            load = pair_of(machine, number, 0).specific_load(force)
-            loads.append(math.inf if load is None else load)
+    pair = pair_of(machine, number)
+    forces = [known_force(machine, pair, point) for point in machine.operating]
+    loads = [load for force in forces if (load := pair.specific_load(force)) is not None]
     return max(loads, default=math.inf) / LOW_LOAD_N_PER_MM
 
 
@@ -215,6 +211,14 @@ def pair_of(machine: Machine, number: int, mesh: int = 0) -> MeshPair:
         names = ", ".join(f"{i} ({pair.name})" for i, pair in enumerate(pairs))
         raise ArgumentError(f"mesh={mesh} of stage {number} must be one of {names}")
     return pairs[mesh]
+
+
+def known_force(machine: Machine, pair: MeshPair, point: OperatingPoint) -> float | None:
+    """Return the static force on the line of action [N]; None where data are missing."""
+    try:
+        return static_force(pair, point, kinematics(machine).shaft(pair.number or 1).order)
+    except ArgumentError:
+        return None
 
 
 def static_force(pair: MeshPair, point: OperatingPoint, input_order: float) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, partial
 
 from gearmon.errors import ArgumentError, check_positive
 from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
@@ -488,13 +488,11 @@ def mesh_pairs(stage: Stage, number: int | None = None, path: str = "") -> tuple
     -------
     tuple of MeshPair
     """
+    made = partial(MeshPair, stage=stage, number=number, path=path)
     if isinstance(stage, ParallelStage):
-        first, second = _member(stage, "pinion"), _member(stage, "gear")
-        return (MeshPair(first=first, second=second, stage=stage, number=number, path=path),)
+        return (made(first=_member(stage, "pinion"), second=_member(stage, "gear")),)
     sun, planet, ring = (_member(stage, name) for name in ("sun", "planet", "ring"))
-    inner = MeshPair(
-        first=sun, second=planet, stage=stage, number=number, path=path, planets=stage.planets
-    )
+    inner = made(first=sun, second=planet, planets=stage.planets)
     return inner, replace(inner, first=planet, second=ring, inner=inner)
 
 

@@ -13,7 +13,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.polynomial.legendre import legint, legvander
@@ -249,9 +249,7 @@ class Pulse:
         total = np.zeros(len(v), dtype=np.complex128)
         signs = np.where(np.arange(self.series.shape[1]) % 4 < 2, 1.0, -1.0)
         scale = np.abs(self.series).max(initial=0.0)
-        for low, high, signed in zip(
-            self.edges[:-1], self.edges[1:], self.series * signs, strict=True
-        ):
+        for (low, high), signed in zip(pairwise(self.edges), self.series * signs, strict=True):
             series = signed[: _used(signed[None], scale)]
             step = max(1, BLOCK // len(series))
             for start in range(0, len(v), step):

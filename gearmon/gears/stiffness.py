@@ -15,8 +15,8 @@ a single pair.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Literal
 
@@ -25,20 +25,13 @@ from numpy.typing import ArrayLike
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_range, check_word
-from gearmon.gears.damage import (
-    CurvePairs,
-    PairsInMesh,
-    PairState,
-    TeethInMesh,
-    acting_faults,
-    gear_losses,
-)
+from gearmon.gears.damage import CurvePairs, PairsInMesh, TeethInMesh, acting_faults, gear_losses
 from gearmon.gears.excitation import ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.pulses import POINTS, Pulse, PulseTrain
-from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, ToothPair, teeth_of
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, teeth_of
 
 #: Loss of stiffness of a pair from the middle of its contact to its ends, Cai & Hayashi (1994).
 CURVATURE_CAI = 0.45
@@ -114,18 +107,15 @@ class Wave(Parabolic):
         edges, pairs = contact_zones(contact_ratio)
         width = np.diff(edges)
         at = np.stack([edges[:-1], edges[:-1] + 0.5 * width], axis=1) % 1.0
-        levels = np.array([self._sum(x, n, contact_ratio) for x, n in zip(at, pairs, strict=True)])
+        # summed without the contact test, so that the zone ends give their one-sided limits
+        whole, zones = super().pulse(contact_ratio), zip(at, pairs, strict=True)
+        levels = np.array([whole.at(x[:, None] + np.arange(n)).sum(axis=1) for x, n in zones])
         end, rise = (levels[:, 0] / pairs)[:, None], (np.diff(levels)[:, 0] / pairs)[:, None]
 
         def arches(t: FloatArray) -> FloatArray:
             return np.asarray(end + rise * np.sin(np.pi * (t - edges[:-1, None]) / width[:, None]))
 
         return Pulse.of(edges, arches)
-
-    def _sum(self, phase: FloatArray, pairs: int, contact_ratio: float) -> FloatArray:
-        # summed without the contact test, so that the zone ends give their one-sided limits
-        s = 2 * (phase[:, None] + np.arange(pairs)) / contact_ratio - 1
-        return np.asarray((1 - self.curvature * s * s).sum(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,14 +219,12 @@ def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[
     >>> [round(level, 6) for level in zone_means(1.412)]
     [1.523046, 0.973988]
     """
-    few = math.floor(contact_ratio)
-    part, starts = contact_ratio - few, np.arange(few + 1)
-    pulse = Parabolic(curvature=curvature).pulse(contact_ratio)
-    inside = pulse.integral(starts + part) - pulse.integral(starts)
-    between = pulse.integral(starts[:-1] + 1) - pulse.integral(starts[:-1] + part)
-    low = float(between.sum()) / (1 - part)
+    few, (edges, pairs) = math.floor(contact_ratio), contact_zones(contact_ratio)
+    part = contact_ratio - few
+    areas = np.diff(Parabolic(curvature=curvature).pulse(contact_ratio).integral(edges))
+    low = float(areas[pairs == few].sum()) / (1 - part)
     # without a zone of n + 1 pairs both levels are the mean of the one zone
-    return (low if part < 1e-12 else float(inside.sum()) / part), low
+    return (low if part < 1e-12 else float(areas[pairs > few].sum()) / part), low
 
 
 @lru_cache(maxsize=64)
@@ -489,21 +477,28 @@ def mesh_stiffness(
     _check_contact(pair)
     acting, notes = acting_faults(pair, faults)
     if isinstance(chosen, PotentialEnergy):
-        pairs_of, factor, more = _from_teeth(pair, acting, chosen, force_n)
+        new, factor, more = _from_teeth(pair, chosen, force_n)
     else:
-        pairs_of, factor, more = _from_form(pair, acting, chosen, force_n)
+        new, factor, more = _from_form(pair, chosen, force_n)
     # what wear that is given as a loss leaves
-    worn = [fault for fault in acting if fault.kind == "wear" and fault.is_loss]
-    factor *= math.prod(1 - fault.loss for fault in worn)
+    wear = [fault for fault in acting if fault.kind == "wear"]
+    factor *= math.prod(1 - fault.loss for fault in wear if fault.is_loss)
+    in_mm = [fault for fault in wear if not fault.is_loss]
+
+    def worn(lost: float) -> PairsInMesh:
+        """Return the pairs with the wear of all their teeth."""
+        pairs = new(lost)
+        one, two = gear_losses(pair, in_mm, pairs)
+        return replace(pairs, worn=(one.get(0, ()), two.get(0, ())))
 
     def pulse(lost: float) -> Pulse:
         """Return the pulse [N/m] of a pair whose contact ratio is so much smaller."""
-        return pairs_of(lost).healthy.scaled(factor)
+        return worn(lost).healthy.scaled(factor)
 
-    pairs, overlap, whole = pairs_of(0.0), pair.overlap_ratio, pulse(0.0)
-    teeth = pairs.pair if isinstance(pairs, TeethInMesh) else None
+    pairs, overlap = worn(0.0), pair.overlap_ratio
+    whole = pairs.healthy.scaled(factor)
     local = [fault for fault in acting if fault.tooth is not None]
-    missing = pairs.trains(pair, gear_losses(pair, local, pairs.length, teeth))
+    missing = pairs.trains(pair, gear_losses(pair, local, pairs))
     gap = 0.0 if force_n is None else 2 * abs(force_n) / whole.area
     modulations, told = modulation_trains(pair, errors, pulse, gap)
     if pair.given("contact_ratio") is None:
@@ -513,7 +508,7 @@ def mesh_stiffness(
         pulses=tuple(train.scaled(factor) for train in missing),
         contact_ratio=pair.contact_ratio,
         overlap_ratio=overlap,
-        variation=_variation(whole, overlap) if teeth else mesh_variation(pair, chosen),
+        variation=_variation(whole, overlap) if pairs.teeth else mesh_variation(pair, chosen),
         form=chosen,
         modulations=modulations,
         free_gap_m=gap,
@@ -521,14 +516,12 @@ def mesh_stiffness(
     )
 
 
-#: What a form says of a mesh: its pairs, sound or worn, by how much smaller their contact ratio is,
-#: what scales what they carry, and notes.
+#: What a form says of a mesh: its new pairs, by how much smaller their contact ratio is, the scale
+#: of what they carry, and notes.
 _Said = tuple[Callable[[float], PairsInMesh], float, tuple[str, ...]]
 
 
-def _from_form(
-    pair: MeshPair, acting: list[Fault], form: StiffnessForm, force_n: float | None
-) -> _Said:
+def _from_form(pair: MeshPair, form: StiffnessForm, force_n: float | None) -> _Said:
     mesh_variation(pair, form)  # refuses one that cannot be imposed
     mean, notes = pair.given("mesh_stiffness_n_per_m"), tuple[str, ...]()
     if mean is None:
@@ -538,17 +531,10 @@ def _from_form(
         mean, notes = iso.mean_n_per_m(width), iso.warnings
         if form.normalisation == "maximum":
             mean = iso.single_n_per_m(width) * form.pulse(pair.contact_ratio).area
-
-    def pairs(lost: float) -> CurvePairs:
-        pulse = unit_pulse(pair, form, lost)
-        return CurvePairs(pulse=pulse, worn=_worn(pair, acting, pulse.length))
-
-    return pairs, mean, notes
+    return lambda lost: CurvePairs(pulse=unit_pulse(pair, form, lost)), mean, notes
 
 
-def _from_teeth(
-    pair: MeshPair, acting: list[Fault], form: PotentialEnergy, force_n: float | None
-) -> _Said:
+def _from_teeth(pair: MeshPair, form: PotentialEnergy, force_n: float | None) -> _Said:
     if pair.given("stiffness_variation") is not None:
         raise ArgumentError(
             f"{pair.where}: stiffness_variation cannot be imposed on the {form.name} form, whose "
@@ -559,25 +545,10 @@ def _from_teeth(
             f"{pair.where}: the load-dependent contact needs the static tooth force; give "
             f"torque_nm of [operating], force_n in this stage, or contact='constant'"
         )
-    teeth = teeth_of(pair, form)
-
-    def pairs(lost: float, wear: Sequence[Fault] = acting) -> TeethInMesh:
-        moved = teeth.parted(lost)
-        worn = _worn(pair, wear, moved.contact_ratio, moved)
-        return TeethInMesh(pair=moved, worn=worn, force_n=force_n)
-
-    imposed = pair.given("mesh_stiffness_n_per_m")
-    factor = 1.0 if imposed is None else imposed / pairs(0.0, ()).healthy.area
-    return pairs, factor, teeth.warnings
-
-
-def _worn(
-    pair: MeshPair, faults: Sequence[Fault], length: float, teeth: ToothPair | None = None
-) -> PairState:
-    """Return the loss by wear in mm of all teeth of each gear."""
-    worn = [fault for fault in faults if fault.kind == "wear" and not fault.is_loss]
-    one, two = gear_losses(pair, worn, length, teeth)
-    return one.get(0, ()), two.get(0, ())
+    teeth, imposed = teeth_of(pair, form), pair.given("mesh_stiffness_n_per_m")
+    new = TeethInMesh(teeth=teeth, force_n=force_n)
+    factor = 1.0 if imposed is None else imposed / new.healthy.area
+    return lambda lost: replace(new, teeth=teeth.parted(lost)), factor, teeth.warnings
 
 
 def _chosen(form: AnyForm) -> StiffnessForm | PotentialEnergy:

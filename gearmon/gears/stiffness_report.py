@@ -20,7 +20,7 @@ from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
 from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import pair_of, static_force
+from gearmon.gears.mechanics import known_force, pair_of
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth import Tooth
@@ -114,6 +114,7 @@ class _Frame:
     def drawn(self, faults: Sequence[Fault]) -> DrawnGear:
         """Return the gear with those faults whose sizes are no losses."""
         tooth, profile = self.tooth, half_profile(self.tooth)
+        root = tooth.sign * tooth.root_radius_m
         pitch = tooth.sign * 2 * math.pi / tooth.rack.teeth
         # teeth one after the other across the tooth in the middle
         turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
@@ -124,13 +125,14 @@ class _Frame:
             outline=self.place(np.concatenate(row)),
             damage=tuple(self._damage(own, profile)),
             face_width=1e3 * tooth.face_width_m,
-            flank_start=1e3 * float(tooth.height(tooth.start) - tooth.root_height_m),
-            tip=1e3 * (profile[-1].imag - tooth.root_height_m),
+            flank_start=1e3 * float(tooth.height(tooth.start) - root),
+            tip=1e3 * (profile[-1].imag - root),
         )
 
     def _damage(self, faults: Sequence[Fault], profile: ComplexArray) -> Iterator[DrawnDamage]:
         tooth, damage = self.tooth, tooth_damage(faults, self.tooth)
-        width, root, tip = tooth.face_width_m, tooth.root_height_m, profile[-1].imag
+        tip = profile[-1].imag
+        width, root = tooth.face_width_m, tooth.sign * tooth.root_radius_m
 
         def drawn(kind: str, section: ComplexArray, *where: float) -> DrawnDamage:
             begin, part, low, high = (1e3 * x for x in where)
@@ -172,15 +174,13 @@ def teeth_picture(
     roll = pair.roll(0.5 * pair.contact_ratio if phase is None else phase)
     centres, working = pair.centres_m
     # the normal of the flank turns into the line of action
-    one, two = (
-        cmath.exp(1j * (working - float(tooth.slope(tooth.angle(own)))))
-        for tooth, own in zip(pair.teeth, pair.rolls(roll), strict=True)
-    )
+    rolled = zip(pair.teeth, pair.rolls(roll), strict=True)
+    slopes = [float(tooth.slope(tooth.angle(own))) for tooth, own in rolled]
+    one, two = (cmath.exp(1j * (working - slope)) for slope in slopes)
     frames = _Frame(pair.first, 0j, one), _Frame(pair.second, 1j * centres, -two)
     touching = pair.first.flank(pair.first.angle(roll))
-    return TeethPicture(
-        gears=(frames[0].drawn(faults), frames[1].drawn(faults)), contact=frames[0].place(touching)
-    )
+    gears = frames[0].drawn(faults), frames[1].drawn(faults)
+    return TeethPicture(gears, frames[0].place(touching))
 
 
 def half_profile(tooth: Tooth) -> ComplexArray:
@@ -284,7 +284,9 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
         If the machine lacks data, or has no such stage.
     """
     pair, point = pair_of(machine, stage), machine.operating[0]
-    force, hertz = _force(machine, pair), kinematics(machine).mesh(stage).order * point.shaft1_hz
+    hertz = kinematics(machine).mesh(stage).order * point.shaft1_hz
+    # most forms do without a load
+    force = known_force(machine, pair, point)
     phase, curves = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH, []
     for name in FOUR_FORMS:
         found = mesh_stiffness(pair, (), name, force_n=force)
@@ -308,15 +310,6 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
         table=[{"stage": stage} | row for row in table],
         spectrum=spectrum,
     )
-
-
-def _force(machine: Any, pair: MeshPair) -> float | None:
-    """Return the static tooth force [N] where it is known; most forms do without."""
-    try:
-        order = kinematics(machine).shaft(pair.number or 1).order
-        return static_force(pair, machine.operating[0], order)
-    except ArgumentError:
-        return None
 
 
 @dataclass(frozen=True)
@@ -516,7 +509,8 @@ def size_curve(fault: Fault, pair: ToothPair, index: int) -> SizeCurve:
 
 
 def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -> StageStiffness:
-    faults, force = [own for own in known if own.stage == pair.number], _force(machine, pair)
+    force = known_force(machine, pair, machine.operating[0])
+    faults = [own for own in known if own.stage == pair.number]
     healthy = mesh_stiffness(pair, (), form, force_n=force)
     damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)

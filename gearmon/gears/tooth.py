@@ -101,12 +101,8 @@ def where_tangent(curve: Curve, angle_rad: float) -> complex:
     along = np.gradient(curve(grid), grid)
     tangent = np.arctan2(-along.real, along.imag)
     # at the root circle the tangent lies across; towards the involute it stands up
-    steep = np.flatnonzero(tangent <= angle_rad)
-    if not len(steep) or steep[0] == 0:
-        return complex(curve(grid[:1])[0])
-    i = int(steep[0])
-    share = (tangent[i - 1] - angle_rad) / (tangent[i - 1] - tangent[i])
-    return complex(curve(grid[i - 1 : i] + share * (grid[i] - grid[i - 1]))[0])
+    place = np.interp(-angle_rad, -tangent, grid)
+    return complex(curve(np.atleast_1d(place))[0])
 
 
 def ring_root(end_m: complex, slope_rad: float, root_radius_m: float) -> Curve:
@@ -240,11 +236,6 @@ class Tooth:
             )
 
     @property
-    def shear_modulus_pa(self) -> float:
-        """G = E/(2 (1 + nu))."""
-        return self.elastic_modulus_pa / (2 * (1 + self.poisson_ratio))
-
-    @property
     def sign(self) -> int:
         """Return -1 for a ring, whose teeth point to its centre, else 1."""
         return -1 if self.internal else 1
@@ -284,13 +275,7 @@ class Tooth:
 
     def angle_at_radius(self, radius_m: float) -> float:
         """Return the profile angle t [rad] on a circle outside the base circle."""
-        rolled = math.sqrt(max((radius_m / self.base_radius_m) ** 2 - 1, 0.0))
-        return self.sign * (rolled - self.rack.base_half_angle)
-
-    @property
-    def root_height_m(self) -> float:
-        """Height [m] of the root circle in the middle of the tooth."""
-        return self.sign * self.root_radius_m
+        return float(self.angle(math.sqrt(max(radius_m**2 - self.base_radius_m**2, 0.0))))
 
     def flank(self, angle: ArrayLike) -> ComplexArray:
         """Return points of the loaded side: half thickness + i height [m], from the centre."""
@@ -352,7 +337,7 @@ class ToothBeam:
     tooth: Tooth
     damage: ToothDamage = SOUND
 
-    def compliances(self, angle: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    def compliances(self, angle: FloatArray) -> FloatArray:
         """Return compliances in bending, shear and compression [m/N] for contacts at `angle`.
 
         Parameters
@@ -372,9 +357,9 @@ class ToothBeam:
         cosine, sine = np.cos(slope), np.sin(slope)
         lever = (point.imag - self._reference) * cosine - point.real * sine
         bending = (lever * zeroth - 2 * cosine * first) * lever + cosine * cosine * second
-        shear = SHEAR_FACTOR / tooth.shear_modulus_pa * cosine * cosine * area
-        axial = sine * sine * area / tooth.elastic_modulus_pa
-        return bending / tooth.elastic_modulus_pa, shear, axial
+        # with G = E/(2 (1 + nu))
+        shear = 2 * (1 + tooth.poisson_ratio) * SHEAR_FACTOR * cosine * cosine * area
+        return np.stack([bending, shear, sine * sine * area]) / tooth.elastic_modulus_pa
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -435,18 +420,16 @@ def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Roo
     ArgumentError
         If the face width is missing, or the bore or rim does not fit.
     """
-    gear = pair.gears[index]
+    gear, rack, roll = pair.gears[index], pair.rack(index), pair.form_rolls_m[index]
     if pair.face_width_m is None:
         raise ArgumentError("face_width_m is missing: the stiffness of a tooth needs it")
-    roll, base = pair.form_rolls_m[index], pair.base_radii_m[index]
-    root_m = pair.root_radii_m[index]
-    if pair.sign(index) < 0:
+    base, root_m = pair.base_radii_m[index], pair.root_radii_m[index]
+    if rack.internal:
         # the involute of a ring does not end before a fillet has room in the space
-        half = pair.rack(index).base_half_angle
-        roll = roomy_roll(base, root_m, half, math.pi / gear.teeth, roll)
+        roll = roomy_roll(base, root_m, rack.base_half_angle, math.pi / gear.teeth, roll)
     return Tooth(
         name=gear.name,
-        rack=pair.rack(index),
+        rack=rack,
         module_m=pair.normal_module_m,
         base_radius_m=base,
         reference_radius_m=pair.reference_radii_m[index],
@@ -533,23 +516,20 @@ def _responses(count: int, ratio: float, kappa: float) -> FloatArray:
     k = np.arange(2, count + 1, dtype=np.float64)
     decay = math.log(ratio) * k
     far = np.exp(np.clip(decay, -LARGEST_DECAY, LARGEST_DECAY) / k)
-    matrix = np.zeros((len(k), 4, 4))
     one = np.ones_like(k)
-    matrix[:, 0] = np.stack([1 - k, one, -one, 0 * k], axis=-1)
-    matrix[:, 1] = np.stack([one, 1 + k, 0 * k, -one], axis=-1)
-    matrix[:, 2:] = _displacements(k, far, kappa)
-    near = _displacements(k, one, kappa)
+    stresses = np.array([[1 - k, one, -one, 0 * k], [one, 1 + k, 0 * k, -one]])
+    matrix = np.moveaxis(np.concatenate([stresses, _displacements(k, far, kappa)]), -1, 0)
     scale = np.abs(matrix).max(axis=1, keepdims=True)
-    right = np.zeros((len(k), 4, 2))
-    right[:, 0, 0] = right[:, 1, 1] = 1.0
-    solved = np.linalg.solve(matrix / scale, right) / np.swapaxes(scale, 1, 2)
-    return np.concatenate([_first_response(ratio, kappa)[None], near @ solved])
+    solved = np.linalg.solve(matrix / scale, np.eye(4, 2)) / np.swapaxes(scale, 1, 2)
+    near = np.moveaxis(_displacements(k, one, kappa), -1, 0) @ solved
+    return np.concatenate([_first_response(ratio, kappa)[None], near])
 
 
 def _displacements(k: FloatArray, r: FloatArray, kappa: float) -> FloatArray:
+    """Return what each potential moves where a circle has the radius r, shape (2, 4, count)."""
     ahead = [kappa * r ** (k + 1) / (k + 1), -(r ** (1 - k)), 0 * k, r ** (-k - 1) / (k + 1)]
     behind = [-(r ** (1 + k)), kappa * r ** (1 - k) / (1 - k), r ** (k - 1) / (1 - k), 0 * k]
-    return np.stack([np.stack(ahead, axis=-1), np.stack(behind, axis=-1)], axis=1)
+    return np.array([ahead, behind])
 
 
 def _first_response(ratio: float, kappa: float) -> FloatArray:
@@ -561,9 +541,7 @@ def _first_response(ratio: float, kappa: float) -> FloatArray:
 
     stresses = np.array([[0.0, 1 + kappa, 0.0, 0.0], [1.0, 2.0, -1.0, 0.0]])
     matrix = np.concatenate([stresses, displacements(ratio)])
-    right = np.zeros((4, 2))
-    right[0, 0] = right[1, 1] = 1.0
-    return np.asarray(displacements(1.0) @ np.linalg.solve(matrix, right))
+    return np.asarray(displacements(1.0) @ np.linalg.solve(matrix, np.eye(4, 2)))
 
 
 def _mean_work(ratio: float, kappa: float, half: float, outwards: float) -> FloatArray:
@@ -576,7 +554,7 @@ def _mean_work(ratio: float, kappa: float, half: float, outwards: float) -> Floa
     return np.asarray(np.real(np.outer(mean, moved)))
 
 
-def sainsot(radius_ratio: float, root_angle_rad: float) -> tuple[float, float, float, float]:
+def sainsot(radius_ratio: float, root_angle_rad: float) -> list[float]:
     """Return the polynomials L, M, P, Q.
 
     Parameters
@@ -592,11 +570,9 @@ def sainsot(radius_ratio: float, root_angle_rad: float) -> tuple[float, float, f
     [6.927112, 1.190046, 4.324115, 0.437799]
     """
     h, theta = radius_ratio, root_angle_rad
-    terms = (1 / theta**2, h * h, h / theta, 1 / theta, h, 1.0)
-    lower, middle, upper, slope = (
-        sum(c * term for c, term in zip(row, terms, strict=True)) for row in SAINSOT.values()
-    )
-    return lower, middle, upper, slope
+    terms = [1 / theta**2, h * h, h / theta, 1 / theta, h, 1.0]
+    found: list[float] = (np.array([*SAINSOT.values()]) @ terms).tolist()
+    return found
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -672,8 +648,9 @@ class Foundation:
         """
         tooth = self.tooth
         inner, root = tooth.bore_radius_m, tooth.root_radius_m
-        stiff = tooth.elastic_modulus_pa / (4 * math.pi * tooth.shear_modulus_pa)
-        torsion = stiff * tooth.base_radius_m**2 * (inner**-2 - root**-2)
+        # E/(4 pi G) = (1 + nu)/(2 pi)
+        torsion = (1 + tooth.poisson_ratio) / (2 * math.pi)
+        torsion *= tooth.base_radius_m**2 * (inner**-2 - root**-2)
         dip = COUPLING_SLOPE * math.log(tooth.rack.teeth / apart) + COUPLING_CONSTANT
         dip += COUPLING_BORE * inner / tooth.reference_radius_m
         return max(0.0, torsion + dip) / (tooth.elastic_modulus_pa * tooth.face_width_m)

@@ -147,7 +147,7 @@ class PotentialEnergy:
 USUAL = PotentialEnergy()
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class PairCompliance:
     """Compliances of a pair of teeth [m/N], for any number of contacts.
 
@@ -327,13 +327,9 @@ class ToothPair:
         ]
         whole = self.first.face_width_m
         width = whole - np.minimum(sum(missing), LARGEST_WIDTH * whole)
-        return PairCompliance(
-            bending=bending,
-            shear=shear,
-            axial=axial,
-            foundation=self.oblique * self.form.has_foundation * np.array(bodies),
-            hertz=self.oblique * self._hertz(width, rolls, angles, force_n),
-        )
+        foundation = self.oblique * self.form.has_foundation * np.array(bodies)
+        hertz = self.oblique * self._hertz(width, rolls, angles, force_n)
+        return PairCompliance(bending, shear, axial, foundation, hertz)
 
     def coupling(
         self, apart: int, bodies: FloatArray, phases: tuple[FloatArray, FloatArray]
@@ -350,10 +346,8 @@ class ToothPair:
             Contact phases of the pair that entered first and of the other one [mesh periods].
         """
         ahead, behind = (self.angles(phase) for phase in phases)
-        shared = [
-            self.oblique * body.coupling(apart, ahead[index], behind[index])
-            for index, body in enumerate(self.foundations)
-        ]
+        of_gears = zip(self.foundations, ahead, behind, strict=True)
+        shared = [self.oblique * body.coupling(apart, one, two) for body, one, two in of_gears]
         # no more can be shared than each of them has
         least = zip(shared, bodies.min(axis=0), strict=True)
         return np.asarray(sum(np.minimum(own, most) for own, most in least))
@@ -377,10 +371,8 @@ class ToothPair:
         nu = self.first.poisson_ratio
         if self.form.contact == "constant" or force_n is None:
             return hertz_compliance(width, moduli, nu)
-        one, two = (
-            tooth.half_thickness(angle) / np.cos(angle)
-            for tooth, angle in zip(self.teeth, angles, strict=True)
-        )
+        both = zip(self.teeth, angles, strict=True)
+        one, two = (tooth.half_thickness(angle) / np.cos(angle) for tooth, angle in both)
         # the flank of a ring is hollow: its curvature counts against that of the mate
         radius = rolls[0] * rolls[1] / (rolls[1] + self.second.sign * rolls[0])
         force = np.asarray(force_n, dtype=np.float64)

@@ -9,7 +9,7 @@ import pytest
 from reference import small_gearbox
 from sklearn.ensemble import IsolationForest
 
-from gearmon.benchmark import run_case, summary_rows
+from gearmon.benchmark import detection, run_case, summary_rows
 from gearmon.benchmark.detection import (
     FOLDS,
     LOCALISED,
@@ -53,6 +53,23 @@ def test_quick_run():
     assert all((row["localised difference"] or 0.0) >= 0 for row in rows)
     figures = {row["figure"] for row in summary_rows("detection", rows)}
     assert {"ROC area", "false alarms", "called a fault", "run time in s"} <= figures
+
+
+def test_machine_whose_reference_is_refused(monkeypatch):
+    """Every row tells why, and keeps its truth and its columns."""
+
+    def refused(*_):
+        raise ArgumentError("too short")
+
+    monkeypatch.setattr(detection, "analyse", refused)
+    rows = list(detection.machine_trials(0, 0, quick=True))
+    assert {(row["verdict"], row["note"]) for row in rows} == {("refused", "too short")}
+    assert {tuple(row) for row in rows} == {(*rows[0],)}
+    assert set(NOTHING) < set(rows[0])
+    (hurt, _) = [row for row in rows if row["condition"] == "tooth"]
+    assert (hurt["stage"], hurt["size"], hurt["score"]) == (1, 0.4, None)
+    assert hurt["tooth"] >= 1
+    assert all(row["stage"] is row["gear"] is None for row in rows if row["condition"] == "healthy")
 
 
 @pytest.mark.parametrize(("name", "wrong"), [("count", 0), ("seed", -1)])

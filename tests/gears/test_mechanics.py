@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_fault
-from gearmon.gears.mechanics import DAMPING_RATIO, stage_mechanics
+from gearmon.gears.mechanics import DAMPING_RATIO, load_share, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 
@@ -163,6 +163,20 @@ def test_damage_leaves_damping_and_natural_frequency():
 
 
 # --- torque through the train --------------------------------------------------------------------
+
+
+def test_load_of_the_teeth_is_the_tangential_force_over_the_face():
+    """2 T/(d b) over 100 N/mm at the largest torque that is told; infinite where none is."""
+    told = [None, 49.06, 98.12]
+    points = [OperatingPoint(speed_rpm=1460.0, torque_nm=torque, share=1 / 3) for torque in told]
+    assert load_share(replace(machine(PAPER), operating=points), 1) == pytest.approx(
+        2 * 98.12 / (0.052 * 40.0) / 100.0
+    )
+    assert load_share(machine(replace(PAPER, application_factor=1.5)), 1) == pytest.approx(
+        1.5 * load_share(machine(PAPER), 1)
+    )
+    assert math.isinf(load_share(machine(PAPER, torque=None), 1))
+    assert math.isinf(load_share(machine(replace(PAPER, face_width_mm=None)), 1))
 
 
 def test_torque_grows_as_the_speed_falls():

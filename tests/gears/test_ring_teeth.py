@@ -262,7 +262,7 @@ def test_planet_and_ring_step_and_couple():
     """A ring held all round its outside couples neighbours less than a disc on its bore does."""
     _, pair = ring_pair(shifts=(0.3, 0.1))
     _, apart = ring_pair(shifts=(0.3, 0.1), is_coupled=False)
-    mesh, loose = TeethInMesh(pair=pair), TeethInMesh(pair=apart)
+    mesh, loose = TeethInMesh(teeth=pair), TeethInMesh(teeth=apart)
     phase = np.linspace(0.02, pair.contact_ratio - 1.02, 5)[:, None]
     pairs = [SOUND_PAIR] * (2 * mesh.reach + 1)
     both, sums = (np.asarray(m.loads(phase, pairs)).sum(axis=0) for m in (mesh, loose))
