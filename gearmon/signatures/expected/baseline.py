@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -343,6 +343,10 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
     )
 
 
+# panels of several gears may be alike
+_even = lru_cache(maxsize=1)(periodic_motion)
+
+
 def _solved(
     healthy: PosedStage,
     faulty: Sequence[PosedStage],
@@ -366,12 +370,21 @@ def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage])
     where = tuple(sorted(set().union(*map(_changed, faulty)))) or (0,)
     phases = np.array(where)[:, None, None] + grid.phase
     delta = np.zeros((len(faulty), len(healthy.members), *phases.shape))
+    # sizes of a kind may share a pulse
+    known: dict[tuple[object, ...], FloatArray] = {}
     for posed, own in zip(faulty, delta, strict=True):
         for mesh, lost in zip(posed.members, own, strict=True):
-            lost += sum(train.at(phases + mesh.lead) for train in mesh.stiffness.pulses)
+            for train in mesh.stiffness.pulses:
+                for term in train.terms:
+                    place = (term.pulse, term.offset, term.face_start, term.face_end)
+                    key = (*place, train.period_mesh, mesh.lead)
+                    if key not in known:
+                        alone = replace(train, terms=(replace(term, weight=1.0),))
+                        known[key] = alone.at(phases + mesh.lead)
+                    lost += term.weight * known[key]
     moved = np.array([_moved(posed, phases) for posed in faulty])
     return Deviations(
-        mesh=periodic_motion(healthy, grid),
+        mesh=_even(healthy, grid),
         period=faulty[0].period,
         where=where,
         delta=healthy.scale * delta.swapaxes(1, 2),
@@ -406,7 +419,11 @@ def _count(posed: PosedStage, max_hz: float, period: int) -> int:
 
 def _moved(posed: PosedStage, phases: FloatArray) -> FloatArray:
     """Return e [m] of every mesh at some phases, (meshes, *phases.shape)."""
-    return np.array([own.excitation.at(phases + own.lead) for own in posed.members])
+    found = np.zeros((len(posed.members), *phases.shape))
+    for own, moved in zip(posed.members, found, strict=True):
+        if own.excitation.errors:
+            moved[:] = own.excitation.at(phases + own.lead)
+    return found
 
 
 def _changed(posed: PosedStage) -> set[int]:

@@ -152,6 +152,11 @@ class PeriodicMotion:
             )
 
     @cached_property
+    def known_changes(self) -> dict[tuple[bytes, bytes], list[_Changed]]:
+        """Mesh periods that differ, of the last turns asked for."""
+        return {}
+
+    @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
         around, size = self.around, len(self.around.force)
@@ -354,9 +359,13 @@ class Deviations:
 
     @cached_property
     def _changed(self) -> list[_Changed]:
-        """The mesh periods that differ."""
-        each = zip(self.delta.swapaxes(0, 1), self.excitation.swapaxes(0, 1), strict=True)
-        return [_Changed(self.mesh, *own) for own in each]
+        """The mesh periods that differ; known where another gear asked for the same just now."""
+        known, key = self.mesh.known_changes, (self.delta.tobytes(), self.excitation.tobytes())
+        if key not in known:
+            known.clear()
+            each = zip(self.delta.swapaxes(0, 1), self.excitation.swapaxes(0, 1), strict=True)
+            known[key] = [_Changed(self.mesh, *own) for own in each]
+        return known[key]
 
     @cached_property
     def states(self) -> FloatArray:

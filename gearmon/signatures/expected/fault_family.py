@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
-from gearmon.gears.faults import ERROR_KINDS, KINDS, WHOLE_KINDS, parse_fault_or_error
+from gearmon.gears.faults import ERROR_KINDS, KINDS, WHOLE_KINDS, Fault, parse_fault_or_error
+from gearmon.gears.pulses import LEAST_OVERLAP
+from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signatures.expected.baseline import faulty_lines, periodic_lines
@@ -39,6 +41,8 @@ FAMILY_KINDS += ("pitch", "eccentricity", "misalignment")
 LOSSES = ("2.5%", "5%", "10%", "20%", "40%")
 ERROR_SIZES = ("5um", "10um", "20um", "40um")
 GONE = ("1tooth",)
+#: Kinds that take as a loss the same pulse, more or less of it; breakage does of spur teeth only.
+EVEN_KINDS = ("breakage", "crack", "stiffness", "pitting", "spall")
 #: Kinds that concern all teeth of a gear.
 ALL_TEETH = ("wear", "profile", *WHOLE_KINDS)
 
@@ -285,18 +289,17 @@ def fault_family(
     notes: dict[str, None] = {}
     for number, ((stage, gear), mesh) in product(points, places.items()):
         place = MeshPlace(machine, stage, number, form, mesh)
+        sound = healthy.get((number, stage, mesh)) or healthy[number, stage, 0]
+        is_helical = sound.mechanics.stiffness.overlap_ratio >= LEAST_OVERLAP
         posed: dict[tuple[str, str], PosedStage] = {}
         for kind, sized in texts.items():
             try:
-                posed |= {
-                    (kind, size): place.posed([replace(wrong, stage=stage, gear=gear)])
-                    for size, wrong in sized.items()
-                }
+                own = dict(_posed(place, gear, kind, sized, is_helical))
+                posed |= {(kind, size): hurt for size, hurt in own.items()}
             except ArgumentError as error:
                 if kinds is not None:
                     raise
                 notes[f"{kind} of the {gear} of stage {stage} left out: {error}"] = None
-        sound = healthy.get((number, stage, mesh)) or healthy[number, stage, 0]
         members += _members(place, gear, posed, sound, max_hz, tolerance)
     return FaultFamily(
         machine=machine,
@@ -318,6 +321,21 @@ def _healthy(
         # a set that is taken as a whole has all of its gears in one
         found.setdefault((number, stage, mesh if even.train is None else 0), even)
     return found
+
+
+def _posed(
+    place: MeshPlace, gear: str, kind: str, sizes: Mapping[str, Wrong], is_helical: bool
+) -> Iterator[tuple[str, PosedStage]]:
+    """Pose all sizes of a kind; losses that take the same pulse, more or less, by a half."""
+    alike = kind in EVEN_KINDS[is_helical:] and place.form != POTENTIAL_ENERGY
+    half: PosedStage | None = None
+    for size, wrong in sizes.items():
+        own = replace(wrong, stage=place.stage, gear=gear)
+        if alike and isinstance(own, Fault) and own.is_loss and own.loss:
+            half = half or place.posed([replace(own, size=0.5, unit="")])
+            yield size, half.scaled(2 * own.loss)
+        else:
+            yield size, place.posed([own])
 
 
 def _members(

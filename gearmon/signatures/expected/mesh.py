@@ -28,7 +28,7 @@ sun-planet mesh.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, cached_property
@@ -166,12 +166,19 @@ class PosedStage:
     @property
     def sound(self) -> PosedStage:
         """The same with nothing wrong with single teeth."""
+        return self._with(lambda k: replace(k, pulses=(), modulations=()), errors=())
+
+    def scaled(self, factor: float) -> PosedStage:
+        """Return the same with `factor` times what its damaged teeth lose."""
+        return self._with(lambda k: replace(k, pulses=tuple(t.scaled(factor) for t in k.pulses)))
+
+    def _with(self, changed: Callable[[MeshStiffness], MeshStiffness], **moved: Any) -> PosedStage:
         members = []
         for mesh in self.members:
-            stiffness = replace(mesh.stiffness, pulses=(), modulations=())
+            stiffness = changed(mesh.stiffness)
             mechanics = replace(mesh.mechanics, stiffness=stiffness)
-            excitation = Excitation(stiffness=stiffness, errors=())
-            members.append(PosedMesh(mechanics=mechanics, excitation=excitation, lead=mesh.lead))
+            excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
+            members.append(replace(mesh, mechanics=mechanics, excitation=excitation))
         return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
