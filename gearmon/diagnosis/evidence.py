@@ -362,10 +362,10 @@ class Evidence:
     @cached_property
     def strengths(self) -> dict[str, float]:
         """Strength of every test, by its name."""
-        deviation, offset = self.deviation, LIMITS.levels_offset
+        deviation = self.deviation
         levels = lines_strength(deviation.levels) + broadband_strength(deviation.broadband)
-        path = LIMITS.bands_weight * (self.path.together - offset) * deviation.length
         # a shorter recording has shorter blocks, which part lines from their neighbours less
+        path = LIMITS.bands_weight * (self.path.together - LIMITS.levels_offset) * deviation.length
         told = {"levels": levels * deviation.length, "path": path}
         # at another speed lines have moved across the modes of the path, knocks are as loud as
         # they are, in a lost angle they are smeared: all of it may change levels by any amount
