@@ -9,6 +9,7 @@ speeds so found. On the way it is told how clearly every mesh stands out.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,7 +18,7 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
-from gearmon.machine import Machine
+from gearmon.machine import Machine, Sensor
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
@@ -45,7 +46,13 @@ from gearmon.signals.tracking.phases import (
     scan_angle,
     unwarp,
 )
-from gearmon.signals.tracking.tacho import find_pulses, join, pulses_per_turn, track_from_pulses
+from gearmon.signals.tracking.tacho import (
+    TachoPulses,
+    find_pulses,
+    join,
+    pulses_per_turn,
+    track_from_pulses,
+)
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
 SPEED_TOLERANCE = 0.03
@@ -416,16 +423,14 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     sensor = next((s for s in sensors if str(s.column) in places), None)
     known = sensor.pulses_per_turn if sensor else None
     pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
-    order = signal.train.shaft(sensor.shaft).order if sensor else 1.0
-    count = known or pulses_per_turn(pulses, signal.nominal_hz)
-    track = track_from_pulses(pulses, count, order, signal.last_s)
-    found = signal.judged(track, TACHO_REACH)
+    count, found = _counted(pulses, sensor, tacholess)
     if not recording.tacho_told:
         _check_believed(found, tacholess)
     found = _as_without(found, tacholess)
     told = [f"{count} pulse{'s' if count > 1 else ''} a turn"]
     if pulses.missing or pulses.extra:
         told.append(f"{pulses.missing} pulses filled in, {pulses.extra} left out")
+    track = found.track
     sums = signal.sums(float(track.speed_hz.max()))
     if sums is not None:
         track, beyond = join(sums, track)
@@ -435,6 +440,37 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
                 "scatter of the pulses allows; the pulses alone tell it"
             )
     return replace(found, track=track, notes=tuple(f"tacho {name}: {one}" for one in told))
+
+
+def _counted(
+    pulses: TachoPulses, sensor: Sensor | None, tacholess: _Tacholess
+) -> tuple[int, Tracking]:
+    """Count pulses a turn: as the sensor says, or at the nominal speed.
+
+    Where they fit no whole number there, or no mesh shows at it, the mesh tells the speed.
+    """
+    signal = tacholess.signal
+
+    def judged(count: int) -> tuple[int, Tracking]:
+        order = signal.train.shaft(sensor.shaft).order if sensor else 1.0
+        track = track_from_pulses(pulses, count, order, signal.last_s)
+        return count, signal.judged(track, TACHO_REACH)
+
+    if sensor:
+        return judged(sensor.pulses_per_turn)
+    nominal = refused = None
+    try:
+        nominal = judged(pulses_per_turn(pulses, signal.nominal_hz))
+    except RecordingError as error:
+        refused = error
+    if not (nominal and nominal[1].detected) and tacholess.alone.detected:
+        with suppress(RecordingError):
+            found = judged(pulses_per_turn(pulses, tacholess.alone.track.mean_hz, TACHO_REACH))
+            nominal = found if found[1].detected else nominal
+    if nominal is None:
+        assert refused
+        raise refused
+    return nominal
 
 
 def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:

@@ -365,6 +365,16 @@ def test_pulses_and_mesh_lines_give_the_angle_together():
     assert abs(error.mean() - round(error.mean())) * 23 < 0.01
 
 
+@pytest.mark.parametrize(("count", "nominal_rpm"), [(1, 1350), (2, 1290), (8, 1720), (20, 1350)])
+def test_far_from_nominal_speed_the_mesh_tells_how_pulses_are_counted(count, nominal_rpm):
+    # 14 % below the nominal speed eight pulses a turn come as seven would
+    recording = with_column(squared(TURNS, count), told=True)
+    measured = measure_signature(recording, one_pair(23, 61, nominal_rpm))
+    assert measured.speed.method == "tacho"
+    assert f"tacho tacho: {count} pulse{'s' * (count > 1)} a turn" in measured.notes
+    assert measured.speed.estimated_hz == pytest.approx(SPEED, rel=1e-3)
+
+
 USELESS = {
     "constant": (np.full(len(TIME), 0.2), "0 pulses found between 0.2 and 0.2"),
     "noise": (white(len(TIME), 1.0, seed=3), "pulses missing and"),

@@ -542,7 +542,7 @@ def _jitter(time_s: FloatArray, turns: FloatArray) -> float:
     return float(np.std(off / np.sqrt(1 + share**2 + (1 - share) ** 2)))
 
 
-def pulses_per_turn(pulses: TachoPulses, shaft_hz: float) -> int:
+def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, off: float = _NOMINAL_OFF) -> int:
     """Tell how many pulses a turn a tachometer gives from the nominal speed.
 
     Parameters
@@ -551,6 +551,8 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float) -> int:
         The pulses.
     shaft_hz : float
         Nominal rotation frequency of the shaft [Hz].
+    off : float
+        Share by which the speed may differ from it.
 
     Returns
     -------
@@ -566,11 +568,11 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float) -> int:
     # the mean rate: of uneven pulses no single interval tells it
     rate = (len(times) - 1) / float(times[-1] - times[0])
     count = max(1, round(rate / shaft_hz))
-    if count * _NOMINAL_OFF > 0.25:
+    if count * off > 0.25:
         raise RecordingError(
             f"tacho channel: about {rate / shaft_hz:.3g} pulses a turn at the nominal "
             f"{shaft_hz:.4g} Hz, too many to count while the speed may be "
-            f"{_NOMINAL_OFF:.0%} off; give pulses_per_turn in a [[sensor]] of the machine file"
+            f"{100 * off:g}% off; give pulses_per_turn in a [[sensor]] of the machine file"
         )
     if abs(rate / shaft_hz / count - 1) > _NOT_WHOLE:
         raise RecordingError(
