@@ -83,10 +83,10 @@ class Limits:
         harmonics and their sidebands as such a load does: of 28 simulated gears at 40 % of their
         stiffness 26 are as loud.
     levels_open : float
-        Most that levels count where the speed is off that of every reference by more than
-        `law.machine.SPEED_UNIT`, or knocks drown them: they leave the answer open. A simulated path
-        of 14 modes with quality factors of 15 to 60 changes single lines by 19 dB at a speed 5 %
-        off.
+        Most that levels count where the speed, or its swing, is off that of every reference by
+        more than `law.machine.SPEED_UNIT`, or knocks drown them: they leave the answer open. A
+        simulated path of 14 modes with quality factors of 15 to 60 changes single lines by 19 dB at
+        a speed 5 % off.
     short : float
         How much more the other tests than that of a tooth count by what they are short of a fault,
         for score and probability. Of 4,589 healthy pairs of 80 drawn machines 98 % stay below 0.91
@@ -374,9 +374,12 @@ class Evidence:
         if astray or self.load_unlearned:
             sure = self.path.likely and self.path.differs and path >= _NO_LOAD
             told = capped | ({"path": path} if sure and not astray else {})
+        # of a lost angle the smeared lines of the gears look like lines of none
+        most = LIMITS.levels_open if self.lost else np.inf
+        lines = rare_strength([one.log10_probability for one in self.nongear])
         told |= {
             "runout": rare_strength([one.log10_probability for one in self.runout]),
-            "lines of no gear": rare_strength([one.log10_probability for one in self.nongear]),
+            "lines of no gear": min(lines, most),
         }
         if self.finding is not None:
             told["tooth"] = tooth_strength(self.finding.evidence)

@@ -46,6 +46,7 @@ _SENTENCES = 4
 # one of two gears of a shaft (17 machines of two simulators, 10 to 30 %) the right one was blamed
 # in 28 of 41 below it, in 32 of 34 beyond.
 _SURE_LEAD = 10.0
+_RESONANCES = "resonances may change levels, so that levels alone call no fault"
 # How sentences end that leave open which tooth or planet it is.
 _UNTOLD = ("cannot be told", "may be any of them")
 
@@ -596,8 +597,14 @@ def limits(signature: MeasuredSignature, reference: Reference) -> Iterator[str]:
     if min(abs(speed / known - 1) for known in speeds) > SPEED_UNIT:
         yield (
             f"speed {speed:.2f} Hz is more than {100 * SPEED_UNIT:g} % off that of every "
-            f"healthy recording ({min(speeds):.2f} to {max(speeds):.2f} Hz): resonances may "
-            "change levels, so that levels alone call no fault"
+            f"healthy recording ({min(speeds):.2f} to {max(speeds):.2f} Hz): {_RESONANCES}"
+        )
+    swings = [profile.swing for profile in reference.profiles]
+    if min(abs(signature.swing - known) for known in swings) > SPEED_UNIT:
+        yield (
+            f"the speed swung by +-{100 * signature.swing:.2g} %, in the healthy recordings by "
+            f"{100 * min(swings):.2g} to {100 * max(swings):.2g} %: {_RESONANCES}; record as they "
+            "were, or add healthy recordings whose speed swings as far"
         )
 
 

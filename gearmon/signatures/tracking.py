@@ -324,7 +324,7 @@ class Tracking:
         spectrum.
         """
         track, signal = self.track, self.signal
-        told = track.method == "tacho" or _wander(track) > _PEAK_TOLERANCE
+        told = track.method == "tacho" or wander(track) > _PEAK_TOLERANCE
         if told or signal.samples.shape[-1] > _PEAK_SAMPLES:
             return track.mean_hz
         return signal.scan(np.inf, _PEAK_TOLERANCE, about_hz=track.mean_hz).track().mean_hz
@@ -504,7 +504,7 @@ def _by_phases(first: Tracking, sums: OrderSums) -> Tracking:
     signal = first.signal
     track, share = follow_lines(sums, first.track, signal.comb)
     found = replace(first, track=track, coherent=share)
-    calm = share > (_NEARLY if _wander(track) < _WANDERS else _COHERENT)
+    calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(first):
         followed = _followed(signal)
         if followed is not None:
@@ -513,7 +513,7 @@ def _by_phases(first: Tracking, sums: OrderSums) -> Tracking:
             least = share + (_BETTER if more == 0 else _FAR_BETTER)
             if more > 0 or followed[0].coherent > least:
                 return _with_doubt(*followed)
-    if share > _COHERENT and first.detected < len(first.evidence) and _wander(track) > _WANDERS:
+    if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
         # a speed that wanders smears lines in long blocks
         judged = replace(signal.judged(track), coherent=share)
         if judged.detected > first.detected and _agrees(judged):
@@ -627,8 +627,8 @@ def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:
     )
 
 
-def _wander(track: AngleTrack) -> float:
-    """Relative standard deviation of the speed over half seconds; 0 if too short to tell."""
+def wander(track: AngleTrack) -> float:
+    """Return the relative standard deviation of the speed over half seconds; 0 if too short."""
     halves = np.arange(track.time_s[0], track.time_s[-1], 0.5)
     if len(halves) < 3:
         return 0.0

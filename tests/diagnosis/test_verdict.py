@@ -64,7 +64,7 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off
         )
         vars(finding)["loss"] = LossEstimate(loss=0.2, low=0.15, high=0.25)
     deviation = MachineDeviation(
-        state=np.zeros(2),
+        state=np.zeros(3),
         gap=0.0,
         **({"heavy": 0.0, "speed_off": 0.0} | off),
         length=1.0,
@@ -289,6 +289,23 @@ def test_levels_alone_call_no_fault_at_a_speed_that_nobody_learned(off, verdict)
     found = evidence(lines=4.0, speed_off=off)
     assert decide(found) == verdict
     assert bool(flags_of(found, None, [change(-10.0)], 0.7)) == (verdict == "fault")
+
+
+def test_lines_of_no_gear_call_no_fault_in_a_lost_angle():
+    """The smeared skirts of mesh lines stand beside the orders of the gears."""
+    unknown = NonGearFinding(
+        kind="unknown lines",
+        name="unknown line at order 175",
+        lines=(),
+        change_db=20.0,
+        orders=(),
+        width=0.01,
+        log10_probability=-6.0,
+        evidence=(),
+    )
+    held = replace(evidence(), nongear=(unknown,))
+    assert decide(held) == "fault"
+    assert decide(replace(held, lost=True)) == "cannot tell"
 
 
 @pytest.mark.parametrize("why", [{"lost": True}, {"knocks": 0.5}])

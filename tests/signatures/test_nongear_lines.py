@@ -69,6 +69,27 @@ def test_an_even_speed_leaves_the_lock_open():
     assert {line.locked for line in found} == {"either"}
 
 
+def drift(size):
+    """Random walk of a sensor: its spectrum falls with the square of the frequency."""
+
+    def added(time_s, _, generator):
+        walk = np.cumsum(generator.standard_normal(len(time_s)))
+        return size * (walk - walk.mean()) / walk.std()
+
+    return added
+
+
+def test_drift_of_a_sensor_is_no_line_and_hides_none_above_it():
+    found = [heard(seed, machine_seed=seed, added=drift(3.0)) for seed in range(4)]
+    assert sum(line.kind == "spectrum" for lines in found for line in lines) <= 1
+    slow = [heard(seed, added=drift(3.0), tones_hz=(6.9,), level=0.7) for seed in range(4)]
+    for lines in slow:
+        [tone] = [line for line in lines if line.kind == "spectrum"]
+        # half a width, and the drift under it
+        assert tone.frequency_hz == pytest.approx(6.9, abs=1 / 12)
+        np.testing.assert_allclose(tone.level_db, 20 * np.log10(0.7), atol=2.5)
+
+
 def test_impacts_that_slip_show_in_the_envelope():
     found = heard(2, added=impacts("BPFO", 0.5))
     orders = [line.order for line in found if line.kind == "envelope"]

@@ -180,7 +180,7 @@ def archive(path, **arrays):
         np.savez(file, **arrays)
 
 
-def header_of(form="gearmon reference 5", **changes):
+def header_of(form="gearmon reference 6", **changes):
     known = {
         "machine": "m",
         "teeth": "23/57",
@@ -213,7 +213,7 @@ def test_a_zip_of_something_else_gets_one_line(tmp_path):
 
 def test_a_pickled_object_is_never_loaded(tmp_path):
     path = tmp_path / "pickled.ref"
-    archive(path, header=np.array([{"format": "gearmon reference 5"}], dtype=object))
+    archive(path, header=np.array([{"format": "gearmon reference 6"}], dtype=object))
     with pytest.raises(SignatureError, match="not a readable gearmon reference"):
         read_reference(path)
 
@@ -255,13 +255,13 @@ def rewritten(source, target, form, without="nothing"):
 def test_a_reference_of_an_unknown_format_is_refused(stored, tmp_path):
     newer = tmp_path / "newer.ref"
     rewritten(stored, newer, "gearmon reference 99")
-    with pytest.raises(SignatureError, match="'gearmon reference 99' is not 'gearmon reference 5'"):
+    with pytest.raises(SignatureError, match="'gearmon reference 99' is not 'gearmon reference 6'"):
         read_reference(newer)
 
 
 def test_a_reference_whose_foreign_lines_are_damaged_is_refused(stored, tmp_path):
     damaged = tmp_path / "damaged.ref"
-    rewritten(stored, damaged, "gearmon reference 5", "hidden_db")
+    rewritten(stored, damaged, "gearmon reference 6", "hidden_db")
     with pytest.raises(SignatureError, match="not a readable gearmon reference"):
         read_reference(damaged)
 

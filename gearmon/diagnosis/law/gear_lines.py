@@ -88,6 +88,13 @@ def load_unit(share: float) -> float:
     return min(1.0, share / FULL_LOAD)
 
 
+def in_units(states: FloatArray, share: float) -> FloatArray:
+    """Return operating states, shape (..., coordinates), with their load in units of state."""
+    unit = np.ones(states.shape[-1])
+    unit[0] = load_unit(share)
+    return np.asarray(states / unit)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Kriging:
     """Prediction of a healthy quantity at a state.
@@ -401,7 +408,7 @@ class GearLaw:
         The gear, as the first reference has it.
     patterns : tuple of GearPattern
         Of the references, turned alike.
-    states : ndarray of float, shape (references, 2)
+    states : ndarray of float, shape (references, 3)
         Their operating states.
     load : float, > 0
         How the teeth are loaded (`gears.mechanics.load_share`).
@@ -471,7 +478,7 @@ class GearLaw:
         ----------
         wheel : WheelPattern
             The gear's lines in the new recording, in the channels of the law.
-        state : ndarray of float, shape (2,)
+        state : ndarray of float, shape (3,)
             Its operating state.
         same_zero : bool
             Whether the angle zero of this gear is that of the references.
@@ -510,8 +517,8 @@ class GearLaw:
 
     def _predicted(self, state: FloatArray) -> tuple[GearPattern, FloatArray]:
         """Healthy pattern at a state, and the parts of the variance of departures from it."""
-        unit = np.array([load_unit(self.load), 1.0])
-        kriging = Kriging.of(self.states / unit, state / unit, _SCATTER, _SLOPE)
+        known, new = in_units(self.states, self.load), in_units(state, self.load)
+        kriging = Kriging.of(known, new, _SCATTER, _SLOPE)
         return GearPattern.combined(self.patterns, kriging.weights), kriging.parts
 
     def _bands(

@@ -38,7 +38,7 @@ from gearmon.signals.spectra import (
 from gearmon.signals.threads import side_by_side
 
 # Bins of the running median that tells the noise under the lines.
-_FLOOR_BINS = 384
+_FLOOR_BINS, _NARROWEST = 384, 24
 # Pieces of a long recording that are looked at, spread over all of it.
 _MOST_PIECES = 8
 # Places between 0 and half a step at which what it takes of a line is computed.
@@ -269,11 +269,21 @@ def _of_pieces(
         power /= share(step * np.arange(power.shape[-1]))
     return FineSpectrum(
         power=power,
-        floor=local_floor(power, _FLOOR_BINS),
+        floor=_floor(power),
         step=step,
         width=rate / block,
         pieces=len(sampled),
     )
+
+
+def _floor(power: FloatArray) -> FloatArray:
+    """Noise under the lines; near zero, where the drift of a sensor rises steeply, seen closer."""
+    floor, width = local_floor(power, _FLOOR_BINS), _FLOOR_BINS // 2
+    while width >= _NARROWEST:
+        # from the middle of its first window on the wider one tells
+        floor[..., :width] = local_floor(power[..., : 2 * width], width)[..., :width]
+        width //= 2
+    return floor
 
 
 def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:

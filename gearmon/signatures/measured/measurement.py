@@ -31,7 +31,7 @@ from gearmon.signals.tracking.mesh_detection import (
 )
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
-from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, track_recording
+from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, track_recording, wander
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4
@@ -165,6 +165,11 @@ class MeasuredSignature(Result):
     def held(self) -> bool:
         """Whether the angle of the gears is held, be it by pulses or by lines of any mesh."""
         return self.track.indexed or any(mesh.held for mesh in self.meshes)
+
+    @property
+    def swing(self) -> float:
+        """Amplitude of a sine with the standard deviation of the speed, over the mean speed."""
+        return float(np.sqrt(2.0)) * wander(self.track)
 
 
 def measure_signature(

@@ -31,6 +31,8 @@ from gearmon.signatures.measured.line_plan import distance_to, known_orders
 _NOISE_PEAKS = 0.05
 # Most lines kept of a recording: those that stand highest over the noise.
 MOST_LINES = 200
+# Periods of a line in a piece, at least: what is slower cannot be told from the drift of a sensor.
+_PERIODS = 8.0
 # Distance from a gear's order at which a line counts as its own [widths of the spectrum].
 OWN_WIDTHS = 1.5
 # Load and speed that wander slowly set a skirt about every line: so far [Hz], at most so high.
@@ -350,6 +352,7 @@ class _Standing:
         self.kind, self.spectrum, self.course = grid.kind, spectrum, course
         self.over_median = _mean_over_median(spectrum.pieces)
         peaks = clear_peaks(spectrum, self.over_median * 10 ** (grid.least_db / 10))
+        peaks = peaks[spectrum.places(peaks) > _PERIODS * spectrum.width]
         if train is not None:
             known = known_orders(train, spectrum.top, spectrum.width)
             away = distance_to(known, spectrum.places(peaks))

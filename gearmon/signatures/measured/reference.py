@@ -39,7 +39,7 @@ from gearmon.signatures.measured.nongear_lines import KINDS, LOCKS, NonGearLines
 # the latter is far too large; with few blocks it is still the better guess.
 _FEW_BLOCKS = 9
 _LEAST_OF_FEW, _LEAST = 0.25, 0.01
-FORMAT = "gearmon reference 5"
+FORMAT = "gearmon reference 6"
 # The axis of the channels in all that a reference holds of each, by the name of the field.
 _CHANNELS = dict.fromkeys(("channel_names", "units", "level_db", "scatter_db", "heard"), 0)
 _CHANNELS |= dict.fromkeys(("band_db", "amplitude", "variance", "over_noise_db", "noise_db"), 0)
@@ -147,6 +147,8 @@ class Profile:
         The recording.
     speed_hz : float
         Mean speed of shaft 1 [Hz].
+    swing : float, >= 0
+        How far its speed swung, over the mean, see `MeasuredSignature.swing`.
     duration_s : float
         Length [s].
     tacho : bool
@@ -171,6 +173,7 @@ class Profile:
 
     origin: str
     speed_hz: float
+    swing: float
     duration_s: float
     tacho: bool
     family_names: tuple[str, ...]
@@ -189,6 +192,7 @@ class Profile:
         return cls(
             **_shared(cls, signature),
             speed_hz=signature.speed.estimated_hz,
+            swing=signature.swing,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
             wheels=tuple(WheelPattern.of(own, signature.lines) for own in signature.plan.wheels),

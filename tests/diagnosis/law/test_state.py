@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.law.gear_lines import LENGTH, Kriging
-from gearmon.diagnosis.law.machine import SPEED_UNIT, StateGauge
+from gearmon.diagnosis.law.machine import SPEED_UNIT, SWING_UNIT, StateGauge
 
 HERE = np.zeros(2)
 
@@ -76,7 +76,7 @@ def test_what_changes_with_the_load_is_told_from_what_changes_with_the_speed():
     assert near.spread == pytest.approx(Kriging.of(at(0.05**0.5), HERE, 0.1, 0.5).spread)
 
 
-def profile(*change_np, heard=True, speed_hz=20.0):
+def profile(*change_np, heard=True, speed_hz=20.0, swing=0.0):
     """Levels of mesh harmonics, and of a family that is none and moves otherwise."""
     names = (*(f"mesh 1 harmonic {k}" for k in range(1, len(change_np) + 1)), "shaft 1")
     return SimpleNamespace(
@@ -84,6 +84,7 @@ def profile(*change_np, heard=True, speed_hz=20.0):
         level_db=20 / np.log(10) * np.array([[*change_np, 3.0]]),
         heard=np.array([[*np.broadcast_to(heard, len(change_np)), True]]),
         speed_hz=speed_hz,
+        swing=swing,
     )
 
 
@@ -93,9 +94,10 @@ UNEVEN = np.array([2.2, 1.6, 0.1, 0.0, -0.1, -0.9, 0.2])
 
 def test_one_reference_takes_the_median_mesh_harmonic_for_the_load():
     gauge = StateGauge.of([profile(*0.0 * UNEVEN)], 0.2)
-    load, speed = gauge.state(profile(*-0.5 + 0.1 * UNEVEN, speed_hz=20.6))
+    load, speed, swing = gauge.state(profile(*-0.5 + 0.1 * UNEVEN, speed_hz=20.6, swing=0.06))
     assert load == pytest.approx(-0.5 + 0.1 * np.median(UNEVEN))
     assert speed == pytest.approx(0.03 / SPEED_UNIT)
+    assert swing == pytest.approx(0.06 / SWING_UNIT)
     muffled = profile(*4 * [-9.0], *3 * [-0.5], heard=[*4 * [False], *3 * [True]])
     assert gauge.state(muffled)[0] == pytest.approx(-0.5)
 

@@ -185,3 +185,15 @@ def test_of_a_peak_that_channels_place_differently_the_clearest_is_taken(heights
     clearest = 100 if heights[0] > heights[1] else 102
     assert clear_peaks(spectrum, 10.0).tolist() == [clearest, 300]
     assert clear_peaks(spectrum, 1e3).tolist() == []
+
+
+@pytest.mark.parametrize("power", [0, 1, 2])
+def test_floor_follows_noise_that_rises_towards_zero(power):
+    generator, count = np.random.default_rng(power), 1 << 16
+    lines = generator.standard_normal((40, count // 2, 2)) @ [1.0, 1j]
+    lines /= np.arange(1.0, count // 2 + 1) ** (power / 2)
+    spectrum = fine_spectrum(np.fft.irfft(lines, count), 1000.0)
+    # over many recordings the median of noise lies at the floor, from a dozen bins on
+    above = np.median(spectrum.power / spectrum.floor, axis=0)
+    averaged = above[16:4096].reshape(-1, 16).mean(axis=1)
+    np.testing.assert_allclose(averaged, 1.0, atol=0.4)
