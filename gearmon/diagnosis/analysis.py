@@ -293,7 +293,8 @@ class _Compared:
         changes = verdict.level_changes(evidence.deviation.levels, shared, families)
         profiles = self._profiles(evidence)
         silent = [name for name in self.reference.channel_names if name not in shared]
-        deaf = verdict.unheard(evidence, self.machine, silent, must_notice)
+        undetected = [mesh.stage for mesh in signature.meshes if not mesh.found]
+        deaf = verdict.unheard(evidence, self.machine, silent, must_notice, undetected)
         answer = decide(evidence, deaf)
         flags: tuple[Flag, ...] = ()
         if answer == "fault":

@@ -6,7 +6,7 @@ sentences that can be checked on the pictures.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any
@@ -427,7 +427,13 @@ def _gear(stage: int | None, gear: str | None) -> str:
     return f"the {gear} of stage {stage}" if gear else f"the gears of stage {stage}"
 
 
-def unheard(evidence: Evidence, machine: Machine, silent: Sequence[str], must_notice: float) -> str:
+def unheard(
+    evidence: Evidence,
+    machine: Machine,
+    silent: Sequence[str],
+    must_notice: float,
+    undetected: Collection[int] = (),
+) -> str:
     """Name the gears of which gross damage could not have been heard, and channels that are silent.
 
     Parameters
@@ -440,6 +446,9 @@ def unheard(evidence: Evidence, machine: Machine, silent: Sequence[str], must_no
         Channels of the reference that the recording lacks.
     must_notice : float
         Loss of a pair's stiffness that should have been heard.
+    undetected : collection of int
+        Stages whose mesh was not detected. What is heard at the lines of such a mesh may be pitch
+        errors of a gear on the same shaft: damage is heard only where they stand out of the others.
 
     Returns
     -------
@@ -451,6 +460,9 @@ def unheard(evidence: Evidence, machine: Machine, silent: Sequence[str], must_no
     gears = dict.fromkeys(
         (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
     )
+    for gear in searched:
+        if gear.deviation.stage in undetected and not gear.mesh_stands_out:
+            loss |= dict.fromkeys([own for own in gears if own[0] == gear.deviation.stage])
     deaf = [gear for gear in gears if (loss.get(gear) or 1.0) > LIMITS.about * must_notice]
     told = []
     if deaf:

@@ -104,3 +104,27 @@ def test_what_was_not_looked_at_or_not_heard_is_named():
     told = unheard(nothing, pair, [], 0.4)
     assert told.startswith("Even a loss of 40 % of a tooth's stiffness might have gone unnoticed")
     assert both in told
+
+
+@pytest.mark.parametrize(("usual", "heard"), [(1.0, True), (30.0, False)])
+def test_of_a_mesh_that_is_not_detected_only_harmonics_that_stand_out_tell(usual, heard):
+    """Beside a gear with pitch errors on the same shaft those are heard in place of a mesh."""
+    stage = ParallelStage(pinion_teeth=TEETH, gear_teeth=47)
+    pair = Machine(name="pair", operating=(OperatingPoint(speed_rpm=1500.0),), stages=(stage,))
+    clear = gear(1e4)
+    # the lines between, next to a mesh power of 1e4 that falls with the harmonics
+    level = usual * np.sqrt(0.01 * np.median(clear.deviation.mesh_power[:, 1:]))
+    bands = [
+        replace(band, pattern=np.full(band.rest.shape, level + 0j))
+        for band in clear.deviation.bands
+    ]
+    own = replace(clear, deviation=replace(clear.deviation, bands=tuple(bands)))
+    assert own.mesh_stands_out == heard
+    mate = replace(own, deviation=replace(own.deviation, gear="gear"))
+    found = Evidence(
+        deviation=own.deviation, finding=SimpleNamespace(searched=(own, mate)), references=2
+    )
+    loss = 2 * heard_from(own)
+    assert unheard(found, pair, [], loss) == ""
+    told = unheard(found, pair, [], loss, undetected=[1])
+    assert ("the pinion of stage 1, the gear of stage 1" in told) != heard

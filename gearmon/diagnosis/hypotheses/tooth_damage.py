@@ -79,6 +79,10 @@ _NOISE_ALONE = 1e-9
 _LEAST_SIGMA = 0.005
 # Logarithm of odds against damage that are as good as any larger.
 _NEVER = 600.0
+# Power of a mesh harmonic over that of the lines about it from which it stands out of them. Of two
+# drawn machines whose first stage, helical, is so quiet that a loss of 40 % moves nothing by a
+# hundredth, 18 to 33 % of the larger gear's harmonics do, of 14 others 71 % and more.
+_FAR_STRONGER = 10.0
 # Ratios of mesh orders at which harmonics are looked for that fall together.
 _FINEST_RATIO = 40
 # Share of the strongest gear's evidence from which another may be to blame.
@@ -134,6 +138,17 @@ class GearEvidence:
     def key(self) -> tuple[int, str]:
         """Stage and gear."""
         return self.deviation.stage, self.deviation.gear
+
+    @property
+    def mesh_stands_out(self) -> bool:
+        """Whether most mesh harmonics are far stronger than the median line about them."""
+        own, told = self.deviation, []
+        for band in own.bands:
+            if band.harmonic < own.mesh_power.shape[1]:
+                between = band.number != own.teeth * band.harmonic
+                usual = np.median(np.abs(band.pattern * band.deviation)[:, between] ** 2, axis=1)
+                told.append(own.mesh_power[:, band.harmonic] > _FAR_STRONGER * usual)
+        return not told or bool(np.mean(told) > 0.5)
 
     @property
     def loaded(self) -> float:

@@ -124,13 +124,14 @@ class StateGauge:
         Returns
         -------
         ndarray of float, shape (3,)
-            Load, as the level of the mesh harmonics tells it [Np]; speed, in `SPEED_UNIT`, and how
-            far it swung, in `SWING_UNIT`. The gain of a sensor is taken for load: noise follows
-            either.
+            Load, as the level of the mesh harmonics tells it [Np]; speed, in `SPEED_UNIT`; and the
+            square of how far it swung, in `SWING_UNIT`: to either side of the mean alike, so that
+            the mean over both is of second order. The gain of a sensor is taken for load: noise
+            follows either.
         """
         speed = profile.speed_hz / self.base.speed_hz - 1.0
         load = _slope(self._changes(profile), self.direction)
-        return np.array([load, speed / SPEED_UNIT, profile.swing / SWING_UNIT])
+        return np.array([load, speed / SPEED_UNIT, (profile.swing / SWING_UNIT) ** 2])
 
     def _changes(self, profile: Profile) -> FloatArray:
         """Return changes of the mesh harmonics [Np]; NaN where unheard, and of other families."""
@@ -144,6 +145,12 @@ class StateGauge:
         heard = profile.heard[:, own] & base.heard[:, its]
         change[:, its] = np.where(heard, profile.level_db[:, own] - base.level_db[:, its], np.nan)
         return change / _DB
+
+
+def _in_speed_units(states: FloatArray) -> FloatArray:
+    """Speed of states and how far it swung, both in `SPEED_UNIT`, shape (..., 2)."""
+    swing = np.sqrt(states[..., 2]) * (SWING_UNIT / SPEED_UNIT)
+    return np.stack([states[..., 1], swing], axis=-1)
 
 
 def _slope(values: FloatArray, along: FloatArray) -> float:
@@ -264,8 +271,8 @@ class MachineDeviation:
     Parameters
     ----------
     state : ndarray of float, shape (3,)
-        Operating state of the recording: load [Np] and speed beside the first reference, and how
-        far the speed swung.
+        Operating state of the recording: load [Np] and speed beside the first reference, and
+        square of how far the speed swung.
     gap : float
         Distance to the nearest reference's state.
     heavy : float
@@ -380,14 +387,13 @@ class HealthyMachine:
                 f"{own.origin}: shares no family of lines with the reference: sampling rate or "
                 "length differ too much"
             )
-        # both in units of speed
-        off = np.abs(self.states - state)[:, 1:] * [1.0, SWING_UNIT / SPEED_UNIT]
+        speeds, now = (_in_speed_units(one) for one in (self.states, state))
         placed = in_units(self.states, self.lightest), in_units(state, self.lightest)
         return MachineDeviation(
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
             heavy=float(state[0] - self.states[:, 0].max()),
-            speed_off=float(off.max(axis=1).min()),
+            speed_off=float(np.abs(speeds - now).max(axis=1).min()),
             length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
             gears=tuple(gears),
             family_names=tuple(names),

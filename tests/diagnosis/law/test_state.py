@@ -97,7 +97,7 @@ def test_one_reference_takes_the_median_mesh_harmonic_for_the_load():
     load, speed, swing = gauge.state(profile(*-0.5 + 0.1 * UNEVEN, speed_hz=20.6, swing=0.06))
     assert load == pytest.approx(-0.5 + 0.1 * np.median(UNEVEN))
     assert speed == pytest.approx(0.03 / SPEED_UNIT)
-    assert swing == pytest.approx(0.06 / SWING_UNIT)
+    assert swing == pytest.approx((0.06 / SWING_UNIT) ** 2)
     muffled = profile(*4 * [-9.0], *3 * [-0.5], heard=[*4 * [False], *3 * [True]])
     assert gauge.state(muffled)[0] == pytest.approx(-0.5)
 
