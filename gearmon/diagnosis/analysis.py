@@ -24,6 +24,7 @@ from gearmon.diagnosis.evidence import (
     Evidence,
     decide,
     false_alarm_probability,
+    hidden_stages,
     noticed_from,
     path_change,
     score_of,
@@ -291,10 +292,11 @@ class _Compared:
         evidence = self.evidence()
         families, shared = self._families(evidence.deviation), self.known.channel_names
         changes = verdict.level_changes(evidence.deviation.levels, shared, families)
-        profiles = self._profiles(evidence)
-        silent = [name for name in self.reference.channel_names if name not in shared]
         undetected = [mesh.stage for mesh in signature.meshes if not mesh.found]
-        deaf = verdict.unheard(evidence, self.machine, silent, must_notice, undetected)
+        hidden = hidden_stages(evidence.finding, undetected)
+        profiles = self._profiles(evidence, hidden)
+        silent = [name for name in self.reference.channel_names if name not in shared]
+        deaf = verdict.unheard(evidence, self.machine, silent, must_notice, hidden)
         answer = decide(evidence, deaf)
         flags: tuple[Flag, ...] = ()
         if answer == "fault":
@@ -369,11 +371,12 @@ class _Compared:
         families = {family.name: family for family in self.signature.plan.families}
         return [families[name] for name in deviation.family_names]
 
-    def _profiles(self, evidence: Evidence) -> tuple[ToothProfile, ...]:
+    def _profiles(self, evidence: Evidence, hidden: set[int]) -> tuple[ToothProfile, ...]:
         finding = evidence.finding
         if finding is None:
             return ()
-        return tuple(self._profile(gear, finding, evidence) for gear in finding.searched)
+        every = (self._profile(gear, finding, evidence) for gear in finding.searched)
+        return tuple(replace(p, noticed_from=None) if p.stage in hidden else p for p in every)
 
     def _profile(
         self, gear: GearEvidence, finding: ToothFinding, evidence: Evidence

@@ -28,7 +28,7 @@ sidebands, or the mesh, against the rest of the band, and does so in all channel
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib import resources
@@ -556,8 +556,26 @@ def heard_from(gear: GearEvidence) -> float | None:
     return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
 
 
-def noticed_from(gear: GearEvidence) -> float | None:
-    """Find the loss of one tooth from which it would have been called a fault.
+def hidden_stages(finding: ToothFinding | None, undetected: Collection[int]) -> set[int]:
+    """Name the stages of which nothing is heard.
+
+    Parameters
+    ----------
+    finding : ToothFinding or None
+        All gears that were searched.
+    undetected : collection of int
+        Stages whose mesh was not detected: what is heard at its lines may be pitch errors of a gear
+        on the same shaft, unless they stand out of the other lines of both gears. Those of a
+        planetary set stand where its planets put them.
+    """
+    searched = finding.searched if finding is not None else ()
+    pairs = [gear for gear in searched if gear.key[1] in ("pinion", "gear")]
+    drowned = {gear.key[0] for gear in pairs if not gear.mesh_stands_out}
+    return drowned.intersection(undetected)
+
+
+def noticed_from(gear: GearEvidence, strength: float = LIMITS.fault) -> float | None:
+    """Find the loss of one tooth from which it would have been called a fault, or so strong.
 
     The same as `heard_from`, but beside all that this machine departs by from one healthy recording
     to the next, and with what is believed of it.
@@ -570,7 +588,7 @@ def noticed_from(gear: GearEvidence) -> float | None:
     beside = 2.0 * lines * deviation.meetings / deviation.teeth
     peak = 1.0 + np.maximum(search.stands_out - _prior(gear), 0.0) / max(1.0, beside)
     believed = [gear.believes(*each) for each in zip(expected.tolist(), peak.tolist(), strict=True)]
-    return _first(gear, np.array(believed), LIMITS.fault)
+    return _first(gear, np.array(believed), strength)
 
 
 def _prior(gear: GearEvidence) -> float:

@@ -20,6 +20,7 @@ from gearmon.diagnosis.evidence import (
     heard_from,
     lines_strength,
     noise_rose,
+    noticed_from,
     rare_strength,
 )
 from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
@@ -432,7 +433,7 @@ def unheard(
     machine: Machine,
     silent: Sequence[str],
     must_notice: float,
-    undetected: Collection[int] = (),
+    hidden: Collection[int] = (),
 ) -> str:
     """Name the gears of which gross damage could not have been heard, and channels that are silent.
 
@@ -446,9 +447,8 @@ def unheard(
         Channels of the reference that the recording lacks.
     must_notice : float
         Loss of a pair's stiffness that should have been heard.
-    undetected : collection of int
-        Stages whose mesh was not detected. What is heard at the lines of such a mesh may be pitch
-        errors of a gear on the same shaft: damage is heard only where they stand out of the others.
+    hidden : collection of int
+        Stages of which nothing is heard, see `evidence.hidden_stages`.
 
     Returns
     -------
@@ -456,14 +456,11 @@ def unheard(
         A sentence or two; "" if all of them would have been.
     """
     searched = evidence.finding.searched if evidence.finding is not None else ()
-    loss = {gear.key: heard_from(gear) for gear in searched}
+    loss = {gear.key: _heard_from(gear) for gear in searched}
     gears = dict.fromkeys(
         (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
     )
-    for gear in searched:
-        if gear.deviation.stage in undetected and not gear.mesh_stands_out:
-            loss |= dict.fromkeys([own for own in gears if own[0] == gear.deviation.stage])
-    deaf = [gear for gear in gears if (loss.get(gear) or 1.0) > LIMITS.about * must_notice]
+    deaf = [own for own in gears if own[0] in hidden or loss.get(own, 1.0) > must_notice]
     told = []
     if deaf:
         named = ", ".join(f"the {gear} of stage {stage}" for stage, gear in deaf)
@@ -477,6 +474,12 @@ def unheard(
             "channel, and record again."
         )
     return " ".join(told)
+
+
+def _heard_from(gear: GearEvidence) -> float:
+    """Loss that would be heard, and leave the answer open beside all that is usual; 1 if none."""
+    heard, opened = heard_from(gear), noticed_from(gear, LIMITS.open)
+    return max(heard / LIMITS.about, opened) if heard and opened else 1.0
 
 
 def reason(

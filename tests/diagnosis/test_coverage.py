@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from reference.gear_departures import complex_noise
 
-from gearmon.diagnosis.evidence import Evidence, heard_from, noticed_from
+from gearmon.diagnosis.evidence import Evidence, heard_from, hidden_stages, noticed_from
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law.gear_lines import FULL_LOAD, BandDeviation, GearDeviation
@@ -126,5 +126,8 @@ def test_of_a_mesh_that_is_not_detected_only_harmonics_that_stand_out_tell(usual
     )
     loss = 2 * heard_from(own)
     assert unheard(found, pair, [], loss) == ""
-    told = unheard(found, pair, [], loss, undetected=[1])
+    assert hidden_stages(found.finding, []) == set()
+    hidden = hidden_stages(found.finding, [1, 2])
+    assert hidden == (set() if heard else {1})
+    told = unheard(found, pair, [], loss, hidden)
     assert ("the pinion of stage 1, the gear of stage 1" in told) != heard
