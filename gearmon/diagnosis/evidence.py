@@ -574,8 +574,8 @@ def hidden_stages(finding: ToothFinding | None, undetected: Collection[int]) -> 
     return drowned.intersection(undetected)
 
 
-def noticed_from(gear: GearEvidence, strength: float = LIMITS.fault) -> float | None:
-    """Find the loss of one tooth from which it would have been called a fault, or so strong.
+def noticed_from(gear: GearEvidence) -> float | None:
+    """Find the loss of one tooth from which it would have been called a fault.
 
     The same as `heard_from`, but beside all that this machine departs by from one healthy recording
     to the next, and with what is believed of it.
@@ -588,7 +588,7 @@ def noticed_from(gear: GearEvidence, strength: float = LIMITS.fault) -> float | 
     beside = 2.0 * lines * deviation.meetings / deviation.teeth
     peak = 1.0 + np.maximum(search.stands_out - _prior(gear), 0.0) / max(1.0, beside)
     believed = [gear.believes(*each) for each in zip(expected.tolist(), peak.tolist(), strict=True)]
-    return _first(gear, np.array(believed), strength)
+    return _first(gear, np.array(believed), LIMITS.fault)
 
 
 def _prior(gear: GearEvidence) -> float:

@@ -20,7 +20,6 @@ from gearmon.diagnosis.evidence import (
     heard_from,
     lines_strength,
     noise_rose,
-    noticed_from,
     rare_strength,
 )
 from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
@@ -456,11 +455,12 @@ def unheard(
         A sentence or two; "" if all of them would have been.
     """
     searched = evidence.finding.searched if evidence.finding is not None else ()
-    loss = {gear.key: _heard_from(gear) for gear in searched}
+    loss = {gear.key: heard_from(gear) or 1.0 for gear in searched}
     gears = dict.fromkeys(
         (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
     )
-    deaf = [own for own in gears if own[0] in hidden or loss.get(own, 1.0) > must_notice]
+    least = LIMITS.about * must_notice
+    deaf = [own for own in gears if own[0] in hidden or loss.get(own, 1.0) > least]
     told = []
     if deaf:
         named = ", ".join(f"the {gear} of stage {stage}" for stage, gear in deaf)
@@ -474,12 +474,6 @@ def unheard(
             "channel, and record again."
         )
     return " ".join(told)
-
-
-def _heard_from(gear: GearEvidence) -> float:
-    """Loss that would be heard, and leave the answer open beside all that is usual; 1 if none."""
-    heard, opened = heard_from(gear), noticed_from(gear, LIMITS.open)
-    return max(heard / LIMITS.about, opened) if heard and opened else 1.0
 
 
 def reason(
