@@ -238,7 +238,7 @@ class Tooth:
     @property
     def sign(self) -> int:
         """Return -1 for a ring, whose teeth point to its centre, else 1."""
-        return -1 if self.internal else 1
+        return self.rack.sign
 
     @property
     def internal(self) -> bool:
@@ -420,15 +420,15 @@ def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Roo
     ArgumentError
         If the face width is missing, or the bore or rim does not fit.
     """
-    gear, rack, roll = pair.gears[index], pair.rack(index), pair.form_rolls_m[index]
+    rack, roll = pair.gears[index], pair.form_rolls_m[index]
     if pair.face_width_m is None:
         raise ArgumentError("face_width_m is missing: the stiffness of a tooth needs it")
     base, root_m = pair.base_radii_m[index], pair.root_radii_m[index]
     if rack.internal:
         # the involute of a ring does not end before a fillet has room in the space
-        roll = roomy_roll(base, root_m, rack.base_half_angle, math.pi / gear.teeth, roll)
+        roll = roomy_roll(base, root_m, rack.base_half_angle, math.pi / rack.teeth, roll)
     return Tooth(
-        name=gear.name,
+        name=rack.name,
         rack=rack,
         module_m=pair.normal_module_m,
         base_radius_m=base,
@@ -438,7 +438,7 @@ def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Roo
         form_roll_m=roll,
         bore_radius_m=held_m,
         face_width_m=pair.face_width_m,
-        elastic_modulus_pa=gear.elastic_modulus_pa,
+        elastic_modulus_pa=rack.elastic_modulus_pa,
         poisson_ratio=nu,
         root=root,
     )

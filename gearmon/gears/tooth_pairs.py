@@ -452,7 +452,7 @@ def _held_alike(
 ) -> float:
     """Return the held radius [m] in the normal section: as large a bore, as thick a rim."""
     real, root = geometry.root_radii_m[index], section.root_radii_m[index]
-    if geometry.sign(index) < 0:
+    if geometry.gears[index].internal:
         return root + bore_radius_m - real
     return bore_radius_m * root / real
 
