@@ -439,7 +439,8 @@ class DriveTrain:
     mass : ndarray, shape (n, n)
     springs : tuple of Spring
         Shafts, bearings, pins, supports and meshes.
-    planets : tuple of Planets
+    planets : dict of int to Planets
+        Of stages, counted from 1.
     shafts : tuple of int
         Coordinate of the rotation where torque comes to each shaft: of the last one its end.
     notes : tuple of str
@@ -450,7 +451,7 @@ class DriveTrain:
     turning: npt.NDArray[np.bool_]
     mass: FloatArray
     springs: tuple[Spring, ...]
-    planets: tuple[Planets, ...]
+    planets: dict[int, Planets]
     shafts: tuple[int, ...]
     notes: tuple[str, ...]
 

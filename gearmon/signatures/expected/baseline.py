@@ -328,8 +328,7 @@ def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) ->
         for mesh in posed.members
         for repeats, own in _all_corners(mesh)
     ]
-    fastest = max(_cycles(posed, max_hz) for posed in cases)
-    return PhaseGrid.between(np.concatenate(corners), fastest, period)
+    return PhaseGrid.between(np.concatenate(corners), _cycles(cases, max_hz), period)
 
 
 def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
@@ -438,16 +437,15 @@ def _changed(posed: PosedStage) -> set[int]:
     return found
 
 
-def _cycles(posed: PosedStage, highest_hz: float) -> float:
+def _cycles(cases: Sequence[PosedStage], highest_hz: float) -> float:
     """Return the cycles a mesh period that panels are to follow: motion times highest line.
 
     The motion itself is followed with a margin, also where no high line is asked for.
     """
-    natural, trains = posed.fastest_hz, posed.mechanics.stiffness.trains
-    terms = [term for train in trains for term in train.terms]
-    fastest = max((term.pulse.fastest for term in terms), default=0.0) / (2 * math.pi)
-    mesh_hz = posed.mechanics.mesh_frequency_hz
-    return max(max(2 * natural, natural + highest_hz) / mesh_hz, fastest)
+    natural, mesh_hz = cases[0].fastest_hz, cases[0].mechanics.mesh_frequency_hz
+    trains = (train for posed in cases for train in posed.mechanics.stiffness.trains)
+    fastest = max(term.pulse.fastest for train in trains for term in train.terms)
+    return max(max(2 * natural, natural + highest_hz) / mesh_hz, fastest / (2 * math.pi))
 
 
 def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[int, FloatArray]]:

@@ -195,41 +195,40 @@ class PosedStage:
 
     @property
     def scale(self) -> float:
-        """What makes kappa of a stiffness: T^2/m, of a set T^2, in modes of unit mass [s2/kg]."""
-        own = self.mechanics
-        mass = own.equivalent_mass_kg if self.train is None else 1.0
-        return 1 / (mass * own.mesh_frequency_hz**2)
+        """T^2, which makes kappa of a stiffness, in modes of unit mass [s2]."""
+        return 1 / self.mechanics.mesh_frequency_hz**2
 
     @cached_property
     def _modes(self) -> Around:
-        """The machine in modes, for a set."""
-        assert self.train is not None
-        return self.train.around(self.train.meshes(self.mechanics.stage))
+        """The machine in modes; of a pair by itself its own mass is all there is."""
+        own, none = self.members[0].mechanics, np.zeros((1, 1))
+        if self.train is not None:
+            return self.train.around(self.train.meshes(own.stage))
+        shape, damper = none + own.equivalent_mass_kg**-0.5, none[0] + own.damping_ns_per_m
+        mean = none[0] + own.stiffness.healthy_mean_n_per_m
+        return Around(
+            shapes=shape, vectors=shape, means=mean, dampers=damper, stiffness=none, damping=none
+        )
 
     @property
     def fastest_hz(self) -> float:
         """Highest natural frequency [Hz]."""
-        alone = self.train is None
-        return self.mechanics.natural_frequency_hz if alone else self._modes.fastest_hz
+        return self._modes.fastest_hz
 
     @cached_property
     def around(self) -> Surroundings:
-        """What is around its meshes: the mass of a pair, or the machine in modes."""
-        own, rate = self.mechanics, self.scale * self.mechanics.mesh_frequency_hz
-        if self.train is None:
-            one, c = np.ones((1, 1)), np.array([own.damping_ns_per_m * rate])
-            force = np.array([own.force_n * self.scale])
-            return Surroundings(
-                stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force
-            )
-        around = self._modes
+        """What is around its meshes, in modes."""
+        own, around = self.members[0].mechanics, self._modes
+        load = np.array([own.force_n])
+        if self.train is not None:
+            load = self.train.load({own.stage: own.force_n})
         whole = around.damping + (around.vectors.T * around.dampers) @ around.vectors
         return Surroundings(
             stiffness=around.stiffness * self.scale,
-            damping=whole * rate,
+            damping=whole / own.mesh_frequency_hz,
             vectors=around.vectors,
-            dampers=around.dampers * rate,
-            force=around.shapes.T @ self.train.load({own.stage: own.force_n}) * self.scale,
+            dampers=around.dampers / own.mesh_frequency_hz,
+            force=around.shapes.T @ load * self.scale,
         )
 
     def limit_hz(self, max_hz: float | None) -> float:
@@ -374,12 +373,10 @@ class MeshPlace:
         ArgumentError
             If the stage is not planetary, the machine lacks data, or a fault does not fit it.
         """
-        stages = self.machine.stages
-        own = stages[self.stage - 1]
+        own = self.machine.stages[self.stage - 1]
         if not isinstance(own, PlanetaryStage):
             raise ArgumentError(f"stage={self.stage} is not planetary: no planets pass the housing")
         train = drive_train(self.machine, self.point, self.form)
-        before = sum(isinstance(other, PlanetaryStage) for other in stages[: self.stage - 1])
         known = faults_of(wrong, errors=True)
         alike = tuple(w for w in known if w.gear != "planet" or w.kind in ("wear", "profile"))
         meshed = cache(lambda side, wrong: replace(self, mesh=side)._meshed(wrong))
@@ -389,7 +386,7 @@ class MeshPlace:
             members=tuple(replace(meshed(*place), lead=spring.phase) for place, spring in springs),
             mesh=kinematics(self.machine).mesh(self.stage),
             train=train,
-            angles_rad=train.planets[before].angles_rad,
+            angles_rad=train.planets[self.stage].angles_rad,
         )
 
     def posed(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
