@@ -87,14 +87,6 @@ def straight_root(base_radius: float, root_radius: float, half_angle: float) -> 
     return lambda parameter: np.asarray(half + 1j * (low + (high - low) * parameter), complex)
 
 
-def fillet_root(rack: RackTooth, module_m: float) -> Curve:
-    """Return the fillet that a rack generates, up to where the involute begins."""
-    upper = rack.pressure_angle_rad
-    if rack.least_shift > rack.profile_shift:
-        upper = rack.undercut_end
-    return lambda parameter: module_m * rack.fillet(math.pi / 2 + (upper - math.pi / 2) * parameter)
-
-
 def where_tangent(curve: Curve, angle_rad: float) -> complex:
     """Return the point of a fillet at which its tangent makes an angle with the tooth's middle."""
     grid = np.linspace(0, 1, 129)
@@ -305,7 +297,11 @@ class Tooth:
             end = complex(self.flank(self.start))
             return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
         if self.root == "fillet":
-            return fillet_root(self.rack, self.module_m)
+            # as the rack generates it, from the root circle to where the involute begins
+            rack, low = self.rack, 0.5 * math.pi
+            undercut = rack.least_shift > rack.profile_shift
+            high = rack.undercut_end if undercut else rack.pressure_angle_rad
+            return lambda parameter: self.module_m * rack.fillet(low + (high - low) * parameter)
         if self.root == "base" or self.internal or self.root_radius_m >= self.base_radius_m:
             return None
         return straight_root(self.base_radius_m, self.root_radius_m, self.rack.base_half_angle)
