@@ -11,16 +11,16 @@ from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
+from scipy.signal import find_peaks
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result, channel_rows, with_units
-from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import OrderMap, order_map
-from gearmon.signals.recording import Recording, RecordingLike, read_recording
+from gearmon.signals.recording import Recording, RecordingLike
 from gearmon.signals.spectra import (
     Kurtogram,
     amplitude_spectrum,
@@ -33,7 +33,7 @@ from gearmon.signals.spectra import (
     real_cepstrum,
 )
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks, mark_near
-from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature, opened
 
 Band = tuple[float, float] | None
 _Made = dict[str, Any]  # fields of a result
@@ -253,8 +253,7 @@ def recording_spectrum(
     check_word("kind=", kind, KINDS)
     check_range("peaks", most_peaks, 0, 1000)
     machine = None if machine is None else load_machine(machine)
-    sensors = () if machine is None else machine.sensors
-    recording = sound_part(read_recording(recording, sampling_rate_hz, sensors=sensors, unit=unit))
+    recording = opened(recording, machine, sampling_rate_hz, unit)
     vibration = recording.vibration()
     _check_band(band, vibration, kind)
     value_name, unit_of, compute = COMPUTE[kind]
@@ -372,12 +371,8 @@ def highest_peaks(values: FloatArray, most: int, reach: int) -> IntArray:
     >>> highest_peaks(np.array([0.0, 3, 1, 2, 0, 5, 0]), 2, 1).tolist()
     [5, 1]
     """
-    tops = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])) + 1
-    kept: list[int] = []
-    for top in tops[np.argsort(-values[tops], kind="stable")].tolist():
-        if len(kept) < most and all(abs(top - other) >= reach for other in kept):
-            kept.append(top)
-    return np.array(kept, dtype=np.intp)
+    tops, _ = find_peaks(values, distance=reach)
+    return np.asarray(tops[np.argsort(-values[tops], kind="stable")[:most]], dtype=np.intp)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -500,9 +495,7 @@ def order_spectra(
     machine = load_machine(machine)
     train = kinematics(machine)
     ratio = train.shaft(shaft).order
-    recording = sound_part(
-        read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
-    )
+    recording = opened(recording, machine, sampling_rate_hz, unit)
     signature = measure_signature(recording, machine)
     vibration = recording.vibration()
     rate, track = vibration.sampling_rate_hz, signature.track

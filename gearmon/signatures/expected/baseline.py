@@ -163,7 +163,7 @@ def _stage_lines(
 ) -> Solved:
     """Solve one stage with all that is wrong with it: with a bound, or from corner to corner."""
     if posed.train is None:
-        if not posed.is_excited and (method != "auto" or len(posed.marked) < 2):
+        if not posed.errors and (method != "auto" or len(posed.marked) < 2):
             return _steady(posed, max_hz, tolerance, method, order)
         if method != "auto":
             raise ArgumentError(

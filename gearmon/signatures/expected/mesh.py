@@ -41,7 +41,7 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train, of_told_bearings
-from gearmon.gears.excitation import Excitation, displacement_excitation
+from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
 from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, pair_of, stage_mechanics
@@ -83,20 +83,6 @@ class PosedMesh:
     def stiffness(self) -> MeshStiffness:
         """With the faults."""
         return self.mechanics.stiffness
-
-    @property
-    def marked(self) -> dict[str, int]:
-        """Gears that differ from tooth to tooth, and their teeth."""
-        # an error that modulates the stiffness moves the flanks too
-        trains = {t.gear: t.period_mesh for t in self.stiffness.pulses if " and " not in t.gear}
-        return trains | {e.wrong.gear: e.teeth for e in self.excitation.errors if e.period_mesh > 1}
-
-    @property
-    def is_local(self) -> bool:
-        """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
-        return not self.stiffness.modulations and all(
-            e.gap is not None or e.period_mesh == 1 for e in self.excitation.errors
-        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -142,17 +128,21 @@ class PosedStage:
     @property
     def marked(self) -> dict[str, int]:
         """Gears that differ from tooth to tooth, and their teeth."""
-        return {gear: z for mesh in self.members for gear, z in mesh.marked.items()}
+        trains = (train for mesh in self.members for train in mesh.stiffness.pulses)
+        damaged = {t.gear: t.period_mesh for t in trains if " and " not in t.gear}
+        # an error that modulates the stiffness moves the flanks too
+        return damaged | {e.wrong.gear: e.teeth for e in self.errors if e.period_mesh > 1}
 
     @property
-    def is_excited(self) -> bool:
-        """Whether anything moves the flanks."""
-        return any(mesh.excitation.errors for mesh in self.members)
+    def errors(self) -> list[FlankError]:
+        """What moves the flanks of its meshes."""
+        return [error for mesh in self.members for error in mesh.excitation.errors]
 
     @property
     def is_local(self) -> bool:
         """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
-        return all(mesh.is_local for mesh in self.members)
+        turning = any(e.gap is None and e.period_mesh > 1 for e in self.errors)
+        return not turning and not any(mesh.stiffness.modulations for mesh in self.members)
 
     @property
     def warnings(self) -> tuple[str, ...]:
