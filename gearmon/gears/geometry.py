@@ -155,6 +155,8 @@ class RackTooth(GearTeeth):
         Helix angle at the reference circle [rad].
     internal : bool
         Whether it is the tooth of a ring, whose tool is no rack.
+    module_m : float
+        Normal module [m].
 
     Examples
     --------
@@ -165,6 +167,7 @@ class RackTooth(GearTeeth):
 
     pressure_angle_rad: float
     helix_angle_rad: float = 0.0
+    module_m: float = 1.0
 
     def __post_init__(self) -> None:
         """Take a gear that has been checked."""
@@ -210,6 +213,22 @@ class RackTooth(GearTeeth):
     def base(self) -> float:
         """Radius of the base circle."""
         return self.radius * math.cos(self.transverse_pressure_angle_rad)
+
+    @cached_property
+    def reference_radius_m(self) -> float:
+        """Radius of the reference circle [m]."""
+        return self.module_m * self.radius
+
+    @cached_property
+    def base_radius_m(self) -> float:
+        """Radius of the base circle [m]."""
+        return self.module_m * self.base
+
+    @cached_property
+    def root_radius_m(self) -> float:
+        """Radius of the root circle [m]."""
+        depth = self.root_factor - self.profile_shift
+        return self.module_m * (self.radius - self.sign * depth)
 
     @property
     def least_shift(self) -> float:
@@ -340,12 +359,12 @@ class PairGeometry:
     @cached_property
     def reference_radii_m(self) -> Two:
         """Radii of the reference circles [m]."""
-        return _both(lambda i: 0.5 * self.transverse_module_m * self.gears[i].teeth)
+        return _both(lambda i: self.gears[i].reference_radius_m)
 
     @cached_property
     def base_radii_m(self) -> Two:
         """Radii of the base circles [m]."""
-        return _both(lambda i: self.gears[i].base * self.normal_module_m)
+        return _both(lambda i: self.gears[i].base_radius_m)
 
     @property
     def working_radii_m(self) -> Two:
@@ -356,9 +375,7 @@ class PairGeometry:
     @cached_property
     def root_radii_m(self) -> Two:
         """Radii of the root circles [m]."""
-        depths = _both(lambda i: self.gears[i].root_factor - self.gears[i].profile_shift)
-        modules = _both(lambda i: self.gears[i].sign * depths[i])
-        return _both(lambda i: self.reference_radii_m[i] - self.normal_module_m * modules[i])
+        return _both(lambda i: self.gears[i].root_radius_m)
 
     @cached_property
     def form_rolls_m(self) -> Two:
@@ -515,12 +532,10 @@ def pair_geometry(
             f"{second.name}_teeth={second.teeth} of an internal gear must be > "
             f"{first.name}_teeth={first.teeth}"
         )
-    names = [own.name for own in fields(GearTeeth)]
     given = first, replace(second, internal=internal)
-    known = [{name: getattr(gear, name) for name in names} for gear in given]
     rack: dict[str, Any] = {"pressure_angle_rad": pressure_angle_rad, "helix_angle_rad": beta}
     pair = PairGeometry(
-        gears=_both(lambda i: RackTooth(**known[i], **rack)),
+        gears=_both(lambda i: RackTooth(**told_of(given[i], GearTeeth), **rack, module_m=module_m)),
         normal_module_m=module_m,
         normal_pressure_angle_rad=pressure_angle_rad,
         helix_angle_rad=beta,
@@ -538,6 +553,11 @@ def pair_geometry(
     tips = _both(lambda i: pair.reference_radii_m[i] + pair.gears[i].sign * module_m * above[i])
     pair = replace(pair, tip_shortening=cut, tip_radii_m=tips)
     return check_pair(trim_ring(pair)) if check else pair
+
+
+def told_of(gear: GearTeeth, kind: type[GearTeeth]) -> dict[str, Any]:
+    """Return what a gear tells as one of a kind, to make it one of another kind."""
+    return {own.name: getattr(gear, own.name) for own in fields(kind)}
 
 
 def _both(value: Callable[[int], _Own]) -> tuple[_Own, _Own]:

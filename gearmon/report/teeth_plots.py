@@ -103,7 +103,7 @@ class _Frame:
         """Return the gear with those faults whose sizes are no losses."""
         tooth, profile = self.tooth, half_profile(self.tooth)
         root = tooth.sign * tooth.root_radius_m
-        pitch = tooth.sign * 2 * math.pi / tooth.rack.teeth
+        pitch = tooth.sign * 2 * math.pi / tooth.teeth
         # teeth one after the other across the tooth in the middle
         turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
         row = [turn * _between(-profile.conj(), profile) for turn in turns]

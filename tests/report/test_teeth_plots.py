@@ -45,9 +45,7 @@ def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circl
         last = np.flatnonzero(np.diff(over > 0))
         share = over[last] / (over[last] - over[last + 1])
         crossed = angle[last] + share * (angle[last + 1] - angle[last])
-        assert np.abs(np.diff(crossed)) == pytest.approx(
-            np.full(9, np.pi / tooth.rack.teeth), rel=1e-3
-        )
+        assert np.abs(np.diff(crossed)) == pytest.approx(np.full(9, np.pi / tooth.teeth), rel=1e-3)
 
 
 def test_profile_runs_from_root_to_tip():
