@@ -143,7 +143,7 @@ class GearTeeth:
 
 @dataclass(frozen=True, kw_only=True)
 class RackTooth(GearTeeth):
-    """A gear with its teeth as a basic rack generates them; lengths in normal modules.
+    """A gear with its teeth as a basic rack generates them.
 
     Parameters
     ----------
@@ -204,36 +204,27 @@ class RackTooth(GearTeeth):
         """alpha_t = atan(tan alpha_n/cos beta)."""
         return math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
 
-    @property
-    def radius(self) -> float:
-        """Radius of the reference circle."""
-        return 0.5 * self.teeth / math.cos(self.helix_angle_rad)
-
-    @property
-    def base(self) -> float:
-        """Radius of the base circle."""
-        return self.radius * math.cos(self.transverse_pressure_angle_rad)
-
     @cached_property
     def reference_radius_m(self) -> float:
         """Radius of the reference circle [m]."""
-        return self.module_m * self.radius
+        return 0.5 * self.module_m * self.teeth / math.cos(self.helix_angle_rad)
 
     @cached_property
     def base_radius_m(self) -> float:
         """Radius of the base circle [m]."""
-        return self.module_m * self.base
+        return self.reference_radius_m * math.cos(self.transverse_pressure_angle_rad)
 
     @cached_property
     def root_radius_m(self) -> float:
         """Radius of the root circle [m]."""
-        depth = self.root_factor - self.profile_shift
-        return self.module_m * (self.radius - self.sign * depth)
+        depth = self.module_m * (self.root_factor - self.profile_shift)
+        return self.reference_radius_m - self.sign * depth
 
     @property
     def least_shift(self) -> float:
         """Profile shift below which so many teeth are undercut."""
-        return self.straight_depth - self.radius * math.sin(self.transverse_pressure_angle_rad) ** 2
+        sine, radius = math.sin(self.transverse_pressure_angle_rad), self.reference_radius_m
+        return self.straight_depth - radius / self.module_m * sine**2
 
     @property
     def least_teeth(self) -> int:
@@ -244,17 +235,18 @@ class RackTooth(GearTeeth):
 
     @property
     def form_roll(self) -> float:
-        """Roll length at which the involute meets the fillet; above the undercut if there is one.
+        """Roll length [m] at which the involute meets the fillet; above an undercut.
 
         The involute of a ring ends there; its tool is not a rack, so the circle that the straight
         part of the rack would reach is taken.
         """
-        alpha, depth = self.transverse_pressure_angle_rad, self.straight_depth - self.profile_shift
-        roll = self.radius * math.sin(alpha) - depth / math.sin(alpha)
+        alpha, radius = self.transverse_pressure_angle_rad, self.reference_radius_m
+        depth = self.module_m * (self.straight_depth - self.profile_shift)
+        roll = radius * math.sin(alpha) - depth / math.sin(alpha)
         if roll >= 0 and not self.internal:
             return roll
-        end = self.radius + depth if self.internal else abs(complex(self.fillet(self.undercut_end)))
-        return math.sqrt(max(end**2 - self.base**2, 0.0))
+        end = radius + depth if self.internal else abs(complex(self.fillet(self.undercut_end)))
+        return math.sqrt(max(end**2 - self.base_radius_m**2, 0.0))
 
     def fillet(self, angles_rad: ArrayLike) -> ComplexArray:
         """Return points of the generated fillet of an external gear, in the transverse section.
@@ -268,7 +260,8 @@ class RackTooth(GearTeeth):
         Returns
         -------
         complex ndarray
-            Distance from the middle line of the tooth + i distance from the gear's centre along it.
+            Distance from the middle line of the tooth + i distance from the gear's centre along it
+            [m].
 
         Notes
         -----
@@ -279,12 +272,13 @@ class RackTooth(GearTeeth):
         g, cosine = np.asarray(angles_rad, dtype=np.float64), math.cos(self.helix_angle_rad)
         alpha, rounding = self.pressure_angle_rad, self.rounding
         depth = self.root_factor - rounding - self.profile_shift + rounding * np.sin(g)
+        depth, radius = self.module_m * depth, self.reference_radius_m
         middle = math.pi / 4 + self.straight_depth * math.tan(alpha) + rounding * math.cos(alpha)
-        across = (middle - rounding * np.cos(g)) / cosine
+        across = self.module_m * (middle - rounding * np.cos(g)) / cosine
         # the transverse section is wider by 1/cos(beta), so its normals are flatter or steeper
         slope = np.arctan2(np.sin(g), np.cos(g) * cosine)
-        rolled = (depth / np.tan(slope) + across) / self.radius
-        turned = 1j * self.radius - depth / np.sin(slope) * np.exp(1j * slope)
+        rolled = (depth / np.tan(slope) + across) / radius
+        turned = 1j * radius - depth / np.sin(slope) * np.exp(1j * slope)
         return np.asarray(turned * np.exp(-1j * rolled), dtype=np.complex128)
 
     @cached_property
@@ -297,7 +291,7 @@ class RackTooth(GearTeeth):
     @property
     def undercut_end(self) -> float:
         """Angle [rad] of the rack-tip normal at which the fillet cuts the involute, or alpha_n."""
-        base, half_angle = self.base, self.base_half_angle
+        base, half_angle = self.base_radius_m, self.base_half_angle
 
         def beyond(angle: float) -> float:
             point = complex(self.fillet(angle))
@@ -380,7 +374,7 @@ class PairGeometry:
     @cached_property
     def form_rolls_m(self) -> Two:
         """Roll lengths [m] at which the involute begins above the fillet; for a ring, ends."""
-        return _both(lambda i: self.gears[i].form_roll * self.normal_module_m)
+        return _both(lambda i: self.gears[i].form_roll)
 
     @property
     def line_m(self) -> float:
@@ -738,13 +732,13 @@ def _check_clearance(pair: PairGeometry, index: int) -> None:
 
 def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:
     """Contact must stay on the involute of an external gear."""
-    gear, mate, rack = pair.gears[index], pair.gears[1 - index], pair.gears[index]
+    gear, mate = pair.gears[index], pair.gears[1 - index]
     start = pair.path_m[0] if index == 0 else pair.line_m - pair.path_m[1]
     short = (pair.form_rolls_m[index] - start) / pair.normal_module_m
-    least, shift = rack.least_shift, gear.profile_shift
+    least, shift = gear.least_shift, gear.profile_shift
     undercut, touched = shift < least - 1e-9, short > 1e-6
     given = f"profile_shift_{gear.name}={shift:g}"
-    cure = f"give at least {least:.4f}, or {rack.least_teeth} teeth"
+    cure = f"give at least {least:.4f}, or {gear.least_teeth} teeth"
     where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of the"
     if touched and undercut:
         raise ArgumentError(

@@ -271,7 +271,7 @@ class Tooth(RackTooth):
             # as the rack generates it, from the root circle to where the involute begins
             low, undercut = 0.5 * math.pi, self.least_shift > self.profile_shift
             high = self.undercut_end if undercut else self.pressure_angle_rad
-            return lambda parameter: self.module_m * self.fillet(low + (high - low) * parameter)
+            return lambda parameter: self.fillet(low + (high - low) * parameter)
         if self.root == "base" or self.internal or self.root_radius_m >= self.base_radius_m:
             return None
         return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle)

@@ -162,33 +162,36 @@ def _stage_lines(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> Solved:
     """Solve one stage with all that is wrong with it: with a bound, or from corner to corner."""
-    if posed.train is None:
-        if not posed.errors and (method != "auto" or len(posed.marked) < 2):
-            return _steady(posed, max_hz, tolerance, method, order)
-        if method != "auto":
-            raise ArgumentError(
-                f"method={method!r} takes faults that change the stiffness only, and those of "
-                f"stage {posed.mechanics.stage} move the flanks too; leave method out"
-            )
-    (lines,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
-    whole = "the whole set, as the housing hears it"
-    what = "from corner to corner" if posed.train is None else whole
-    added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
-    told = _TOLD | {
-        "error_estimate": lines.error,
-        "message": f"{what}: error estimated as {lines.error:.2g}{added}",
-    }
-    warnings = []
-    if lines.error > tolerance:
-        warnings.append(f"error {lines.error:.2g} misses the tolerance {tolerance:.2g}")
+    alone = posed.train is None
+    if alone and not posed.errors and (method != "auto" or len(posed.marked) < 2):
+        lines, told = _steady(posed, max_hz, tolerance, method, order)
+    elif alone and method != "auto":
+        raise ArgumentError(
+            f"method={method!r} takes faults that change the stiffness only, and those of "
+            f"stage {posed.mechanics.stage} move the flanks too; leave method out"
+        )
+    else:
+        (lines,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
+        what = "from corner to corner" if alone else "the whole set, as the housing hears it"
+        added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
+        message = f"{what}: error estimated as {lines.error:.2g}{added}"
+        told = _TOLD | {"error_estimate": lines.error, "message": message}
+    warnings, angle = [], told["contact_loss_angle_rad"]
+    if told["stable"] is False:
+        warnings.append(told["message"])
+    elif lines.error > tolerance:
+        bound = " bound" if told["error_estimate"] is None else ""
+        warnings.append(f"error{bound} {lines.error:.2g} misses the tolerance {tolerance:.2g}")
     if lines.contact_lost:
-        warnings.append("teeth lose contact: the linear model ends there")
+        place = (angle or 0.0) / (2 * math.pi) * lines.period
+        first = "" if angle is None else f", first at mesh phase {place:.4g}"
+        warnings.append(f"teeth lose contact{first}: the linear model ends there")
     return lines, told, warnings
 
 
 def _steady(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
-) -> Solved:
+) -> tuple[MeshLines, dict[str, Any]]:
     """Solve a mesh over its true period, with a bound of the error."""
     mechanics, period = posed.mechanics, posed.period
     shown = max(1, math.floor(max_hz * period / mechanics.mesh_frequency_hz * (1 + 1e-12)))
@@ -207,7 +210,7 @@ def _steady(
         contact_lost=angle is not None,
         mean_m=float(response.displacement[0].real),
     )
-    told = _TOLD | {
+    return lines, _TOLD | {
         "order_used": response.order,
         "error_bound": lines.error,
         "stiffness_harmonics": len(harmonics),
@@ -216,17 +219,6 @@ def _steady(
         "contact_loss_angle_rad": angle,
         "message": f"{response.message}; stiffness harmonics left out: {cut:.2g}",
     }
-    warnings = []
-    if response.stable is False:
-        warnings.append(response.message)
-    elif lines.error > tolerance:
-        warnings.append(f"error bound {lines.error:.2g} misses the tolerance {tolerance:.2g}")
-    if angle is not None:
-        warnings.append(
-            f"teeth lose contact, first at mesh phase {angle / (2 * math.pi) * period:.4g}"
-            ": the linear model ends there"
-        )
-    return lines, told, warnings
 
 
 def _stiffness_harmonics(
