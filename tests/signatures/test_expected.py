@@ -311,6 +311,16 @@ def test_contact_is_lost_at_the_same_mesh_phase_whatever_the_period():
     assert phases[1] % 1.0 == pytest.approx(phases[0], abs=2e-3)
 
 
+def test_an_unstable_mesh_is_told_as_such_and_not_as_inexact():
+    wild = replace(PAIR, damping_ratio=0.01, stiffness_variation=0.6)
+    point = OperatingPoint(speed_rpm=40_000.0, torque_nm=98.12)
+    found = expected_signature(machine(wild, points=(point,)), max_hz=30e3)
+    (warning,) = (own for own in found.header["warnings"] if "free vibrations grow" in own)
+    assert warning.startswith("unstable")
+    assert found.header["stable"] is False
+    assert not any("misses the tolerance" in own for own in found.header["warnings"])
+
+
 @pytest.mark.parametrize(("gear", "mesh"), [("ring", "planet-ring"), ("sun", "sun-planet")])
 def test_an_error_of_a_set_acts_in_the_mesh_of_its_gear(gear, mesh):
     """An error all through the turn has its mesh taken by itself: of the ring that of the ring."""
