@@ -11,7 +11,6 @@ from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_range, check_word
@@ -371,8 +370,12 @@ def highest_peaks(values: FloatArray, most: int, reach: int) -> IntArray:
     >>> highest_peaks(np.array([0.0, 3, 1, 2, 0, 5, 0]), 2, 1).tolist()
     [5, 1]
     """
-    tops, _ = find_peaks(values, distance=reach)
-    return np.asarray(tops[np.argsort(-values[tops], kind="stable")[:most]], dtype=np.intp)
+    tops = np.flatnonzero((values[1:-1] >= values[:-2]) & (values[1:-1] > values[2:])) + 1
+    kept: list[int] = []
+    for top in tops[np.argsort(-values[tops], kind="stable")].tolist():
+        if len(kept) < most and all(abs(top - other) >= reach for other in kept):
+            kept.append(top)
+    return np.array(kept, dtype=np.intp)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
