@@ -25,6 +25,7 @@ from scipy.linalg import eigh
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
+from gearmon.gears.excitation import Excitation, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.geometry import USUAL_RIM
 from gearmon.gears.kinematics import kinematics
@@ -70,6 +71,10 @@ class StageMechanics:
     force_n : float
         Static force on the line of action.
     mesh_frequency_hz : float
+    excitation : Excitation
+        What moves the flanks, if anything does.
+    lead : float
+        Mesh periods by which it is ahead of the first one of its stage.
     assumptions : tuple of str
         What was not in the machine file and had to be taken, in words.
     warnings : tuple of str
@@ -84,6 +89,8 @@ class StageMechanics:
     damping_ratio: float
     force_n: float
     mesh_frequency_hz: float
+    excitation: Excitation
+    lead: float = 0.0
     assumptions: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -126,7 +133,8 @@ def stage_mechanics(
     faults : iterable of Fault
         Faults of any stage; those of others are left aside.
     errors : iterable of GearError
-        Errors of gears of any stage; those of turning gears modulate the stiffness.
+        Errors of gears of any stage; those of turning gears modulate the stiffness, and all move
+        the flanks, as lost profile does.
     form : str or StiffnessForm
         See `gears.stiffness.mesh_stiffness`.
     mesh : {0, 1}
@@ -169,6 +177,7 @@ def stage_mechanics(
         damping_ratio=ratio,
         force_n=force,
         mesh_frequency_hz=train.mesh(number).order * running.shaft1_hz,
+        excitation=displacement_excitation(pair, stiffness, wrong, own),
         assumptions=tuple(notes),
         warnings=stiffness.warnings,
     )

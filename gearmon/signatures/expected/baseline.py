@@ -33,7 +33,6 @@ from gearmon.signatures.expected.mesh import (
     AMPLITUDES,
     MeshLines,
     MeshPlace,
-    PosedMesh,
     PosedStage,
     Wrong,
     joined,
@@ -440,7 +439,9 @@ def _cycles(cases: Sequence[PosedStage], highest_hz: float) -> float:
     return max(max(2 * natural, natural + highest_hz) / mesh_hz, fastest / (2 * math.pi))
 
 
-def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[int, FloatArray]]:
+def _corners(
+    posed: StageMechanics, trains: Iterable[PulseTrain]
+) -> Iterator[tuple[int, FloatArray]]:
     """Give mesh phases at which stiffness or excitation are not smooth, and when they repeat."""
     for train in trains:
         for term in train.terms:
@@ -456,7 +457,7 @@ def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[i
             yield error.period_mesh, np.add.outer([0.0, even.overlap_ratio], limits).ravel()
 
 
-def _all_corners(mesh: PosedMesh) -> Iterator[tuple[int, FloatArray]]:
+def _all_corners(mesh: StageMechanics) -> Iterator[tuple[int, FloatArray]]:
     stiffness, moving = mesh.stiffness, mesh.stiffness.modulations
     yield from ((train.period_mesh, train.corners) for train in moving)
     # damaged teeth lose what they lose where the teeth would be without the errors, and single

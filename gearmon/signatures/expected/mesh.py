@@ -28,7 +28,7 @@ sun-planet mesh.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, cached_property
@@ -41,10 +41,10 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train, of_told_bearings
-from gearmon.gears.excitation import Excitation, FlankError, displacement_excitation
+from gearmon.gears.excitation import FlankError
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
-from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, pair_of, stage_mechanics
+from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
@@ -62,37 +62,13 @@ AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters co
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PosedMesh:
-    """One mesh at one operating point, with its faults and errors.
-
-    Parameters
-    ----------
-    mechanics : StageMechanics
-        With the faults.
-    excitation : Excitation
-        What moves the flanks, if anything does.
-    lead : float
-        Mesh periods by which it is ahead of the first one of its stage.
-    """
-
-    mechanics: StageMechanics
-    excitation: Excitation
-    lead: float = 0.0
-
-    @property
-    def stiffness(self) -> MeshStiffness:
-        """With the faults."""
-        return self.mechanics.stiffness
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class PosedStage:
     """A pair, or all meshes of a planetary set, at one operating point, ready to be solved.
 
     Parameters
     ----------
-    members : tuple of PosedMesh
-        Of a set the sun-planet meshes, then the planet-ring meshes.
+    members : tuple of StageMechanics
+        With the faults; of a set the sun-planet meshes, then the planet-ring meshes.
     mesh : Mesh
         Its kinematics.
     train : DriveTrain or None
@@ -103,7 +79,7 @@ class PosedStage:
         Why it is not taken as a whole.
     """
 
-    members: tuple[PosedMesh, ...]
+    members: tuple[StageMechanics, ...]
     mesh: Mesh
     train: DriveTrain | None = None
     angles_rad: FloatArray
@@ -112,7 +88,7 @@ class PosedStage:
     @property
     def mechanics(self) -> StageMechanics:
         """Of its first mesh."""
-        own = self.members[0].mechanics
+        own = self.members[0]
         return own if self.train is None else replace(own, assumptions=self.train.notes)
 
     @property
@@ -147,7 +123,7 @@ class PosedStage:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of its teeth, and what was asked for and acts in no mesh."""
-        told = [(*mesh.mechanics.warnings, *mesh.excitation.warnings) for mesh in self.members]
+        told = [(*mesh.warnings, *mesh.excitation.warnings) for mesh in self.members]
         every = dict.fromkeys(word for own in told for word in own)
         mild = ("fault ", "error ")
         kept = (w for w in every if not w.startswith(mild) or all(w in own for own in told))
@@ -166,9 +142,8 @@ class PosedStage:
         members = []
         for mesh in self.members:
             stiffness = changed(mesh.stiffness)
-            mechanics = replace(mesh.mechanics, stiffness=stiffness)
             excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
-            members.append(replace(mesh, mechanics=mechanics, excitation=excitation))
+            members.append(replace(mesh, stiffness=stiffness, excitation=excitation))
         return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
@@ -191,7 +166,7 @@ class PosedStage:
     @cached_property
     def _modes(self) -> Around:
         """The machine in modes; of a pair by itself its own mass is all there is."""
-        own, none = self.members[0].mechanics, np.zeros((1, 1))
+        own, none = self.members[0], np.zeros((1, 1))
         if self.train is not None:
             return self.train.around(self.train.meshes(own.stage))
         shape, damper = none + own.equivalent_mass_kg**-0.5, none[0] + own.damping_ns_per_m
@@ -208,7 +183,7 @@ class PosedStage:
     @cached_property
     def around(self) -> Surroundings:
         """What is around its meshes, in modes."""
-        own, around = self.members[0].mechanics, self._modes
+        own, around = self.members[0], self._modes
         load = np.array([own.force_n])
         if self.train is not None:
             load = self.train.load({own.stage: own.force_n})
@@ -225,7 +200,7 @@ class PosedStage:
         """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
         if max_hz is not None:
             return max_hz
-        own = self.members[0].mechanics
+        own = self.members[0]
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
     def heard(self, forces: ComplexArray, period: int) -> tuple[dict[str, Any], ComplexArray]:
@@ -263,7 +238,7 @@ class PosedStage:
             share = (np.abs(lines) / loudest).max(axis=0)
             kept &= share > CANCELLED * (brought / loudest).max(axis=0)
         which, line = np.nonzero(kept)
-        own, mass = self.mechanics, self.members[0].mechanics.equivalent_mass_kg
+        own, mass = self.mechanics, self.members[0].equivalent_mass_kg
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
         places = {"period": period, "number": number[line], "carrier": sides[which]}
         return places, lines[:, kept] * (1 / (mass * angular**2 * self.scale))
@@ -400,20 +375,11 @@ class MeshPlace:
         alone = self.alone(faults)
         return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
 
-    def _meshed(self, wrong: Iterable[Wrong]) -> PosedMesh:
-        own = [one for one in wrong if one.stage == self.stage]
-        wrongs: dict[str, Any] = {
-            "faults": [one for one in own if isinstance(one, Fault)],
-            "errors": [one for one in own if isinstance(one, GearError)],
-        }
-        mechanics = stage_mechanics(
-            self.machine, self.stage, self.point, form=self.form, mesh=self.mesh, **wrongs
-        )
-        moved = Excitation(stiffness=mechanics.stiffness, errors=())
-        if own:
-            pair = pair_of(self.machine, self.stage, self.mesh)
-            moved = displacement_excitation(pair, mechanics.stiffness, **wrongs)
-        return PosedMesh(mechanics=mechanics, excitation=moved)
+    def _meshed(self, wrong: Sequence[Wrong]) -> StageMechanics:
+        faults = [one for one in wrong if isinstance(one, Fault) and one.stage == self.stage]
+        errors = [one for one in wrong if isinstance(one, GearError)]
+        place = self.machine, self.stage, self.point
+        return stage_mechanics(*place, faults=faults, errors=errors, form=self.form, mesh=self.mesh)
 
 
 def mesh_problem(
