@@ -74,7 +74,7 @@ class StageMechanics:
     excitation : Excitation
         What moves the flanks, if anything does.
     lead : float
-        Mesh periods by which it is ahead of the first one of its stage.
+        By how much it is ahead of the first one of its stage [mesh periods].
     assumptions : tuple of str
         What was not in the machine file and had to be taken, in words.
     warnings : tuple of str
