@@ -88,8 +88,7 @@ class PosedStage:
     @property
     def mechanics(self) -> StageMechanics:
         """Of its first mesh."""
-        own = self.members[0]
-        return own if self.train is None else replace(own, assumptions=self.train.notes)
+        return self.members[0]
 
     @property
     def pass_order(self) -> Fraction:
@@ -166,7 +165,7 @@ class PosedStage:
     @cached_property
     def _modes(self) -> Around:
         """The machine in modes; of a pair by itself its own mass is all there is."""
-        own, none = self.members[0], np.zeros((1, 1))
+        own, none = self.mechanics, np.zeros((1, 1))
         if self.train is not None:
             return self.train.around(self.train.meshes(own.stage))
         shape, damper = none + own.equivalent_mass_kg**-0.5, none[0] + own.damping_ns_per_m
@@ -183,7 +182,7 @@ class PosedStage:
     @cached_property
     def around(self) -> Surroundings:
         """What is around its meshes, in modes."""
-        own, around = self.members[0], self._modes
+        own, around = self.mechanics, self._modes
         load = np.array([own.force_n])
         if self.train is not None:
             load = self.train.load({own.stage: own.force_n})
@@ -200,7 +199,7 @@ class PosedStage:
         """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
         if max_hz is not None:
             return max_hz
-        own = self.members[0]
+        own = self.mechanics
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
     def heard(self, forces: ComplexArray, period: int) -> tuple[dict[str, Any], ComplexArray]:
@@ -238,10 +237,10 @@ class PosedStage:
             share = (np.abs(lines) / loudest).max(axis=0)
             kept &= share > CANCELLED * (brought / loudest).max(axis=0)
         which, line = np.nonzero(kept)
-        own, mass = self.mechanics, self.members[0].equivalent_mass_kg
+        own = self.mechanics
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
         places = {"period": period, "number": number[line], "carrier": sides[which]}
-        return places, lines[:, kept] * (1 / (mass * angular**2 * self.scale))
+        return places, lines[:, kept] * (1 / (own.equivalent_mass_kg * angular**2 * self.scale))
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
         """Return the equation of a pair without excitation, by the harmonics of its stiffness."""
@@ -551,7 +550,7 @@ class MeshLines:
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines."""
-        own = self.mechanics
+        own, train = self.mechanics, self.posed.train
         return {name: getattr(own, name) for name in _TOLD} | {
             "mean_stiffness_n_per_m": own.stiffness.mean_n_per_m,
             "stiffness_variation": own.stiffness.variation,
@@ -560,7 +559,7 @@ class MeshLines:
             "method": self.method,
             "contact_lost": self.contact_lost,
             "mean_deflection_m": self.mean_m,
-            "assumptions": list(own.assumptions),
+            "assumptions": list(own.assumptions if train is None else train.notes),
         }
 
 
