@@ -131,6 +131,14 @@ def test_overrides_alone_give_a_table_without_a_picture():
         stiffness_report(machine(stage))
 
 
+def test_one_tooth_of_each_gear_is_drawn_and_losses_as_sizes():
+    faults = ["crack:1:pinion:5:20%", "wear:1:gear:all:0.1mm", "pitting:1:pinion:7:10%flank"]
+    (stage,) = stiffness_report(machine(), faults).stages
+    crack, worn = stage.drawn
+    assert (crack.unit, crack.tooth, str(worn)) == ("mm", 5, faults[1])
+    assert stage.faults[0].measured.startswith(f"{crack.size:.3g}")
+
+
 def test_size_curve_rises():
     pair = teeth_of(mesh_pairs(STAGE)[0])
     curve = size_curve(parse_fault("crack:1:gear:5:1mm"), pair, 1)
