@@ -80,13 +80,6 @@ Arm = Literal["axis", "contact"]
 ARC_TANGENT = math.radians(75)
 
 
-def straight_root(base_radius: float, root_radius: float, half_angle: float) -> Curve:
-    """Return a part of constant thickness from the root circle up to the base circle."""
-    half = base_radius * math.sin(half_angle)
-    low, high = math.sqrt(root_radius**2 - half**2), base_radius * math.cos(half_angle)
-    return lambda parameter: np.asarray(half + 1j * (low + (high - low) * parameter), complex)
-
-
 def where_tangent(curve: Curve, angle_rad: float) -> complex:
     """Return the point of a fillet at which its tangent makes an angle with the tooth's middle."""
     grid = np.linspace(0, 1, 129)
@@ -274,7 +267,11 @@ class Tooth(RackTooth):
             return lambda parameter: self.fillet(low + (high - low) * parameter)
         if self.root == "base" or self.internal or self.root_radius_m >= self.base_radius_m:
             return None
-        return straight_root(self.base_radius_m, self.root_radius_m, self.base_half_angle)
+        # of constant thickness from the root circle up to the base circle
+        half = self.base_radius_m * math.sin(self.base_half_angle)
+        foot = math.sqrt(self.root_radius_m**2 - half**2)
+        up = self.base_radius_m * math.cos(self.base_half_angle) - foot
+        return lambda parameter: np.asarray(half + 1j * (foot + up * parameter), complex)
 
     @cached_property
     def crack_start(self) -> complex:

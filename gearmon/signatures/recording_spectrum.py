@@ -287,12 +287,12 @@ def _between_bins(
 def _check_band(band: Band, vibration: Recording, kind: str) -> None:
     if band is None:
         return
-    top = vibration.duration_s / 2 if kind == "cepstrum" else vibration.sampling_rate_hz / 2
+    tops = {"s": vibration.duration_s / 2, "Hz": vibration.sampling_rate_hz / 2}
     unit = "s" if kind == "cepstrum" else "Hz"
     if not isinstance(band, Sequence) or len(band) != 2:
         raise ArgumentError(f"band={band!r} must be two {unit}: low and high")
     for name, value in zip(("low", "high"), band, strict=True):
-        check_range(f"band {name}", value, 0.0, top, unit)
+        check_range(f"band {name}", value, 0.0, tops[unit], unit)
     if band[0] >= band[1]:
         raise ArgumentError(f"band {band[0]:g} to {band[1]:g} {unit}: low must be below high")
 

@@ -293,8 +293,7 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
         If there is no such gear, or the file says too little of a planetary set: how it sheds load
         depends on masses and stiffnesses.
     """
-    check_range("stage", stage, 1, len(machine.stages))
-    own, mesh_of_stage = machine.stages[stage - 1], kinematics(machine).mesh(stage)
+    mesh_of_stage, own = kinematics(machine).mesh(stage), machine.stages[stage - 1]
     teeth = mesh_of_stage.wheel(gear).teeth
     stiffness, standard, share, phase = _mesh_alone(own, stage, gear, teeth)
     try:

@@ -362,9 +362,8 @@ def _inputs(own: GearSignals) -> dict[str, tuple[str, str, tuple[int, ...]]]:
 
 
 def _listed(numbers: tuple[int, ...]) -> str:
-    if len(numbers) > 6:
-        return ", ".join(str(n) for n in (*numbers[:3], "...", numbers[-1]))
-    return ", ".join(str(n) for n in numbers)
+    shown = numbers if len(numbers) <= 6 else (*numbers[:3], "...", numbers[-1])
+    return ", ".join(map(str, shown))
 
 
 def _input_name(signal: str, own: GearSignals) -> str:
