@@ -417,7 +417,12 @@ def _curve(losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair) -> S
 
 
 def _drawn(losses: tuple[FaultLoss, ...]) -> tuple[Fault, ...]:
-    """Return what can be drawn of faults, on that tooth of each gear that is damaged first."""
+    """Return what can be drawn of faults: of each gear the tooth that is damaged first.
+
+    With one crack: a second one, of which the loss is told, has no place of its own.
+    """
     told = (entry.sized if entry.fault.is_loss else entry.fault for entry in losses)
-    seen: dict[str, int | None] = {}
-    return tuple(f for f in told if f and seen.setdefault(f.gear, f.tooth) == f.tooth)
+    teeth: dict[str, int | None] = {}
+    drawn = [f for f in told if f and teeth.setdefault(f.gear, f.tooth) == f.tooth]
+    cracks = {f.gear: f for f in reversed(drawn) if f.kind == "crack"}
+    return tuple(f for f in drawn if f.kind != "crack" or f is cracks[f.gear])

@@ -9,6 +9,7 @@ import cmath
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -54,78 +55,67 @@ class DrawnDamage:
 
 @dataclass(frozen=True, eq=False)
 class DrawnGear:
-    """A gear in contact, cut square to its flanks; lengths in mm.
+    """A gear in contact, cut square to its flanks; what it tells is in mm.
 
     Parameters
     ----------
-    name : str
-    outline : ndarray, shape (n, 2)
-        Five teeth, the loaded one in the middle.
-    damage : tuple of DrawnDamage
-        Of the loaded tooth.
-    face_width, flank_start, tip : float
-        Width of the face, heights of the flank's lower end and of the tip above the root circle.
-    """
-
-    name: str
-    outline: FloatArray
-    damage: tuple[DrawnDamage, ...]
-    face_width: float
-    flank_start: float
-    tip: float
-
-
-@dataclass(frozen=True, eq=False)
-class TeethPicture:
-    """Two gears in contact, and the point at which they touch, shape (2,) [mm]."""
-
-    gears: tuple[DrawnGear, DrawnGear]
-    contact: FloatArray
-
-
-@dataclass(frozen=True)
-class _Frame:
-    """Where a tooth stands, as complex numbers [m]: centre, and direction of its thickness.
-
-    Points of a tooth are half thickness + i height.
+    tooth : Tooth
+        The loaded one; its points are half thickness + i height.
+    centre, across : complex
+        Where it stands: centre [m], and direction of its thickness.
+    faults : tuple of Fault
+        Those whose sizes are no losses are drawn.
     """
 
     tooth: Tooth
     centre: complex
     across: complex
+    faults: tuple[Fault, ...]
 
     def place(self, points: ComplexArray) -> FloatArray:
         """Return points of the tooth in the plane [mm], shape (n, 2)."""
         placed = 1e3 * (self.centre + points * self.across)
         return np.stack([placed.real, placed.imag], axis=-1)
 
-    def drawn(self, faults: Sequence[Fault]) -> DrawnGear:
-        """Return the gear with those faults whose sizes are no losses."""
-        tooth, profile = self.tooth, half_profile(self.tooth)
-        root = tooth.sign * tooth.root_radius_m
-        pitch = tooth.sign * 2 * math.pi / tooth.teeth
+    def above_root(self, height_m: float) -> float:
+        """Return a height above the root circle [mm]."""
+        return 1e3 * float(height_m - self.tooth.sign * self.tooth.root_radius_m)
+
+    @property
+    def tip(self) -> float:
+        """Height of the tip above the root circle [mm]."""
+        return self.above_root(float(self.tooth.height(self.tooth.tip)))
+
+    @property
+    def flank_start(self) -> float:
+        """Height of the flank's lower end above the root circle [mm]."""
+        return self.above_root(float(self.tooth.height(self.tooth.start)))
+
+    @cached_property
+    def outline(self) -> FloatArray:
+        """Five teeth, the loaded one in the middle [mm], shape (n, 2)."""
+        profile = half_profile(self.tooth)
+        pitch = self.tooth.sign * 2 * math.pi / self.tooth.teeth
         # teeth one after the other across the tooth in the middle
         turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
         row = [turn * _between(-profile.conj(), profile) for turn in turns]
-        own = [fault for fault in faults if fault.gear == tooth.name and not fault.is_loss]
-        return DrawnGear(
-            name=tooth.name,
-            outline=self.place(np.concatenate(row)),
-            damage=tuple(self._damage(own, profile)),
-            face_width=1e3 * tooth.face_width_m,
-            flank_start=1e3 * float(tooth.height(tooth.start) - root),
-            tip=1e3 * (profile[-1].imag - root),
-        )
+        return self.place(np.concatenate(row))
 
-    def _damage(self, faults: Sequence[Fault], profile: ComplexArray) -> Iterator[DrawnDamage]:
+    @cached_property
+    def damage(self) -> tuple[DrawnDamage, ...]:
+        """Damage of the loaded tooth."""
+        own = [f for f in self.faults if f.gear == self.tooth.name and not f.is_loss]
+        return tuple(self._damage(own))
+
+    def _damage(self, faults: Sequence[Fault]) -> Iterator[DrawnDamage]:
         tooth, damage = self.tooth, tooth_damage(faults, self.tooth)
-        tip = profile[-1].imag
-        width, root = tooth.face_width_m, tooth.sign * tooth.root_radius_m
+        profile, width = half_profile(tooth), tooth.face_width_m
+        root, tip = tooth.sign * tooth.root_radius_m, profile[-1].imag
 
         def drawn(kind: str, section: ComplexArray, *where: float) -> DrawnDamage:
-            begin, part, low, high = (1e3 * x for x in where)
-            foot = 1e3 * root
-            return DrawnDamage(kind, self.place(section), begin, part, low - foot, high - foot)
+            begin, part, low, high = where
+            ends = self.above_root(low), self.above_root(high)
+            return DrawnDamage(kind, self.place(section), 1e3 * begin, 1e3 * part, *ends)
 
         if damage.crack is not None:
             crack, start = damage.crack, tooth.crack_start
@@ -142,6 +132,14 @@ class _Frame:
                 part = width if fault.kind == "missing" else 1e-3 * fault.size
                 face = 1e-3 * (fault.start or 0.0), part
                 yield drawn(fault.kind, _between(-lost.conj(), lost), *face, low, tip)
+
+
+@dataclass(frozen=True, eq=False)
+class TeethPicture:
+    """Two gears in contact, and the point at which they touch, shape (2,) [mm]."""
+
+    gears: tuple[DrawnGear, DrawnGear]
+    contact: FloatArray
 
 
 def teeth_picture(
@@ -165,10 +163,10 @@ def teeth_picture(
     rolled = zip(pair.teeth, pair.rolls(roll), strict=True)
     slopes = [float(tooth.slope(tooth.angle(own))) for tooth, own in rolled]
     one, two = (cmath.exp(1j * (working - slope)) for slope in slopes)
-    frames = _Frame(pair.first, 0j, one), _Frame(pair.second, 1j * centres, -two)
+    lower = DrawnGear(pair.first, 0j, one, tuple(faults))
+    upper = DrawnGear(pair.second, 1j * centres, -two, tuple(faults))
     touching = pair.first.flank(pair.first.angle(roll))
-    gears = frames[0].drawn(faults), frames[1].drawn(faults)
-    return TeethPicture(gears, frames[0].place(touching))
+    return TeethPicture((lower, upper), lower.place(touching))
 
 
 def half_profile(tooth: Tooth) -> ComplexArray:
@@ -197,7 +195,7 @@ def plot_teeth(picture: TeethPicture, ax: Axes) -> None:
     for gear, colour, side in zip(picture.gears, (plots.BLUE, plots.GREEN), (-1, 1), strict=True):
         body = _with_body(gear.outline, side)
         ax.fill(*body.T, facecolor=colour, alpha=0.18, linewidth=0)
-        ax.plot(*gear.outline.T, color=colour, linewidth=1.2, label=gear.name)
+        ax.plot(*gear.outline.T, color=colour, linewidth=1.2, label=gear.tooth.name)
     for damage in picture.gears[0].damage + picture.gears[1].damage:
         if damage.kind == "crack":
             ax.plot(*damage.section.T, color=plots.VERMILLION, linewidth=2.2, label="crack")
@@ -223,7 +221,7 @@ def _with_body(outline: FloatArray, side: int) -> FloatArray:
 
 def plot_flank(gear: DrawnGear, ax: Axes) -> None:
     """Draw the loaded flank of a gear as its mate sees it, with its damage to scale."""
-    width, low, high = gear.face_width, gear.flank_start, gear.tip
+    width, low, high = 1e3 * gear.tooth.face_width_m, gear.flank_start, gear.tip
     ax.add_patch(Rectangle((0, 0), width, low, facecolor=plots.GREY, alpha=0.25, linewidth=0))
     shade: dict[str, Any] = {"facecolor": plots.BLUE, "alpha": 0.15, "linewidth": 0}
     ax.add_patch(Rectangle((0, low), width, high - low, **shade))
@@ -239,7 +237,7 @@ def plot_flank(gear: DrawnGear, ax: Axes) -> None:
             ax.add_patch(Rectangle((begin, own.low), own.face_width, size, **_GONE))
     ax.set(xlim=(-0.03 * width, 1.03 * width), ylim=(-0.08 * high, 1.12 * high), aspect="equal")
     ax.set(xlabel="along the face in mm", ylabel="above root in mm")
-    ax.set_title(f"loaded flank of the {gear.name} (fillet grey)", fontsize=9)
+    ax.set_title(f"loaded flank of the {gear.tooth.name} (fillet grey)", fontsize=9)
 
 
 def _plot_pits(ax: Axes, face: float, width: float, middle: float, radius: float) -> None:

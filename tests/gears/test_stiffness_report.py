@@ -137,6 +137,8 @@ def test_one_tooth_of_each_gear_is_drawn_and_losses_as_sizes():
     crack, worn = stage.drawn
     assert (crack.unit, crack.tooth, str(worn)) == ("mm", 5, faults[1])
     assert stage.faults[0].measured.startswith(f"{crack.size:.3g}")
+    twice = ["crack:1:pinion:5:1mm", "crack:1:pinion:5:20%"]
+    assert [str(f) for f in stiffness_report(machine(), twice).stages[0].drawn] == twice[:1]
 
 
 def test_size_curve_rises():
