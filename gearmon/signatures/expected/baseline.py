@@ -445,9 +445,7 @@ def _corners(
     """Give mesh phases at which stiffness or excitation are not smooth, and when they repeat."""
     for train in trains:
         for term in train.terms:
-            faces = {face * train.overlap_ratio for face in (term.face_start, term.face_end)}
-            limits = term.offset + term.pulse.edges
-            yield train.period_mesh, np.concatenate([face + limits for face in faces])
+            yield train.period_mesh, term.corners(train.overlap_ratio)
     even = posed.stiffness.healthy
     for error in posed.excitation.errors:
         if error.gap is not None:
