@@ -451,8 +451,9 @@ class _Turn:
         # just inside of each step: what jumps belongs to the next
         places = [begin + share * h for share in (1e-9, 0.5, 1 - 1e-9)]
         stiffness, around = self.posed.mechanics.stiffness, self.posed.around
-        tables = [stiffness.at(place) * self.posed.scale for place in places]
-        known = *tables, 1.0, float(around.damping[0, 0]), float(around.force[0])
+        seen = float(around.vectors[0, 0])
+        tables = [stiffness.at(place) * self.posed.scale * seen**2 for place in places]
+        known = *tables, 1.0, float(around.damping[0, 0]), float(around.force[0]) * seen
         return lambda: (h, rivals.shoot(h, *known)[0])
 
     def lines(self, h: FloatArray, velocity: FloatArray) -> ComplexArray:

@@ -424,7 +424,7 @@ def _pair_stiffness(mesh: Any, stage: ParallelStage, turned: FloatArray) -> Floa
     total = pair.compliances(pair.roll(np.zeros(1))).hertz + np.zeros(turned.shape)
     pressures = first["start_point"] + moved, second["addendum"] - mesh.gear_ratio * moved
     for tooth, pressure in zip(pair.teeth, pressures, strict=True):
-        angle = np.tan(pressure) - tooth.rack.base_half_angle
+        angle = np.tan(pressure) - tooth.base_half_angle
         total += sum(ToothBeam(tooth).compliances(angle))
         total += Foundation(tooth=tooth, arm="contact").compliance(angle)
     return np.asarray(1 / total)

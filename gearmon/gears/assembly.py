@@ -159,7 +159,7 @@ class _Assembly:
         self.turning: list[bool] = []
         self.mass = np.zeros((width, width))
         self.springs: list[Spring] = []
-        self.planets: list[Planets] = []
+        self.planets: dict[int, Planets] = {}
         self.forces: list[float | None] = []
         for (pair, *_), shaft in zip(self.pairs, kinematics(machine).shafts, strict=False):
             known = point.torque_nm or pair.stage.force_n
@@ -185,7 +185,7 @@ class _Assembly:
             turning=np.array(self.turning, dtype=bool),
             mass=self.mass[:n, :n],
             springs=tuple(replace(own, rows=own.rows[:, :n]) for own in self.springs),
-            planets=tuple(replace(own, rows=own.rows[..., :n]) for own in self.planets),
+            planets={i: replace(own, rows=own.rows[..., :n]) for i, own in self.planets.items()},
             shafts=self.torques,
             notes=tuple(dict.fromkeys(self.notes)),
         )
@@ -458,7 +458,7 @@ class _Assembly:
         if not yields:
             self.notes.append(f"stage {i + 1}: planet pins are rigid: no bearing of them yields")
         mass, inertia = gear_disc(inner, 1)
-        self.planets.append(Planets(rows, np.array([mass, mass, inertia]), turn * angles))
+        self.planets[i + 1] = Planets(rows, np.array([mass, mass, inertia]), turn * angles)
         return rows
 
     def mesh(self, i: int, pair: MeshPair, rows: list[FloatArray], phases: Iterable[float]) -> None:

@@ -74,10 +74,13 @@ class PairsInMesh(ABC):
         Loss that all teeth of each gear have.
     teeth : ToothPair, optional
         Where they are known.
+    points : int
+        Gauss points between corners.
     """
 
     worn: PairState = SOUND_PAIR
     teeth: ToothPair | None = None
+    points: int = POINTS
 
     @property
     @abstractmethod
@@ -105,15 +108,10 @@ class PairsInMesh(ABC):
         ndarray, shape (2 reach + 1, pieces, points)
         """
 
-    @property
+    @cached_property
     def reach(self) -> int:
-        """How many pairs before and after one feel what it carries."""
-        return 0
-
-    @property
-    def points(self) -> int:
-        """Gauss points between corners."""
-        return POINTS
+        """How many pairs before and after one feel what it carries, in contact with it."""
+        return max(0, math.ceil(self.length - 1e-12) - 1) if self.teeth else 0
 
     @cached_property
     def healthy(self) -> Pulse:
@@ -233,11 +231,6 @@ class CurvePairs(PairsInMesh):
         """Limits of the pieces of the curve."""
         return self.pulse.edges
 
-    @property
-    def points(self) -> int:
-        """Gauss points between corners."""
-        return self.pulse.points
-
     @cached_property
     def healthy(self) -> Pulse:
         """What a pair carries [N/m]; without wear the curve as it is."""
@@ -270,11 +263,6 @@ class TeethInMesh(PairsInMesh):
     def corners(self) -> FloatArray:
         """Where another pair enters or leaves."""
         return contact_zones(self.teeth.contact_ratio)[0]
-
-    @cached_property
-    def reach(self) -> int:
-        """How many pairs before and after one may be in contact with it."""
-        return max(0, math.ceil(self.length - 1e-12) - 1)
 
     def loads(self, phase: FloatArray, states: Sequence[PairState]) -> FloatArray:
         """Return what each pair carries per unit of deflection [N/m]."""

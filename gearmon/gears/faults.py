@@ -16,7 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from gearmon.errors import ArgumentError, check_finite, check_word, nearest_name
+from gearmon.errors import ArgumentError, check_finite, check_word
 from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, held, optional
 
 #: What material a crack leaves without load, by name.
@@ -335,13 +335,8 @@ def _size(kind: str, text: str) -> dict[str, Any]:
 
 
 def _option(kind: str, text: str) -> tuple[str, Any]:
-    known = KIND_OPTIONS.get(kind, ())
-    key, equals, value = (part.strip() for part in text.partition("="))
-    if not equals or key not in known:
-        near = nearest_name(key, known)
-        hint = f"; did you mean {near}?" if near else ""
-        names = ", ".join(known) or "none"
-        raise ArgumentError(f"dimension {text!r} of a {kind} is not known: {names}{hint}")
+    key, _, value = (part.strip() for part in text.partition("="))
+    check_word(f"dimension of a {kind} ", key, KIND_OPTIONS.get(kind, ["none"]))
     try:
         number = re.sub(r"(mm|deg)$", "", value).strip()
         return _field(key), value if key == "limit" else float(number)

@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -42,155 +42,6 @@ SHARP_TIP = 0.2
 #: Profile shift that undercut teeth may lack, in modules, if their mate stays clear of it: the
 #: practical limit of 14 teeth where 18 are needed in theory.
 TOLERATED_UNDERCUT = 0.2
-
-
-@dataclass(frozen=True, kw_only=True)
-class RackTooth:
-    """A tooth as a basic rack generates it; lengths in normal modules.
-
-    Parameters
-    ----------
-    teeth : float
-        Of the gear.
-    profile_shift : float
-    dedendum : float
-        h_fP*, depth of the gear's root below the rack's datum line.
-    pressure_angle_rad : float
-        Normal pressure angle [rad].
-    helix_angle_rad : float
-        Helix angle at the reference circle [rad].
-    internal : bool
-        Whether it is the tooth of a ring, whose tool is no rack.
-
-    Examples
-    --------
-    >>> tooth = RackTooth(teeth=26, dedendum=1.25, pressure_angle_rad=math.radians(20))
-    >>> round(tooth.rounding, 5)
-    0.37995
-    """
-
-    teeth: float
-    dedendum: float
-    pressure_angle_rad: float
-    profile_shift: float = 0.0
-    helix_angle_rad: float = 0.0
-    internal: bool = False
-
-    @property
-    def rounding(self) -> float:
-        """Radius of the rounded rack tip rho_fP*."""
-        alpha = self.pressure_angle_rad
-        wanted = CLEARANCE / (1 - math.sin(alpha))
-        # full rounding: the centre of the arc sits on the middle line of the rack tooth
-        full = (math.pi / 4 - self.dedendum * math.tan(alpha)) * math.cos(alpha)
-        full /= 1 - math.sin(alpha)
-        rounding = min(wanted, full)
-        if rounding <= 0:
-            most = math.pi / 4 / math.tan(alpha)
-            raise ArgumentError(
-                f"root_factor={self.dedendum} makes the rack pointed at a pressure angle of "
-                f"{math.degrees(alpha):g} deg; it must be < {most:.4g}"
-            )
-        return rounding
-
-    @property
-    def straight_depth(self) -> float:
-        """Depth below the datum line down to which the flank is straight."""
-        return self.dedendum - self.rounding * (1 - math.sin(self.pressure_angle_rad))
-
-    @property
-    def transverse_pressure_angle_rad(self) -> float:
-        """alpha_t = atan(tan alpha_n/cos beta)."""
-        return math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
-
-    @property
-    def radius(self) -> float:
-        """Radius of the reference circle."""
-        return 0.5 * self.teeth / math.cos(self.helix_angle_rad)
-
-    @property
-    def base(self) -> float:
-        """Radius of the base circle."""
-        return self.radius * math.cos(self.transverse_pressure_angle_rad)
-
-    @property
-    def least_shift(self) -> float:
-        """Profile shift below which so many teeth are undercut."""
-        return self.straight_depth - self.radius * math.sin(self.transverse_pressure_angle_rad) ** 2
-
-    @property
-    def least_teeth(self) -> int:
-        """Number of teeth from which on there is no undercut with this profile shift."""
-        sine = math.sin(self.transverse_pressure_angle_rad)
-        depth = max(self.straight_depth - self.profile_shift, 0.0)
-        return math.ceil(2 * depth * math.cos(self.helix_angle_rad) / sine**2 - 1e-9)
-
-    @property
-    def form_roll(self) -> float:
-        """Roll length at which the involute meets the fillet; above the undercut if there is one.
-
-        The involute of a ring ends there; its tool is not a rack, so the circle that the straight
-        part of the rack would reach is taken.
-        """
-        alpha, depth = self.transverse_pressure_angle_rad, self.straight_depth - self.profile_shift
-        roll = self.radius * math.sin(alpha) - depth / math.sin(alpha)
-        if roll >= 0 and not self.internal:
-            return roll
-        end = self.radius + depth if self.internal else abs(complex(self.fillet(self.undercut_end)))
-        return math.sqrt(max(end**2 - self.base**2, 0.0))
-
-    def fillet(self, angles_rad: ArrayLike) -> ComplexArray:
-        """Return points of the generated fillet of an external gear, in the transverse section.
-
-        Parameters
-        ----------
-        angles_rad : array_like
-            Angles of the rack-tip normal in the normal section, from alpha_n (where the involute
-            begins) to pi/2 (root circle).
-
-        Returns
-        -------
-        complex ndarray
-            Distance from the middle line of the tooth + i distance from the gear's centre along it.
-
-        Notes
-        -----
-        The point of the rack tip whose normal has angle g touches the gear when that normal passes
-        through the pitch point: with depth a and distance b from the middle line of the tooth,
-        ``phi = (a/tan g + b)/R`` has been rolled.
-        """
-        g, cosine = np.asarray(angles_rad, dtype=np.float64), math.cos(self.helix_angle_rad)
-        alpha, rounding = self.pressure_angle_rad, self.rounding
-        depth = self.dedendum - rounding - self.profile_shift + rounding * np.sin(g)
-        middle = math.pi / 4 + self.straight_depth * math.tan(alpha) + rounding * math.cos(alpha)
-        across = (middle - rounding * np.cos(g)) / cosine
-        # the transverse section is wider by 1/cos(beta), so its normals are flatter or steeper
-        slope = np.arctan2(np.sin(g), np.cos(g) * cosine)
-        rolled = (depth / np.tan(slope) + across) / self.radius
-        turned = 1j * self.radius - depth / np.sin(slope) * np.exp(1j * slope)
-        return np.asarray(turned * np.exp(-1j * rolled), dtype=np.complex128)
-
-    @cached_property
-    def base_half_angle(self) -> float:
-        """Half the angle that a tooth takes on the base circle [rad]; of a ring that of a space."""
-        alpha, signed = self.transverse_pressure_angle_rad, -1 if self.internal else 1
-        shift = 2 * self.profile_shift * math.tan(self.pressure_angle_rad)
-        return signed * (math.pi / 2 + shift) / self.teeth + involute(alpha)
-
-    @property
-    def undercut_end(self) -> float:
-        """Angle [rad] of the rack-tip normal at which the fillet cuts the involute, or alpha_n."""
-        base, half_angle = self.base, self.base_half_angle
-
-        def beyond(angle: float) -> float:
-            point = complex(self.fillet(angle))
-            rolled = math.sqrt(max((abs(point) / base) ** 2 - 1, 0.0))
-            # inside the base circle there is no involute to be cut
-            flank = half_angle - (rolled - math.atan(rolled)) if rolled else math.pi
-            return math.atan2(point.real, point.imag) - flank
-
-        first = self.pressure_angle_rad
-        return float(bisect(beyond, first, math.pi / 2, xtol=1e-15)) if beyond(first) > 0 else first
 
 
 def involute(angle_rad: float) -> float:
@@ -257,8 +108,6 @@ class GearTeeth:
         Dedendum of the basic rack h_fP*, in modules.
     name : str
         What messages call the gear; the ending of its keys in a machine file.
-    virtual : bool
-        Whether it is one of the spur gears of `normal_section`.
     internal : bool
         Whether it is a ring.
     elastic_modulus_pa : float
@@ -277,7 +126,6 @@ class GearTeeth:
     tip_factor: float = 1.0
     root_factor: float = 1.25
     name: str = "gear"
-    virtual: bool = False
     internal: bool = False
     elastic_modulus_pa: float = 206e9
     bore_m: float = 0.0
@@ -286,11 +134,174 @@ class GearTeeth:
     rim_m: float | None = None
 
     def __post_init__(self) -> None:
-        if (self.teeth != int(self.teeth) and not self.virtual) or self.teeth < 5:
+        if self.teeth != int(self.teeth) or self.teeth < 5:
             raise ArgumentError(f"{self.name}_teeth={self.teeth} must be a whole number >= 5")
         check_range(f"profile_shift_{self.name}", self.profile_shift, -2, 3)
         check_range(f"tip_factor_{self.name}", self.tip_factor, 0.1, 3)
         check_range(f"root_factor_{self.name}", self.root_factor, 0.2, 4)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RackTooth(GearTeeth):
+    """A gear with its teeth as a basic rack generates them.
+
+    Parameters
+    ----------
+    teeth : float
+        Of the gear; those of `normal_section` are not whole.
+    pressure_angle_rad : float
+        Normal pressure angle [rad].
+    helix_angle_rad : float
+        Helix angle at the reference circle [rad].
+    internal : bool
+        Whether it is the tooth of a ring, whose tool is no rack.
+    module_m : float
+        Normal module [m].
+
+    Examples
+    --------
+    >>> tooth = RackTooth(teeth=26, pressure_angle_rad=math.radians(20))
+    >>> round(tooth.rounding, 5)
+    0.37995
+    """
+
+    pressure_angle_rad: float
+    helix_angle_rad: float = 0.0
+    module_m: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Take a gear that has been checked."""
+
+    @property
+    def sign(self) -> int:
+        """Return -1 for a ring, else 1."""
+        return -1 if self.internal else 1
+
+    @property
+    def rounding(self) -> float:
+        """Radius of the rounded rack tip rho_fP*."""
+        alpha = self.pressure_angle_rad
+        wanted = CLEARANCE / (1 - math.sin(alpha))
+        # full rounding: the centre of the arc sits on the middle line of the rack tooth
+        full = (math.pi / 4 - self.root_factor * math.tan(alpha)) * math.cos(alpha)
+        full /= 1 - math.sin(alpha)
+        rounding = min(wanted, full)
+        if rounding <= 0:
+            most = math.pi / 4 / math.tan(alpha)
+            raise ArgumentError(
+                f"root_factor={self.root_factor} makes the rack pointed at a pressure angle of "
+                f"{math.degrees(alpha):g} deg; it must be < {most:.4g}"
+            )
+        return rounding
+
+    @property
+    def straight_depth(self) -> float:
+        """Depth below the datum line down to which the flank is straight."""
+        return self.root_factor - self.rounding * (1 - math.sin(self.pressure_angle_rad))
+
+    @property
+    def transverse_pressure_angle_rad(self) -> float:
+        """alpha_t = atan(tan alpha_n/cos beta)."""
+        return math.atan(math.tan(self.pressure_angle_rad) / math.cos(self.helix_angle_rad))
+
+    @cached_property
+    def reference_radius_m(self) -> float:
+        """Radius of the reference circle [m]."""
+        return 0.5 * self.module_m * self.teeth / math.cos(self.helix_angle_rad)
+
+    @cached_property
+    def base_radius_m(self) -> float:
+        """Radius of the base circle [m]."""
+        return self.reference_radius_m * math.cos(self.transverse_pressure_angle_rad)
+
+    @cached_property
+    def root_radius_m(self) -> float:
+        """Radius of the root circle [m]."""
+        depth = self.module_m * (self.root_factor - self.profile_shift)
+        return self.reference_radius_m - self.sign * depth
+
+    @property
+    def least_shift(self) -> float:
+        """Profile shift below which so many teeth are undercut."""
+        sine, radius = math.sin(self.transverse_pressure_angle_rad), self.reference_radius_m
+        return self.straight_depth - radius / self.module_m * sine**2
+
+    @property
+    def least_teeth(self) -> int:
+        """Number of teeth from which on there is no undercut with this profile shift."""
+        sine = math.sin(self.transverse_pressure_angle_rad)
+        depth = max(self.straight_depth - self.profile_shift, 0.0)
+        return math.ceil(2 * depth * math.cos(self.helix_angle_rad) / sine**2 - 1e-9)
+
+    @property
+    def form_roll(self) -> float:
+        """Roll length [m] at which the involute meets the fillet; above an undercut.
+
+        The involute of a ring ends there; its tool is not a rack, so the circle that the straight
+        part of the rack would reach is taken.
+        """
+        alpha, radius = self.transverse_pressure_angle_rad, self.reference_radius_m
+        depth = self.module_m * (self.straight_depth - self.profile_shift)
+        roll = radius * math.sin(alpha) - depth / math.sin(alpha)
+        if roll >= 0 and not self.internal:
+            return roll
+        end = radius + depth if self.internal else abs(complex(self.fillet(self.undercut_end)))
+        return math.sqrt(max(end**2 - self.base_radius_m**2, 0.0))
+
+    def fillet(self, angles_rad: ArrayLike) -> ComplexArray:
+        """Return points of the generated fillet of an external gear, in the transverse section.
+
+        Parameters
+        ----------
+        angles_rad : array_like
+            Angles of the rack-tip normal in the normal section, from alpha_n (where the involute
+            begins) to pi/2 (root circle).
+
+        Returns
+        -------
+        complex ndarray
+            Distance from the middle line of the tooth + i distance from the gear's centre along it
+            [m].
+
+        Notes
+        -----
+        The point of the rack tip whose normal has angle g touches the gear when that normal passes
+        through the pitch point: with depth a and distance b from the middle line of the tooth,
+        ``phi = (a/tan g + b)/R`` has been rolled.
+        """
+        g, cosine = np.asarray(angles_rad, dtype=np.float64), math.cos(self.helix_angle_rad)
+        alpha, rounding = self.pressure_angle_rad, self.rounding
+        depth = self.root_factor - rounding - self.profile_shift + rounding * np.sin(g)
+        depth, radius = self.module_m * depth, self.reference_radius_m
+        middle = math.pi / 4 + self.straight_depth * math.tan(alpha) + rounding * math.cos(alpha)
+        across = self.module_m * (middle - rounding * np.cos(g)) / cosine
+        # the transverse section is wider by 1/cos(beta), so its normals are flatter or steeper
+        slope = np.arctan2(np.sin(g), np.cos(g) * cosine)
+        rolled = (depth / np.tan(slope) + across) / radius
+        turned = 1j * radius - depth / np.sin(slope) * np.exp(1j * slope)
+        return np.asarray(turned * np.exp(-1j * rolled), dtype=np.complex128)
+
+    @cached_property
+    def base_half_angle(self) -> float:
+        """Half the angle that a tooth takes on the base circle [rad]; of a ring that of a space."""
+        alpha, shift = self.transverse_pressure_angle_rad, 2 * self.profile_shift
+        thickness = math.pi / 2 + shift * math.tan(self.pressure_angle_rad)
+        return self.sign * thickness / self.teeth + involute(alpha)
+
+    @property
+    def undercut_end(self) -> float:
+        """Angle [rad] of the rack-tip normal at which the fillet cuts the involute, or alpha_n."""
+        base, half_angle = self.base_radius_m, self.base_half_angle
+
+        def beyond(angle: float) -> float:
+            point = complex(self.fillet(angle))
+            rolled = math.sqrt(max((abs(point) / base) ** 2 - 1, 0.0))
+            # inside the base circle there is no involute to be cut
+            flank = half_angle - (rolled - math.atan(rolled)) if rolled else math.pi
+            return math.atan2(point.real, point.imag) - flank
+
+        first = self.pressure_angle_rad
+        return float(bisect(beyond, first, math.pi / 2, xtol=1e-15)) if beyond(first) > 0 else first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -302,9 +313,8 @@ class PairGeometry:
 
     Parameters
     ----------
-    gears : tuple of two GearTeeth
-    internal : bool
-        Whether the second gear is a ring with internal teeth.
+    gears : tuple of two RackTooth
+        The second may be a ring.
     normal_module_m : float
     normal_pressure_angle_rad, working_pressure_angle_rad : float
         alpha_n at the reference circle; alpha_wt at the working circle.
@@ -319,8 +329,7 @@ class PairGeometry:
     warnings : tuple of str
     """
 
-    gears: tuple[GearTeeth, GearTeeth]
-    internal: bool
+    gears: tuple[RackTooth, RackTooth]
     normal_module_m: float
     normal_pressure_angle_rad: float
     helix_angle_rad: float
@@ -339,17 +348,17 @@ class PairGeometry:
     @cached_property
     def transverse_pressure_angle_rad(self) -> float:
         """Pressure angle alpha_t at the reference circle [rad]."""
-        return self.rack(0).transverse_pressure_angle_rad
+        return self.gears[0].transverse_pressure_angle_rad
 
     @cached_property
     def reference_radii_m(self) -> Two:
         """Radii of the reference circles [m]."""
-        return _both(lambda i: 0.5 * self.transverse_module_m * self.gears[i].teeth)
+        return _both(lambda i: self.gears[i].reference_radius_m)
 
     @cached_property
     def base_radii_m(self) -> Two:
         """Radii of the base circles [m]."""
-        return _both(lambda i: self.rack(i).base * self.normal_module_m)
+        return _both(lambda i: self.gears[i].base_radius_m)
 
     @property
     def working_radii_m(self) -> Two:
@@ -360,14 +369,12 @@ class PairGeometry:
     @cached_property
     def root_radii_m(self) -> Two:
         """Radii of the root circles [m]."""
-        depths = _both(lambda i: self.gears[i].root_factor - self.gears[i].profile_shift)
-        modules = _both(lambda i: self.sign(i) * depths[i])
-        return _both(lambda i: self.reference_radii_m[i] - self.normal_module_m * modules[i])
+        return _both(lambda i: self.gears[i].root_radius_m)
 
     @cached_property
     def form_rolls_m(self) -> Two:
         """Roll lengths [m] at which the involute begins above the fillet; for a ring, ends."""
-        return _both(lambda i: self.rack(i).form_roll * self.normal_module_m)
+        return _both(lambda i: self.gears[i].form_roll)
 
     @property
     def line_m(self) -> float:
@@ -387,7 +394,7 @@ class PairGeometry:
         """
         tips, bases = self.tip_radii_m, self.base_radii_m
         one, two = _both(lambda i: math.sqrt(max(tips[i] ** 2 - bases[i] ** 2, 0.0)))
-        return self.sign(1) * (self.line_m - two), one
+        return self.gears[1].sign * (self.line_m - two), one
 
     @property
     def path_length_m(self) -> float:
@@ -451,23 +458,7 @@ class PairGeometry:
             name = self.gears[index].name
             raise ArgumentError(f"radius_m={radius_m} of the {name} must be >= base radius {base}")
         here = involute(math.acos(min(1.0, base / radius_m)))
-        return 2 * radius_m * self.sign(index) * (self.rack(index).base_half_angle - here)
-
-    def sign(self, index: int) -> int:
-        """Return -1 for the ring of an internal pair, else 1."""
-        return -1 if self.internal and index == 1 else 1
-
-    def rack(self, index: int) -> RackTooth:
-        """Return the teeth of a gear as its basic rack generates them."""
-        gear = self.gears[index]
-        return RackTooth(
-            teeth=gear.teeth,
-            profile_shift=gear.profile_shift,
-            dedendum=gear.root_factor,
-            pressure_angle_rad=self.normal_pressure_angle_rad,
-            helix_angle_rad=self.helix_angle_rad,
-            internal=self.sign(index) < 0,
-        )
+        return 2 * radius_m * self.gears[index].sign * (self.gears[index].base_half_angle - here)
 
 
 def pair_geometry(
@@ -529,14 +520,16 @@ def pair_geometry(
     check_positive("module_m", module_m, "m")
     check_range("pressure_angle_rad", pressure_angle_rad, 0.1, 0.8, "rad")
     beta = check_range("helix_angle_rad", abs(helix_angle_rad), 0.0, 0.8, "rad")
+    internal = internal or second.internal
     if internal and second.teeth <= first.teeth:
         raise ArgumentError(
             f"{second.name}_teeth={second.teeth} of an internal gear must be > "
             f"{first.name}_teeth={first.teeth}"
         )
+    given = first, replace(second, internal=internal)
+    rack: dict[str, Any] = {"pressure_angle_rad": pressure_angle_rad, "helix_angle_rad": beta}
     pair = PairGeometry(
-        gears=(first, second),
-        internal=internal,
+        gears=_both(lambda i: RackTooth(**told_of(given[i], GearTeeth), **rack, module_m=module_m)),
         normal_module_m=module_m,
         normal_pressure_angle_rad=pressure_angle_rad,
         helix_angle_rad=beta,
@@ -551,9 +544,14 @@ def pair_geometry(
     one, two = (usual if k is None else k for k in (first.tip_shortening, second.tip_shortening))
     cut = one, two
     above = _both(lambda i: pair.gears[i].tip_factor + pair.gears[i].profile_shift + cut[i])
-    tips = _both(lambda i: pair.reference_radii_m[i] + pair.sign(i) * module_m * above[i])
+    tips = _both(lambda i: pair.reference_radii_m[i] + pair.gears[i].sign * module_m * above[i])
     pair = replace(pair, tip_shortening=cut, tip_radii_m=tips)
     return check_pair(trim_ring(pair)) if check else pair
+
+
+def told_of(gear: GearTeeth, kind: type[GearTeeth]) -> dict[str, Any]:
+    """Return what a gear tells as one of a kind, to make it one of another kind."""
+    return {own.name: getattr(gear, own.name) for own in fields(kind)}
 
 
 def _both(value: Callable[[int], _Own]) -> tuple[_Own, _Own]:
@@ -563,7 +561,7 @@ def _both(value: Callable[[int], _Own]) -> tuple[_Own, _Own]:
 
 def _total(pair: PairGeometry) -> int:
     """Return z1 + z2 with the sign of a ring."""
-    return pair.gears[0].teeth + pair.sign(1) * pair.gears[1].teeth
+    return pair.gears[0].teeth + pair.gears[1].sign * pair.gears[1].teeth
 
 
 def _working(pair: PairGeometry, centre_distance_m: float | None) -> Two:
@@ -584,7 +582,7 @@ def _working(pair: PairGeometry, centre_distance_m: float | None) -> Two:
     if inv < 0:
         raise ArgumentError(
             f"profile_shift_{first.name} + profile_shift_{second.name} = {shifts:g} leaves no "
-            f"working pressure angle; the sum must be at {'most' if pair.internal else 'least'} "
+            f"working pressure angle; the sum must be at {'most' if second.internal else 'least'} "
             f"{-involute(alpha) * total / (2 * tangent):.4g}"
         )
     angle = inverse_involute(inv)
@@ -604,13 +602,13 @@ def normal_section(pair: PairGeometry) -> PairGeometry:
     cosine = math.cos(pair.base_helix_angle_rad)
     share = cosine**2 * math.cos(pair.helix_angle_rad)
     teeth = [cast(int, own.teeth / share) for own in pair.gears]
-    gears = _both(lambda i: replace(pair.gears[i], teeth=teeth[i], virtual=True))
+    gears = _both(lambda i: replace(pair.gears[i], teeth=teeth[i], helix_angle_rad=0.0))
     working = math.asin(math.sin(pair.working_pressure_angle_rad) * cosine)
     flat = replace(pair, gears=gears, helix_angle_rad=0.0)
     section = replace(flat, working_pressure_angle_rad=working)
     (first, second), circles = section.working_radii_m, section.reference_radii_m
     tips = _both(lambda i: circles[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i])
-    centres = abs(first + pair.sign(1) * second)
+    centres = abs(first + pair.gears[1].sign * second)
     return replace(section, centre_distance_m=centres, tip_radii_m=tips)
 
 
@@ -628,7 +626,7 @@ def check_pair(pair: PairGeometry) -> PairGeometry:
     _check_clearance(pair, 0)
     _check_clearance(pair, 1)
     warnings += _check_root(pair, 0)
-    warnings += _check_ring(pair) if pair.internal else _check_root(pair, 1)
+    warnings += _check_ring(pair) if pair.gears[1].internal else _check_root(pair, 1)
     return replace(pair, warnings=tuple(warnings))
 
 
@@ -643,7 +641,7 @@ def trim_ring(pair: PairGeometry) -> PairGeometry:
     ArgumentError
         If more than 0.3 modules would have to go.
     """
-    if not pair.internal:
+    if not pair.gears[1].internal:
         return pair
     planet, ring = pair.gears
     least = math.hypot(pair.base_radii_m[1], pair.form_rolls_m[0] + pair.line_m)
@@ -690,7 +688,7 @@ def _check_tip(pair: PairGeometry, index: int) -> Iterator[str]:
             f"tip_factor_{gear.name}={gear.tip_factor:g} puts the tips of the {gear.name} at "
             f"{1e3 * pair.tip_radii_m[index]:.5g} mm, inside its base circle of "
             f"{1e3 * pair.base_radii_m[index]:.5g} mm, where there is no involute; "
-            f"{'reduce' if pair.sign(index) < 0 else 'raise'} tip_factor_{gear.name}"
+            f"{'reduce' if pair.gears[index].sign < 0 else 'raise'} tip_factor_{gear.name}"
         )
     thickness = pair.thickness_m(index, pair.tip_radii_m[index]) * math.cos(pair.helix_angle_rad)
     modules = thickness / pair.normal_module_m
@@ -722,9 +720,8 @@ def _check_contact_ratio(pair: PairGeometry) -> None:
 def _check_clearance(pair: PairGeometry, index: int) -> None:
     mate = 1 - index
     tips, roots, centres = pair.tip_radii_m, pair.root_radii_m, pair.centre_distance_m
-    gap = centres - tips[index] - roots[mate]
-    if pair.internal:
-        gap = (roots[1] - tips[0] if index == 0 else tips[1] - roots[0]) - centres
+    gap = pair.gears[1].sign * centres
+    gap -= pair.gears[index].sign * tips[index] + pair.gears[mate].sign * roots[mate]
     if gap <= 0:
         gear, other = pair.gears[index].name, pair.gears[mate].name
         raise ArgumentError(
@@ -735,13 +732,13 @@ def _check_clearance(pair: PairGeometry, index: int) -> None:
 
 def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:
     """Contact must stay on the involute of an external gear."""
-    gear, mate, rack = pair.gears[index], pair.gears[1 - index], pair.rack(index)
+    gear, mate = pair.gears[index], pair.gears[1 - index]
     start = pair.path_m[0] if index == 0 else pair.line_m - pair.path_m[1]
     short = (pair.form_rolls_m[index] - start) / pair.normal_module_m
-    least, shift = rack.least_shift, gear.profile_shift
+    least, shift = gear.least_shift, gear.profile_shift
     undercut, touched = shift < least - 1e-9, short > 1e-6
     given = f"profile_shift_{gear.name}={shift:g}"
-    cure = f"give at least {least:.4f}, or {rack.least_teeth} teeth"
+    cure = f"give at least {least:.4f}, or {gear.least_teeth} teeth"
     where = f"the tips of the {mate.name} reach {short:.3g} modules below the involute of the"
     if touched and undercut:
         raise ArgumentError(

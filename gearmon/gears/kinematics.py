@@ -545,9 +545,8 @@ def _bearing_lines(
 
 
 def _row(line: Line, point: OperatingPoint) -> dict[str, Any]:
-    hertz = line.order * point.shaft1_hz
-    if isinstance(line.exact, Fraction):  # one rounding only: 500 Hz reads 500.0
-        hertz = float(line.exact * Fraction(point.speed_rpm) / 60)
+    # of a fraction one rounding only: 500 Hz reads 500.0
+    hertz = float(line.exact * Fraction(point.speed_rpm) / 60)
     known = {name: getattr(line, name) for name in ("stage", "kind", "name", "shaft", "order")}
     at = {"operating": point.name or f"{point.speed_rpm:g} rpm", "speed_rpm": point.speed_rpm}
     return at | known | {"frequency_hz": hertz}

@@ -25,6 +25,7 @@ from scipy.linalg import eigh
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
+from gearmon.gears.excitation import Excitation, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.geometry import USUAL_RIM
 from gearmon.gears.kinematics import kinematics
@@ -70,6 +71,10 @@ class StageMechanics:
     force_n : float
         Static force on the line of action.
     mesh_frequency_hz : float
+    excitation : Excitation
+        What moves the flanks, if anything does.
+    lead : float
+        By how much it is ahead of the first one of its stage [mesh periods].
     assumptions : tuple of str
         What was not in the machine file and had to be taken, in words.
     warnings : tuple of str
@@ -84,6 +89,8 @@ class StageMechanics:
     damping_ratio: float
     force_n: float
     mesh_frequency_hz: float
+    excitation: Excitation
+    lead: float = 0.0
     assumptions: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
@@ -126,7 +133,8 @@ def stage_mechanics(
     faults : iterable of Fault
         Faults of any stage; those of others are left aside.
     errors : iterable of GearError
-        Errors of gears of any stage; those of turning gears modulate the stiffness.
+        Errors of gears of any stage; those of turning gears modulate the stiffness, and all move
+        the flanks, as lost profile does.
     form : str or StiffnessForm
         See `gears.stiffness.mesh_stiffness`.
     mesh : {0, 1}
@@ -169,6 +177,7 @@ def stage_mechanics(
         damping_ratio=ratio,
         force_n=force,
         mesh_frequency_hz=train.mesh(number).order * running.shaft1_hz,
+        excitation=displacement_excitation(pair, stiffness, wrong, own),
         assumptions=tuple(notes),
         warnings=stiffness.warnings,
     )
@@ -439,7 +448,8 @@ class DriveTrain:
     mass : ndarray, shape (n, n)
     springs : tuple of Spring
         Shafts, bearings, pins, supports and meshes.
-    planets : tuple of Planets
+    planets : dict of int to Planets
+        Of stages, counted from 1.
     shafts : tuple of int
         Coordinate of the rotation where torque comes to each shaft: of the last one its end.
     notes : tuple of str
@@ -450,7 +460,7 @@ class DriveTrain:
     turning: npt.NDArray[np.bool_]
     mass: FloatArray
     springs: tuple[Spring, ...]
-    planets: tuple[Planets, ...]
+    planets: dict[int, Planets]
     shafts: tuple[int, ...]
     notes: tuple[str, ...]
 

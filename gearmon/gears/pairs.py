@@ -464,7 +464,6 @@ class MeshPair:
                 helix_angle_rad=self.helix_angle_rad,
                 face_width_m=_length(self.stage, "face_width_mm"),
                 centre_distance_m=distance,
-                internal=self.second.internal,
                 check=self.given("contact_ratio") is None,
             )
         except ArgumentError as error:

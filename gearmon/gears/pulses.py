@@ -313,6 +313,11 @@ class PulseTerm:
     face_start: float = 0.0
     face_end: float = 1.0
 
+    def corners(self, overlap_ratio: float) -> FloatArray:
+        """Return the mesh phases at which it is not smooth."""
+        faces = {face * overlap_ratio for face in (self.face_start, self.face_end)}
+        return np.concatenate([self.offset + face + self.pulse.edges for face in faces])
+
 
 #: Shares of its stiffness that a pair loses, each over a part of its contact and of its face.
 Losses = tuple[PulseTerm, ...]

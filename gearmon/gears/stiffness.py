@@ -531,7 +531,12 @@ def _from_form(pair: MeshPair, form: StiffnessForm, force_n: float | None) -> _S
         mean, notes = iso.mean_n_per_m(width), iso.warnings
         if form.normalisation == "maximum":
             mean = iso.single_n_per_m(width) * form.pulse(pair.contact_ratio).area
-    return lambda lost: CurvePairs(pulse=unit_pulse(pair, form, lost)), mean, notes
+
+    def new(lost: float) -> PairsInMesh:
+        pulse = unit_pulse(pair, form, lost)
+        return CurvePairs(pulse=pulse, points=pulse.points)
+
+    return new, mean, notes
 
 
 def _from_teeth(pair: MeshPair, form: PotentialEnergy, force_n: float | None) -> _Said:

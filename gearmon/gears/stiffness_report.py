@@ -1,21 +1,19 @@
 """Stiffness of the meshes of a machine: tables and data for pictures.
 
 `stiffness_report` holds healthy and damaged teeth against each other, `compare_forms` the forms of
-a healthy mesh: curves over mesh periods, and their lines; `teeth_picture` a pair of teeth to scale,
-with cracks, spalls and pits where they are.
+a healthy mesh: curves over mesh periods, and their lines.
 """
 
 from __future__ import annotations
 
-import cmath
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
 from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
@@ -23,13 +21,10 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import known_force, pair_of
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
-from gearmon.gears.tooth import Tooth
-from gearmon.gears.tooth_damage import Hole, largest_size, tooth_damage
+from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
 from gearmon.result import Result, channel_rows
 
-#: Points of each curve of an outline.
-POINTS = 60
 #: Points of a table on a mesh period, and mesh harmonics of a spectrum.
 POINTS_PER_MESH, HARMONICS = 200, 20
 #: The four forms, before the hyphen, and their variants: the duty of the rectangle is eps_a - 1, or
@@ -39,168 +34,6 @@ FOUR_FORMS = ("parabolic", "wave", "rectangular", "rectangular-half", "fourier-t
 CURVE_POINTS = 25
 #: Unit and dimensions in which a loss of each kind is told as a size.
 MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnDamage:
-    """A damage of a tooth, in its section and on its flank as the mate sees it; lengths in mm.
-
-    Parameters
-    ----------
-    kind : {"crack", "spall", "pits", "breakage", "missing"}
-    section : ndarray, shape (n, 2)
-        Outline of what is lost; of a crack its line.
-    face_start, face_width : float
-        Along the face, from the side that enters contact first.
-    low, high : float
-        Heights above the root circle.
-    """
-
-    kind: str
-    section: FloatArray
-    face_start: float
-    face_width: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, eq=False)
-class DrawnGear:
-    """A gear in contact, cut square to its flanks; lengths in mm.
-
-    Parameters
-    ----------
-    name : str
-    outline : ndarray, shape (n, 2)
-        Five teeth, the loaded one in the middle.
-    damage : tuple of DrawnDamage
-        Of the loaded tooth.
-    face_width, flank_start, tip : float
-        Width of the face, heights of the flank's lower end and of the tip above the root circle.
-    """
-
-    name: str
-    outline: FloatArray
-    damage: tuple[DrawnDamage, ...]
-    face_width: float
-    flank_start: float
-    tip: float
-
-
-@dataclass(frozen=True, eq=False)
-class TeethPicture:
-    """Two gears in contact, and the point at which they touch, shape (2,) [mm]."""
-
-    gears: tuple[DrawnGear, DrawnGear]
-    contact: FloatArray
-
-
-@dataclass(frozen=True)
-class _Frame:
-    """Where a tooth stands, as complex numbers [m]: centre, and direction of its thickness.
-
-    Points of a tooth are half thickness + i height.
-    """
-
-    tooth: Tooth
-    centre: complex
-    across: complex
-
-    def place(self, points: ComplexArray) -> FloatArray:
-        """Return points of the tooth in the plane [mm], shape (n, 2)."""
-        placed = 1e3 * (self.centre + points * self.across)
-        return np.stack([placed.real, placed.imag], axis=-1)
-
-    def drawn(self, faults: Sequence[Fault]) -> DrawnGear:
-        """Return the gear with those faults whose sizes are no losses."""
-        tooth, profile = self.tooth, half_profile(self.tooth)
-        root = tooth.sign * tooth.root_radius_m
-        pitch = tooth.sign * 2 * math.pi / tooth.rack.teeth
-        # teeth one after the other across the tooth in the middle
-        turns = [cmath.exp(-1j * k * pitch) for k in range(-2, 3)]
-        row = [turn * _between(-profile.conj(), profile) for turn in turns]
-        own = [fault for fault in faults if fault.gear == tooth.name and not fault.is_loss]
-        return DrawnGear(
-            name=tooth.name,
-            outline=self.place(np.concatenate(row)),
-            damage=tuple(self._damage(own, profile)),
-            face_width=1e3 * tooth.face_width_m,
-            flank_start=1e3 * float(tooth.height(tooth.start) - root),
-            tip=1e3 * (profile[-1].imag - root),
-        )
-
-    def _damage(self, faults: Sequence[Fault], profile: ComplexArray) -> Iterator[DrawnDamage]:
-        tooth, damage = self.tooth, tooth_damage(faults, self.tooth)
-        tip = profile[-1].imag
-        width, root = tooth.face_width_m, tooth.sign * tooth.root_radius_m
-
-        def drawn(kind: str, section: ComplexArray, *where: float) -> DrawnDamage:
-            begin, part, low, high = (1e3 * x for x in where)
-            foot = 1e3 * root
-            return DrawnDamage(kind, self.place(section), begin, part, low - foot, high - foot)
-
-        if damage.crack is not None:
-            crack, start = damage.crack, tooth.crack_start
-            line = start - 1j * np.array([0, crack.depths[1]]) * cmath.exp(-1j * crack.angle_rad)
-            face = crack.start * width, crack.extent * width
-            yield drawn("crack", line, *face, start.imag, start.imag)
-        for hole in damage.holes:
-            kind, face = "pits" if hole.round else "spall", (hole.start * width, hole.width_m)
-            yield drawn(kind, _hole(hole, tooth), *face, hole.low_m, hole.high_m)
-        for fault in faults:
-            if fault.kind in ("breakage", "missing"):
-                low = root if fault.height is None else tip - 1e-3 * fault.height
-                lost = profile if fault.height is None else profile[profile.imag >= low]
-                part = width if fault.kind == "missing" else 1e-3 * fault.size
-                face = 1e-3 * (fault.start or 0.0), part
-                yield drawn(fault.kind, _between(-lost.conj(), lost), *face, low, tip)
-
-
-def teeth_picture(
-    pair: ToothPair, faults: Sequence[Fault] = (), phase: float | None = None
-) -> TeethPicture:
-    """Return the picture of a pair of teeth in contact.
-
-    The second gear stands above the first, a ring around it with its centre below.
-
-    Parameters
-    ----------
-    pair : ToothPair
-    faults : sequence of Fault
-        Drawn on the loaded tooth of their gear where their sizes are no losses.
-    phase : float, optional
-        Contact phase [mesh periods]; by default the middle of the contact.
-    """
-    roll = pair.roll(0.5 * pair.contact_ratio if phase is None else phase)
-    centres, working = pair.centres_m
-    # the normal of the flank turns into the line of action
-    rolled = zip(pair.teeth, pair.rolls(roll), strict=True)
-    slopes = [float(tooth.slope(tooth.angle(own))) for tooth, own in rolled]
-    one, two = (cmath.exp(1j * (working - slope)) for slope in slopes)
-    frames = _Frame(pair.first, 0j, one), _Frame(pair.second, 1j * centres, -two)
-    touching = pair.first.flank(pair.first.angle(roll))
-    gears = frames[0].drawn(faults), frames[1].drawn(faults)
-    return TeethPicture(gears, frames[0].place(touching))
-
-
-def half_profile(tooth: Tooth) -> ComplexArray:
-    """Return the loaded side from the root circle to the tip: half thickness + i height [m]."""
-    flank = tooth.flank(np.linspace(tooth.start, tooth.tip, POINTS))
-    root = [tooth.root_part(np.linspace(0, 1, POINTS))] if tooth.root_part else []
-    return np.concatenate([*root, flank])
-
-
-def _between(one: ComplexArray, other: ComplexArray) -> ComplexArray:
-    """Return the outline along one curve and back along the other."""
-    return np.concatenate([one, other[::-1]])
-
-
-def _hole(hole: Hole, tooth: Tooth) -> ComplexArray:
-    """Return the outline of missing material at its deepest section."""
-    t = np.linspace(*hole.angles(tooth), POINTS)
-    across = np.linspace(-1, 1, POINTS) if hole.round else np.zeros(POINTS)
-    surface, depth = tooth.flank(t), hole.depth_m * np.sqrt(1 - across**2)
-    return _between(surface, surface - depth * np.exp(1j * tooth.slope(t)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -383,7 +216,10 @@ class StageStiffness:
         Share of each cause in the compliance of a sound pair, at `contact_phase`.
     faults : tuple of FaultLoss
     curve : SizeCurve or None
-    picture : TeethPicture or None
+    teeth : ToothPair or None
+        Where they are known, to be drawn.
+    drawn : tuple of Fault
+        With sizes that are no losses, of one tooth of each gear.
     warnings : tuple of str
     """
 
@@ -396,7 +232,8 @@ class StageStiffness:
     shares: dict[str, FloatArray]
     faults: tuple[FaultLoss, ...]
     curve: SizeCurve | None
-    picture: TeethPicture | None
+    teeth: ToothPair | None
+    drawn: tuple[Fault, ...]
     warnings: tuple[str, ...]
 
     def rows(self) -> list[dict[str, Any]]:
@@ -407,7 +244,7 @@ class StageStiffness:
         return [{"stage": self.stage, "mesh": self.mesh} | row for row in rows]
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the picture in built-in types."""
+        """Return everything but what is drawn in built-in types."""
         return {
             "stage": self.stage,
             "mesh": self.mesh,
@@ -528,7 +365,8 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
         shares=teeth.compliances(teeth.roll(contact)).shares if teeth else {},
         faults=losses,
         curve=_curve(losses, pair, teeth) if teeth else None,
-        picture=_picture(losses, teeth) if teeth else None,
+        teeth=teeth,
+        drawn=_drawn(losses),
         warnings=tuple(dict.fromkeys(notes)),
     )
 
@@ -578,9 +416,13 @@ def _curve(losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair) -> S
     return size_curve(sized[0], teeth, pair.names.index(sized[0].gear)) if sized else None
 
 
-def _picture(losses: tuple[FaultLoss, ...], teeth: ToothPair) -> TeethPicture:
+def _drawn(losses: tuple[FaultLoss, ...]) -> tuple[Fault, ...]:
+    """Return what can be drawn of faults: of each gear the tooth that is damaged first.
+
+    With one crack: a second one, of which the loss is told, has no place of its own.
+    """
     told = (entry.sized if entry.fault.is_loss else entry.fault for entry in losses)
-    drawn = [fault for fault in told if fault is not None]
-    seen: dict[str, int | None] = {}
-    # one tooth of each gear is drawn: the first that is damaged
-    return teeth_picture(teeth, [f for f in drawn if seen.setdefault(f.gear, f.tooth) == f.tooth])
+    teeth: dict[str, int | None] = {}
+    drawn = [f for f in told if f and teeth.setdefault(f.gear, f.tooth) == f.tooth]
+    cracks = {f.gear: f for f in reversed(drawn) if f.kind == "crack"}
+    return tuple(f for f in drawn if f.kind != "crack" or f is cracks[f.gear])

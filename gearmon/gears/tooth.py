@@ -38,7 +38,7 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.geometry import USUAL_RIM, PairGeometry, RackTooth
+from gearmon.gears.geometry import USUAL_RIM, PairGeometry, RackTooth, told_of
 from gearmon.gears.pulses import POINTS, Pulse, distinct, gauss, panel_nodes
 from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings
 
@@ -78,21 +78,6 @@ Arm = Literal["axis", "contact"]
 #: Tangent of the fillet against the middle of the tooth where the loaded arc ends: there it ends
 #: in the fillet foundation of external gears with the standard rack.
 ARC_TANGENT = math.radians(75)
-
-
-def straight_root(base_radius: float, root_radius: float, half_angle: float) -> Curve:
-    """Return a part of constant thickness from the root circle up to the base circle."""
-    half = base_radius * math.sin(half_angle)
-    low, high = math.sqrt(root_radius**2 - half**2), base_radius * math.cos(half_angle)
-    return lambda parameter: np.asarray(half + 1j * (low + (high - low) * parameter), complex)
-
-
-def fillet_root(rack: RackTooth, module_m: float) -> Curve:
-    """Return the fillet that a rack generates, up to where the involute begins."""
-    upper = rack.pressure_angle_rad
-    if rack.least_shift > rack.profile_shift:
-        upper = rack.undercut_end
-    return lambda parameter: module_m * rack.fillet(math.pi / 2 + (upper - math.pi / 2) * parameter)
 
 
 def where_tangent(curve: Curve, angle_rad: float) -> complex:
@@ -145,39 +130,33 @@ def arc_radius(end_radius_m: float, root_radius_m: float, roll_m: float) -> floa
     return (root_radius_m**2 - end_radius_m**2) / (2 * (root_radius_m - roll_m))
 
 
-def roomy_roll(
-    base_m: float, root_m: float, half_angle: float, half_pitch: float, roll_m: float
-) -> float:
+def roomy_roll(ring: RackTooth, roll_m: float) -> float:
     """Return the roll length from which the arc has room up to the middle of the tooth space.
 
     Parameters
     ----------
-    base_m, root_m : float
-        Base and root radius [m].
-    half_angle : float
-        Half the angle of the spaces on the base circle [rad].
-    half_pitch : float
-        Half the angle of a pitch [rad].
+    ring : RackTooth
     roll_m : float
         Roll length that is wanted; the arc ends there if it has room.
     """
+    base_m, root_m = ring.base_radius_m, ring.root_radius_m
 
     def beyond(roll: float) -> float:
-        slope = roll / base_m - half_angle
+        slope = roll / base_m - ring.base_half_angle
         radius = arc_radius(math.hypot(base_m, roll), root_m, roll)
         # end of the involute: base tangent point plus roll along the tangent
         half = base_m * math.sin(slope) - roll * math.cos(slope)
         along = base_m * math.cos(slope) + roll * math.sin(slope)
         half, along = half + radius * math.cos(slope), along - radius * math.sin(slope)
-        return math.atan2(half, along) - half_pitch
+        return math.atan2(half, along) - math.pi / ring.teeth
 
     low, high = roll_m, math.sqrt(root_m**2 - base_m**2)
     return float(brentq(beyond, low, high, xtol=1e-15)) if beyond(low) > 0 else low
 
 
 @dataclass(frozen=True, kw_only=True)
-class Tooth:
-    """One tooth and the body that it stands on.
+class Tooth(RackTooth):
+    """One tooth and the body that it stands on; of helical gears that of their normal section.
 
     A tooth is described from its root upwards, whether it points away from the gear's centre or,
     in a ring, towards it: heights and profile angles t grow from root to tip. Heights of a ring's
@@ -185,19 +164,13 @@ class Tooth:
 
     Parameters
     ----------
-    name : str
-    rack : RackTooth
-        Of helical gears that of their normal section.
-    module_m : float
-        Normal module [m]; the rack is in such modules.
-    base_radius_m, reference_radius_m, root_radius_m, tip_radius_m : float
+    tip_radius_m : float
     form_roll_m : float
         Roll length [m] at which the involute begins above the fillet.
     bore_radius_m : float
         Radius on which the body is held: of a disc its bore; of a ring
         its outside, at most 3 root radii.
     face_width_m : float
-    elastic_modulus_pa : float
     poisson_ratio : float
     root : {"fillet", "straight", "base"}
         The fillet that the rack generates (in a ring an arc that touches involute and root
@@ -206,17 +179,10 @@ class Tooth:
         base circle (Yang & Lin 1987), an option for comparison only.
     """
 
-    name: str
-    rack: RackTooth
-    module_m: float
-    base_radius_m: float
-    reference_radius_m: float
-    root_radius_m: float
     tip_radius_m: float
     form_roll_m: float
     bore_radius_m: float
     face_width_m: float
-    elastic_modulus_pa: float
     poisson_ratio: float = 0.3
     root: Root = "fillet"
 
@@ -235,16 +201,6 @@ class Tooth:
                 f"rim_thickness_{self.name}_mm"
             )
 
-    @property
-    def sign(self) -> int:
-        """Return -1 for a ring, whose teeth point to its centre, else 1."""
-        return -1 if self.internal else 1
-
-    @property
-    def internal(self) -> bool:
-        """Whether the tooth belongs to a ring."""
-        return self.rack.internal
-
     @cached_property
     def start(self) -> float:
         """Profile angle t at which the involute part of the beam begins."""
@@ -260,11 +216,11 @@ class Tooth:
     def angle(self, roll_m: ArrayLike) -> FloatArray:
         """Return the profile angle t [rad] of roll lengths [m]."""
         rolled = np.asarray(roll_m, dtype=np.float64) / self.base_radius_m
-        return np.asarray(self.sign * (rolled - self.rack.base_half_angle))
+        return np.asarray(self.sign * (rolled - self.base_half_angle))
 
     def roll(self, angle: ArrayLike) -> FloatArray:
         """Return the roll length [m] of profile angles t [rad]; the inverse of `angle`."""
-        return self.base_radius_m * (self.slope(angle) + self.rack.base_half_angle)
+        return self.base_radius_m * (self.slope(angle) + self.base_half_angle)
 
     def slope(self, angle: ArrayLike) -> FloatArray:
         """Return the angle [rad] by which the force on the flank points into the tooth's root.
@@ -280,7 +236,7 @@ class Tooth:
     def flank(self, angle: ArrayLike) -> ComplexArray:
         """Return points of the loaded side: half thickness + i height [m], from the centre."""
         slope = self.slope(angle)
-        along = np.exp(1j * slope) * (slope + self.rack.base_half_angle + 1j)
+        along = np.exp(1j * slope) * (slope + self.base_half_angle + 1j)
         return np.asarray(self.sign * self.base_radius_m * along)
 
     def height(self, angle: ArrayLike) -> FloatArray:
@@ -305,10 +261,17 @@ class Tooth:
             end = complex(self.flank(self.start))
             return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
         if self.root == "fillet":
-            return fillet_root(self.rack, self.module_m)
+            # as the rack generates it, from the root circle to where the involute begins
+            low, undercut = 0.5 * math.pi, self.least_shift > self.profile_shift
+            high = self.undercut_end if undercut else self.pressure_angle_rad
+            return lambda parameter: self.fillet(low + (high - low) * parameter)
         if self.root == "base" or self.internal or self.root_radius_m >= self.base_radius_m:
             return None
-        return straight_root(self.base_radius_m, self.root_radius_m, self.rack.base_half_angle)
+        # of constant thickness from the root circle up to the base circle
+        half = self.base_radius_m * math.sin(self.base_half_angle)
+        foot = math.sqrt(self.root_radius_m**2 - half**2)
+        up = self.base_radius_m * math.cos(self.base_half_angle) - foot
+        return lambda parameter: np.asarray(half + 1j * (foot + up * parameter), complex)
 
     @cached_property
     def crack_start(self) -> complex:
@@ -420,25 +383,18 @@ def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Roo
     ArgumentError
         If the face width is missing, or the bore or rim does not fit.
     """
-    gear, rack, roll = pair.gears[index], pair.rack(index), pair.form_rolls_m[index]
+    rack, roll = pair.gears[index], pair.form_rolls_m[index]
     if pair.face_width_m is None:
         raise ArgumentError("face_width_m is missing: the stiffness of a tooth needs it")
-    base, root_m = pair.base_radii_m[index], pair.root_radii_m[index]
     if rack.internal:
         # the involute of a ring does not end before a fillet has room in the space
-        roll = roomy_roll(base, root_m, rack.base_half_angle, math.pi / gear.teeth, roll)
+        roll = roomy_roll(rack, roll)
     return Tooth(
-        name=gear.name,
-        rack=rack,
-        module_m=pair.normal_module_m,
-        base_radius_m=base,
-        reference_radius_m=pair.reference_radii_m[index],
-        root_radius_m=root_m,
+        **told_of(rack, RackTooth),
         tip_radius_m=pair.tip_radii_m[index],
         form_roll_m=roll,
         bore_radius_m=held_m,
         face_width_m=pair.face_width_m,
-        elastic_modulus_pa=gear.elastic_modulus_pa,
         poisson_ratio=nu,
         root=root,
     )
@@ -593,10 +549,10 @@ class Foundation:
     @cached_property
     def root_angle_rad(self) -> float:
         """theta_f, half the angle of the tooth root on the root circle."""
-        rack = self.tooth.rack
+        rack = self.tooth
         alpha, rounding = rack.pressure_angle_rad, rack.rounding
         across = math.pi / 2 + 2 * math.tan(alpha) * (rack.straight_depth - rounding)
-        return (across + 2 * rounding / math.cos(alpha)) / self.tooth.rack.teeth
+        return (across + 2 * rounding / math.cos(alpha)) / self.tooth.teeth
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -651,7 +607,7 @@ class Foundation:
         # E/(4 pi G) = (1 + nu)/(2 pi)
         torsion = (1 + tooth.poisson_ratio) / (2 * math.pi)
         torsion *= tooth.base_radius_m**2 * (inner**-2 - root**-2)
-        dip = COUPLING_SLOPE * math.log(tooth.rack.teeth / apart) + COUPLING_CONSTANT
+        dip = COUPLING_SLOPE * math.log(tooth.teeth / apart) + COUPLING_CONSTANT
         dip += COUPLING_BORE * inner / tooth.reference_radius_m
         return max(0.0, torsion + dip) / (tooth.elastic_modulus_pa * tooth.face_width_m)
 
@@ -714,7 +670,7 @@ class RingBody:
         ahead, behind : ndarray
             Profile angles of the contacts of the tooth that entered first and of the other.
         """
-        away = -2 * math.pi * apart / self.tooth.rack.teeth
+        away = -2 * math.pi * apart / self.tooth.teeth
         return np.maximum(self.deflection(ahead, behind, away), 0.0)
 
     def deflection(

@@ -161,7 +161,7 @@ class Hole:
     is_touched : bool
         Whether the contact that passes it is shortened, as in the formulas of the literature
         (Chaari 2008). Not where the face over it counts as lost altogether, see
-        `damage.measured_patches`.
+        `damage.measured_losses`.
     """
 
     low_m: float

@@ -419,9 +419,17 @@ def tooth_pair(
     >>> round(float(pair.compliances(middle).stiffness) / 1e8, 4)
     2.7824
     """
-    ratio = geometry.transverse_contact_ratio if contact_ratio is None else contact_ratio
+    most = geometry.transverse_contact_ratio
+    ratio = most if contact_ratio is None else contact_ratio
+    if ratio > most * (1 + 1e-9):
+        raise ArgumentError(
+            f"contact_ratio={ratio:g} exceeds {most:.5g}, which these teeth reach: their "
+            f"stiffness beyond their tips has no meaning; leave contact_ratio out or lower it"
+        )
     section = normal_section(geometry) if geometry.helix_angle_rad else geometry
-    path = _path(section, ratio, geometry.transverse_contact_ratio)
+    # the middle part of the path of contact
+    middle, half = 0.5 * sum(section.path_m), 0.5 * ratio / most * section.path_length_m
+    path = middle - half, middle + half
     held = [_held_alike(geometry, section, i, bore) for i, bore in enumerate(bore_radii_m)]
     one, two = (tooth_of(section, i, own, poisson_ratio, form.root) for i, own in enumerate(held))
     return ToothPair(
@@ -436,23 +444,12 @@ def tooth_pair(
     )
 
 
-def _path(section: PairGeometry, contact_ratio: float, most: float) -> tuple[float, float]:
-    """Return the middle part of the path of contact [m]."""
-    if contact_ratio > most * (1 + 1e-9):
-        raise ArgumentError(
-            f"contact_ratio={contact_ratio:g} exceeds {most:.5g}, which these teeth reach: their "
-            f"stiffness beyond their tips has no meaning; leave contact_ratio out or lower it"
-        )
-    middle, half = 0.5 * sum(section.path_m), 0.5 * contact_ratio / most * section.path_length_m
-    return middle - half, middle + half
-
-
 def _held_alike(
     geometry: PairGeometry, section: PairGeometry, index: int, bore_radius_m: float
 ) -> float:
     """Return the held radius [m] in the normal section: as large a bore, as thick a rim."""
     real, root = geometry.root_radii_m[index], section.root_radii_m[index]
-    if geometry.sign(index) < 0:
+    if geometry.gears[index].internal:
         return root + bore_radius_m - real
     return bore_radius_m * root / real
 

@@ -10,22 +10,19 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.contour import QuadContourSet
-from matplotlib.patches import Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.stability import StabilityMap, Tongue
 from gearmon.errors import ArgumentError
 from gearmon.gears.stiffness_report import (
-    DrawnGear,
     FormComparison,
     SizeCurve,
     StageStiffness,
     StiffnessReport,
-    TeethPicture,
 )
 from gearmon.report import plots
+from gearmon.report.teeth_plots import plot_flank, plot_teeth, teeth_picture
 from gearmon.signatures.expected.fault_family import FaultFamily
 from gearmon.signatures.expected.modes import Modes
 from gearmon.signatures.signature import Signature
@@ -38,9 +35,6 @@ _CAUSES = {
     "foundation": plots.GREEN,
     "contact": "#CC79A7",
 }
-#: How what is broken off or worn away looks, and a hole.
-_HOLE: dict[str, Any] = {"facecolor": "white", "edgecolor": plots.VERMILLION, "linewidth": 1.0}
-_GONE = _HOLE | {"hatch": "///"}
 _GN, _MN = 1e-9, 1e-6
 _UNITS = {"mm": "mm", "flank": "share of the flank", "%flank": "% of the flank"}
 _SIZES = {
@@ -108,11 +102,11 @@ def stiffness_figure(stage: StageStiffness) -> plots.Picture:
     """
     figure = plots.sheet(11.5, 8.2)
     grid = figure.add_gridspec(3, 2, height_ratios=(1.0, 0.55, 1.0))
-    if stage.picture is not None:
-        _plot_teeth(stage.picture, figure.add_subplot(grid[0:2, 0]))
-        gears = stage.picture.gears
-        hurt = next((gear for gear in gears if gear.damage), gears[0])
-        _plot_flank(hurt, figure.add_subplot(grid[1, 1]))
+    if stage.teeth is not None:
+        picture = teeth_picture(stage.teeth, stage.drawn)
+        plot_teeth(picture, figure.add_subplot(grid[0:2, 0]))
+        hurt = next((gear for gear in picture.gears if gear.damage), picture.gears[0])
+        plot_flank(hurt, figure.add_subplot(grid[1, 1]))
     _plot_stiffness(stage, figure.add_subplot(grid[0, 1]))
     if stage.shares:
         # without a curve of losses the shares take its place too
@@ -123,69 +117,6 @@ def stiffness_figure(stage: StageStiffness) -> plots.Picture:
     faults = ", ".join(str(entry.fault) for entry in stage.faults) or "healthy"
     figure.suptitle(f"stage {stage.stage}, {stage.mesh}: {faults}", fontsize=11)
     return figure
-
-
-def _plot_teeth(picture: TeethPicture, ax: Axes) -> None:
-    """Draw the pair of teeth, cut square to their flanks, to scale."""
-    # the body of the first gear lies below its teeth, that of the second above, a ring's too
-    for gear, colour, side in zip(picture.gears, (plots.BLUE, plots.GREEN), (-1, 1), strict=True):
-        body = _with_body(gear.outline, side)
-        ax.fill(*body.T, facecolor=colour, alpha=0.18, linewidth=0)
-        ax.plot(*gear.outline.T, color=colour, linewidth=1.2, label=gear.name)
-    for damage in picture.gears[0].damage + picture.gears[1].damage:
-        if damage.kind == "crack":
-            ax.plot(*damage.section.T, color=plots.VERMILLION, linewidth=2.2, label="crack")
-        else:
-            looks = _HOLE if damage.kind in ("spall", "pits") else _GONE
-            ax.add_patch(Polygon(damage.section, closed=True, **looks))
-    x, y = picture.contact
-    plots.plot_marks(ax, x, y, "o", 4, "black", label="contact")
-    # the loaded teeth with their roots and no more
-    reach = 1.7 * max(gear.tip for gear in picture.gears)
-    ax.set(xlim=(x - reach, x + reach), ylim=(y - 0.95 * reach, y + 0.95 * reach), aspect="equal")
-    ax.set(xlabel="across the line of centres in mm", ylabel="along the line of centres in mm")
-    ax.legend(loc="upper right", fontsize=8)
-
-
-def _with_body(outline: NDArray[np.float64], side: int) -> NDArray[np.float64]:
-    """Return a row of teeth closed far above or below it."""
-    far = side * (2 * np.ptp(outline[:, 1]) + np.ptp(outline[:, 0]))
-    edge = (outline[:, 1].max() if side > 0 else outline[:, 1].min()) + far
-    corners = np.array([[outline[-1, 0], edge], [outline[0, 0], edge]])
-    return np.concatenate([outline, corners])
-
-
-def _plot_flank(gear: DrawnGear, ax: Axes) -> None:
-    """Draw the loaded flank of a gear as its mate sees it, with its damage to scale."""
-    width, low, high = gear.face_width, gear.flank_start, gear.tip
-    ax.add_patch(Rectangle((0, 0), width, low, facecolor=_GREY, alpha=0.25, linewidth=0))
-    shade: dict[str, Any] = {"facecolor": plots.BLUE, "alpha": 0.15, "linewidth": 0}
-    ax.add_patch(Rectangle((0, low), width, high - low, **shade))
-    ax.add_patch(Rectangle((0, 0), width, high, fill=False, edgecolor="black", linewidth=1.0))
-    for own in gear.damage:
-        begin, size = own.face_start, own.high - own.low
-        if own.kind == "crack":
-            reach = [begin, begin + own.face_width]
-            ax.plot(reach, [own.low] * 2, color=plots.VERMILLION, linewidth=2.5)
-        elif own.kind == "pits":
-            _plot_pits(ax, width, own.face_width, own.low + size / 2, size / 2)
-        else:
-            ax.add_patch(Rectangle((begin, own.low), own.face_width, size, **_GONE))
-    ax.set(xlim=(-0.03 * width, 1.03 * width), ylim=(-0.08 * high, 1.12 * high), aspect="equal")
-    ax.set(xlabel="along the face in mm", ylabel="above root in mm")
-    ax.set_title(f"loaded flank of the {gear.name} (fillet grey)", fontsize=9)
-
-
-def _plot_pits(ax: Axes, face: float, width: float, middle: float, radius: float) -> None:
-    """Spread pits evenly along the face; their number times their diameter is `width`."""
-    count = max(1, round(width / (2 * radius)))
-    angle = np.linspace(0, 2 * np.pi, 24)
-    # every other row is shifted by half a step
-    shift = 0.25 if round(middle / radius) % 2 else 0.75
-    for k in range(count):
-        x = face * (k + shift) / count
-        outline = x + radius * np.cos(angle), middle + radius * np.sin(angle)
-        ax.fill(*outline, **_HOLE | {"linewidth": 0.6})
 
 
 def _plot_stiffness(stage: StageStiffness, ax: Axes) -> None:

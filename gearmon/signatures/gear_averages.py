@@ -35,11 +35,10 @@ from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders.resampling import SynchronousAverage, one_turn, time_synchronous_average
-from gearmon.signals.recording import RecordingLike, read_recording
+from gearmon.signals.recording import RecordingLike
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, WheelLines
-from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature, opened
 
 #: Harmonics of the rotation that count as the shaft's own.
 SHAFT_HARMONICS = 2
@@ -332,9 +331,7 @@ def gear_averages(
     """
     machine = load_machine(machine)
     train = kinematics(machine)
-    recording = sound_part(
-        read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
-    )
+    recording = opened(recording, machine, sampling_rate_hz, unit)
     found = measure_signature(recording, machine) if signature is None else signature
     vibration = recording.vibration()
     rate, track = vibration.sampling_rate_hz, found.track

@@ -17,10 +17,9 @@ from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result, channel_rows, with_units
-from gearmon.signals.bad_samples import sound_part
 from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import OrderMap, order_map
-from gearmon.signals.recording import Recording, RecordingLike, read_recording
+from gearmon.signals.recording import Recording, RecordingLike
 from gearmon.signals.spectra import (
     Kurtogram,
     amplitude_spectrum,
@@ -33,7 +32,7 @@ from gearmon.signals.spectra import (
     real_cepstrum,
 )
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks, mark_near
-from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature, opened
 
 Band = tuple[float, float] | None
 _Made = dict[str, Any]  # fields of a result
@@ -253,8 +252,7 @@ def recording_spectrum(
     check_word("kind=", kind, KINDS)
     check_range("peaks", most_peaks, 0, 1000)
     machine = None if machine is None else load_machine(machine)
-    sensors = () if machine is None else machine.sensors
-    recording = sound_part(read_recording(recording, sampling_rate_hz, sensors=sensors, unit=unit))
+    recording = opened(recording, machine, sampling_rate_hz, unit)
     vibration = recording.vibration()
     _check_band(band, vibration, kind)
     value_name, unit_of, compute = COMPUTE[kind]
@@ -289,12 +287,12 @@ def _between_bins(
 def _check_band(band: Band, vibration: Recording, kind: str) -> None:
     if band is None:
         return
-    top = vibration.duration_s / 2 if kind == "cepstrum" else vibration.sampling_rate_hz / 2
+    tops = {"s": vibration.duration_s / 2, "Hz": vibration.sampling_rate_hz / 2}
     unit = "s" if kind == "cepstrum" else "Hz"
     if not isinstance(band, Sequence) or len(band) != 2:
         raise ArgumentError(f"band={band!r} must be two {unit}: low and high")
     for name, value in zip(("low", "high"), band, strict=True):
-        check_range(f"band {name}", value, 0.0, top, unit)
+        check_range(f"band {name}", value, 0.0, tops[unit], unit)
     if band[0] >= band[1]:
         raise ArgumentError(f"band {band[0]:g} to {band[1]:g} {unit}: low must be below high")
 
@@ -500,9 +498,7 @@ def order_spectra(
     machine = load_machine(machine)
     train = kinematics(machine)
     ratio = train.shaft(shaft).order
-    recording = sound_part(
-        read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
-    )
+    recording = opened(recording, machine, sampling_rate_hz, unit)
     signature = measure_signature(recording, machine)
     vibration = recording.vibration()
     rate, track = vibration.sampling_rate_hz, signature.track

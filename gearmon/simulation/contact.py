@@ -371,12 +371,9 @@ class ToothMesh:
     @cached_property
     def events(self) -> FloatArray:
         """Phases in [0, 1) at which the stiffness of some pair is not smooth."""
-        places = [0.0]
-        eps = self.stiffness.overlap_ratio
-        for train in self.stiffness.trains:
-            for term in train.terms:
-                edges = term.pulse.edges
-                places += [*(edges + term.face_start * eps), *(edges + term.face_end * eps)]
+        terms = (term for train in self.stiffness.trains for term in train.terms)
+        corners = [term.corners(self.stiffness.overlap_ratio) for term in terms]
+        places = np.concatenate([np.zeros(1), *corners])
         return np.unique(np.round(np.mod(places, 1.0), 12) % 1.0)
 
     @cached_property

@@ -302,8 +302,7 @@ def _meshes(
     stage, number = pairs[0].stage, pairs[0].number or 1
     if not isinstance(stage, PlanetaryStage):
         return [_mesh(made, pairs[0], springs[0], "", 0.0)]
-    stages = made.machine.stages[: number - 1]
-    angles = train.planets[sum(isinstance(s, PlanetaryStage) for s in stages)].angles_rad
+    angles = train.planets[number].angles_rad
     # damage of a planet is on the first one; wear of all of its teeth on every planet
     hurt = [f for f in made.faults if isinstance(f, Fault) and f.gear == "planet" and f.tooth]
     others = replace(made, faults=[f for f in made.faults if f not in hurt])

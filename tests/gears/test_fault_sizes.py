@@ -105,7 +105,8 @@ def test_levels_by_number_and_name():
 @pytest.mark.parametrize(
     ("text", "match"),
     [
-        ("crack:1:pinion:5:1.5mm,angel=70", "dimension 'angel=70' .*; did you mean angle"),
+        ("crack:1:pinion:5:1.5mm,angel=70", "dimension of a crack 'angel' .*; did you mean angle"),
+        ("wear:1:pinion:all:0.1mm,angle=70", "dimension of a wear 'angle' is not one of none"),
         ("crack:1:pinion:5:1.5mm,angle=95", r"fault angle = 95.0 must lie in \[5, 90\] deg"),
         ("crack:1:pinion:5:1.5mm,angle=steep", "'angle=steep' of a crack is not a number"),
         ("crack:1:pinion:5:1x2x3mm", "must be one number"),

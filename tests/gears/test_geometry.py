@@ -482,6 +482,14 @@ def radial_room(pair):
     return float(gap.min() / ratio)
 
 
+def test_tips_of_a_planet_that_meet_the_roots_of_its_ring_are_refused():
+    ring = gear(100, tip_factor=0.9, root_factor=0.9, name="ring")
+    with pytest.raises(
+        ArgumentError, match=r"of the planet run 0\.1 mm into the roots of the ring"
+    ):
+        pair_geometry(gear(40, name="planet"), ring, module_m=0.001, internal=True)
+
+
 def test_ring_tips_are_relieved_with_a_warning():
     pair = pair_geometry(
         gear(40, name="planet"), gear(100, name="ring"), module_m=0.001, internal=True

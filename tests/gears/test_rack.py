@@ -18,7 +18,7 @@ def rack(teeth=17, shift=0.0, dedendum=1.25, alpha=ALPHA, helix=0.0, internal=Fa
     return RackTooth(
         teeth=teeth,
         profile_shift=shift,
-        dedendum=dedendum,
+        root_factor=dedendum,
         pressure_angle_rad=alpha,
         helix_angle_rad=helix,
         internal=internal,

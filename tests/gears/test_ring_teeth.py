@@ -19,7 +19,6 @@ from gearmon.gears.faults import parse_fault
 from gearmon.gears.geometry import GearTeeth, pair_geometry
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import mesh_stiffness
-from gearmon.gears.stiffness_report import teeth_picture
 from gearmon.gears.tooth_damage import SOUND, tooth_damage
 from gearmon.gears.tooth_pairs import (
     PotentialEnergy,
@@ -28,6 +27,7 @@ from gearmon.gears.tooth_pairs import (
     weber_banaschek_compliance,
 )
 from gearmon.machine import PlanetaryStage
+from gearmon.report.teeth_plots import teeth_picture
 
 #: Second stage of a 5 MW wind turbine gearbox (Nejad et al. 2016), rims of its report.
 NREL = PlanetaryStage(

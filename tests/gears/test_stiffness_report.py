@@ -11,7 +11,7 @@ import pytest
 from gearmon.errors import ArgumentError
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
-from gearmon.gears.stiffness_report import half_profile, size_curve, stiffness_report, teeth_picture
+from gearmon.gears.stiffness_report import size_curve, stiffness_report
 from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 
@@ -55,7 +55,7 @@ def test_damaged_table_shows_the_contact_of_the_tooth():
     assert (phase[0], phase[-1]) == (3.0, 7.0)
     assert (phase[lost > 1].min(), phase[lost > 1].max()) == pytest.approx((4.0, 5.69), abs=0.03)
     assert stage.curve.fault.size == 1.5
-    assert [own.kind for own in stage.picture.gears[0].damage] == ["crack"]
+    assert stage.drawn == (parse_fault("crack:1:pinion:5:1.5mm"),)
 
 
 def test_report_is_json():
@@ -124,11 +124,21 @@ def test_overrides_alone_give_a_table_without_a_picture():
         pinion_teeth=26, gear_teeth=53, mesh_stiffness_n_per_m=8e8, contact_ratio=1.412
     )
     (found,) = stiffness_report(machine(stage), form="parabolic").stages
-    assert found.picture is None
+    assert found.teeth is None
     assert found.shares == {}
     assert any("module_mm is missing" in text for text in found.warnings)
     with pytest.raises(ArgumentError, match="module_mm is missing"):
         stiffness_report(machine(stage))
+
+
+def test_one_tooth_of_each_gear_is_drawn_and_losses_as_sizes():
+    faults = ["crack:1:pinion:5:20%", "wear:1:gear:all:0.1mm", "pitting:1:pinion:7:10%flank"]
+    (stage,) = stiffness_report(machine(), faults).stages
+    crack, worn = stage.drawn
+    assert (crack.unit, crack.tooth, str(worn)) == ("mm", 5, faults[1])
+    assert stage.faults[0].measured.startswith(f"{crack.size:.3g}")
+    twice = ["crack:1:pinion:5:1mm", "crack:1:pinion:5:20%"]
+    assert [str(f) for f in stiffness_report(machine(), twice).stages[0].drawn] == twice[:1]
 
 
 def test_size_curve_rises():
@@ -140,77 +150,3 @@ def test_size_curve_rises():
     level = parse_fault("pitting:1:gear:5:2level")
     with pytest.raises(ArgumentError, match="a level is no size to draw"):
         size_curve(level, pair, 1)
-
-
-# --- picture -------------------------------------------------------------------------------------
-
-
-def test_teeth_touch_and_do_not_overlap():
-    """The contact lies on both profiles, on the line of action, and nothing else touches."""
-    pair = teeth_of(mesh_pairs(STAGE)[0])
-    for phase in (0.2, 0.8, 1.5):
-        picture = teeth_picture(pair, phase=phase)
-        one, two = (gear.outline for gear in picture.gears)
-        for outline in (one, two):
-            away = np.hypot(*(outline - picture.contact).T).min()
-            assert away < 0.06
-        radius = np.hypot(*(one - [0.0, 0.0]).T)
-        assert radius.max() == pytest.approx(1e3 * pair.first.tip_radius_m, rel=1e-3)
-        beyond = np.hypot(*(two - [0.0, 79.0]).T)
-        assert beyond.max() == pytest.approx(1e3 * pair.second.tip_radius_m, rel=1e-3)
-
-
-def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circle():
-    pair = teeth_of(mesh_pairs(STAGE)[0])
-    for gear, tooth, centre in zip(teeth_picture(pair).gears, pair.teeth, (0.0, 79.0), strict=True):
-        points = gear.outline @ [1, 1j] - 1j * centre
-        radius, angle = np.abs(points), np.unwrap(np.angle(points))
-        over = radius - 1e3 * tooth.reference_radius_m
-        last = np.flatnonzero(np.diff(over > 0))
-        share = over[last] / (over[last] - over[last + 1])
-        crossed = angle[last] + share * (angle[last + 1] - angle[last])
-        assert np.abs(np.diff(crossed)) == pytest.approx(
-            np.full(9, np.pi / tooth.rack.teeth), rel=1e-3
-        )
-
-
-def test_profile_runs_from_root_to_tip():
-    tooth = teeth_of(mesh_pairs(STAGE)[0]).first
-    radius = np.abs(half_profile(tooth))
-    assert radius[0] == pytest.approx(tooth.root_radius_m, rel=1e-9)
-    assert radius[-1] == pytest.approx(tooth.tip_radius_m, rel=1e-9)
-    assert (np.diff(radius) > -1e-12).all()
-
-
-def test_crack_is_drawn_to_scale():
-    pair = teeth_of(mesh_pairs(STAGE)[0])
-    picture = teeth_picture(pair, [parse_fault("crack:1:pinion:5:1.5mm,width=8,from=3")])
-    (crack,) = picture.gears[0].damage
-    assert np.hypot(*np.diff(crack.section, axis=0).T) == pytest.approx(1.5)
-    assert (crack.face_start, crack.face_width) == pytest.approx((3.0, 8.0))
-    for deepest in ("1mm,far=1.5", "1.5mm,far=1"):
-        (crack,) = teeth_picture(pair, [parse_fault(f"crack:1:gear:5:{deepest}")]).gears[1].damage
-        assert np.hypot(*np.diff(crack.section, axis=0).T) == pytest.approx(1.5)
-
-
-def test_a_broken_tip_is_drawn_down_from_the_tip():
-    pair = teeth_of(mesh_pairs(STAGE)[0])
-    for height in (0.5, 1.5):
-        fault = parse_fault(f"breakage:1:pinion:5:6mm,height={height}")
-        gear = teeth_picture(pair, [fault]).gears[0]
-        (gone,) = gear.damage
-        assert (gone.low, gone.high) == pytest.approx((gear.tip - height, gear.tip))
-
-
-def test_spall_is_drawn_to_scale():
-    pair = teeth_of(mesh_pairs(STAGE)[0])
-    picture = teeth_picture(pair, [parse_fault("spall:1:gear:5:6x1.5x0.5mm,from=2")])
-    (spall,) = picture.gears[1].damage
-    assert (spall.face_start, spall.face_width) == pytest.approx((2.0, 6.0))
-    assert spall.high - spall.low == pytest.approx(1.5)
-    # the middle of its floor lies half a millimetre inside the tooth: the outline goes round it
-    surface, floor = spall.section[[30, -31]] @ [1, 1j]
-    assert abs(surface - floor) == pytest.approx(0.5)
-    around = picture.gears[1].outline @ [1, 1j] - floor
-    turns = np.angle(np.roll(around, -1) / around).sum() / (2 * np.pi)
-    assert abs(turns) == pytest.approx(1.0)

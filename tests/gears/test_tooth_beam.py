@@ -42,7 +42,7 @@ def test_ross_pair():
     pair = teeth(62, 62, 2, 20, (17.5, 17.5))
     bodies = [Foundation(tooth=tooth, arm="contact") for tooth in pair.teeth]
     tooth, foundation = pair.first, bodies[0]
-    assert tooth.rack.base_half_angle == pytest.approx(0.04023980849, rel=1e-9)
+    assert tooth.base_half_angle == pytest.approx(0.04023980849, rel=1e-9)
     assert foundation.root_angle_rad == pytest.approx(0.04565847873, rel=1e-9)
     assert pair.contact_ratio == pytest.approx(1.78977987, rel=1e-8)
     hertz = float(hertz_compliance(0.02, (206e9, 206e9), 0.3))
@@ -53,7 +53,7 @@ def test_ross_pair():
     def total(angles):
         found = hertz
         for angle, beam, body in zip(angles, pair.sound, bodies, strict=True):
-            t = np.array([math.tan(angle) - tooth.rack.base_half_angle])
+            t = np.array([math.tan(angle) - tooth.base_half_angle])
             found += sum(part[0] for part in beam.compliances(t)) + body.compliance(t)[0]
         return 1 / found
 
@@ -72,7 +72,7 @@ def test_ross_pair_with_the_arm_to_the_axis():
     def total(angles):
         found = float(hertz_compliance(0.02, (206e9, 206e9), 0.3))
         for angle, beam, body in zip(angles, pair.sound, pair.foundations, strict=True):
-            t = np.array([math.tan(angle) - pair.first.rack.base_half_angle])
+            t = np.array([math.tan(angle) - pair.first.base_half_angle])
             found += sum(part[0] for part in beam.compliances(t)) + body.compliance(t)[0]
         return 1 / found
 
@@ -140,8 +140,8 @@ def test_parts_of_the_paper_pair(fraction, expected, pair):
 
 
 def test_paper_pair_angles_and_path():
-    assert PAPER.first.rack.base_half_angle == pytest.approx(0.0753196, abs=5e-8)
-    assert PAPER.second.rack.base_half_angle == pytest.approx(0.0445421, abs=5e-8)
+    assert PAPER.first.base_half_angle == pytest.approx(0.0753196, abs=5e-8)
+    assert PAPER.second.base_half_angle == pytest.approx(0.0445421, abs=5e-8)
     assert PAPER.foundations[0].root_angle_rad == pytest.approx(0.1088779, abs=5e-8)
     assert PAPER.foundations[1].root_angle_rad == pytest.approx(0.0534118, abs=5e-8)
     np.testing.assert_allclose(PAPER.path_m, (3.683127e-3, 13.677609e-3), rtol=1e-6)
@@ -316,7 +316,7 @@ def test_closed_form_of_the_straight_root():
     """Integrals from the root circle to the base circle in closed form."""
     tooth = STRAIGHT.first
     a1 = 0.2
-    alpha2, ratio = tooth.rack.base_half_angle, tooth.root_radius_m / tooth.base_radius_m
+    alpha2, ratio = tooth.base_half_angle, tooth.root_radius_m / tooth.base_radius_m
     alpha3 = math.asin(math.sin(alpha2) / ratio)
     c = math.cos(a1)
     bending = (1 - ratio * c * math.cos(alpha3)) ** 3 - (1 - c * math.cos(alpha2)) ** 3

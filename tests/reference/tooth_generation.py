@@ -69,9 +69,9 @@ def _is_cut(radius, angle, teeth, shift, rack, rolls):
     depth = pitch + shift - radius * np.cos(angle - rolls)
     alpha, rounding = rack.pressure_angle_rad, rack.rounding
     flank = math.pi / 4 + depth * math.tan(alpha)
-    centre = rack.dedendum - rounding
+    centre = rack.root_factor - rounding
     middle = math.pi / 4 + rack.straight_depth * math.tan(alpha) + rounding * math.cos(alpha)
     under = np.clip(rounding**2 - (depth - centre) ** 2, 0, None)
     edge = np.where(depth <= rack.straight_depth, flank, middle - np.sqrt(under))
-    inside = (depth < rack.dedendum) & (across > edge) & (across < math.pi - edge)
+    inside = (depth < rack.root_factor) & (across > edge) & (across < math.pi - edge)
     return bool(inside.any())

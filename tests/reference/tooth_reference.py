@@ -40,7 +40,7 @@ def tooth_compliance(tooth, angle, damage=None, slices=400):
 
     The variable is Tian's angle, measured from the contact downwards; the root is a polyline.
     """
-    alpha2, radius = tooth.rack.base_half_angle, tooth.base_radius_m
+    alpha2, radius = tooth.base_half_angle, tooth.base_radius_m
     width, young, shear_modulus = tooth.face_width_m, tooth.elastic_modulus_pa, None
     shear_modulus = young / 2 / (1 + tooth.poisson_ratio)
     crack = None if damage is None else damage.crack

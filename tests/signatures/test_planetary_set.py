@@ -126,7 +126,7 @@ def stepped(machine, fault, gear_teeth, highest, steps):
     meshes, mesh_hz = train.meshes(1), posed.mechanics.mesh_frequency_hz
     vectors = np.array([own.rows[0] for own in meshes]) @ shapes
     phase = (np.arange(gear_teeth * steps) + 0.5) / steps
-    stiffness = np.array([own.mechanics.stiffness.at(phase + own.lead) for own in posed.members])
+    stiffness = np.array([own.stiffness.at(phase + own.lead) for own in posed.members])
     means = np.array([own.stiffness[0, 0] for own in meshes])
     n, h = len(shapes.T), 1 / (steps * mesh_hz)
     rest = np.diag(squares[squares > 0]) - vectors.T @ (means[:, None] * vectors)

@@ -165,7 +165,7 @@ def test_nothing_extra_for_a_healthy_mesh(monkeypatch):
     def forbidden(*_):
         raise AssertionError("no excitation was asked for")
 
-    monkeypatch.setattr("gearmon.signatures.expected.mesh.displacement_excitation", forbidden)
+    monkeypatch.setattr("gearmon.gears.excitation.Excitation.at", forbidden)
     expected_signature(box(), [])
 
 

@@ -33,7 +33,6 @@ from gearmon.signatures.expected.mesh import (
     AMPLITUDES,
     MeshLines,
     MeshPlace,
-    PosedMesh,
     PosedStage,
     Wrong,
     joined,
@@ -162,33 +161,36 @@ def _stage_lines(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> Solved:
     """Solve one stage with all that is wrong with it: with a bound, or from corner to corner."""
-    if posed.train is None:
-        if not posed.is_excited and (method != "auto" or len(posed.marked) < 2):
-            return _steady(posed, max_hz, tolerance, method, order)
-        if method != "auto":
-            raise ArgumentError(
-                f"method={method!r} takes faults that change the stiffness only, and those of "
-                f"stage {posed.mechanics.stage} move the flanks too; leave method out"
-            )
-    (lines,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
-    whole = "the whole set, as the housing hears it"
-    what = "from corner to corner" if posed.train is None else whole
-    added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
-    told = _TOLD | {
-        "error_estimate": lines.error,
-        "message": f"{what}: error estimated as {lines.error:.2g}{added}",
-    }
-    warnings = []
-    if lines.error > tolerance:
-        warnings.append(f"error {lines.error:.2g} misses the tolerance {tolerance:.2g}")
+    alone = posed.train is None
+    if alone and not posed.errors and (method != "auto" or len(posed.marked) < 2):
+        lines, told = _steady(posed, max_hz, tolerance, method, order)
+    elif alone and method != "auto":
+        raise ArgumentError(
+            f"method={method!r} takes faults that change the stiffness only, and those of "
+            f"stage {posed.mechanics.stage} move the flanks too; leave method out"
+        )
+    else:
+        (lines,) = faulty_lines(posed.sound, [posed], max_hz, tolerance)
+        what = "from corner to corner" if alone else "the whole set, as the housing hears it"
+        added = " of what the faults add" if lines.period > 1 and lines.method == "contact" else ""
+        message = f"{what}: error estimated as {lines.error:.2g}{added}"
+        told = _TOLD | {"error_estimate": lines.error, "message": message}
+    warnings, angle = [], told["contact_loss_angle_rad"]
+    if told["stable"] is False:
+        warnings.append(told["message"])
+    elif lines.error > tolerance:
+        bound = " bound" if told["error_estimate"] is None else ""
+        warnings.append(f"error{bound} {lines.error:.2g} misses the tolerance {tolerance:.2g}")
     if lines.contact_lost:
-        warnings.append("teeth lose contact: the linear model ends there")
+        place = (angle or 0.0) / (2 * math.pi) * lines.period
+        first = "" if angle is None else f", first at mesh phase {place:.4g}"
+        warnings.append(f"teeth lose contact{first}: the linear model ends there")
     return lines, told, warnings
 
 
 def _steady(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
-) -> Solved:
+) -> tuple[MeshLines, dict[str, Any]]:
     """Solve a mesh over its true period, with a bound of the error."""
     mechanics, period = posed.mechanics, posed.period
     shown = max(1, math.floor(max_hz * period / mechanics.mesh_frequency_hz * (1 + 1e-12)))
@@ -207,7 +209,7 @@ def _steady(
         contact_lost=angle is not None,
         mean_m=float(response.displacement[0].real),
     )
-    told = _TOLD | {
+    return lines, _TOLD | {
         "order_used": response.order,
         "error_bound": lines.error,
         "stiffness_harmonics": len(harmonics),
@@ -216,17 +218,6 @@ def _steady(
         "contact_loss_angle_rad": angle,
         "message": f"{response.message}; stiffness harmonics left out: {cut:.2g}",
     }
-    warnings = []
-    if response.stable is False:
-        warnings.append(response.message)
-    elif lines.error > tolerance:
-        warnings.append(f"error bound {lines.error:.2g} misses the tolerance {tolerance:.2g}")
-    if angle is not None:
-        warnings.append(
-            f"teeth lose contact, first at mesh phase {angle / (2 * math.pi) * period:.4g}"
-            ": the linear model ends there"
-        )
-    return lines, told, warnings
 
 
 def _stiffness_harmonics(
@@ -328,8 +319,7 @@ def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) ->
         for mesh in posed.members
         for repeats, own in _all_corners(mesh)
     ]
-    fastest = max(_cycles(posed, max_hz) for posed in cases)
-    return PhaseGrid.between(np.concatenate(corners), fastest, period)
+    return PhaseGrid.between(np.concatenate(corners), _cycles(cases, max_hz), period)
 
 
 def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
@@ -438,25 +428,24 @@ def _changed(posed: PosedStage) -> set[int]:
     return found
 
 
-def _cycles(posed: PosedStage, highest_hz: float) -> float:
+def _cycles(cases: Sequence[PosedStage], highest_hz: float) -> float:
     """Return the cycles a mesh period that panels are to follow: motion times highest line.
 
     The motion itself is followed with a margin, also where no high line is asked for.
     """
-    natural, trains = posed.fastest_hz, posed.mechanics.stiffness.trains
-    terms = [term for train in trains for term in train.terms]
-    fastest = max((term.pulse.fastest for term in terms), default=0.0) / (2 * math.pi)
-    mesh_hz = posed.mechanics.mesh_frequency_hz
-    return max(max(2 * natural, natural + highest_hz) / mesh_hz, fastest)
+    natural, mesh_hz = cases[0].fastest_hz, cases[0].mechanics.mesh_frequency_hz
+    trains = (train for posed in cases for train in posed.mechanics.stiffness.trains)
+    fastest = max(term.pulse.fastest for train in trains for term in train.terms)
+    return max(max(2 * natural, natural + highest_hz) / mesh_hz, fastest / (2 * math.pi))
 
 
-def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[int, FloatArray]]:
+def _corners(
+    posed: StageMechanics, trains: Iterable[PulseTrain]
+) -> Iterator[tuple[int, FloatArray]]:
     """Give mesh phases at which stiffness or excitation are not smooth, and when they repeat."""
     for train in trains:
         for term in train.terms:
-            faces = {face * train.overlap_ratio for face in (term.face_start, term.face_end)}
-            limits = term.offset + term.pulse.edges
-            yield train.period_mesh, np.concatenate([face + limits for face in faces])
+            yield train.period_mesh, term.corners(train.overlap_ratio)
     even = posed.stiffness.healthy
     for error in posed.excitation.errors:
         if error.gap is not None:
@@ -466,7 +455,7 @@ def _corners(posed: PosedMesh, trains: Iterable[PulseTrain]) -> Iterator[tuple[i
             yield error.period_mesh, np.add.outer([0.0, even.overlap_ratio], limits).ravel()
 
 
-def _all_corners(mesh: PosedMesh) -> Iterator[tuple[int, FloatArray]]:
+def _all_corners(mesh: StageMechanics) -> Iterator[tuple[int, FloatArray]]:
     stiffness, moving = mesh.stiffness, mesh.stiffness.modulations
     yield from ((train.period_mesh, train.corners) for train in moving)
     # damaged teeth lose what they lose where the teeth would be without the errors, and single

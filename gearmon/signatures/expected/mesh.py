@@ -28,7 +28,7 @@ sun-planet mesh.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, cached_property
@@ -41,10 +41,10 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.assembly import drive_train, of_told_bearings
-from gearmon.gears.excitation import Excitation, displacement_excitation
+from gearmon.gears.excitation import FlankError
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
-from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, pair_of, stage_mechanics
+from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
@@ -62,51 +62,13 @@ AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters co
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PosedMesh:
-    """One mesh at one operating point, with its faults and errors.
-
-    Parameters
-    ----------
-    mechanics : StageMechanics
-        With the faults.
-    excitation : Excitation
-        What moves the flanks, if anything does.
-    lead : float
-        Mesh periods by which it is ahead of the first one of its stage.
-    """
-
-    mechanics: StageMechanics
-    excitation: Excitation
-    lead: float = 0.0
-
-    @property
-    def stiffness(self) -> MeshStiffness:
-        """With the faults."""
-        return self.mechanics.stiffness
-
-    @property
-    def marked(self) -> dict[str, int]:
-        """Gears that differ from tooth to tooth, and their teeth."""
-        # an error that modulates the stiffness moves the flanks too
-        trains = {t.gear: t.period_mesh for t in self.stiffness.pulses if " and " not in t.gear}
-        return trains | {e.wrong.gear: e.teeth for e in self.excitation.errors if e.period_mesh > 1}
-
-    @property
-    def is_local(self) -> bool:
-        """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
-        return not self.stiffness.modulations and all(
-            e.gap is not None or e.period_mesh == 1 for e in self.excitation.errors
-        )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class PosedStage:
     """A pair, or all meshes of a planetary set, at one operating point, ready to be solved.
 
     Parameters
     ----------
-    members : tuple of PosedMesh
-        Of a set the sun-planet meshes, then the planet-ring meshes.
+    members : tuple of StageMechanics
+        With the faults; of a set the sun-planet meshes, then the planet-ring meshes.
     mesh : Mesh
         Its kinematics.
     train : DriveTrain or None
@@ -117,7 +79,7 @@ class PosedStage:
         Why it is not taken as a whole.
     """
 
-    members: tuple[PosedMesh, ...]
+    members: tuple[StageMechanics, ...]
     mesh: Mesh
     train: DriveTrain | None = None
     angles_rad: FloatArray
@@ -126,8 +88,7 @@ class PosedStage:
     @property
     def mechanics(self) -> StageMechanics:
         """Of its first mesh."""
-        own = self.members[0].mechanics
-        return own if self.train is None else replace(own, assumptions=self.train.notes)
+        return self.members[0]
 
     @property
     def pass_order(self) -> Fraction:
@@ -142,22 +103,26 @@ class PosedStage:
     @property
     def marked(self) -> dict[str, int]:
         """Gears that differ from tooth to tooth, and their teeth."""
-        return {gear: z for mesh in self.members for gear, z in mesh.marked.items()}
+        trains = (train for mesh in self.members for train in mesh.stiffness.pulses)
+        damaged = {t.gear: t.period_mesh for t in trains if " and " not in t.gear}
+        # an error that modulates the stiffness moves the flanks too
+        return damaged | {e.wrong.gear: e.teeth for e in self.errors if e.period_mesh > 1}
 
     @property
-    def is_excited(self) -> bool:
-        """Whether anything moves the flanks."""
-        return any(mesh.excitation.errors for mesh in self.members)
+    def errors(self) -> list[FlankError]:
+        """What moves the flanks of its meshes."""
+        return [error for mesh in self.members for error in mesh.excitation.errors]
 
     @property
     def is_local(self) -> bool:
         """Whether faults act in a few mesh periods of a turn, or in all of them alike."""
-        return all(mesh.is_local for mesh in self.members)
+        turning = any(e.gap is None and e.period_mesh > 1 for e in self.errors)
+        return not turning and not any(mesh.stiffness.modulations for mesh in self.members)
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of its teeth, and what was asked for and acts in no mesh."""
-        told = [(*mesh.mechanics.warnings, *mesh.excitation.warnings) for mesh in self.members]
+        told = [(*mesh.warnings, *mesh.excitation.warnings) for mesh in self.members]
         every = dict.fromkeys(word for own in told for word in own)
         mild = ("fault ", "error ")
         kept = (w for w in every if not w.startswith(mild) or all(w in own for own in told))
@@ -176,9 +141,8 @@ class PosedStage:
         members = []
         for mesh in self.members:
             stiffness = changed(mesh.stiffness)
-            mechanics = replace(mesh.mechanics, stiffness=stiffness)
             excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
-            members.append(replace(mesh, mechanics=mechanics, excitation=excitation))
+            members.append(replace(mesh, stiffness=stiffness, excitation=excitation))
         return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
@@ -195,48 +159,47 @@ class PosedStage:
 
     @property
     def scale(self) -> float:
-        """What makes kappa of a stiffness: T^2/m, of a set T^2, in modes of unit mass [s2/kg]."""
-        own = self.mechanics
-        mass = own.equivalent_mass_kg if self.train is None else 1.0
-        return 1 / (mass * own.mesh_frequency_hz**2)
+        """T^2, which makes kappa of a stiffness, in modes of unit mass [s2]."""
+        return 1 / self.mechanics.mesh_frequency_hz**2
 
     @cached_property
     def _modes(self) -> Around:
-        """The machine in modes, for a set."""
-        assert self.train is not None
-        return self.train.around(self.train.meshes(self.mechanics.stage))
+        """The machine in modes; of a pair by itself its own mass is all there is."""
+        own, none = self.mechanics, np.zeros((1, 1))
+        if self.train is not None:
+            return self.train.around(self.train.meshes(own.stage))
+        shape, damper = none + own.equivalent_mass_kg**-0.5, none[0] + own.damping_ns_per_m
+        mean = none[0] + own.stiffness.healthy_mean_n_per_m
+        return Around(
+            shapes=shape, vectors=shape, means=mean, dampers=damper, stiffness=none, damping=none
+        )
 
     @property
     def fastest_hz(self) -> float:
         """Highest natural frequency [Hz]."""
-        alone = self.train is None
-        return self.mechanics.natural_frequency_hz if alone else self._modes.fastest_hz
+        return self._modes.fastest_hz
 
     @cached_property
     def around(self) -> Surroundings:
-        """What is around its meshes: the mass of a pair, or the machine in modes."""
-        own, rate = self.mechanics, self.scale * self.mechanics.mesh_frequency_hz
-        if self.train is None:
-            one, c = np.ones((1, 1)), np.array([own.damping_ns_per_m * rate])
-            force = np.array([own.force_n * self.scale])
-            return Surroundings(
-                stiffness=0 * one, damping=c * one, vectors=one, dampers=c, force=force
-            )
-        around = self._modes
+        """What is around its meshes, in modes."""
+        own, around = self.mechanics, self._modes
+        load = np.array([own.force_n])
+        if self.train is not None:
+            load = self.train.load({own.stage: own.force_n})
         whole = around.damping + (around.vectors.T * around.dampers) @ around.vectors
         return Surroundings(
             stiffness=around.stiffness * self.scale,
-            damping=whole * rate,
+            damping=whole / own.mesh_frequency_hz,
             vectors=around.vectors,
-            dampers=around.dampers * rate,
-            force=around.shapes.T @ self.train.load({own.stage: own.force_n}) * self.scale,
+            dampers=around.dampers / own.mesh_frequency_hz,
+            force=around.shapes.T @ load * self.scale,
         )
 
     def limit_hz(self, max_hz: float | None) -> float:
         """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
         if max_hz is not None:
             return max_hz
-        own = self.members[0].mechanics
+        own = self.mechanics
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
     def heard(self, forces: ComplexArray, period: int) -> tuple[dict[str, Any], ComplexArray]:
@@ -274,10 +237,10 @@ class PosedStage:
             share = (np.abs(lines) / loudest).max(axis=0)
             kept &= share > CANCELLED * (brought / loudest).max(axis=0)
         which, line = np.nonzero(kept)
-        own, mass = self.mechanics, self.members[0].mechanics.equivalent_mass_kg
+        own = self.mechanics
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
         places = {"period": period, "number": number[line], "carrier": sides[which]}
-        return places, lines[:, kept] * (1 / (mass * angular**2 * self.scale))
+        return places, lines[:, kept] * (1 / (own.equivalent_mass_kg * angular**2 * self.scale))
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
         """Return the equation of a pair without excitation, by the harmonics of its stiffness."""
@@ -374,12 +337,10 @@ class MeshPlace:
         ArgumentError
             If the stage is not planetary, the machine lacks data, or a fault does not fit it.
         """
-        stages = self.machine.stages
-        own = stages[self.stage - 1]
+        own = self.machine.stages[self.stage - 1]
         if not isinstance(own, PlanetaryStage):
             raise ArgumentError(f"stage={self.stage} is not planetary: no planets pass the housing")
         train = drive_train(self.machine, self.point, self.form)
-        before = sum(isinstance(other, PlanetaryStage) for other in stages[: self.stage - 1])
         known = faults_of(wrong, errors=True)
         alike = tuple(w for w in known if w.gear != "planet" or w.kind in ("wear", "profile"))
         meshed = cache(lambda side, wrong: replace(self, mesh=side)._meshed(wrong))
@@ -389,7 +350,7 @@ class MeshPlace:
             members=tuple(replace(meshed(*place), lead=spring.phase) for place, spring in springs),
             mesh=kinematics(self.machine).mesh(self.stage),
             train=train,
-            angles_rad=train.planets[before].angles_rad,
+            angles_rad=train.planets[self.stage].angles_rad,
         )
 
     def posed(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
@@ -413,20 +374,11 @@ class MeshPlace:
         alone = self.alone(faults)
         return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
 
-    def _meshed(self, wrong: Iterable[Wrong]) -> PosedMesh:
-        own = [one for one in wrong if one.stage == self.stage]
-        wrongs: dict[str, Any] = {
-            "faults": [one for one in own if isinstance(one, Fault)],
-            "errors": [one for one in own if isinstance(one, GearError)],
-        }
-        mechanics = stage_mechanics(
-            self.machine, self.stage, self.point, form=self.form, mesh=self.mesh, **wrongs
-        )
-        moved = Excitation(stiffness=mechanics.stiffness, errors=())
-        if own:
-            pair = pair_of(self.machine, self.stage, self.mesh)
-            moved = displacement_excitation(pair, mechanics.stiffness, **wrongs)
-        return PosedMesh(mechanics=mechanics, excitation=moved)
+    def _meshed(self, wrong: Sequence[Wrong]) -> StageMechanics:
+        faults = [one for one in wrong if isinstance(one, Fault) and one.stage == self.stage]
+        errors = [one for one in wrong if isinstance(one, GearError)]
+        place = self.machine, self.stage, self.point
+        return stage_mechanics(*place, faults=faults, errors=errors, form=self.form, mesh=self.mesh)
 
 
 def mesh_problem(
@@ -598,7 +550,7 @@ class MeshLines:
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines."""
-        own = self.mechanics
+        own, train = self.mechanics, self.posed.train
         return {name: getattr(own, name) for name in _TOLD} | {
             "mean_stiffness_n_per_m": own.stiffness.mean_n_per_m,
             "stiffness_variation": own.stiffness.variation,
@@ -607,7 +559,7 @@ class MeshLines:
             "method": self.method,
             "contact_lost": self.contact_lost,
             "mean_deflection_m": self.mean_m,
-            "assumptions": list(own.assumptions),
+            "assumptions": list(own.assumptions if train is None else train.notes),
         }
 
 

@@ -281,7 +281,7 @@ def _kinetic_shares(train: DriveTrain, shapes: FloatArray) -> FloatArray:
     """Return the shares of rotation, translation and planets against each other, shape (3, m)."""
     mass = train.mass.copy()
     shares = np.zeros((3, shapes.shape[1]))
-    for planets in train.planets:
+    for planets in train.planets.values():
         mass -= np.einsum("pia,i,pib->ab", planets.rows, planets.inertia, planets.rows)
         shares += _planet_shares(planets, shapes)
     for kind, chosen in enumerate((train.turning, ~train.turning)):

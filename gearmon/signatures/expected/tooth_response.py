@@ -16,6 +16,7 @@ which is that of the carrier, again: multiples of N.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -292,11 +293,9 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
         If there is no such gear, or the file says too little of a planetary set: how it sheds load
         depends on masses and stiffnesses.
     """
-    check_range("stage", stage, 1, len(machine.stages))
-    own, mesh_of_stage = machine.stages[stage - 1], kinematics(machine).mesh(stage)
+    mesh_of_stage, own = kinematics(machine).mesh(stage), machine.stages[stage - 1]
     teeth = mesh_of_stage.wheel(gear).teeth
-    stiffness, standard = _stiffness(own, stage, gear)
-    share, phase = _pair_share(stiffness, teeth)
+    stiffness, standard, share, phase = _mesh_alone(own, stage, gear, teeth)
     try:
         found = loss_response(machine, stage, gear, max_order=max_order)
     except GearmonError:
@@ -367,8 +366,8 @@ def grown_lines(
         told[:, added[0].number] = [even, *(own.acceleration for own in added)]
         return told[0, :: wheel.teeth], told[1:]
     except GearmonError:  # as of `tooth_response`
-        stiffness, _ = _stiffness(machine.stages[stage - 1], stage, gear)
-        share, phase = _pair_share(stiffness, wheel.teeth)
+        own = machine.stages[stage - 1]
+        stiffness, _, share, phase = _mesh_alone(own, stage, gear, wheel.teeth)
         shed = [x * share / (1.0 - x * share) for x in GROWN]
         parts = [_deflected(stiffness, own, phase, wheel.teeth, top) for own in shed]
         return parts[0][1], np.array([lines for lines, _ in parts])
@@ -415,11 +414,16 @@ def _deflected(
     return lines, np.asarray(healthy[harmonic] * (harmonic * teeth) ** 2)
 
 
-def _stiffness(own: Stage, stage: int, gear: str) -> tuple[MeshStiffness, bool]:
-    """Mesh of the file or, where it does not tell, of standard proportions; whether of these."""
-    pair = mesh_pairs(own, stage)[gear == "ring"]
+def _mesh_alone(
+    own: Stage, stage: int, gear: str, teeth: int
+) -> tuple[MeshStiffness, bool, FloatArray, FloatArray]:
+    """Mesh of the file or, where it does not tell, of standard proportions; whether of these.
+
+    And the share of it that the pair of one tooth carries, with the phases of its contact.
+    """
+    standard, pair = False, mesh_pairs(own, stage)[gear == "ring"]
     try:
-        return mesh_stiffness(pair, number=stage), False
+        stiffness = mesh_stiffness(pair)
     except GearmonError:
         told = {"planets", "fixed", "driving"}
         told |= {"mesh_stiffness_n_per_m", "ring_mesh_stiffness_n_per_m"}
@@ -429,12 +433,8 @@ def _stiffness(own: Stage, stage: int, gear: str) -> tuple[MeshStiffness, bool]:
             if key.name.endswith("_teeth") or key.name in told
         }
         plain = type(own)(**given, module_mm=1.0, face_width_mm=_STANDARD_WIDTH)
-        return mesh_stiffness(mesh_pairs(plain, stage)[gear == "ring"], number=stage), True
-
-
-def _pair_share(stiffness: MeshStiffness, teeth: int) -> tuple[FloatArray, FloatArray]:
-    """Share of the mesh that the pair of one tooth carries, and the phases of its contact."""
-    count = int(np.ceil(stiffness.total_contact_ratio * _POINTS))
-    phase = (np.arange(count) + 0.5) / _POINTS
+        standard, stiffness = True, mesh_stiffness(mesh_pairs(plain, stage)[gear == "ring"])
+    phase = (np.arange(math.ceil(stiffness.total_contact_ratio * _POINTS)) + 0.5) / _POINTS
     alone = replace(stiffness.healthy, period_mesh=teeth)
-    return np.clip(alone.at(phase) / stiffness.at(phase), 0.0, 1.0), phase
+    share = np.clip(alone.at(phase) / stiffness.at(phase), 0.0, 1.0)
+    return stiffness, standard, share, phase

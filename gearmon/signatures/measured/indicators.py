@@ -21,10 +21,9 @@ from gearmon.files import write_atomically
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 from gearmon.signals import indicators
-from gearmon.signals.bad_samples import sound_part
-from gearmon.signals.recording import Recording, RecordingLike, read_recording
+from gearmon.signals.recording import Recording, RecordingLike
 from gearmon.signatures.gear_averages import GearSignals, gear_signals
-from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature, opened
 
 Table = dict[str, dict[str, float]]
 
@@ -274,8 +273,7 @@ def indicator_table(
     """
     check_range("baseline", baseline, 1, 1_000_000)
     machine = None if machine is None else load_machine(machine)
-    sensors = () if machine is None else machine.sensors
-    recording = sound_part(read_recording(recording, sampling_rate_hz, sensors=sensors, unit=unit))
+    recording = opened(recording, machine, sampling_rate_hz, unit)
     vibration = recording.vibration()
     rows, notes, run = _of_waveforms(vibration), list(recording.notes), history
     signature = None if machine is None else measure_signature(recording, machine)
@@ -364,9 +362,8 @@ def _inputs(own: GearSignals) -> dict[str, tuple[str, str, tuple[int, ...]]]:
 
 
 def _listed(numbers: tuple[int, ...]) -> str:
-    if len(numbers) > 6:
-        return ", ".join(str(n) for n in (*numbers[:3], "...", numbers[-1]))
-    return ", ".join(str(n) for n in numbers)
+    shown = numbers if len(numbers) <= 6 else (*numbers[:3], "...", numbers[-1])
+    return ", ".join(map(str, shown))
 
 
 def _input_name(signal: str, own: GearSignals) -> str:

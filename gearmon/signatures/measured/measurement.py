@@ -259,6 +259,14 @@ def measure_signature(
     )
 
 
+def opened(
+    recording: RecordingLike, machine: Machine | None, rate_hz: float | None, unit: str | None
+) -> Recording:
+    """Read a recording as `measure_signature` takes it; return its longest sound part."""
+    sensors = () if machine is None else machine.sensors
+    return sound_part(read_recording(recording, rate_hz, sensors=sensors, unit=unit))
+
+
 def digests(samples: FloatArray) -> tuple[str, ...]:
     """Return a mark of each channel that no other recording has.
 

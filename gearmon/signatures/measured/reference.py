@@ -388,10 +388,7 @@ def write_reference(reference: Reference, path: str | Path) -> None:
 
 def is_reference(path: str | Path) -> bool:
     """Tell whether a file is a stored reference (and not, say, a recording)."""
-    try:
-        return zipfile.is_zipfile(path)
-    except OSError:
-        return False
+    return zipfile.is_zipfile(path)
 
 
 def read_reference(path: str | Path) -> Reference:
