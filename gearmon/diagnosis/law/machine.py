@@ -221,6 +221,8 @@ def level_deviation(
         Whether the level stands above its noise. One that does not, and yet lies above what was
         expected, tells of the noise and of nothing else: it is left out (NaN). Nor does such a
         level tell the gain, where enough others do: that of a short recording is the higher for it.
+        Where few do, the lower of both is taken: noise that rises hides most lines, and the others
+        have not fallen.
     broadband : bool
         Whether these are levels of the broadband spectrum.
     """
@@ -237,7 +239,11 @@ def level_deviation(
         kriging = Kriging.of(states[rows], at, scatter, slope)
         mean = np.tensordot(kriging.weights, known_db[rows], 1)
         variance = error**2 + np.tensordot(kriging.weights**2, known_error_db[rows] ** 2, 1)
-        gain = _median(np.where(True if gauge is None else gauge, level - mean, np.nan))
+        gain = _median(level - mean)
+        if gauge is not None:
+            sure = _median(np.where(gauge, level - mean, np.nan))
+            # what does not stand above its noise tells how high the gain can be
+            gain = np.where(gauge.sum(axis=1) < _LEAST_TOLD, np.fmin(sure, gain), sure)
         return gain, level - mean - gain[:, None], variance + _DB**2 * kriging.spread
 
     every, seen = list(range(len(known_db))), []
@@ -247,8 +253,7 @@ def level_deviation(
         seen.append(float(_median((left**2 / spread).reshape(1, -1))[0]) / _MEDIAN)
     # variance over its prior, as the references depart from what the others predict of them
     scale = max((_WORTH + sum(seen)) / (_WORTH + len(seen)), _LEAST_SCALE)
-    enough = None if told is None else told | (told.sum(axis=1) < _LEAST_TOLD)[:, None]
-    gain, rest, variance = departure(level_db, error_db, every, state, enough)
+    gain, rest, variance = departure(level_db, error_db, every, state, told)
     expected = level_db - rest
     if told is not None:
         rest = np.where(told | (rest < 0.0), rest, np.nan)

@@ -80,8 +80,21 @@ def test_noise_of_a_short_recording_does_not_pass_for_a_gain():
     found = held(new, known, told=told)
     assert found.gain_db == pytest.approx([0.0])
     assert found.mean_square() == 0.0
-    # where hardly any stands above its noise, noise has to tell it
-    assert held(new, known, told=np.arange(20)[None] < 3).gain_db == pytest.approx([2.0])
+    # where none stands above its noise, noise has to tell it
+    assert held(new, known, told=np.arange(20)[None] < 0).gain_db == pytest.approx([2.0])
+
+
+@pytest.mark.parametrize("few", [1, 3, 4])
+def test_of_few_levels_above_the_noise_the_gain_is_the_lower_one(few):
+    known, told = np.zeros((1, 1, 20)), np.arange(20)[None] < few
+    # noise rose by 20 dB: what still stands above it has not fallen
+    drowned = np.where(told, 0.0, 20.0)
+    assert held(drowned, known, told=told).gain_db == pytest.approx([0.0])
+    assert held(drowned, known, told=told).mean_square() == 0.0
+    # the few rose by 20 dB, as with damage: the sensor hears the noise as before
+    loud = np.where(told, 20.0, 0.0)
+    assert held(loud, known, told=told).gain_db == pytest.approx([0.0])
+    assert held(loud, known, told=told).mean_square() > 1.0
 
 
 def families(harmonics=8):
