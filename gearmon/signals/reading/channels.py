@@ -14,7 +14,7 @@ from typing import Any, NoReturn, Protocol
 
 import numpy as np
 
-from gearmon.arrays import BoolArray, FloatArray
+from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import (
     DataColumn,
@@ -38,12 +38,13 @@ _COARSE = 0.75
 _DOUBTFUL = 0.45
 # Deviation from a straight line, over all stamps, of a step that changes by 0.1 % at half time.
 _DRIFT = 1e-3 / 8
-_CHUNK = 2**18
+# Steps at either end of a recording whose median tells the usual one.
+_MANY = 2**18
 
 _AGREEMENT = 1e-3
 # Stamps without a unit are seconds; but a step this long would be no vibration recording.
 _LONGEST_STEP_S = 0.1
-_USUAL_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0))
+_USUAL_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 _REMEDY = (
     "if the samples are evenly spaced all the same, delete the time column and give "
     "--sampling-rate HZ, otherwise resample"
@@ -126,11 +127,8 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
         kind, hint = _confirmed(column, values, first=index == 0 and not timed)
         columns[index] = _with_unit(table.path, replace(column, kind=kind), wanted.unit)
         hints += [hint] if hint else []
-    times = [column for column in columns if column.kind == "time"]
-    time = times[0] if times else None
-    rate_hz, rate_note = sampling_rate(table, time, wanted.sampling_rate_hz, "; ".join(hints))
-    for column in times[1:] if wanted.sampling_rate_hz is None else ():
-        _refuse_another_rate(table, column, rate_hz)
+    given_hz = wanted.sampling_rate_hz
+    rate_hz, rate_note = _sampling_rate(table, columns, given_hz, "; ".join(hints))
     kept, left_out = _usable(table, columns, named_only=bool(wanted.channels))
     samples, taken = _taken(table.values, kept), [columns[index] for index in kept]
     scaled = [_unit_and_scale(column) for column in taken]
@@ -317,6 +315,16 @@ class Spacing:
     fault: str = ""
     row: int = 0
 
+    def units(self, known: float | None, rate_hz: float) -> list[str]:
+        """Units of time in which the stamps tell a sampling rate [Hz], of the known one or all."""
+        tried = _USUAL_UNITS if known is None else {"": known}
+        within = _AGREEMENT + self.uncertainty
+        return [
+            name
+            for name, factor in tried.items()
+            if abs(1.0 / (self.step * factor * rate_hz) - 1.0) <= within
+        ]
+
 
 def spacing(stamps: FloatArray) -> Spacing:
     """Return the spacing of time stamps, and what is irregular about it.
@@ -335,7 +343,8 @@ def spacing(stamps: FloatArray) -> Spacing:
     'a step of 0.002 where 0.001 is usual: about 1 sample is missing'
     """
     step = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
-    usual, exact = _usual_step(stamps)
+    steps = np.diff(stamps)
+    usual, exact = _usual_step(steps, float(np.abs(stamps[[0, -1]]).max()))
     resolution = _resolution(stamps)
     if exact and resolution > _DOUBTFUL * step:
         resolution = 0.0  # a step such as 0.001 with three decimals: nothing was rounded
@@ -343,7 +352,7 @@ def spacing(stamps: FloatArray) -> Spacing:
     # coarse stamps may repeat, if not all do; of others that mostly do not rise none may
     least = 0.0 if coarse and step > 0 else np.finfo(float).tiny
     tolerance = np.inf if coarse or usual <= 0 else resolution + _JITTER * usual
-    fault, row = _fault(stamps, usual, max(usual - tolerance, least), usual + tolerance)
+    fault, row = _fault(stamps, steps, usual, max(usual - tolerance, least), usual + tolerance)
     slope, off = _straight_line(stamps)
     drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * len(stamps)
     rounded = resolution if coarse else 0.5 * resolution
@@ -367,13 +376,16 @@ def even_step(values: FloatArray) -> float:
     return 0.0 if found.fault or found.coarse else found.step
 
 
-def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple[str, int]:
+def _fault(
+    stamps: FloatArray, steps: FloatArray, usual: float, least: float, most: float
+) -> tuple[str, int]:
     """Say which step is the first that is not as usual, and in which row it ends."""
-    row = _first(stamps, lambda steps: steps < 0)  # tells more than what it does to others
-    if row < 0:
-        row = _first(stamps, lambda steps: (steps < least) | (steps > most))
-    if row < 0:
+    wrong = steps < 0  # tells more than what it does to others
+    if not wrong.any():
+        wrong = (steps < least) | (steps > most)
+    if not wrong.any():
         return "", 0
+    row = int(wrong.argmax()) + 1
     before, after = stamps[row - 1], stamps[row]
     if after <= before:
         what = f"comes after {before:.9g}" if after < before else "is repeated"
@@ -386,15 +398,13 @@ def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple
     return text, row
 
 
-def _usual_step(stamps: FloatArray) -> tuple[float, bool]:
+def _usual_step(steps: FloatArray, largest: float) -> tuple[float, bool]:
     """Return the median step, and whether nearly all steps are equal to it (nothing rounded)."""
-    steps = np.diff(stamps[: 2 * _CHUNK])
-    if len(stamps) > 2 * _CHUNK:
-        steps = np.concatenate([steps[:_CHUNK], np.diff(stamps[-_CHUNK:])])
-    usual = float(np.median(steps))
-    slack = 1e-6 * abs(usual) + 4 * np.spacing(np.abs(stamps[[0, -1]]).max())
-    others = int(np.count_nonzero(np.abs(steps - usual) > slack))
-    return usual, others <= max(1, 0.01 * len(steps))
+    some = np.concatenate([steps[:_MANY], steps[_MANY:][-_MANY:]])
+    usual = float(np.median(some))
+    slack = 1e-6 * abs(usual) + 4 * np.spacing(largest)
+    others = int(np.count_nonzero(np.abs(some - usual) > slack))
+    return usual, others <= max(1, 0.01 * len(some))
 
 
 def _resolution(stamps: FloatArray) -> float:
@@ -412,15 +422,6 @@ def _resolution(stamps: FloatArray) -> float:
     )
 
 
-def _first(stamps: FloatArray, wrong: Callable[[FloatArray], BoolArray]) -> int:
-    """Return the index of the first stamp whose step from the one before is wrong; -1: none."""
-    for start in range(0, len(stamps) - 1, _CHUNK):
-        bad = wrong(np.diff(stamps[start : start + _CHUNK + 1]))
-        if bad.any():
-            return start + int(bad.argmax()) + 1
-    return -1
-
-
 def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
     """Return the slope of the best straight line, and what is left beside it.
 
@@ -434,28 +435,21 @@ def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
     return slope, beside
 
 
-def sampling_rate(
-    table: Table, column: DataColumn | None, given_hz: float | None, hint: str = ""
+def _sampling_rate(
+    table: Table, columns: Sequence[DataColumn], given_hz: float | None, hint: str
 ) -> tuple[float, str]:
-    """Return the sampling rate of a recording.
+    """Return the sampling rate of a recording, and what was assumed; "" if nothing.
 
     Parameters
     ----------
     table : Table
         What stands in the file.
-    column : Column or None
-        The time column.
+    columns : sequence of DataColumn
+        Its columns, as far as they are known by now.
     given_hz : float > 0 or None
         The sampling rate as the user knows it.
     hint : str
         What else in the file may help, for the message.
-
-    Returns
-    -------
-    rate_hz : float > 0
-        Samples per second.
-    note : str
-        What was assumed; "" if nothing.
 
     Raises
     ------
@@ -471,25 +465,26 @@ def sampling_rate(
         )
     # some formats round the rate; the user may know it better
     rate_hz, note = given_hz or stated, ""
-    if column is not None:
+    times = [index for index, column in enumerate(columns) if column.kind == "time"]
+    if times:
         told = "{:.7g} Hz was given" if given_hz else "the file says {:.7g} Hz as well"
-        rate_hz, note = _from_stamps(table, column, rate_hz, told)
-    if rate_hz is not None:
-        return rate_hz, note
-    told = hint or table.rate_hint
-    raise RecordingError(
-        f"{table.path}: has no time column and does not say its sampling rate; give "
-        f"--sampling-rate HZ{f' ({told})' if told else ''}"
-    )
+        rate_hz, note = _from_stamps(table, times[0], columns[times[0]], rate_hz, told)
+    if rate_hz is None:
+        told = hint or table.rate_hint
+        raise RecordingError(
+            f"{table.path}: has no time column and does not say its sampling rate; give "
+            f"--sampling-rate HZ{f' ({told})' if told else ''}"
+        )
+    for index in times[1:] if given_hz is None else ():
+        _refuse_another_rate(table, table.values[index], columns[index], rate_hz)
+    return rate_hz, note
 
 
 def _from_stamps(
-    table: Table, column: DataColumn, given_hz: float | None, contradiction: str
+    table: Table, index: int, column: DataColumn, given_hz: float | None, contradiction: str
 ) -> tuple[float, str]:
     """Return the rate that time stamps tell, or the given one that agrees, and what was assumed."""
-    where = f"{table.path}, {column.label}"
-    index = [own.number for own in table.columns].index(column.number)
-    stamps = table.values[index]
+    where, stamps = f"{table.path}, {column.label}", table.values[index]
 
     def refuse(row: int, what: str) -> NoReturn:
         place = f"{table.path}, {table.locate(row, index)[0]}, {column.label}"
@@ -500,60 +495,47 @@ def _from_stamps(
         refuse(int(missing[0]), f"missing (in {len(missing)} of {len(stamps)} rows)")
     if len(stamps) < 2:
         raise RecordingError(f"{where}: a single sample is no recording; it tells no sampling rate")
-    found = spacing(stamps)
+    found, known = spacing(stamps), time_factor(column.unit)
     if found.fault:
         refuse(found.row, f"irregular: {found.fault}")
-    if given_hz is not None and column.unit is None and found.step == 1.0:
-        return given_hz, f"{column.label} counts samples; the given rate is used"
-    factor, note = _unit(where, column, found, given_hz)
-    derived_hz = float(f"{1.0 / (found.step * factor):.13g}")  # 1000, not 1000.0000000000001
-    if given_hz is None:
-        if found.coarse:
+    derived_hz = float(
+        f"{1.0 / (found.step * (known or 1.0)):.13g}"
+    )  # 1000, not 1000.0000000000001
+    if given_hz is not None:
+        if column.unit is None and found.step == 1.0:
+            return given_hz, f"{column.label} counts samples; the given rate is used"
+        fitting = found.units(known, given_hz)
+        if not fitting:
             raise RecordingError(
-                f"{where}: its stamps are rounded so much that neighbours can be alike; give "
-                f"--sampling-rate HZ (it must be about {derived_hz:.4g})"
+                f"{where}: its stamps say {derived_hz:.7g} Hz, but "
+                f"{contradiction.format(given_hz)}; leave --sampling-rate out, or correct it or "
+                "the unit of the time column"
             )
-        return derived_hz, note
-    if abs(derived_hz / given_hz - 1.0) > _AGREEMENT + found.uncertainty:
+        assumed = f"{column.label} has no unit: by the given rate it is in {fitting[0]}"
+        return given_hz, assumed if known is None else ""
+    if known is None and found.step >= _LONGEST_STEP_S:
         raise RecordingError(
-            f"{where}: its stamps say {derived_hz:.7g} Hz, but {contradiction.format(given_hz)}; "
-            "leave --sampling-rate out, or correct it or the unit of the time column"
+            f"{where}: it goes up by {found.step:.6g} in an unknown unit; name it with its unit, "
+            "such as time_ms, or give --sampling-rate HZ"
         )
-    return given_hz, note
+    if found.coarse:
+        raise RecordingError(
+            f"{where}: its stamps are rounded so much that neighbours can be alike; give "
+            f"--sampling-rate HZ (it must be about {derived_hz:.4g})"
+        )
+    return derived_hz, f"{column.label} has no unit: taken as seconds" if known is None else ""
 
 
-def _refuse_another_rate(table: Table, column: DataColumn, rate_hz: float) -> None:
+def _refuse_another_rate(
+    table: Table, stamps: FloatArray, column: DataColumn, rate_hz: float
+) -> None:
     """Refuse a further time column that tells another rate: the channels beside it have that."""
-    stamps = table.values[[own.number for own in table.columns].index(column.number)]
     found = None if len(missing_rows(stamps)) else spacing(stamps)
     if found is None or found.fault or not found.step:
         return
-    known = time_factor(column.unit)
-    factors = [factor for _, factor in _USUAL_UNITS] if known is None else [known]
-    apart = min(abs(found.step * factor * rate_hz - 1.0) for factor in factors)
-    if apart > _AGREEMENT + found.uncertainty:
+    if not found.units(time_factor(column.unit), rate_hz):
         raise RecordingError(
             f"{table.path}, {column.label}: goes up by {found.step:.6g} {column.unit or ''} a row, "
             f"but another time column says {rate_hz:.7g} Hz; delete the one that is wrong, or give "
             "channels of another rate a file of their own"
         )
-
-
-def _unit(
-    where: str, column: DataColumn, found: Spacing, given_hz: float | None
-) -> tuple[float, str]:
-    """Return the seconds in one unit of the time column, and what was assumed."""
-    known = time_factor(column.unit)
-    if known is not None:
-        return known, ""
-    if given_hz is None and found.step >= _LONGEST_STEP_S:
-        raise RecordingError(
-            f"{where}: it goes up by {found.step:.6g} in an unknown unit; name it with its unit, "
-            "such as time_ms, or give --sampling-rate HZ"
-        )
-    if given_hz is None:
-        return 1.0, f"{column.label} has no unit: taken as seconds"
-    for name, factor in _USUAL_UNITS:
-        if abs(found.step * factor * given_hz - 1.0) <= _AGREEMENT + found.uncertainty:
-            return factor, f"{column.label} has no unit: by the given rate it is in {name}"
-    return 1.0, ""

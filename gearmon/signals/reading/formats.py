@@ -30,7 +30,7 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -92,7 +92,7 @@ class Format:
     magic : bytes
         Regular expression of how it begins.
     loader : callable or None
-        Reads it; None if it is not read.
+        Yields once what it holds, and closes it behind that; None if it is not read.
     extra : str
         The extra of gearmon that installs the library that the loader needs.
     remedy : str
@@ -101,7 +101,7 @@ class Format:
 
     what: str
     magic: bytes
-    loader: Callable[[str], AbstractContextManager[Holding]] | None = None
+    loader: Callable[[str], Iterator[Holding]] | None = None
     extra: str = ""
     remedy: str = "export it as CSV"
 
@@ -167,27 +167,21 @@ def _read_arrays(source: Source, found: Format, wanted: Wanted) -> Table:
         raise RecordingError(f"{source.path}: {found.what} {how}")
     size = os.path.getsize(source.path)
     try:
-        with warnings.catch_warnings(), found.loader(source.path) as loaded:
+        with warnings.catch_warnings(), contextmanager(found.loader)(source.path) as loaded:
             warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
             holding = replace(loaded, path=source.path, what=found.what, size=size)
             return choose(holding, wanted)
     except GearmonError:
         raise
-    except ImportError:
-        raise RecordingError(
-            f"{source.path}: looks like {found.what}; to read it install gearmon[{found.extra}], "
-            "or export it as CSV"
-        ) from None
     # what a library raises about a damaged file is anything but documented
     except Exception as error:
         first = next(iter(str(error).splitlines()), "") or type(error).__name__
-        raise RecordingError(
-            f"{source.path}: looks like {found.what} and cannot be read as such "
-            f"({shortened(first)}); is it damaged? Copy it again"
-        ) from None
+        why = f" and cannot be read as such ({shortened(first)}); is it damaged? Copy it again"
+        if isinstance(error, ImportError):
+            why = f"; to read it install gearmon[{found.extra}], or export it as CSV"
+        raise RecordingError(f"{source.path}: looks like {found.what}{why}") from None
 
 
-@contextmanager
 def _read_wav(path: str) -> Iterator[Holding]:
     """Give what a WAV file holds: one array, its sampling rate, no unit.
 
@@ -252,7 +246,6 @@ def _wav_chunks(raw: Any) -> dict[bytes, Any]:
     return chunks
 
 
-@contextmanager
 def _read_mat(path: str) -> Iterator[Holding]:
     """Give what a MATLAB file holds: its arrays and single numbers, those of structs by a dot.
 
@@ -276,7 +269,6 @@ def _read_mat(path: str) -> Iterator[Holding]:
     yield hold(items)
 
 
-@contextmanager
 def _read_npy(path: str) -> Iterator[Holding]:
     """Give what an npy file holds: one array, or one channel for each field of its records.
 
@@ -293,7 +285,6 @@ def _read_npy(path: str) -> Iterator[Holding]:
     yield replace(hold(items), together=True)
 
 
-@contextmanager
 def _read_npz(path: str) -> Iterator[Holding]:
     """Give what an npz file holds: its arrays and single numbers by name.
 
@@ -347,7 +338,6 @@ def _try_out(path: str, task: Callable[[], object]) -> None:
         raise ValueError("it unpacks to more than any, or crashes its reader")
 
 
-@contextmanager
 def _read_hdf5(path: str) -> Iterator[Holding]:
     """Give what an HDF5 file holds: all its arrays and single numbers, by their paths.
 
@@ -361,11 +351,7 @@ def _read_hdf5(path: str) -> Iterator[Holding]:
     """
     import h5py
 
-    def held() -> Holding:
-        with h5py.File(path, "r") as file:
-            return _hdf5_arrays(file)
-
-    _try_out(path, held)
+    _try_out(path, lambda: _hdf5_arrays(h5py.File(path, "r")))
     with h5py.File(path, "r") as file:
         yield _hdf5_arrays(file)
 
@@ -391,7 +377,6 @@ def _hdf5_arrays(file: Any) -> Holding:
     return replace(held, facts=facts | dict(held.facts))
 
 
-@contextmanager
 def _read_parquet(path: str) -> Iterator[Holding]:
     """Give what a Parquet table holds: its columns of numbers and times.
 
@@ -449,7 +434,6 @@ def _parquet_columns(file: Any) -> Holding:
     )
 
 
-@contextmanager
 def _read_tdms(path: str) -> Iterator[Holding]:
     """Give what a TDMS file holds: its channels, with unit and sampling rate where stated.
 
@@ -520,7 +504,6 @@ def _tdms_array(name: str, channel: Any) -> Array | None:
     return found and replace(found, start_s=start + told.get("wf_start_offset", 0.0))
 
 
-@contextmanager
 def _read_universal(path: str) -> Iterator[Holding]:
     """Give what a universal file holds: its functions of time, with unit and spacing.
 
@@ -575,7 +558,6 @@ def _place(number: int, one: dict[str, Any], taken: Sequence[Array]) -> str:
     return name if all(own.name != name for own in taken) else f"{name} ({number})"
 
 
-@contextmanager
 def _read_flac(path: str) -> Iterator[Holding]:
     """Give what a FLAC file holds: one array, its sampling rate, no unit."""
     import soundfile
