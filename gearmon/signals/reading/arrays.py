@@ -66,8 +66,8 @@ class Array:
         Samples of each channel.
     read : callable
         Gives the samples from a first to before a last one: float64, shape (channels, n).
-    units : tuple of (str or None)
-        The unit of each channel; None where the file states none.
+    unit : str or None
+        The unit of its channels; None where the file states none.
     rate_hz : float > 0 or None
         The sampling rate, if the file states one for this array.
     start_s : float
@@ -80,7 +80,7 @@ class Array:
     names: tuple[str, ...]
     count: int
     read: Read
-    units: tuple[str | None, ...] = ()
+    unit: str | None = None
     rate_hz: float | None = None
     start_s: float = 0.0
     columns: tuple[DataColumn, ...] = ()
@@ -141,8 +141,8 @@ class Holding:
         """Return it with the columns of its arrays described, and numbered through all of them."""
         arrays, number = [], 1
         for array in self.arrays:
-            cells = [unit or "" for unit in array.units] if any(array.units) else ()
-            columns = describe_columns(array.names, cells, first=number, array=array.name)
+            units = [array.unit] * len(array.names) if array.unit else ()
+            columns = describe_columns(array.names, units, first=number, array=array.name)
             arrays.append(replace(array, columns=columns))
             number += len(columns)
         return replace(self, arrays=tuple(arrays))
@@ -203,13 +203,11 @@ def as_array(
         return None
     count, channels = sizes[-1], math.prod(sizes[:-1])
     time = next(axis for axis in long_axes if shape[axis] == count)
-    index: list[Any] = [slice(None) if axis in long_axes else 0 for axis in range(len(shape))]
 
     def read(start: int, stop: int) -> FloatArray:
-        own = (*index[:time], slice(start, stop), *index[time + 1 :])
-        part = np.asarray(data[own if len(own) > 1 else own[0]], dtype=np.float64)
-        in_rows = time == long_axes[0]
-        return part.reshape(-1, channels).T if in_rows else part.reshape(channels, -1)
+        own = (*[slice(None)] * time, slice(start, stop))
+        part = np.asarray(data[own if time else own[0]], dtype=np.float64)
+        return np.moveaxis(part, time, -1).reshape(channels, -1)
 
     numbered = tuple(f"{name} {k}" if name else "" for k in range(1, channels + 1))
     return Array(
@@ -217,7 +215,7 @@ def as_array(
         names=(name,) if channels == 1 else numbered,
         count=count,
         read=read,
-        units=(unit,) * channels,
+        unit=unit,
         rate_hz=rate_hz,
     )
 
@@ -234,27 +232,24 @@ def hold(items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
     """
     arrays, facts, others = [], {}, [*left_out]
     for name, data in items.items():
+        beside = getattr(data, "attrs", {})
         single = data.dtype.kind in "fiu" and all(size == 1 for size in data.shape)
         if single:
             facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
-        elif array := as_array(name, data, **_told_beside(data)):
-            arrays.append(replace(array, names=_names_beside(data, array.names)))
+        elif array := as_array(name, data, unit=unit_in(beside)):
+            rate_hz, _ = _stated_rate(numbers_in(beside))
+            names = _names_in(beside, array.names)
+            arrays.append(replace(array, rate_hz=rate_hz, names=names))
         else:
             what = f" of shape {data.shape}" if data.dtype.kind in "fiubc" and data.shape else ""
             others.append(f"{name or 'numbers'}{what}")
     return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
 
 
-def _told_beside(data: Any) -> dict[str, Any]:
-    """Return unit and sampling rate of an array as its attributes tell, if it has any."""
-    attributes = getattr(data, "attrs", {})
-    return {"unit": unit_in(attributes), "rate_hz": _stated_rate(numbers_in(attributes))[0]}
-
-
-def _names_beside(data: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
+def _names_in(beside: Mapping[Any, Any], usual: tuple[str, ...]) -> tuple[str, ...]:
     """Return the names of channels that an attribute lists, if there is one for each."""
     for key in ("channel_names", "channels", "names"):
-        value = np.asarray(getattr(data, "attrs", {}).get(key, ()))
+        value = np.asarray(beside.get(key, ()))
         if value.shape == (len(usual),) and value.dtype.kind in "OSU":
             return tuple(map(plain_text, value.tolist()))
     return usual

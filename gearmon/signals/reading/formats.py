@@ -422,7 +422,7 @@ def _parquet_columns(file: Any) -> Holding:
             return np.asarray(whole(field.name)[None, start:stop])
 
         unit = "ns" if types.is_timestamp(field.type) else unit_in(field.metadata)
-        return Array(name=field.name, names=(field.name,), count=rows, read=read, units=(unit,))
+        return Array(name=field.name, names=(field.name,), count=rows, read=read, unit=unit)
 
     # the row labels of a data frame are no channel
     channels = [field for field in kept if not field.name.startswith("__index_level_")]

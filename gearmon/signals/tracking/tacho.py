@@ -40,16 +40,17 @@ _FEWEST_PULSES, _REPAIRABLE, _HOPELESS = 4, 0.02, 0.1
 _HYSTERESIS = 0.1
 # How far a nominal speed may be off, and the rate of pulses from a whole number of them a turn.
 _NOMINAL_OFF, _NOT_WHOLE = 0.03, 0.05
-# Intervals over the typical one below which a pulse is extra, and from which on some are missing.
-_SHORT, _LONG = 0.6, 1.5
+
+# Intervals over the typical one below which a pulse is extra, and from which on some are missing;
+# intervals on either side whose median tells what is typical.
+_SHORT, _LONG, _NEIGHBOURS = 0.6, 1.5, 7
 # How far off the cubic through its neighbours a pulse may be: smaller intervals beside it, and
 # robust deviations.
 _OFF, _DEVIATIONS = 0.08, 8.0
 # How far from its place a pulse may come, as a share of the smaller interval beside it, and how far
 # the shares of a turn may differ for pulses to be called even.
 _EARLY_OR_LATE, _EVEN = 0.35, 0.05
-# Intervals on either side whose median tells what is typical.
-_NEIGHBOURS = 7
+
 # Repairs one after the other, the last of which must find nothing.
 _ROUNDS = 8
 # Repairs within so many intervals, more than which are too many.
@@ -302,8 +303,7 @@ def _settled(walked: FloatArray, per_turn: int) -> tuple[FloatArray, int, int, F
 
 def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:
     """Where the two pulses before and the two after want each; the outermost the next three."""
-    number = np.arange(len(time_s))
-    angle = number // per_turn + learn_spacing(time_s, per_turn)[number % per_turn]
+    number, angle = np.arange(len(time_s)), _turns(time_s, per_turn)
     expected = time_s.copy()
     if len(time_s) < _FEWEST_JUDGED:
         return expected
@@ -344,8 +344,6 @@ def is_even(time_s: FloatArray, per_turn: int) -> bool:
     per_turn : int
         Pulses a turn.
     """
-    if per_turn < 2:
-        return True
     if len(time_s) < 3 * per_turn + 1:
         # too few turns to see intervals repeat
         ratio = np.diff(np.log(np.diff(time_s)))
@@ -387,17 +385,20 @@ def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
     return np.asarray(np.median(_curve_at(table[chosen], nodes, near), axis=0))
 
 
+def _turns(time_s: FloatArray, per_turn: int) -> FloatArray:
+    """Angles of the pulses [turns], as their spacing is learned."""
+    number = np.arange(len(time_s))
+    return number // per_turn + learn_spacing(time_s, per_turn)[number % per_turn]
+
+
 def _curve_at(
     x: FloatArray, nodes: Sequence[FloatArray], values: Sequence[FloatArray | float]
 ) -> FloatArray:
     """Return Lagrange's polynomial through the values at some nodes."""
     curve = np.zeros(x.shape)
     for own, value in zip(nodes, values, strict=True):
-        weight = np.ones(x.shape)
-        for other in nodes:
-            if other is not own:
-                weight *= (x - other) / (own - other)
-        curve += weight * value
+        others = [(x - other) / (own - other) for other in nodes if other is not own]
+        curve += math.prod(others, start=value)
     return curve
 
 
@@ -489,8 +490,7 @@ def track_from_pulses(
     if whole < 3:
         raise RecordingError(f"tacho channel: {whole} turns recorded, at least 3 are needed")
     _check_ends(time_s, count, duration_s)
-    number, spacing = np.arange(len(time_s)), learn_spacing(time_s, count)
-    turns = (number // count + spacing[number % count]) / shaft_order
+    turns = _turns(time_s, count) / shaft_order
     slope = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0]))
     # less jitter of an encoder, and fewer knots
     together = max(1, count // _KNOTS_PER_TURN)
