@@ -114,13 +114,9 @@ class AngleTrack:
         start_s, stop_s : float
             Of the part [s].
         """
-        ends = np.array([start_s, stop_s])
         inside = (self.time_s > start_s) & (self.time_s < stop_s)
-        time = np.concatenate([ends[:1], self.time_s[inside], ends[1:]])
-        first, last = self.turns_at(ends)
-        return replace(
-            self, time_s=time - start_s, turns=np.concatenate([[first], self.turns[inside], [last]])
-        )
+        time = np.concatenate([[start_s], self.time_s[inside], [stop_s]])
+        return replace(self, time_s=time - start_s, turns=self.turns_at(time))
 
     def moved(
         self, knots: FloatArray, turns_of: Callable[[FloatArray], FloatArray], uncertainty: float

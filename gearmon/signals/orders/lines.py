@@ -39,13 +39,7 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.resampling import AngleGrid, InAngle, Kernel
-from gearmon.signals.spectra import (
-    fast_length,
-    hann,
-    local_floor,
-    transform,
-    window_powers,
-)
+from gearmon.signals.spectra import fast_length, hann, local_floor, transform, window_powers
 from gearmon.signals.threads import side_by_side
 
 # What a line may add elsewhere where only the phase of strong ones is followed.

@@ -477,9 +477,8 @@ class InAngle:
         out = np.empty((len(self.samples), count))
         for start in range(0, count, _PIECE):
             number = first + np.arange(start, min(start + _PIECE, count))
-            time_s, slope = self.track.time_and_slope_at(
-                self.grid.first_turn + number / self.grid.per_turn
-            )
+            angle = self.grid.first_turn + number / self.grid.per_turn
+            time_s, slope = self.track.time_and_slope_at(angle)
             steps = self.grid.per_turn / (slope * self.sampling_rate_hz)
             out[:, start : start + _PIECE] = self._piece(time_s * self.sampling_rate_hz, steps)
         return out
@@ -501,9 +500,7 @@ class InAngle:
         weights *= (powers[:, :2] * [1.0, 2.0]) @ parabola[1:]
         index = (first - begin).astype(np.intp) + np.arange(taps)[:, None]
         end = begin + int(index[-1, -1]) + 1
-        near = (
-            _odd_stretch(channel, begin, end).take(index, mode="clip") for channel in self.samples
-        )
+        near = (_odd_stretch(own, begin, end).take(index, mode="clip") for own in self.samples)
         return np.array([np.einsum("kn,kn->n", own, weights) for own in near])
 
 

@@ -378,16 +378,14 @@ def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> FloatA
             f"{holding.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its samples "
             "in another file?"
         )
-    values, row = wanted.room(holding.path, (rows, total)), 0
-    for array in arrays:
-        end = row + len(array.names)
+    values, ends = wanted.room(holding.path, (rows, total)), [len(own.names) for own in arrays]
+    for array, own in zip(arrays, np.split(values, np.cumsum(ends)[:-1]), strict=True):
         for start in range(0, total, _BLOCK):
             stop = min(total, start + _BLOCK)
             part = array.read(start, stop)
             if part.shape[1] != stop - start:
                 raise ValueError("it is cut off: fewer samples than it announces")
-            values[row:end, start:stop] = part
-        row = end
+            own[:, start:stop] = part
     return values
 
 

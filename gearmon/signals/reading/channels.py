@@ -498,9 +498,7 @@ def _from_stamps(
     found, known = spacing(stamps), time_factor(column.unit)
     if found.fault:
         refuse(found.row, f"irregular: {found.fault}")
-    derived_hz = float(
-        f"{1.0 / (found.step * (known or 1.0)):.13g}"
-    )  # 1000, not 1000.0000000000001
+    derived_hz = float(f"{1.0 / (found.step * (known or 1.0)):.13g}")  # not 1000.0000000000001
     if given_hz is not None:
         if column.unit is None and found.step == 1.0:
             return given_hz, f"{column.label} counts samples; the given rate is used"

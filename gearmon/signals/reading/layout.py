@@ -379,9 +379,8 @@ def _cells(text: str, dialect: Dialect) -> list[str] | None:
 
 def _count_up(cells: Sequence[str]) -> bool:
     """Tell the numbers of channels: 0, 1, 2 ... or 1, 2 ..."""
-    return len(cells) > 1 and [*cells] in [
-        [str(start + k) for k in range(len(cells))] for start in (0, 1)
-    ]
+    known = [[str(start + k) for k in range(len(cells))] for start in (0, 1)]
+    return len(cells) > 1 and [*cells] in known
 
 
 def _damage(lines: Sequence[Line], dialect: Dialect) -> str:

@@ -154,9 +154,8 @@ class SpeedScan:
         self.scores = np.empty((count, len(ratio)))
         self.quality: NDArray[np.float32] = np.empty((len(self.kept), bins), dtype=np.float32)
         row_of = {number: row for row, number in enumerate(self.kept.tolist())}
-        picked = _picking(
-            nominal_hz * np.outer(ratio, comb.orders) / self.bin_hz, comb.weights, bins
-        )
+        places = nominal_hz / self.bin_hz * np.outer(ratio, comb.orders)
+        picked = _picking(places, comb.weights, bins)
 
         def scan_block(number: int) -> None:
             own = line_quality(blocks.part(number), blocks.length, bins)

@@ -300,9 +300,8 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
     # straight from block to block, and on with the slopes at the ends
     shift = make_interp_spline(lines.angle, error, k=min(1, len(error) - 1))
-    return track.moved(
-        lines.angle, lambda turns: turns + shift(turns), float(np.sqrt(quick + slow))
-    )
+    uncertainty = float(np.sqrt(quick + slow))
+    return track.moved(lines.angle, lambda turns: turns + shift(turns), uncertainty)
 
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
@@ -529,9 +528,8 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     if sound.any():
         weight = told.orders**2 / (scatter[clear] ** 2 + FLOOR_CYCLES**2)
         variance += _variance(told, phase[:, clear], weight, sound, time_s)
-    return SlipCheck(
-        time_s=time_s, coherence=coherence, uncertainty_turns=np.sqrt(variance), lost=lost
-    )
+    doubt = np.sqrt(variance)
+    return SlipCheck(time_s=time_s, coherence=coherence, uncertainty_turns=doubt, lost=lost)
 
 
 def mend_slips(
