@@ -16,14 +16,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import (
-    DataColumn,
-    Defect,
-    Table,
-    find_columns,
-    find_defect,
-    missing_rows,
-)
+from gearmon.signals.reading.columns import DataColumn, Defect, Table, find_columns, find_defect
 from gearmon.signals.threads import side_by_side
 from gearmon.units import acceleration_factor, plain_unit, time_factor
 
@@ -490,7 +483,7 @@ def _from_stamps(
         place = f"{table.path}, {table.locate(row, index)[0]}, {column.label}"
         raise RecordingError(f"{place}: the time is {what}; {_REMEDY}")
 
-    missing = missing_rows(stamps)
+    missing = np.flatnonzero(~np.isfinite(stamps))
     if len(missing):
         refuse(int(missing[0]), f"missing (in {len(missing)} of {len(stamps)} rows)")
     if len(stamps) < 2:
@@ -528,10 +521,10 @@ def _refuse_another_rate(
     table: Table, stamps: FloatArray, column: DataColumn, rate_hz: float
 ) -> None:
     """Refuse a further time column that tells another rate: the channels beside it have that."""
-    found = None if len(missing_rows(stamps)) else spacing(stamps)
-    if found is None or found.fault or not found.step:
+    if not np.isfinite(stamps).all():
         return
-    if not found.units(time_factor(column.unit), rate_hz):
+    found = spacing(stamps)
+    if found.step and not found.fault and not found.units(time_factor(column.unit), rate_hz):
         raise RecordingError(
             f"{table.path}, {column.label}: goes up by {found.step:.6g} {column.unit or ''} a row, "
             f"but another time column says {rate_hz:.7g} Hz; delete the one that is wrong, or give "

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearmon.arrays import FloatArray, IntArray
+from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError, nearest_name
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
@@ -268,13 +268,6 @@ def all_finite(values: FloatArray) -> bool:
     return not len(values) or bool(values.min() > -_MOST_SAMPLE and values.max() < _MOST_SAMPLE)
 
 
-def missing_rows(values: FloatArray) -> IntArray:
-    """Return the indices of values that are no numbers a sensor can give."""
-    if all_finite(values):
-        return np.zeros(0, dtype=np.int64)
-    return np.flatnonzero(~(np.abs(values) < _MOST_SAMPLE))
-
-
 def find_defect(values: FloatArray) -> Defect | None:
     """Return why a channel cannot be vibration, or None.
 
@@ -317,7 +310,7 @@ def find_defect(values: FloatArray) -> Defect | None:
 
 
 def _missing(values: FloatArray) -> Defect:
-    bad, count = missing_rows(values), len(values)
+    bad, count = np.flatnonzero(~(np.abs(values) < _MOST_SAMPLE)), len(values)
     if len(bad) == count:
         return Defect(text=f"has no numbers at all in {count} rows", row=-1, missing="no number")
     share = 100 * len(bad) / count
