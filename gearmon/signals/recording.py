@@ -16,7 +16,7 @@ from gearmon.errors import ArgumentError, RecordingError, check_range, check_wor
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import Wanted, interpret, read_file, read_memory
 from gearmon.signals.reading.channels import SensorLike
-from gearmon.signals.reading.columns import DataColumn, all_finite, find_columns
+from gearmon.signals.reading.columns import Column, all_finite, find_columns
 from gearmon.units import KNOWN_UNITS, is_unit
 
 #: Vibration is sampled no slower and no faster [Hz].
@@ -160,7 +160,7 @@ class Recording(Result):
             As `select`.
         """
         named = zip(self.columns, self.channel_names, strict=True)
-        known = [DataColumn(number=number, name=name) for number, name in named]
+        known = [Column(number=number, name=name) for number, name in named]
         return find_columns(self.origin, channel, known)[0]
 
     def vibration(self) -> Recording:

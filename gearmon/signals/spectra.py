@@ -247,11 +247,6 @@ class Spectrum:
     resolution_hz: float
 
 
-def hann(length: int) -> FloatArray:
-    """Return the periodic Hann window of `length` samples (mean 1/2); read-only."""
-    return window("hann", length)
-
-
 def amplitude_spectrum(
     samples: FloatArray,
     sampling_rate_hz: float,

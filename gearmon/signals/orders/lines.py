@@ -39,7 +39,7 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.resampling import AngleGrid, InAngle, Kernel
-from gearmon.signals.spectra import fast_length, hann, local_floor, transform, window_powers
+from gearmon.signals.spectra import fast_length, local_floor, transform, window, window_powers
 from gearmon.signals.threads import side_by_side
 
 # What a line may add elsewhere where only the phase of strong ones is followed.
@@ -260,12 +260,12 @@ class OrderBlocks:
         The mean of n noise powers follows a gamma law of shape n, whose median over its mean is
         about 1 - 1/(3 n) + 0.02/n^2; half overlapped Hann blocks are worth a twentieth less.
         """
-        window, length = hann(2 * self.steps), 4 * self.steps
+        weights, length = window("hann", 2 * self.steps), 4 * self.steps
         work = len(self.sampled) * length * len(self.signals.samples)
 
         def power(number: int) -> FloatArray:
             block = self.signals.steps(number * self.steps, 2 * self.steps)
-            return window_powers(block - block.mean(axis=-1, keepdims=True), window, length)
+            return window_powers(block - block.mean(axis=-1, keepdims=True), weights, length)
 
         powers = side_by_side(power, self.sampled, work)
         mean: FloatArray = sum(powers, np.zeros(1)) / len(powers)

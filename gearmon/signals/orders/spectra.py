@@ -26,15 +26,7 @@ from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, InAngle, resample_to_angle
-from gearmon.signals.spectra import (
-    fast_length,
-    hann,
-    local_floor,
-    noise_bandwidth,
-    transform,
-    window,
-    window_powers,
-)
+from gearmon.signals.spectra import fast_length, local_floor, transform, window, window_powers
 from gearmon.signals.threads import side_by_side
 
 # Bins of the running median that tells the noise under the lines.
@@ -253,7 +245,7 @@ def _of_pieces(
     if pieces < 1 or block < 8:
         raise ArgumentError(f"pieces={pieces}: each must hold 8 samples or more, got {block}")
     length = fast_length(2 * block)
-    weights = hann(block)
+    weights = window("hann", block)
     sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
 
     def power_of(piece: int) -> FloatArray:
@@ -451,6 +443,8 @@ def order_map(
         part = np.hstack([part, fresh])
         centred = part - part.mean(axis=-1, keepdims=True)
         powers[number] += window_powers(centred, weights, block)[:, :bins]
+    # squares of a line and of noise, weighted by the window, over one another: noise bandwidth
+    wide = float(block * (weights @ weights) / weights.sum() ** 2)
     powers *= (2.0 / weights.sum()) ** 2
     powers[..., 0] *= 0.25  # the line at zero has no mirror image
     return OrderMap(
@@ -464,7 +458,7 @@ def order_map(
         high=high[used],
         blocks=blocks,
         block_turns=block / grid.per_turn * ratio,
-        resolution=noise_bandwidth(window_name) * float(grid.per_turn / block / ratio),
+        resolution=wide * float(grid.per_turn / block / ratio),
     )
 
 

@@ -18,13 +18,7 @@ from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import (
-    DataColumn,
-    Table,
-    describe_columns,
-    find_columns,
-    shortened,
-)
+from gearmon.signals.reading.columns import Column, Table, describe_columns, find_columns, shortened
 
 Read = Callable[[int, int], FloatArray]
 
@@ -72,7 +66,7 @@ class Array:
         The sampling rate, if the file states one for this array.
     start_s : float
         When the first sample was taken, by the clock that the arrays of the file share.
-    columns : tuple of DataColumn
+    columns : tuple of Column
         Its channels, once those of all arrays are numbered.
     """
 
@@ -83,7 +77,7 @@ class Array:
     unit: str | None = None
     rate_hz: float | None = None
     start_s: float = 0.0
-    columns: tuple[DataColumn, ...] = ()
+    columns: tuple[Column, ...] = ()
 
     def __str__(self) -> str:
         """How messages list it: name, columns, samples."""

@@ -16,7 +16,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import DataColumn, Defect, Table, find_columns, find_defect
+from gearmon.signals.reading.columns import Column, Defect, Table, find_columns, find_defect
 from gearmon.signals.threads import side_by_side
 from gearmon.units import acceleration_factor, plain_unit, time_factor
 
@@ -150,7 +150,7 @@ def _one_line(note: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
-def _told(table: Table, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
+def _told(table: Table, wanted: Wanted) -> tuple[list[Column], list[str]]:
     """Let what the user says go before what the file says; note sensors that are not in it."""
     index = partial(find_columns, table.path, columns=table.columns)
     columns, absent = list(table.columns), []
@@ -178,12 +178,12 @@ def _told(table: Table, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
     return columns, absent
 
 
-def _tells_tacho(columns: Sequence[DataColumn]) -> bool:
+def _tells_tacho(columns: Sequence[Column]) -> bool:
     """Tell whether the user said which column is the tacho."""
     return any(column.told and column.kind == "tacho" for column in columns)
 
 
-def _confirmed(column: DataColumn, values: FloatArray, *, first: bool) -> tuple[str, str]:
+def _confirmed(column: Column, values: FloatArray, *, first: bool) -> tuple[str, str]:
     """Check by the numbers what a name only suggests: a counter, or a first column that is time.
 
     Returns
@@ -207,7 +207,7 @@ def _confirmed(column: DataColumn, values: FloatArray, *, first: bool) -> tuple[
     return "other", hint
 
 
-def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
+def _with_unit(path: str, column: Column, unit: str | None) -> Column:
     """Give a vibration channel the unit that the user says, where nothing else states another."""
     if unit is None or column.kind != "vibration":
         return column
@@ -219,7 +219,7 @@ def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
 
 
 def _usable(
-    table: Table, columns: Sequence[DataColumn], *, named_only: bool
+    table: Table, columns: Sequence[Column], *, named_only: bool
 ) -> tuple[list[int], list[str]]:
     """Return the columns to keep, and notes on those left out."""
     aside = ("time", "index", "vibration", "other") if named_only else ("time", "index")
@@ -246,9 +246,7 @@ def _usable(
     raise RecordingError(f"{table.path}: {why}")
 
 
-def _judged(
-    table: Table, index: int, column: DataColumn, defect: Defect | None
-) -> tuple[bool, str]:
+def _judged(table: Table, index: int, column: Column, defect: Defect | None) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
     vibrates, asked = column.kind == "vibration", column.told == "named"
     if defect is None or not (vibrates or defect.missing):
@@ -277,7 +275,7 @@ def _taken(values: FloatArray, kept: Sequence[int]) -> FloatArray:
     return np.ascontiguousarray(samples) if samples.nbytes <= _SMALL_BYTES else samples
 
 
-def _unit_and_scale(column: DataColumn) -> tuple[str | None, float]:
+def _unit_and_scale(column: Column) -> tuple[str | None, float]:
     """Return the physical unit of a channel, and what its numbers must be multiplied by."""
     factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
     unit = column.unit if factor is None else _ACCELERATION_UNIT
@@ -429,7 +427,7 @@ def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
 
 
 def _sampling_rate(
-    table: Table, columns: Sequence[DataColumn], given_hz: float | None, hint: str
+    table: Table, columns: Sequence[Column], given_hz: float | None, hint: str
 ) -> tuple[float, str]:
     """Return the sampling rate of a recording, and what was assumed; "" if nothing.
 
@@ -437,7 +435,7 @@ def _sampling_rate(
     ----------
     table : Table
         What stands in the file.
-    columns : sequence of DataColumn
+    columns : sequence of Column
         Its columns, as far as they are known by now.
     given_hz : float > 0 or None
         The sampling rate as the user knows it.
@@ -474,7 +472,7 @@ def _sampling_rate(
 
 
 def _from_stamps(
-    table: Table, index: int, column: DataColumn, given_hz: float | None, contradiction: str
+    table: Table, index: int, column: Column, given_hz: float | None, contradiction: str
 ) -> tuple[float, str]:
     """Return the rate that time stamps tell, or the given one that agrees, and what was assumed."""
     where, stamps = f"{table.path}, {column.label}", table.values[index]
@@ -517,9 +515,7 @@ def _from_stamps(
     return derived_hz, f"{column.label} has no unit: taken as seconds" if known is None else ""
 
 
-def _refuse_another_rate(
-    table: Table, stamps: FloatArray, column: DataColumn, rate_hz: float
-) -> None:
+def _refuse_another_rate(table: Table, stamps: FloatArray, column: Column, rate_hz: float) -> None:
     """Refuse a further time column that tells another rate: the channels beside it have that."""
     if not np.isfinite(stamps).all():
         return

@@ -52,7 +52,7 @@ LONGEST_QUOTE = 60  # characters of a file that a message shows
 
 
 @dataclass(frozen=True, kw_only=True)
-class DataColumn:
+class Column:
     """One column of a table.
 
     Parameters
@@ -102,7 +102,7 @@ class Table:
         The file, for messages.
     values : ndarray of float64, shape (columns, rows)
         The numbers; NaN where one is missing.
-    columns : tuple of DataColumn
+    columns : tuple of Column
         What the file says about them.
     rate_hz : float > 0 or None
         The sampling rate, if the file states one.
@@ -116,7 +116,7 @@ class Table:
 
     path: str
     values: FloatArray
-    columns: tuple[DataColumn, ...]
+    columns: tuple[Column, ...]
     rate_hz: float | None = None
     rate_hint: str = ""
     notes: tuple[str, ...] = ()
@@ -125,7 +125,7 @@ class Table:
 
 def describe_columns(
     cells: Sequence[str], units: Sequence[str] = (), *, first: int = 1, array: str | None = None
-) -> tuple[DataColumn, ...]:
+) -> tuple[Column, ...]:
     """Return the columns of a table, as far as their heads tell.
 
     Parameters
@@ -151,7 +151,7 @@ def describe_columns(
         own = unit or (text if text not in ("", "-", "--", "1") else None)
         kind = _kind_of(name, own, named=cell != "")
         name = name or f"{'column' if array is None else 'channel'} {number}"
-        found = DataColumn(number=number, name=name, cell=cell, unit=own, kind=kind)
+        found = Column(number=number, name=name, cell=cell, unit=own, kind=kind)
         columns.append(replace(found, array=array or ""))
     return tuple(columns)
 
@@ -193,7 +193,7 @@ def _kind_of(name: str, unit: str | None, *, named: bool) -> str:
     return "vibration" if moves else by_name
 
 
-def find_columns(origin: str, key: str | int, columns: Sequence[DataColumn]) -> list[int]:
+def find_columns(origin: str, key: str | int, columns: Sequence[Column]) -> list[int]:
     """Return the indices of the channels that are meant by a name or by a column number.
 
     It is one, but for the name of an array: that means all its channels.
@@ -205,7 +205,7 @@ def find_columns(origin: str, key: str | int, columns: Sequence[DataColumn]) -> 
     key : str or int
         A name, or the number of a column counted from 1. Digits are a number unless a channel has
         that name.
-    columns : sequence of DataColumn
+    columns : sequence of Column
         The channels.
 
     Raises

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import LONGEST_QUOTE, DataColumn, describe_columns, shortened
+from gearmon.signals.reading.columns import LONGEST_QUOTE, Column, describe_columns, shortened
 from gearmon.units import are_units
 
 # Lines that are looked at to find the dialect; the last ones, as those are rows most surely.
@@ -109,7 +109,7 @@ class Dialect:
     remark: str = ""
     rate_hint: str = ""
 
-    def described(self) -> tuple[DataColumn, ...]:
+    def described(self) -> tuple[Column, ...]:
         """Return the columns of the table, as far as the lines above the numbers tell."""
         return describe_columns(self.names or ("",) * self.columns, self.units)
 
