@@ -181,21 +181,22 @@ def _evidence(
     if not common.any():
         return MeshEvidence(decoys_above=len(decoys), decoys=len(decoys))
     strengths = strengths[:, common]
-    rivals = strengths[1:]
-    middle = np.nanmedian(rivals, axis=0)
-    spread = np.maximum(1.4826 * np.nanmedian(np.abs(rivals - middle), axis=0), 1e-12)
-    clear = (strengths[0] - middle) / spread >= _CLEAR
     # quadratic mean: a mesh that shows in half of its harmonics is there
     size = np.sqrt(np.nanmean(strengths**2, axis=1))
-    typical = float(np.median(size[1:]))
-    width = 1.4826 * float(np.median(np.abs(size[1:] - typical)))
     return MeshEvidence(
-        score=float((size[0] - typical) / max(width, 1e-12)),
+        score=float(_above(size[0], size[1:])),
         decoys_above=int(np.sum(size[1:] >= size[0])),
-        decoys=len(rivals),
-        clear=int(np.sum(clear)),
+        decoys=len(decoys),
+        clear=int(np.sum(_above(strengths[0], strengths[1:]) >= _CLEAR)),
         visible=int(np.sum(common)),
     )
+
+
+def _above(values: FloatArray, others: FloatArray) -> FloatArray:
+    """How far values lie above the middle of others, in robust standard deviations of these."""
+    middle = np.nanmedian(others, axis=0)
+    spread = 1.4826 * np.nanmedian(np.abs(others - middle), axis=0)
+    return np.asarray((values - middle) / np.maximum(spread, 1e-12))
 
 
 # of one machine the same for every recording
@@ -335,9 +336,7 @@ def sideband_spacing(
             orders = k * mesh.order + r * spacing * (1 + departures)
             if orders.min() > 0 and orders.max() < (len(quality) - 1) * step:
                 total += quality[np.rint(orders / step).astype(int)]
-    middle = float(np.median(total))
-    spread = 1.4826 * float(np.median(np.abs(total - middle)))
-    standard = (total - middle) / spread if spread > 0 else np.zeros(len(total))
+    standard = _above(total, total)
     expected = float(standard[np.abs(departures) <= near].max())
     for share in (other / (spacing * i) for other in others if broken for i in low):
         ratio = share * np.rint(1 / share)

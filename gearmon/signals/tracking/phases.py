@@ -173,7 +173,7 @@ def roughness(x: FloatArray, order: int) -> FloatArray:
 
     Parameters
     ----------
-    x : ndarray of float, shape (n,)
+    x : ndarray of float, shape (n,), n > order
         Ascending places; their mean step is the unit.
     order : int
         1 or 2.
@@ -183,8 +183,6 @@ def roughness(x: FloatArray, order: int) -> FloatArray:
     ndarray of float, shape (order + 1, n)
         As `scipy.linalg.solveh_banded` takes them.
     """
-    if len(x) <= order:
-        return np.zeros((order + 1, len(x)))
     step = np.diff(x) / np.mean(np.diff(x))
     if order == 1:
         rows, over = np.stack([-1 / step, 1 / step]), step
@@ -299,7 +297,7 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     drift = np.unwrap(np.angle(mean[:, clear]), axis=0) / (2 * np.pi * order[clear])
     slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
     # straight from block to block, and on with the slopes at the ends
-    shift = make_interp_spline(lines.angle, error, k=min(1, len(error) - 1))
+    shift = make_interp_spline(lines.angle, error, k=1)
     uncertainty = float(np.sqrt(quick + slow))
     return track.moved(lines.angle, lambda turns: turns + shift(turns), uncertainty)
 

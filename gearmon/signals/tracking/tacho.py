@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +26,7 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from gearmon.arrays import FloatArray, IntArray
-from gearmon.errors import ArgumentError, RecordingError, check_positive
+from gearmon.errors import RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.tracking.phases import FLOOR_CYCLES, lock_track, roughness
@@ -631,26 +632,21 @@ def join(sums: OrderSums, known: AngleTrack) -> tuple[AngleTrack, float]:
 
     a_turn = (len(turns) - 1) / float(turns[-1] - turns[0])
     course = _smoothed(turns, time_s, 2, _STIFF * a_turn**4)
-    if np.any(np.diff(course) <= 0):
-        return known, 0.0
-    try:
+    with suppress(ValueError):  # the shaft would turn back
         track = lock_track(sums, track_through(course, turns, float(known.time_s[-1])))
-    except ArgumentError:  # lines that would turn the shaft back
-        return known, 0.0
-    beside = turns - track.turns_at(time_s)
-    drift = np.full(len(beside), beside.mean())
-    beats = jitter < sample and _beats(rate * course, max(1, round(a_turn)))
-    if not beats or departure(beside - drift) > 1.0:
-        drift = _smoothed(turns, beside, 1)
-    moved = track.turns + np.interp(track.turns, turns - beside, drift)
-    if not np.isfinite(track.uncertainty_turns) or np.any(np.diff(moved) <= 0):
-        return known, 0.0
-    doubt = min(track.uncertainty_turns, jitter)
-    joined = replace(track, turns=moved, uncertainty_turns=doubt, indexed=known.indexed)
-    if _coherence(sums, joined) <= _coherence(sums, known):
-        return known, 0.0
-    beyond = departure(turns - joined.turns_at(time_s))
-    return (joined if beyond <= 1.0 else known), beyond
+        beside = turns - track.turns_at(time_s)
+        drift = np.full(len(beside), beside.mean())
+        beats = jitter < sample and _beats(rate * course, max(1, round(a_turn)))
+        if not beats or departure(beside - drift) > 1.0:
+            drift = _smoothed(turns, beside, 1)
+        moved = track.turns + np.interp(track.turns, turns - beside, drift)
+        doubt = min(track.uncertainty_turns, jitter)
+        joined = replace(track, turns=moved, uncertainty_turns=doubt, indexed=known.indexed)
+        clear = np.isfinite(track.uncertainty_turns)
+        if clear and _coherence(sums, joined) > _coherence(sums, known):
+            beyond = departure(turns - joined.turns_at(time_s))
+            return (joined if beyond <= 1.0 else known), beyond
+    return known, 0.0
 
 
 def _beats(place: FloatArray, lag: int) -> bool:
