@@ -99,6 +99,54 @@ class Array:
         late = abs(self.start_s - other.start_s) * rate >= _HALF_SAMPLE
         return "do not start at the same time" if late else ""
 
+    @classmethod
+    def of(
+        cls, name: str, data: Any, *, unit: str | None = None, rate_hz: float | None = None
+    ) -> Array | None:
+        """Return numbers of shape (n,), (n, 1), (1, n), (channels, n) or (n, channels) as signals.
+
+        The longer axis is time.
+
+        Parameters
+        ----------
+        name : str
+            The name in the file.
+        data : array-like with `shape` or length, `dtype` and slicing
+            The numbers; they are read only when samples are asked for.
+        unit : str, optional
+            Their unit.
+        rate_hz : float > 0, optional
+            Their sampling rate.
+
+        Returns
+        -------
+        Array or None
+            None if it can be no signal: no real numbers, one number only, other shapes.
+        """
+        shape = data.shape if hasattr(data, "shape") else (len(data),)
+        long_axes = [axis for axis, size in enumerate(shape) if size != 1]
+        sizes = sorted(int(shape[axis]) for axis in long_axes)
+        told_apart = len(sizes) in (1, 2) and len({0, *sizes}) > len(sizes)
+        if data.dtype.kind not in "fiub" or not told_apart:
+            return None
+        count, channels = sizes[-1], math.prod(sizes[:-1])
+        time = next(axis for axis in long_axes if shape[axis] == count)
+
+        def read(start: int, stop: int) -> FloatArray:
+            own = (*[slice(None)] * time, slice(start, stop))
+            part = np.asarray(data[own if time else own[0]], dtype=np.float64)
+            return np.moveaxis(part, time, -1).reshape(channels, -1)
+
+        numbered = tuple(f"{name} {k}" if name else "" for k in range(1, channels + 1))
+        return cls(
+            name=name,
+            names=(name,) if channels == 1 else numbered,
+            count=count,
+            read=read,
+            unit=unit,
+            rate_hz=rate_hz,
+        )
+
 
 @dataclass(frozen=True, kw_only=True)
 class Holding:
@@ -141,6 +189,133 @@ class Holding:
             number += len(columns)
         return replace(self, arrays=tuple(arrays))
 
+    @classmethod
+    def of(cls, items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
+        """Return named arrays and single numbers as what a file holds.
+
+        Parameters
+        ----------
+        items : mapping of str to array-like
+            Arrays and single numbers by name.
+        left_out : sequence of str
+            What else is in the file.
+        """
+        arrays, facts, others = [], {}, [*left_out]
+        for name, data in items.items():
+            kind, beside = data.dtype.kind, getattr(data, "attrs", {})
+            if kind in "fiu" and all(size == 1 for size in data.shape):
+                facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
+            elif array := Array.of(name, data, unit=unit_in(beside)):
+                rate_hz, _ = _stated_rate(numbers_in(beside))
+                names = _names_in(beside, array.names)
+                arrays.append(replace(array, rate_hz=rate_hz, names=names))
+            else:
+                what = f" of shape {data.shape}" if kind in "fiubc" and data.shape else ""
+                others.append(f"{name or 'numbers'}{what}")
+        return cls(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
+
+    def table(self, wanted: Wanted) -> Table:
+        """Return the columns that make up the recording.
+
+        A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it.
+        Without any, the file must leave no choice: one array that may be vibration, or, in formats
+        whose channels belong together, all of one length and rate. Arrays that are called like a
+        time, a tacho, a speed or a torque and have the same length come along.
+
+        Parameters
+        ----------
+        wanted : Wanted
+            What the user says.
+
+        Raises
+        ------
+        RecordingError
+            If there is no signal, several may be meant, or those named do not fit together.
+        """
+        if not self.arrays:
+            others = ", ".join(map(shortened, self.left_out[:_LISTED]))
+            raise RecordingError(
+                f"{self.path}: {self.what} without a signal in it"
+                f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed, "
+                "with more samples than channels"
+            )
+        holding = self.numbered()
+        named = holding._named(wanted)
+        chosen = named or [own for own in holding.arrays if own.has("vibration")] or holding.arrays
+        first = chosen[0]
+        for other in chosen[1:]:
+            what = first.differs(other)
+            why = what and f"'{shortened(first.name)}' and '{shortened(other.name)}' {what}"
+            if not (named or holding.together):
+                why = f"holds {len(chosen)} arrays that may be the recording"
+            if why:
+                raise RecordingError(
+                    f"{holding.path}: {why}; name with --channel what belongs together: "
+                    f"{_listed(chosen)}"
+                )
+        taken = [own for own in holding.arrays if own in chosen or holding._accompanies(own, first)]
+        return holding._table(taken, holding._filled(taken, wanted))
+
+    def _named(self, wanted: Wanted) -> list[Array]:
+        """Return the arrays that hold what the user named; the tacho alone names no vibration."""
+        columns = [column for array in self.arrays for column in array.columns]
+
+        def numbers(*keys: str | int) -> set[int]:
+            places = (k for key in keys for k in find_columns(self.path, key, columns))
+            return {columns[k].number for k in places}
+
+        found = numbers(*wanted.channels)
+        tacho = set() if wanted.tacho is None else numbers(wanted.tacho)
+        for sensor in () if found else wanted.sensors:
+            with suppress(RecordingError):  # a sensor of the machine need not be in every recording
+                found |= numbers(sensor.column)
+        found |= tacho if found else set()
+        return [one for one in self.arrays if found & {column.number for column in one.columns}]
+
+    def _accompanies(self, one: Array, chosen: Array) -> bool:
+        """Tell whether an array goes with the chosen one: by its name no vibration, and as long."""
+        if one.has("vibration") or one.has("index") or one.count != chosen.count:
+            return False
+        return not self.together or not chosen.differs(one)
+
+    def _filled(self, arrays: Sequence[Array], wanted: Wanted) -> FloatArray:
+        """Read arrays of one length into one, block by block."""
+        rows, total = sum(len(array.names) for array in arrays), arrays[0].count
+        if 8 * total * rows > most_unpacked(self.size):
+            raise RecordingError(
+                f"{self.path}: announces {total} samples of {rows} channels in "
+                f"{self.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its "
+                "samples in another file?"
+            )
+        values, ends = wanted.room(self.path, (rows, total)), [len(own.names) for own in arrays]
+        for array, own in zip(arrays, np.split(values, np.cumsum(ends)[:-1]), strict=True):
+            for start in range(0, total, _BLOCK):
+                stop = min(total, start + _BLOCK)
+                part = array.read(start, stop)
+                if part.shape[1] != stop - start:
+                    raise ValueError("it is cut off: fewer samples than it announces")
+                own[:, start:stop] = part
+        return values
+
+    def _table(self, taken: Sequence[Array], values: FloatArray) -> Table:
+        rate, remark = _stated_rate(self.facts)
+        own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
+        notes = [*self.notes, remark if rate is not None and own is None else ""]
+        speeds = (name for name in self.facts if _plain(name).endswith("rpm"))
+        notes += [f"the file states {shortened(name)} = {self.facts[name]:g}" for name in speeds]
+        if self.together:
+            notes += [f"{shortened(own)} holds no numbers: left out" for own in self.left_out]
+        elif len(taken) < len(self.arrays):
+            notes.append(f"taken from the file: {_listed(taken)}")
+        return Table(
+            path=self.path,
+            values=values,
+            columns=tuple(column for one in taken for column in one.columns),
+            rate_hz=rate if own is None else own,
+            rate_hint=remark,
+            notes=tuple(notes),
+        )
+
 
 def plain_text(value: Any) -> str:
     """Return a text without blanks around it; "" for what is none or says NONE."""
@@ -164,80 +339,6 @@ def numbers_in(metadata: Mapping[Any, Any] | None, prefix: str = "") -> dict[str
             if single.size == 1:
                 found[f"{prefix}{plain_text(key)}"] = float(single[0])
     return found
-
-
-def as_array(
-    name: str, data: Any, *, unit: str | None = None, rate_hz: float | None = None
-) -> Array | None:
-    """Return numbers of shape (n,), (n, 1), (1, n), (channels, n) or (n, channels) as signals.
-
-    The longer axis is time.
-
-    Parameters
-    ----------
-    name : str
-        The name in the file.
-    data : array-like with `shape` or length, `dtype` and slicing
-        The numbers; they are read only when samples are asked for.
-    unit : str, optional
-        Their unit.
-    rate_hz : float > 0, optional
-        Their sampling rate.
-
-    Returns
-    -------
-    Array or None
-        None if it can be no signal: no real numbers, one number only, other shapes.
-    """
-    shape = data.shape if hasattr(data, "shape") else (len(data),)
-    long_axes = [axis for axis, size in enumerate(shape) if size != 1]
-    sizes = sorted(int(shape[axis]) for axis in long_axes)
-    told_apart = len(sizes) in (1, 2) and len({0, *sizes}) > len(sizes)
-    if data.dtype.kind not in "fiub" or not told_apart:
-        return None
-    count, channels = sizes[-1], math.prod(sizes[:-1])
-    time = next(axis for axis in long_axes if shape[axis] == count)
-
-    def read(start: int, stop: int) -> FloatArray:
-        own = (*[slice(None)] * time, slice(start, stop))
-        part = np.asarray(data[own if time else own[0]], dtype=np.float64)
-        return np.moveaxis(part, time, -1).reshape(channels, -1)
-
-    numbered = tuple(f"{name} {k}" if name else "" for k in range(1, channels + 1))
-    return Array(
-        name=name,
-        names=(name,) if channels == 1 else numbered,
-        count=count,
-        read=read,
-        unit=unit,
-        rate_hz=rate_hz,
-    )
-
-
-def hold(items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
-    """Return named arrays and single numbers as what a file holds.
-
-    Parameters
-    ----------
-    items : mapping of str to array-like
-        Arrays and single numbers by name.
-    left_out : sequence of str
-        What else is in the file.
-    """
-    arrays, facts, others = [], {}, [*left_out]
-    for name, data in items.items():
-        beside = getattr(data, "attrs", {})
-        single = data.dtype.kind in "fiu" and all(size == 1 for size in data.shape)
-        if single:
-            facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
-        elif array := as_array(name, data, unit=unit_in(beside)):
-            rate_hz, _ = _stated_rate(numbers_in(beside))
-            names = _names_in(beside, array.names)
-            arrays.append(replace(array, rate_hz=rate_hz, names=names))
-        else:
-            what = f" of shape {data.shape}" if data.dtype.kind in "fiubc" and data.shape else ""
-            others.append(f"{name or 'numbers'}{what}")
-    return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
 
 
 def _names_in(beside: Mapping[Any, Any], usual: tuple[str, ...]) -> tuple[str, ...]:
@@ -290,117 +391,8 @@ def _plain(name: str) -> str:
     return "".join(character for character in last if character.isalnum()).removesuffix("hz")
 
 
-def choose(holding: Holding, wanted: Wanted) -> Table:
-    """Return the columns that make up the recording.
-
-    A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it. Without
-    any, the file must leave no choice: one array that may be vibration, or, in formats whose
-    channels belong together, all of one length and rate. Arrays that are called like a time, a
-    tacho, a speed or a torque and have the same length come along.
-
-    Parameters
-    ----------
-    holding : Holding
-        What the file holds.
-    wanted : Wanted
-        What the user says.
-
-    Raises
-    ------
-    RecordingError
-        If there is no signal, several may be meant, or those named do not fit together.
-    """
-    if not holding.arrays:
-        others = ", ".join(map(shortened, holding.left_out[:_LISTED]))
-        raise RecordingError(
-            f"{holding.path}: {holding.what} without a signal in it"
-            f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed, "
-            "with more samples than channels"
-        )
-    holding = holding.numbered()
-    named = _named(holding, wanted)
-    chosen = named or [own for own in holding.arrays if own.has("vibration")] or holding.arrays
-    first = chosen[0]
-    for other in chosen[1:]:
-        what = first.differs(other)
-        why = what and f"'{shortened(first.name)}' and '{shortened(other.name)}' {what}"
-        if not (named or holding.together):
-            why = f"holds {len(chosen)} arrays that may be the recording"
-        if why:
-            raise RecordingError(
-                f"{holding.path}: {why}; name with --channel what belongs together: "
-                f"{_listed(chosen)}"
-            )
-    taken = [own for own in holding.arrays if own in chosen or _accompanies(own, first, holding)]
-    return _table(holding, taken, _filled(holding, taken, wanted))
-
-
-def _named(holding: Holding, wanted: Wanted) -> list[Array]:
-    """Return the arrays that hold what the user named; the tacho alone names no vibration."""
-    columns = [column for array in holding.arrays for column in array.columns]
-
-    def numbers(*keys: str | int) -> set[int]:
-        places = (k for key in keys for k in find_columns(holding.path, key, columns))
-        return {columns[k].number for k in places}
-
-    found = numbers(*wanted.channels)
-    tacho = set() if wanted.tacho is None else numbers(wanted.tacho)
-    for sensor in () if found else wanted.sensors:
-        with suppress(RecordingError):  # a sensor of the machine need not be in every recording
-            found |= numbers(sensor.column)
-    found |= tacho if found else set()
-    return [one for one in holding.arrays if found & {column.number for column in one.columns}]
-
-
-def _accompanies(one: Array, chosen: Array, holding: Holding) -> bool:
-    """Tell whether an array goes with the chosen one: by its name no vibration, and as long."""
-    if one.has("vibration") or one.has("index") or one.count != chosen.count:
-        return False
-    return not holding.together or not chosen.differs(one)
-
-
 def _listed(arrays: Sequence[Array]) -> str:
     return ", ".join(map(str, arrays[:_LISTED])) + (", ..." if len(arrays) > _LISTED else "")
-
-
-def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> FloatArray:
-    """Read arrays of one length into one, block by block."""
-    rows, total = sum(len(array.names) for array in arrays), arrays[0].count
-    if 8 * total * rows > most_unpacked(holding.size):
-        raise RecordingError(
-            f"{holding.path}: announces {total} samples of {rows} channels in "
-            f"{holding.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its samples "
-            "in another file?"
-        )
-    values, ends = wanted.room(holding.path, (rows, total)), [len(own.names) for own in arrays]
-    for array, own in zip(arrays, np.split(values, np.cumsum(ends)[:-1]), strict=True):
-        for start in range(0, total, _BLOCK):
-            stop = min(total, start + _BLOCK)
-            part = array.read(start, stop)
-            if part.shape[1] != stop - start:
-                raise ValueError("it is cut off: fewer samples than it announces")
-            own[:, start:stop] = part
-    return values
-
-
-def _table(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Table:
-    rate, remark = _stated_rate(holding.facts)
-    own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
-    notes = [*holding.notes, remark if rate is not None and own is None else ""]
-    speeds = (name for name in holding.facts if _plain(name).endswith("rpm"))
-    notes += [f"the file states {shortened(name)} = {holding.facts[name]:g}" for name in speeds]
-    if holding.together:
-        notes += [f"{shortened(own)} holds no numbers: left out" for own in holding.left_out]
-    elif len(taken) < len(holding.arrays):
-        notes.append(f"taken from the file: {_listed(taken)}")
-    return Table(
-        path=holding.path,
-        values=values,
-        columns=tuple(column for one in taken for column in one.columns),
-        rate_hz=rate if own is None else own,
-        rate_hint=remark,
-        notes=tuple(notes),
-    )
 
 
 def read_memory(data: Any, wanted: Wanted) -> Table:
@@ -425,12 +417,12 @@ def read_memory(data: Any, wanted: Wanted) -> Table:
     if hasattr(data, "to_frame") and hasattr(data, "index"):
         data = data.to_frame("" if data.name is None else data.name)  # a series is one column
     if hasattr(data, "columns") and hasattr(data, "iloc"):
-        return choose(_of_frame(data), wanted)
+        return _of_frame(data).table(wanted)
     if not hasattr(data, "__array__"):
         raise ArgumentError(f"recording: {type(data).__name__} is no recording; {_ACCEPTED}")
     values = np.asarray(data)
     what = f"an array of shape {values.shape} and type {values.dtype}"
-    return choose(replace(hold({"": values}), path="array", what=what), wanted)
+    return replace(Holding.of({"": values}), path="array", what=what).table(wanted)
 
 
 def _of_frame(frame: Any) -> Holding:

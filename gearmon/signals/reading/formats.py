@@ -1,7 +1,7 @@
 """Kinds of files: told by their first bytes, never by their names; one table of all at the end.
 
 A loader gives a `Holding` while its file is open: arrays that may be signals, read in blocks, and
-the facts beside them. `arrays.choose` picks the arrays that are the recording. WAV, NumPy's files
+the facts beside them. its `table` picks the arrays that are the recording. WAV, NumPy's files
 (npy, npz) and MATLAB's up to version 7 need no further library; HDF5 (MATLAB 7.3 among them),
 Parquet, TDMS (LabVIEW), UFF 58 and FLAC one each, an extra of gearmon.
 
@@ -41,17 +41,7 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.errors import GearmonError, RecordingError
 from gearmon.files import archive_swells, most_unpacked
-from gearmon.signals.reading.arrays import (
-    Array,
-    Holding,
-    as_array,
-    choose,
-    floats,
-    hold,
-    numbers_in,
-    plain_text,
-    unit_in,
-)
+from gearmon.signals.reading.arrays import Array, Holding, floats, numbers_in, plain_text, unit_in
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Table, shortened
 from gearmon.signals.reading.text import Source, open_source, read_table
@@ -170,7 +160,7 @@ def _read_arrays(source: Source, found: Format, wanted: Wanted) -> Table:
         with warnings.catch_warnings(), contextmanager(found.loader)(source.path) as loaded:
             warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
             holding = replace(loaded, path=source.path, what=found.what, size=size)
-            return choose(holding, wanted)
+            return holding.table(wanted)
     except GearmonError:
         raise
     # what a library raises about a damaged file is anything but documented
@@ -266,7 +256,7 @@ def _read_mat(path: str) -> Iterator[Holding]:
             left = [(f"{name}.{key}", value) for key, value in own.items()] + left
         else:
             items[name] = np.asarray(own)
-    yield hold(items)
+    yield Holding.of(items)
 
 
 def _read_npy(path: str) -> Iterator[Holding]:
@@ -282,7 +272,7 @@ def _read_npy(path: str) -> Iterator[Holding]:
         raise ValueError("bytes behind its numbers")
     # the fields of records are channels
     items = {name: stored[name] for name in stored.dtype.names or ()} or {"": stored}
-    yield replace(hold(items), together=True)
+    yield replace(Holding.of(items), together=True)
 
 
 def _read_npz(path: str) -> Iterator[Holding]:
@@ -303,7 +293,7 @@ def _read_npz(path: str) -> Iterator[Holding]:
                 items[name] = archive[name]
             except ValueError:  # an array of Python objects
                 others.append(name)
-    yield hold(items, others)
+    yield Holding.of(items, others)
 
 
 def _try_out(path: str, task: Callable[[], object]) -> None:
@@ -373,7 +363,7 @@ def _hdf5_arrays(file: Any) -> Holding:
             if item.chunks and item.id.get_num_chunks():
                 # their index may be damaged; what they hold is unpacked by zlib
                 item.id.get_chunk_info(item.id.get_num_chunks() - 1)
-    held = hold(items, others)
+    held = Holding.of(items, others)
     return replace(held, facts=facts | dict(held.facts))
 
 
@@ -500,7 +490,7 @@ def _tdms_array(name: str, channel: Any) -> Array | None:
     begin = channel.properties.get("wf_start_time", None)
     start = 0.0 if begin is None else float(np.datetime64(begin, "us").astype(np.int64)) * 1e-6
     unit = unit_in(channel.properties)
-    found = as_array(name, channel, unit=unit, rate_hz=rate_hz)
+    found = Array.of(name, channel, unit=unit, rate_hz=rate_hz)
     return found and replace(found, start_s=start + told.get("wf_start_offset", 0.0))
 
 
@@ -545,7 +535,7 @@ def _function(number: int, one: dict[str, Any], taken: Sequence[Array]) -> Array
         raise ValueError(f"function {number} is not evenly spaced, or by {step:g} s")
     name, unit = _place(number, one, taken), plain_text(one["ordinate_axis_units_lab"]) or None
     # single precision spacing: seven digits are told, no more
-    return as_array(name, samples, unit=unit, rate_hz=float(f"{1.0 / step:.13g}"))
+    return Array.of(name, samples, unit=unit, rate_hz=float(f"{1.0 / step:.13g}"))
 
 
 def _place(number: int, one: dict[str, Any], taken: Sequence[Array]) -> str:
