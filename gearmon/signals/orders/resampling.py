@@ -184,9 +184,7 @@ class AngleGrid:
     count: int
 
     @classmethod
-    def of(
-        cls, samples: int, sampling_rate_hz: float, track: AngleTrack, top_order: float
-    ) -> AngleGrid:
+    def of(cls, samples: int, rate: float, track: AngleTrack, top_order: float) -> AngleGrid:
         """Return the grid of a recording of `samples` samples, with room for `top_order`.
 
         Raises
@@ -194,11 +192,11 @@ class AngleGrid:
         ArgumentError
             If the recording is shorter than 64 steps of angle.
         """
-        last_s = (samples - 1) / sampling_rate_hz
+        last_s = (samples - 1) / rate
         first, last = (float(v) for v in track.turns_at(np.array([0.0, last_s])))
         slowest = float(track.speed_hz.min())
         # a step of angle may nowhere last longer than a step of time: nothing then aliases
-        per_turn = int(np.ceil(max(2.2 * top_order, sampling_rate_hz / slowest)))
+        per_turn = int(np.ceil(max(2.2 * top_order, rate / slowest)))
         count = int((last - first) * per_turn)
         if count < 64:
             raise ArgumentError(

@@ -120,9 +120,9 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
         kind, hint = _confirmed(column, values, first=index == 0 and not timed)
         columns[index] = _with_unit(table.path, replace(column, kind=kind), wanted.unit)
         hints += [hint] if hint else []
-    given_hz = wanted.sampling_rate_hz
-    rate_hz, rate_note = _sampling_rate(table, columns, given_hz, "; ".join(hints))
-    kept, left_out = _usable(table, columns, named_only=bool(wanted.channels))
+    table = replace(table, columns=tuple(columns))
+    rate_hz, rate_note = _sampling_rate(table, wanted.sampling_rate_hz, "; ".join(hints))
+    kept, left_out = _usable(table, named_only=bool(wanted.channels))
     samples, taken = _taken(table.values, kept), [columns[index] for index in kept]
     scaled = [_unit_and_scale(column) for column in taken]
     for row, (_, scale) in enumerate(scaled):
@@ -218,10 +218,9 @@ def _with_unit(path: str, column: Column, unit: str | None) -> Column:
     return replace(column, unit=unit)
 
 
-def _usable(
-    table: Table, columns: Sequence[Column], *, named_only: bool
-) -> tuple[list[int], list[str]]:
+def _usable(table: Table, *, named_only: bool) -> tuple[list[int], list[str]]:
     """Return the columns to keep, and notes on those left out."""
+    columns = table.columns
     aside = ("time", "index", "vibration", "other") if named_only else ("time", "index")
     looked_at = [
         index
@@ -334,8 +333,7 @@ def spacing(stamps: FloatArray) -> Spacing:
     'a step of 0.002 where 0.001 is usual: about 1 sample is missing'
     """
     step = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
-    steps = np.diff(stamps)
-    usual, exact = _usual_step(steps, float(np.abs(stamps[[0, -1]]).max()))
+    usual, exact = _usual_step(stamps)
     resolution = _resolution(stamps)
     if exact and resolution > _DOUBTFUL * step:
         resolution = 0.0  # a step such as 0.001 with three decimals: nothing was rounded
@@ -343,7 +341,7 @@ def spacing(stamps: FloatArray) -> Spacing:
     # coarse stamps may repeat, if not all do; of others that mostly do not rise none may
     least = 0.0 if coarse and step > 0 else np.finfo(float).tiny
     tolerance = np.inf if coarse or usual <= 0 else resolution + _JITTER * usual
-    fault, row = _fault(stamps, steps, usual, max(usual - tolerance, least), usual + tolerance)
+    fault, row = _fault(stamps, usual, max(usual - tolerance, least), usual + tolerance)
     slope, off = _straight_line(stamps)
     drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * len(stamps)
     rounded = resolution if coarse else 0.5 * resolution
@@ -367,10 +365,9 @@ def even_step(values: FloatArray) -> float:
     return 0.0 if found.fault or found.coarse else found.step
 
 
-def _fault(
-    stamps: FloatArray, steps: FloatArray, usual: float, least: float, most: float
-) -> tuple[str, int]:
+def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple[str, int]:
     """Say which step is the first that is not as usual, and in which row it ends."""
+    steps = np.diff(stamps)
     wrong = steps < 0  # tells more than what it does to others
     if not wrong.any():
         wrong = (steps < least) | (steps > most)
@@ -389,11 +386,11 @@ def _fault(
     return text, row
 
 
-def _usual_step(steps: FloatArray, largest: float) -> tuple[float, bool]:
+def _usual_step(stamps: FloatArray) -> tuple[float, bool]:
     """Return the median step, and whether nearly all steps are equal to it (nothing rounded)."""
-    some = np.concatenate([steps[:_MANY], steps[_MANY:][-_MANY:]])
+    some = np.append(np.diff(stamps[: 2 * _MANY]), np.diff(stamps[2 * _MANY :][-_MANY:]))
     usual = float(np.median(some))
-    slack = 1e-6 * abs(usual) + 4 * np.spacing(largest)
+    slack = 1e-6 * abs(usual) + 4 * np.spacing(np.abs(stamps[[0, -1]]).max())
     others = int(np.count_nonzero(np.abs(some - usual) > slack))
     return usual, others <= max(1, 0.01 * len(some))
 
@@ -426,17 +423,13 @@ def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
     return slope, beside
 
 
-def _sampling_rate(
-    table: Table, columns: Sequence[Column], given_hz: float | None, hint: str
-) -> tuple[float, str]:
+def _sampling_rate(table: Table, given_hz: float | None, hint: str) -> tuple[float, str]:
     """Return the sampling rate of a recording, and what was assumed; "" if nothing.
 
     Parameters
     ----------
     table : Table
         What stands in the file.
-    columns : sequence of Column
-        Its columns, as far as they are known by now.
     given_hz : float > 0 or None
         The sampling rate as the user knows it.
     hint : str
@@ -456,10 +449,10 @@ def _sampling_rate(
         )
     # some formats round the rate; the user may know it better
     rate_hz, note = given_hz or stated, ""
-    times = [index for index, column in enumerate(columns) if column.kind == "time"]
+    times = [index for index, column in enumerate(table.columns) if column.kind == "time"]
     if times:
         told = "{:.7g} Hz was given" if given_hz else "the file says {:.7g} Hz as well"
-        rate_hz, note = _from_stamps(table, times[0], columns[times[0]], rate_hz, told)
+        rate_hz, note = _from_stamps(table, times[0], rate_hz, told)
     if rate_hz is None:
         told = hint or table.rate_hint
         raise RecordingError(
@@ -467,15 +460,16 @@ def _sampling_rate(
             f"--sampling-rate HZ{f' ({told})' if told else ''}"
         )
     for index in times[1:] if given_hz is None else ():
-        _refuse_another_rate(table, table.values[index], columns[index], rate_hz)
+        _refuse_another_rate(table, index, rate_hz)
     return rate_hz, note
 
 
 def _from_stamps(
-    table: Table, index: int, column: Column, given_hz: float | None, contradiction: str
+    table: Table, index: int, given_hz: float | None, contradiction: str
 ) -> tuple[float, str]:
     """Return the rate that time stamps tell, or the given one that agrees, and what was assumed."""
-    where, stamps = f"{table.path}, {column.label}", table.values[index]
+    column, stamps = table.columns[index], table.values[index]
+    where = f"{table.path}, {column.label}"
 
     def refuse(row: int, what: str) -> NoReturn:
         place = f"{table.path}, {table.locate(row, index)[0]}, {column.label}"
@@ -515,8 +509,9 @@ def _from_stamps(
     return derived_hz, f"{column.label} has no unit: taken as seconds" if known is None else ""
 
 
-def _refuse_another_rate(table: Table, stamps: FloatArray, column: Column, rate_hz: float) -> None:
+def _refuse_another_rate(table: Table, index: int, rate_hz: float) -> None:
     """Refuse a further time column that tells another rate: the channels beside it have that."""
+    column, stamps = table.columns[index], table.values[index]
     if not np.isfinite(stamps).all():
         return
     found = spacing(stamps)

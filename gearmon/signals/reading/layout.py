@@ -231,7 +231,7 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect:
         )
     rows = [line for line in sample if dialect.fitting(line) is not None]
     first, above = _first_row(path, lines, dialect)
-    dialect = _clear_decimals(path, dialect, rows, above)
+    dialect = _decided(path, dialect, rows, above)
     dialect = _widened(dialect, rows, above)
     dialect = replace(dialect, first_line=first, rate_hint=_rate_hint(above))
     dialect = _with_names(path, dialect, above)
@@ -344,9 +344,7 @@ def _widened(dialect: Dialect, rows: Sequence[str], above: Sequence[Line]) -> Di
     return replace(dialect, columns=named, trailing=length > named)
 
 
-def _clear_decimals(
-    path: str, dialect: Dialect, rows: Sequence[str], above: Sequence[Line]
-) -> Dialect:
+def _decided(path: str, dialect: Dialect, rows: Sequence[str], above: Sequence[Line]) -> Dialect:
     """Tell ``1,5`` as one number with a decimal comma from two whole numbers, or raise."""
     if (dialect.separator, dialect.decimal, dialect.columns) != (",", ".", 2):
         return dialect

@@ -326,9 +326,7 @@ def _parsed(text: bytes, dialect: Dialect) -> FloatArray | None:
     return values if values.shape == (_count_of(text, "\n"), dialect.columns) else None
 
 
-def read_rows(
-    path: str, block: Block, dialect: Dialect, empty_line: int = 0
-) -> tuple[FloatArray, int]:
+def read_rows(path: str, block: Block, dialect: Dialect, empty: int = 0) -> tuple[FloatArray, int]:
     """Return the rows of a block, read line by line.
 
     Parameters
@@ -339,7 +337,7 @@ def read_rows(
         Lines from the first row on.
     dialect : Dialect
         How they are written.
-    empty_line : int
+    empty : int
         Number of an empty row before this block; 0 if there is none.
 
     Raises
@@ -360,15 +358,15 @@ def read_rows(
                     "come too early; restore it, or cut the file there"
                 )
         elif any(fields := dialect.split(line)):
-            if empty_line:
+            if empty:
                 raise RecordingError(
-                    f"{path}, line {empty_line}: empty between samples; was a sample lost? If not, "
+                    f"{path}, line {empty}: empty between samples; was a sample lost? If not, "
                     "delete the line"
                 )
             values.append(dialect.values(where, fields))
         elif dialect.columns == 1 or line.strip():
-            empty_line = empty_line or number
-    return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty_line
+            empty = empty or number
+    return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty
 
 
 def _check_end(path: str, before: bytes, block: Block, dialect: Dialect) -> None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import zip_longest
 from math import gcd
 
@@ -160,10 +160,7 @@ def mesh_evidence(
         One a mesh.
     """
     judged = _JudgedSpectrum(scan, scan.track(_unseen(scan)))
-
-    def evidence(index: int) -> MeshEvidence:
-        return _evidence(judged, meshes, shaft_orders, index)
-
+    evidence = partial(_evidence, judged, meshes, shaft_orders)
     return tuple(side_by_side(evidence, range(len(meshes)), scan.scores.size))
 
 
