@@ -47,7 +47,7 @@ import numpy as np
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
-from gearmon.signals.angle import AngleTrack, check_track
+from gearmon.signals.angle import AngleTrack, check_track, phasors
 from gearmon.signals.spectra import fast_length
 from gearmon.signals.threads import side_by_side
 
@@ -80,8 +80,6 @@ _TOGETHER = 1 << 16
 # the way to the next multiple, so that the noise there is the noise here.
 _FEWEST_NEIGHBOURS = 8
 _SHARE_OF_GAP = 8
-# Angles of a turn whose course from turn to turn is transformed at a time [numbers].
-_COURSES = 1 << 22
 
 
 def resample_to_angle(
@@ -156,13 +154,9 @@ def _odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
     Value and slope then go on smoothly: a step there would ring through a transform, or stand out
     from a line that begins or ends with the recording.
     """
-    last = len(channel) - 1
-    if begin >= 0 and end <= last + 1:
-        return channel[begin:end]
-    index = np.arange(begin, end)
-    inside = np.clip(index, 0, last)
-    beyond = np.clip(2 * inside - index, 0, last)
-    return np.where(index == inside, channel[inside], 2.0 * channel[inside] - channel[beyond])
+    beyond = max(0, -begin), max(0, end - len(channel))
+    inside = channel[max(0, begin) : end]
+    return np.pad(inside, beyond, "reflect", reflect_type="odd") if any(beyond) else inside
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -659,30 +653,18 @@ def _of_record(wave: AngularWaveform, per_turn: int) -> tuple[ComplexArray, Floa
     steps, turns = wave.per_turn, wave.turns
     top = min((per_turn - 1) // 2, int(wave.top_order))
     near = np.arange(1, min(turns // 2, max(_FEWEST_NEIGHBOURS, turns // _SHARE_OF_GAP)) + 1)
-    course = _courses(wave.values[0].reshape(turns, steps), np.concatenate([[0], near]))
-    # column b holds the transform of the record at the bins n N + b, n from 0 and from below
-    angle = np.arange(steps)[:, None] * np.concatenate([[0], near]) / (turns * steps)
-    course *= np.exp(-2j * np.pi * angle)
-    bins = np.fft.fft(course, axis=0)
-    upper = bins[: top + 1]
-    lower = bins[-np.arange(top + 1)]
+    wanted = np.append(0, near)
+    course = np.fft.rfft(wave.values[0].reshape(turns, steps), axis=0)[wanted]
+    # row b holds the transform of the record at the bins n N + b, n from 0 and from below
+    course *= phasors(np.outer(wanted, np.arange(steps)) / -(turns * steps))
+    bins = np.fft.fft(course, axis=1)
+    upper, lower = bins[:, : top + 1], bins[:, -np.arange(top + 1)]
     scale = np.full(top + 1, 2.0 / (turns * steps))
     scale[0] *= 0.5  # the mean is no peak amplitude
-    lines = upper[:, 0] * scale
-    power = 0.5 * (_squared(upper[:, 1:]) + _squared(lower[:, 1:])).mean(axis=1)
+    lines = upper[0] * scale
+    power = 0.5 * (_squared(upper[1:]) + _squared(lower[1:])).mean(axis=0)
     error: FloatArray = scale * np.sqrt(power)
-    return lines, error, _waveform_error(bins[:, 1:], turns, top, per_turn, near)
-
-
-def _courses(record: FloatArray, wanted: IntArray) -> ComplexArray:
-    """Transform a record over its turns, at the wanted bins: shape (steps, bins)."""
-    turns, steps = record.shape
-    course = np.empty((steps, len(wanted)), dtype=complex)
-    width = max(1, _COURSES // turns)
-    for start in range(0, steps, width):
-        columns = np.ascontiguousarray(record[:, start : start + width].T)
-        course[start : start + width] = np.fft.rfft(columns, axis=1)[:, wanted]
-    return course
+    return lines, error, _waveform_error(bins[1:], turns, top, per_turn, near)
 
 
 def _waveform_error(
@@ -692,14 +674,14 @@ def _waveform_error(
     # of the highest bin of an even count there is one, of the others one on either side
     weight = np.where(2 * near == turns, 1.0, 2.0)
     variance = np.zeros(per_turn)
-    for column, own in zip(bins.T, weight, strict=True):
+    for row, own in zip(bins, weight, strict=True):
         # what lies beyond the lines that are kept is no part of the waveform
         kept = np.zeros(per_turn, dtype=complex)
-        kept[: top + 1] = column[: top + 1]
+        kept[: top + 1] = row[: top + 1]
         if top:
-            kept[-top:] = column[-top:]
+            kept[-top:] = row[-top:]
         variance += own * _squared(np.fft.ifft(kept, norm="forward"))
-    return np.asarray(np.sqrt(variance / weight.sum()) / len(bins) / turns)
+    return np.asarray(np.sqrt(variance / weight.sum()) / bins.shape[1] / turns)
 
 
 def _squared(values: ComplexArray) -> FloatArray:
