@@ -229,10 +229,8 @@ def _clipped(values: FloatArray) -> BadStretch | None:
     if defect is None or not defect.fatal or defect.row < 0:
         return None  # a channel of one value or two is silent, or no vibration at all
     # a tone of whole samples a period has its extremes as often, but never twice in a row
-    at_it = sum(
-        np.count_nonzero((values[1:] == extreme) & (values[:-1] == extreme))
-        for extreme in (values.min(), values.max())
-    )
+    again = values[1:][values[1:] == values[:-1]]
+    at_it = np.count_nonzero((again == values.min()) | (again == values.max()))
     if at_it < _CLIPPED_SHARE * len(values):
         return None
     return BadStretch(0, len(values), defect.text)

@@ -296,11 +296,10 @@ def read_recordings(
     """
     several = sources if isinstance(sources, list | tuple) else [sources]
     found = [read_recording(source, **options) for source in several]
-    named = [one.origin in ("array", "DataFrame", "simulated") for one in found]
-    return [
-        replace(one, origin=f"{one.origin} {number}", known_finite=True) if unnamed else one
-        for number, (one, unnamed) in enumerate(zip(found, named, strict=True), start=1)
-    ]
+    for k, one in enumerate(found):
+        if one.origin in ("array", "DataFrame", "simulated"):
+            found[k] = replace(one, origin=f"{one.origin} {k + 1}", known_finite=True)
+    return found
 
 
 def _recording_of(made: Any, wanted: Wanted) -> Recording:

@@ -358,12 +358,8 @@ def _spectrum(
     # lines count with their mirror images at negative frequencies, where there are such
     values[:, 1 : (length + 1) // 2] *= np.sqrt(2.0) if quantity == "rms" else 2.0
     _check_finite(values)
-    return Spectrum(
-        frequency_hz=rate / length * np.arange(length // 2 + 1.0),
-        values=values,
-        quantity=quantity,
-        resolution_hz=noise_bandwidth(name) * rate / block,
-    )
+    place, wide = rate / length * np.arange(length // 2 + 1.0), noise_bandwidth(name) * rate / block
+    return Spectrum(frequency_hz=place, values=values, quantity=quantity, resolution_hz=wide)
 
 
 def local_floor(power: FloatArray, width: int) -> FloatArray:
@@ -688,11 +684,8 @@ def kurtogram(samples: FloatArray, rate: float, levels: int = 8) -> Kurtogram:
     lines = transform((signal - signal.mean())[None, :], length)[0, 1 : length // 2 + 1]
     counts = sorted({1} | {2**k for k in range(wanted + 1)} | {3 * 2**k for k in range(wanted)})
     share = len(signal) / length
-    return Kurtogram(
-        bands=tuple(counts),
-        kurtosis=tuple(_band_kurtosis(lines, count, share) for count in counts),
-        rate=float(rate),
-    )
+    found = tuple(_band_kurtosis(lines, count, share) for count in counts)
+    return Kurtogram(bands=tuple(counts), kurtosis=found, rate=float(rate))
 
 
 def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:

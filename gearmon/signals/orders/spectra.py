@@ -259,13 +259,8 @@ def _of_pieces(
     step = rate / length
     if share is not None:
         power /= share(step * np.arange(power.shape[-1]))
-    return FineSpectrum(
-        power=power,
-        floor=local_floor(power, _FLOOR_BINS),
-        step=step,
-        width=rate / block,
-        pieces=len(sampled),
-    )
+    floor, width = local_floor(power, _FLOOR_BINS), rate / block
+    return FineSpectrum(power=power, floor=floor, step=step, width=width, pieces=len(sampled))
 
 
 def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
@@ -290,10 +285,8 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
     """
     ratio = spectrum.power / spectrum.floor
     per_width = spectrum.width / spectrum.step
-    found = [
-        _peaks(level, np.flatnonzero(row > least_ratio), per_width)
-        for row, level in zip(ratio, spectrum.power, strict=True)
-    ]
+    high = (np.flatnonzero(row > least_ratio) for row in ratio)
+    found = [_peaks(level, own, per_width) for level, own in zip(spectrum.power, high, strict=True)]
     places = np.unique(np.concatenate(found))
     # of peaks that channels place a little differently, the clearest of each heap
     edges = np.flatnonzero(np.diff(places) > round(_LOBES[0][0] * per_width)) + 1

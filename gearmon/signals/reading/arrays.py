@@ -70,7 +70,7 @@ class Array:
         Its channels, once those of all arrays are numbered.
     """
 
-    name: str
+    name: str = ""
     names: tuple[str, ...]
     count: int
     read: Read
@@ -138,14 +138,8 @@ class Array:
             return np.moveaxis(part, time, -1).reshape(channels, -1)
 
         numbered = tuple(f"{name} {k}" if name else "" for k in range(1, channels + 1))
-        return cls(
-            name=name,
-            names=(name,) if channels == 1 else numbered,
-            count=count,
-            read=read,
-            unit=unit,
-            rate_hz=rate_hz,
-        )
+        names = (name,) if channels == 1 else numbered
+        return cls(name=name, names=names, count=count, read=read, unit=unit, rate_hz=rate_hz)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -436,7 +430,6 @@ def _of_frame(frame: Any) -> Holding:
     taken = [(name, own) for name, own in columns if _kind(own) in _NUMBERS]
     rows = [floats(own) for _, own in taken]
     array = Array(
-        name="",
         names=tuple(name + "_ns" * (_kind(own) in _MOMENTS) for name, own in taken),
         count=len(frame),
         read=lambda start, stop: np.array([row[start:stop] for row in rows]),

@@ -222,21 +222,15 @@ def _usable(table: Table, *, named_only: bool) -> tuple[list[int], list[str]]:
     """Return the columns to keep, and notes on those left out."""
     columns = table.columns
     aside = ("time", "index", "vibration", "other") if named_only else ("time", "index")
-    looked_at = [
-        index
-        for index, column in enumerate(columns)
-        if column.kind not in aside or (column.kind == "vibration" and column.told == "named")
-    ]
+    judged_by = [column.kind not in aside or column.told == "named" for column in columns]
+    looked_at = np.flatnonzero(judged_by).tolist()
     rows = [table.values[index] for index in looked_at]
     defects = side_by_side(find_defect, rows, table.values.size)
-    judged = {
-        index: _judged(table, index, columns[index], defect)
-        for index, defect in zip(looked_at, defects, strict=True)
-    }
-    kept = [index for index, (useless, _) in judged.items() if not useless]
+    judged = [(k, *_judged(table, k, own)) for k, own in zip(looked_at, defects, strict=True)]
+    kept = [index for index, useless, _ in judged if not useless]
     if any(columns[index].kind == "vibration" for index in kept):
-        return kept, [f"{note}: left out" if bad else note for bad, note in judged.values()]
-    bad = [note for useless, note in judged.values() if useless]
+        return kept, [f"{note}: left out" if bad else note for _, bad, note in judged]
+    bad = [note for _, useless, note in judged if useless]
     kinds = ", ".join(f"{column.label}: {column.kind}" for column in columns[:10])
     why = f"no vibration channel ({kinds}); name one with --channel"
     if bad:
@@ -245,8 +239,9 @@ def _usable(table: Table, *, named_only: bool) -> tuple[list[int], list[str]]:
     raise RecordingError(f"{table.path}: {why}")
 
 
-def _judged(table: Table, index: int, column: Column, defect: Defect | None) -> tuple[bool, str]:
+def _judged(table: Table, index: int, defect: Defect | None) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
+    column = table.columns[index]
     vibrates, asked = column.kind == "vibration", column.told == "named"
     if defect is None or not (vibrates or defect.missing):
         return False, ""
@@ -308,12 +303,9 @@ class Spacing:
     def units(self, known: float | None, rate_hz: float) -> list[str]:
         """Units of time in which the stamps tell a sampling rate [Hz], of the known one or all."""
         tried = _USUAL_UNITS if known is None else {"": known}
+        told = {name: 1.0 / (self.step * factor) for name, factor in tried.items()}
         within = _AGREEMENT + self.uncertainty
-        return [
-            name
-            for name, factor in tried.items()
-            if abs(1.0 / (self.step * factor * rate_hz) - 1.0) <= within
-        ]
+        return [name for name, own_hz in told.items() if abs(own_hz / rate_hz - 1.0) <= within]
 
 
 def spacing(stamps: FloatArray) -> Spacing:
@@ -403,11 +395,12 @@ def _resolution(stamps: FloatArray) -> float:
         single = ends.astype(np.float32).astype(np.float64)
     if np.all(np.abs(ends - single) <= 1e-9 * np.abs(ends)):
         return float(np.spacing(np.float32(np.abs(ends).max())))
-    decimals = range(-3, 16)
-    return max(
-        next((10.0**-k for k in decimals if np.array_equal(np.round(part, k), part)), 0.0)
-        for part in parts
-    )
+
+    def unit(part: FloatArray) -> float:
+        decimals = (k for k in range(-3, 16) if np.array_equal(np.round(part, k), part))
+        return next((10.0**-k for k in decimals), 0.0)
+
+    return max(map(unit, parts))
 
 
 def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:

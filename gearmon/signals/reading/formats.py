@@ -207,7 +207,7 @@ def _read_wav(path: str) -> Iterator[Holding]:
     how = "float" if tag == _FLOATS else "integer"
     # some writers leave out how many bytes a second has; one that contradicts leaves the rate open
     rate_hz = float(rate) if a_second in (0, rate * frame) else None
-    array = Array(name="", names=("",) * channels, count=len(frames), read=read, rate_hz=rate_hz)
+    array = Array(names=("",) * channels, count=len(frames), read=read, rate_hz=rate_hz)
     yield _sound("WAV", f"{bits}-bit {how}", array)
 
 
@@ -559,7 +559,7 @@ def _read_flac(path: str) -> Iterator[Holding]:
             return np.asarray(file.read(stop - start, dtype="float64", always_2d=True)).T
 
         names, count, rate_hz = ("",) * file.channels, int(file.frames), float(file.samplerate)
-        array = Array(name="", names=names, count=count, read=read, rate_hz=rate_hz)
+        array = Array(names=names, count=count, read=read, rate_hz=rate_hz)
         yield _sound("FLAC", f"{file.subtype.removeprefix('PCM_')}-bit integer", array)
 
 

@@ -170,10 +170,8 @@ class SpeedScan:
         rows = np.arange(len(self.centre_s)) if blocks is None else blocks
         scores = self.scores[rows]
         path = self._path if blocks is None else best_path(scores, self._reach(rows))
-        return SpeedTrack(
-            time_s=self.centre_s[rows],
-            speed_hz=self.nominal_hz * peak_refined(scores, path, self.ratio),
-        )
+        speed_hz = self.nominal_hz * peak_refined(scores, path, self.ratio)
+        return SpeedTrack(time_s=self.centre_s[rows], speed_hz=speed_hz)
 
     @property
     def best_score(self) -> float:

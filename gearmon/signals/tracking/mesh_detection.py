@@ -387,10 +387,8 @@ def foreign_spacing(
     multiples of its shaft alike.
     """
     quality = spectrum.quality[: int((_HARMONICS + 1) * mesh.order / spectrum.step)]
-    found = [
-        _finer_comb(_Lines(quality, spectrum, averaged), mesh, turning, meshing, own)
-        for averaged in _AVERAGED
-    ]
+    lines = (_Lines(quality, spectrum, averaged) for averaged in _AVERAGED)
+    found = [_finer_comb(one, mesh, turning, meshing, own) for one in lines]
     return min((spacing for spacing in found if spacing is not None), default=None)
 
 

@@ -609,11 +609,9 @@ def _led_over(track: AngleTrack, stretch: LostStretch) -> AngleTrack | None:
     if not fits or np.any(np.diff(inside + shift) <= 0):
         return None
     before, after = track.turns < inside[0] - _KNOTS, track.turns > inside[-1] + _KNOTS
-    return replace(
-        track,
-        time_s=np.concatenate([track.time_s[before], track.time_at(inside), track.time_s[after]]),
-        turns=np.concatenate([track.turns[before], inside + shift, track.turns[after] - ahead]),
-    )
+    turns = np.concatenate([track.turns[before], inside + shift, track.turns[after] - ahead])
+    time_s = np.concatenate([track.time_s[before], track.time_at(inside), track.time_s[after]])
+    return replace(track, time_s=time_s, turns=turns)
 
 
 def _about(rows: NDArray[Any], width: float) -> NDArray[Any]:
