@@ -306,10 +306,9 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     def framed(first: int, end: int, what: str) -> BadStretch:
         return BadStretch(max(0, first * length), min(end * length, len(values)), what)
 
+    what = "goes over to another mean value at once, as by a connector or an amplifier"
     for begin, end in _offset_steps(middle, high - low):
-        yield framed(
-            begin, end, "goes over to another mean value at once, as by a connector or an amplifier"
-        )
+        yield framed(begin, end, what)
     level = 20 * np.log10(np.maximum(high - low, _finest_step(values)))
     sound = np.ones(count, dtype=bool)
     for bad in still:

@@ -207,9 +207,8 @@ class OrderBlocks:
         per_turn = 2 * self.steps / self.block_turns
         kernel = Kernel.of(width, per_turn / (2 * max(top, 1e-3 * per_turn)))
         # what spreading leaves of a line, over that one bin of a block below and above
-        below, response, above = (
-            kernel.transform((orders + k / self.block_turns) / per_turn) for k in (-1, 0, 1)
-        )
+        near = (orders + k / self.block_turns for k in (-1, 0, 1))
+        below, response, above = (kernel.transform(own / per_turn) for own in near)
         self.beside = np.stack([response / below, response / above])
         self.scale = np.where(orders > 0, 2.0, 1.0) / (self.steps * response)
         steps = int(grid.count / grid.per_turn * per_turn + 1e-6)
@@ -495,9 +494,8 @@ class OrderSums:
         """
         if block_turns not in self._noise:
             turns = min(block_turns, 0.25 * float(track.turns[-1] - track.turns[0]))
-            blocks = OrderBlocks(
-                self.samples, self.sampling_rate_hz, track, self.orders, turns, _QUICK_ERROR
-            )
+            samples, rate = self.samples, self.sampling_rate_hz
+            blocks = OrderBlocks(samples, rate, track, self.orders, turns, _QUICK_ERROR)
             # of a wave both of whose sides count, a sliding sum reads half the peak
             self._noise[block_turns] = 0.25 * blocks.noise()
         return self._noise[block_turns]

@@ -119,9 +119,8 @@ def identify(source: Source) -> Format | None:
     sample = head[:4096]
     controls = len(sample) - len(sample.translate(None, _CONTROL))
     binary = controls > max(2, 0.01 * len(sample)) and source.encoding in ("", "utf-8-sig")
-    return known or (
-        Format("a binary file of unknown kind, or UTF-16 without its mark", b"") if binary else None
-    )
+    unknown = Format("a binary file of unknown kind, or UTF-16 without its mark", b"")
+    return known or (unknown if binary else None)
 
 
 def read_file(path: str | Path, wanted: Wanted) -> Table:

@@ -281,9 +281,8 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
         variance = np.mean(rest**2, axis=0) + FLOOR_CYCLES**2
         clear = variance < 0.5 * _NOISE_VARIANCE
-        weight = np.where(
-            clear & (np.abs(rest) < _SLIPPED_CYCLES), order**2 / (variance * _QUARTER_HOP), 0.0
-        )
+        believed = clear & (np.abs(rest) < _SLIPPED_CYCLES)
+        weight = np.where(believed, order**2 / (variance * _QUARTER_HOP), 0.0)
         total = weight.sum(axis=1)
         departure = rest / order
         vote = error + (weight * departure).sum(axis=1) / np.maximum(total, 1e-300)
