@@ -18,19 +18,15 @@ from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
 _ROUND = re.compile(r"(.*?)\s*[(<]\s*(.+?)\s*[)>]")
 _BEHIND = re.compile(r"(.*\S)\s*(?:/|,|\s-|\sin\s)\s*(\S+)")
-_SUFFIX = re.compile(
-    r"(.+)_(m_s2|mm_s|m_s|ms2|mps2|mg|g|rpm|nm|degc|hz|mv|v|ms|us|ns|s)", re.IGNORECASE
-)
+_SUFFIX = re.compile(r"(?i)(.+)_(m_s2|mm_s|m_s|ms2|mps2|mg|g|rpm|nm|degc|hz|mv|v|ms|us|ns|s)")
 
 _TIME = re.compile(
-    r"t|(x_value|abszisse|time|zeit|temps|tempo|tiempo|tijd|timestamps?|zeitstempel|elapsed|"
-    r"seconds?|sekunden?|datetime|datum)(?![a-zäöü]).*",
-    re.IGNORECASE,
+    r"(?i)t|(x_value|abszisse|time|zeit|temps|tempo|tiempo|tijd|timestamps?|zeitstempel|elapsed|"
+    r"seconds?|sekunden?|datetime|datum)(?![a-zäöü]).*"
 )
 _INDEX = re.compile(
-    r"(unnamed: \d+|index|idx|samples?|punkte?|points?|rows?|zeilen?|nr|no|num|n|i|k|#|counter)"
-    r"([ _.-]*(number|index|idx|count|id|no|nr|#))?\.?",
-    re.IGNORECASE,
+    r"(?i)(unnamed: \d+|index|idx|samples?|punkte?|points?|rows?|zeilen?|nr|no|num|n|i|k|#|counter)"
+    r"([ _.-]*(number|index|idx|count|id|no|nr|#))?\.?"
 )
 _KINDS = (
     ("tacho", r"tach|keyphas|trigger|\bpuls|rpm[ _]?puls|encoder|drehgeber|nullimpuls|once.?per"),
@@ -87,9 +83,8 @@ class Column:
     @property
     def label(self) -> str:
         """How messages call the column."""
-        if not self.cell:
-            return f"column {self.number}"
-        return f"column {self.number} ('{shortened(self.name)}')"
+        name = f" ('{shortened(self.name)}')" if self.cell else ""
+        return f"column {self.number}{name}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -314,12 +309,9 @@ def _missing(values: FloatArray) -> Defect:
     if len(bad) == count:
         return Defect(text=f"has no numbers at all in {count} rows", row=-1, missing="no number")
     share = 100 * len(bad) / count
-    return Defect(
-        text=f"lacks a usable number in {len(bad)} of {count} rows ({share:.2g} %)",
-        row=int(bad[0]),
-        fatal=False,
-        missing="more than any sensor gives" if np.isfinite(values[bad[0]]) else "no number",
-    )
+    text = f"lacks a usable number in {len(bad)} of {count} rows ({share:.2g} %)"
+    what = "more than any sensor gives" if np.isfinite(values[bad[0]]) else "no number"
+    return Defect(text=text, row=int(bad[0]), fatal=False, missing=what)
 
 
 def _is_piled_up(values: FloatArray, range_: float) -> bool:

@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
-from itertools import zip_longest
 from math import gcd
 
 import numpy as np
@@ -170,20 +169,18 @@ def _evidence(
     others = [mesh for i, mesh in enumerate(meshes) if i != index]
     mesh = meshes[index]
     shared = judged.comb_score(combined_comb(others, shaft_orders)) if others or shaft_orders else 0
-    own, *decoys = (judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes)))
-    decoys = [strength for strength in decoys if len(strength)]
-    columns = list(zip_longest(own, *decoys, fillvalue=np.nan))
-    strengths = np.reshape(columns, (-1, 1 + len(decoys))).T[:, : len(own)]
-    common = np.sum(~np.isnan(strengths[1:]), axis=0) >= 8
+    strengths = np.array([judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes))])
+    seen = ~np.isnan(strengths)
+    decoys, common = int(seen[1:].any(axis=1).sum()), seen[0] & (seen[1:].sum(axis=0) >= 8)
     if not common.any():
-        return MeshEvidence(decoys_above=len(decoys), decoys=len(decoys))
-    strengths = strengths[:, common]
+        return MeshEvidence(decoys_above=decoys, decoys=decoys)
+    strengths = strengths[seen[:, common].any(axis=1)][:, common]
     # quadratic mean: a mesh that shows in half of its harmonics is there
     size = np.sqrt(np.nanmean(strengths**2, axis=1))
     return MeshEvidence(
         score=float(_above(size[0], size[1:])),
         decoys_above=int(np.sum(size[1:] >= size[0])),
-        decoys=len(decoys),
+        decoys=decoys,
         clear=int(np.sum(_above(strengths[0], strengths[1:]) >= _CLEAR)),
         visible=int(np.sum(common)),
     )
@@ -245,12 +242,12 @@ class _JudgedSpectrum:
     def best(self, mesh: MeshComb, comb: Comb, shared: FloatArray | int) -> FloatArray:
         """Log strength of each harmonic's group at the speed that suits comb and mesh best.
 
-        Of the groups within the spectrum.
+        NaN of those that reach beyond the spectrum.
         """
         correction = 1 + self.corrections[int(np.argmax(self.comb_score(comb) + shared))]
-        seen = [group for group in mesh.groups if max(group) < self.top_order and min(group) > 0]
-        sizes = np.array([len(group) for group in seen], dtype=int)
-        powers = np.exp(self._at(correction * np.concatenate([[], *seen])))
+        orders, sizes = np.concatenate(mesh.groups), np.array([len(own) for own in mesh.groups])
+        powers = np.exp(self._at(correction * orders))
+        powers[(orders >= self.top_order) | (orders <= 0)] = np.nan
         return np.asarray(np.log(np.add.reduceat(powers, np.cumsum(sizes) - sizes) / sizes))
 
     def _at(self, orders: FloatArray) -> FloatArray:
