@@ -242,9 +242,8 @@ class OrderBlocks:
 
         parts = side_by_side(part, range(0, self.count, together), samples.size)
         rising, falling = np.concatenate(parts, axis=2).swapaxes(1, 2)
-        shift = phasors(-self.orders * self.starts[:, None])[:, None, :]
         rows = rising[:-1] + falling[1:] * phasors(-self.orders * (0.5 * self.block_turns))
-        rows *= shift
+        rows *= phasors(-self.orders * self.starts[:, None])[:, None, :]
         return OrderLines(
             orders=self.orders,
             amplitude=(rows if len(self.sound) == len(rows) else rows[self.sound]) * self.scale,

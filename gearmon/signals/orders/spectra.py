@@ -124,13 +124,10 @@ def fine_order_spectrum(signals: InAngle, pieces: int = 1) -> FineSpectrum:
     places = np.linspace(0.0, 0.5, _SHARES)
     shares = signals.kernel.transform(places) ** 2
 
-    def part(piece: int) -> FloatArray:
-        return signals.steps(piece * block, block)
-
     def share(orders: FloatArray) -> FloatArray:
         return np.interp(orders, places * per_turn, shares)
 
-    return _of_pieces(part, block, pieces, per_turn, share)
+    return _of_pieces(lambda k: signals.steps(k * block, block), block, pieces, per_turn, share)
 
 
 def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1) -> FineSpectrum:

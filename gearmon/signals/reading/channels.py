@@ -222,8 +222,8 @@ def _usable(table: Table, *, named_only: bool) -> tuple[list[int], list[str]]:
     """Return the columns to keep, and notes on those left out."""
     columns = table.columns
     aside = ("time", "index", "vibration", "other") if named_only else ("time", "index")
-    judged_by = [column.kind not in aside or column.told == "named" for column in columns]
-    looked_at = np.flatnonzero(judged_by).tolist()
+    asked = [column.kind not in aside or column.told == "named" for column in columns]
+    looked_at = np.flatnonzero(asked).tolist()
     rows = [table.values[index] for index in looked_at]
     defects = side_by_side(find_defect, rows, table.values.size)
     judged = [(k, *_judged(table, k, own)) for k, own in zip(looked_at, defects, strict=True)]
@@ -391,8 +391,7 @@ def _resolution(stamps: FloatArray) -> float:
     """Return the unit of the last decimal of the stamps, or of their single precision."""
     parts = stamps[:1000], stamps[-1000:]
     ends = np.concatenate(parts)
-    with np.errstate(over="ignore"):
-        single = ends.astype(np.float32).astype(np.float64)
+    single = ends.astype(np.float32).astype(np.float64)
     if np.all(np.abs(ends - single) <= 1e-9 * np.abs(ends)):
         return float(np.spacing(np.float32(np.abs(ends).max())))
 
