@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -149,13 +150,8 @@ def inspected(recording: Recording) -> Recording:
             _bridge(samples[row], bad)
         else:
             samples[vibrates, bad.start : bad.stop] = 0.0
-    sound = replace(
-        recording,
-        samples=samples,
-        left_out=tuple(sorted((bad.start, bad.stop) for _, bad in mended if not bad.bridged)),
-        notes=(*recording.notes, *notes),
-        known_finite=True,
-    )
+    out = tuple(sorted((bad.start, bad.stop) for _, bad in mended if not bad.bridged))
+    sound = _with(recording, notes, samples=samples, left_out=out)
     return sound.part([row for row in range(len(samples)) if row not in lost]) if lost else sound
 
 
@@ -204,13 +200,12 @@ def sound_part(recording: Recording, least: float = _LEAST_LEFT) -> Recording:
             f"{duration_s:.3g} s; check cables, and record again"
         )
     told = f"only {start / rate:.4g} to {stop / rate:.4g} s are looked at"
-    return replace(
-        recording,
-        samples=recording.samples[:, start:stop],
-        left_out=(),
-        notes=(*recording.notes, told),
-        known_finite=True,
-    )
+    return _with(recording, [told], samples=recording.samples[:, start:stop], left_out=())
+
+
+def _with(recording: Recording, notes: Sequence[str], **changed: Any) -> Recording:
+    """Return a recording with further notes and other samples, which are as finite as its own."""
+    return replace(recording, notes=(*recording.notes, *notes), known_finite=True, **changed)
 
 
 def _where(recording: Recording) -> str:

@@ -208,6 +208,15 @@ class Holding:
                 others.append(f"{name or 'numbers'}{what}")
         return cls(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
 
+    @classmethod
+    def of_channels(
+        cls, found: Sequence[tuple[str, Array | None]], facts: Mapping[str, float]
+    ) -> Holding:
+        """Return channels of one recording by their names, those that are none being left out."""
+        arrays = tuple(array for _, array in found if array)
+        left_out = tuple(name for name, array in found if not array)
+        return cls(arrays=arrays, together=True, facts=facts, left_out=left_out)
+
     def table(self, wanted: Wanted) -> Table:
         """Return the columns that make up the recording.
 

@@ -403,24 +403,21 @@ def _parquet_columns(file: Any) -> Holding:
 
     schema, rows = file.schema_arrow, file.metadata.num_rows
     numeric = types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp
-    kept = [field for field in schema if any(is_such(field.type) for is_such in numeric)]
     whole = lru_cache(maxsize=1)(lambda name: floats(file.read([name]).column(0).to_pandas()))
 
-    def column(field: Any) -> Array:
+    def column(field: Any) -> Array | None:
         def read(start: int, stop: int) -> FloatArray:
             return np.asarray(whole(field.name)[None, start:stop])
 
+        if rows < 2 or not any(is_such(field.type) for is_such in numeric):
+            return None
         unit = "ns" if types.is_timestamp(field.type) else unit_in(field.metadata)
         return Array(name=field.name, names=(field.name,), count=rows, read=read, unit=unit)
 
+    told = [(f"{field.name} ({field.type})", column(field)) for field in schema]
     # the row labels of a data frame are no channel
-    channels = [field for field in kept if not field.name.startswith("__index_level_")]
-    return Holding(
-        arrays=tuple(map(column, channels)) if rows > 1 else (),
-        together=True,
-        facts=numbers_in(schema.metadata),
-        left_out=tuple(f"{field.name} ({field.type})" for field in schema if field not in kept),
-    )
+    found = [(name, own) for name, own in told if not (own and name.startswith("__index_level_"))]
+    return Holding.of_channels(found, numbers_in(schema.metadata))
 
 
 def _read_tdms(path: str) -> Iterator[Holding]:
@@ -457,12 +454,7 @@ def _read_tdms(path: str) -> Iterator[Holding]:
             own.name if once[own.name] == 1 else f"{own.group_name}/{own.name}" for own in channels
         ]
         found = [(name, _tdms_array(name, own)) for name, own in zip(names, channels, strict=True)]
-        yield Holding(
-            arrays=tuple(array for _, array in found if array),
-            together=True,
-            facts=facts,
-            left_out=tuple(name for name, array in found if not array),
-        )
+        yield Holding.of_channels(found, facts)
 
 
 def _bytes_of_segments(path: str) -> int:
