@@ -571,13 +571,9 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
     # the lowest line is shifted to zero
     length = fast_length(_OVERSAMPLED * (last - first + 1))
     values = ifft(lines, length, axis=-1, norm="forward")
-    return Envelope(
-        # of a record that was padded the padding is left out again
-        values=values[:, : -(-length * samples_in // count)],
-        rate=length * rate / count,
-        low=first * rate / count,
-        high=last * rate / count,
-    )
+    # of a record that was padded the padding is left out again
+    kept, line = values[:, : -(-length * samples_in // count)], rate / count
+    return Envelope(values=kept, rate=length * line, low=first * line, high=last * line)
 
 
 def envelope_spectrum(samples: FloatArray, rate: float, low: float, high: float) -> Spectrum:

@@ -278,21 +278,28 @@ def angular_waveform(
     """
     rate = check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_track(track)
-    enough = _steps_to_keep_all(rate, track)
+    enough, last_s = _steps_to_keep_all(rate, track), (samples.shape[-1] - 1) / rate
     steps = _whole(per_turn) or enough
-    first, turns = _whole_turns(samples.shape[-1], rate, track)
-    highest, count = READ_UP_TO * rate / float(track.speed_hz.max()), turns * steps
+    begin, end = (float(turn) for turn in track.turns_at(np.array([0.0, last_s])))
+    # a turn that begins with the recording is not lost to rounding
+    slack = 5e-7 * float(track.speed_hz.min()) / rate
+    first, last = math.ceil(begin - slack), math.floor(end + slack)
+    if last <= first:
+        raise RecordingError(
+            f"recording of {last_s:.3g} s: {end - begin:.3g} turns of the shaft, none of them "
+            "whole; record longer"
+        )
+    highest, count = READ_UP_TO * rate / float(track.speed_hz.max()), (last - first) * steps
     # a grid finer by a whole factor
     factor = -(-enough // steps)
     if factor > 1:
         highest = min(highest, PASSED * steps)
     # whole steps before and behind the turns that lie inside the recording
-    ends = track.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
-    before = max(0, math.floor(-ends[0] * steps))
-    begin, over = first - before / steps, (before + math.floor(ends[1] * steps)) * factor + 1
+    before = max(0, math.floor((first - begin) * steps))
+    start, over = first - before / steps, (before + math.floor((end - first) * steps)) * factor + 1
     values = np.empty((len(samples), count))
     for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
-        found = resample_to_angle(channel[None], rate, track, steps * factor, begin, over)[0]
+        found = resample_to_angle(channel[None], rate, track, steps * factor, start, over)[0]
         values[row] = _thinned(found, factor)[before:][:count]
     return AngularWaveform(values=values, per_turn=steps, first_turn=first, top_order=highest)
 
@@ -319,40 +326,6 @@ def _whole(per_turn: int | None) -> int | None:
 def _steps_to_keep_all(sampling_rate_hz: float, shaft: AngleTrack) -> int:
     """Return the samples a turn at which no step of angle lasts longer than a step of time."""
     return math.ceil(sampling_rate_hz / float(shaft.speed_hz.min()) * (1 - 1e-12))
-
-
-def _whole_turns(count: int, sampling_rate_hz: float, shaft: AngleTrack) -> tuple[int, int]:
-    """Return the angle at which the first whole turn begins, and how many whole turns follow.
-
-    Parameters
-    ----------
-    count : int
-        Samples of the recording.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    shaft : AngleTrack
-        Angle of the shaft itself against time.
-
-    Returns
-    -------
-    first_turn, turns : int
-
-    Raises
-    ------
-    RecordingError
-        If there is no whole turn.
-    """
-    last_s = (count - 1) / sampling_rate_hz
-    begin, end = (float(turn) for turn in shaft.turns_at(np.array([0.0, last_s])))
-    # a turn that begins with the recording is not lost to rounding
-    slack = 5e-7 * float(shaft.speed_hz.min()) / sampling_rate_hz
-    first, last = math.ceil(begin - slack), math.floor(end + slack)
-    if last <= first:
-        raise RecordingError(
-            f"recording of {last_s:.3g} s: {end - begin:.3g} turns of the shaft, none of them "
-            "whole; record longer"
-        )
-    return first, last - first
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -443,13 +443,10 @@ def _of_frame(frame: Any) -> Holding:
         count=len(frame),
         read=lambda start, stop: np.array([row[start:stop] for row in rows]),
     )
-    return Holding(
-        arrays=(array,) if rows and len(frame) > 1 else (),
-        together=True,
-        left_out=tuple(name for name, own in columns if _kind(own) not in _NUMBERS),
-        path="DataFrame",
-        what=f"a frame of shape {frame.shape}",
-    )
+    others = [(name, None) for name, own in columns if _kind(own) not in _NUMBERS]
+    told = [("", array)] if rows and len(frame) > 1 else []
+    holding = Holding.of_channels([*told, *others], {})
+    return replace(holding, path="DataFrame", what=f"a frame of shape {frame.shape}")
 
 
 def _kind(column: Any) -> str:

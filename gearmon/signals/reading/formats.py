@@ -388,10 +388,8 @@ def _check_pages(path: str, told: Any) -> None:
     """Refuse pages that do not end where what stands behind them begins: later values are moved."""
     groups = map(told.row_group, range(told.num_row_groups))
     chunks = [group.column(k) for group in groups for k in range(told.num_columns)]
-    ends = [
-        (own.dictionary_page_offset or own.data_page_offset) + own.total_compressed_size
-        for own in chunks
-    ]
+    begins = (own.dictionary_page_offset or own.data_page_offset for own in chunks)
+    ends = [begin + own.total_compressed_size for begin, own in zip(begins, chunks, strict=True)]
     indexed = any(own.has_offset_index or own.has_column_index for own in chunks)
     end = os.path.getsize(path) - 8 - told.serialized_size
     if ends and not indexed and max(ends) != end:

@@ -682,12 +682,9 @@ def _lost(told: SlidingLines, time_s: FloatArray, cuts: Sequence[int]) -> LostSt
     angle, (_, start, stop, _) = told.angle, cuts
     begin, end = float(angle[max(start - 1, 0)]), float(angle[min(stop, len(angle) - 1)])
     inside = start > 0 and stop < len(angle) and end - begin < _LONGEST_TURNS
-    return LostStretch(
-        start_s=float(time_s[start]),
-        end_s=float(time_s[stop - 1]),
-        turns=end - begin,
-        slipped_turns=_displacement(told, cuts, _ASTRAY * (end - begin)) if inside else None,
-    )
+    slipped = _displacement(told, cuts, _ASTRAY * (end - begin)) if inside else None
+    start_s, end_s = float(time_s[start]), float(time_s[stop - 1])
+    return LostStretch(start_s=start_s, end_s=end_s, turns=end - begin, slipped_turns=slipped)
 
 
 def _displacement(told: SlidingLines, cuts: Sequence[int], reach: float) -> float | None:

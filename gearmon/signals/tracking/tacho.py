@@ -496,13 +496,11 @@ def track_from_pulses(
     # less jitter of an encoder, and fewer knots
     together = max(1, count // _KNOTS_PER_TURN)
     cut = len(time_s) // together * together
-    knots = [own[:cut].reshape(-1, together).mean(axis=1) for own in (time_s, turns)]
-    return replace(
-        track_through(knots[0], knots[1], duration_s),
-        # of several pulses a turn nobody knows which one came first
-        indexed=count == 1 and shaft_order == 1.0,
-        uncertainty_turns=_jitter(time_s, turns) * slope,
-    )
+    knots_s, angle = (own[:cut].reshape(-1, together).mean(axis=1) for own in (time_s, turns))
+    # of several pulses a turn nobody knows which one came first
+    indexed, doubt = count == 1 and shaft_order == 1.0, _jitter(time_s, turns) * slope
+    track = track_through(knots_s, angle, duration_s)
+    return replace(track, indexed=indexed, uncertainty_turns=doubt)
 
 
 def _check_ends(time_s: FloatArray, per_turn: int, duration_s: float) -> None:
