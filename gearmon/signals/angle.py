@@ -98,13 +98,9 @@ class AngleTrack:
             If `shaft_order` is not above zero.
         """
         order = check_positive("shaft_order", shaft_order)
-        return replace(
-            self,
-            turns=self.turns * order,
-            uncertainty_turns=self.uncertainty_turns * order,
-            # several turns of a slower shaft begin alike at shaft 1
-            indexed=self.indexed and order == 1.0,
-        )
+        # several turns of a slower shaft begin alike at shaft 1
+        indexed, doubt = self.indexed and order == 1.0, self.uncertainty_turns * order
+        return replace(self, turns=self.turns * order, uncertainty_turns=doubt, indexed=indexed)
 
     def between(self, start_s: float, stop_s: float) -> AngleTrack:
         """Return the track of a part, its time counted from there; the angle stays as it is.
@@ -114,13 +110,9 @@ class AngleTrack:
         start_s, stop_s : float
             Of the part [s].
         """
-        ends = np.array([start_s, stop_s])
         inside = (self.time_s > start_s) & (self.time_s < stop_s)
-        time = np.concatenate([ends[:1], self.time_s[inside], ends[1:]])
-        first, last = self.turns_at(ends)
-        return replace(
-            self, time_s=time - start_s, turns=np.concatenate([[first], self.turns[inside], [last]])
-        )
+        time = np.concatenate([[start_s], self.time_s[inside], [stop_s]])
+        return replace(self, time_s=time - start_s, turns=self.turns_at(time))
 
     def moved(
         self, knots: FloatArray, turns_of: Callable[[FloatArray], FloatArray], uncertainty: float
@@ -138,11 +130,9 @@ class AngleTrack:
         """
         first, last = self.turns[[0, -1]]
         angle = np.concatenate([[first], knots[(knots > first) & (knots < last)], [last]])
-        return AngleTrack(
-            time_s=self.time_at(angle),
-            turns=turns_of(angle),
-            method=self.method,
-            uncertainty_turns=uncertainty,
+        time_s, turns = self.time_at(angle), turns_of(angle)
+        return replace(
+            self, time_s=time_s, turns=turns, uncertainty_turns=uncertainty, indexed=False
         )
 
     def time_at(self, turns: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import accumulate
+from typing import Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -149,13 +150,8 @@ def inspected(recording: Recording) -> Recording:
             _bridge(samples[row], bad)
         else:
             samples[vibrates, bad.start : bad.stop] = 0.0
-    sound = replace(
-        recording,
-        samples=samples,
-        left_out=tuple(sorted((bad.start, bad.stop) for _, bad in mended if not bad.bridged)),
-        notes=(*recording.notes, *notes),
-        known_finite=True,
-    )
+    out = tuple(sorted((bad.start, bad.stop) for _, bad in mended if not bad.bridged))
+    sound = _with(recording, notes, samples=samples, left_out=out)
     return sound.part([row for row in range(len(samples)) if row not in lost]) if lost else sound
 
 
@@ -204,13 +200,12 @@ def sound_part(recording: Recording, least: float = _LEAST_LEFT) -> Recording:
             f"{duration_s:.3g} s; check cables, and record again"
         )
     told = f"only {start / rate:.4g} to {stop / rate:.4g} s are looked at"
-    return replace(
-        recording,
-        samples=recording.samples[:, start:stop],
-        left_out=(),
-        notes=(*recording.notes, told),
-        known_finite=True,
-    )
+    return _with(recording, [told], samples=recording.samples[:, start:stop], left_out=())
+
+
+def _with(recording: Recording, notes: Sequence[str], **changed: Any) -> Recording:
+    """Return a recording with further notes and other samples, which are as finite as its own."""
+    return replace(recording, notes=(*recording.notes, *notes), known_finite=True, **changed)
 
 
 def _where(recording: Recording) -> str:
@@ -229,10 +224,8 @@ def _clipped(values: FloatArray) -> BadStretch | None:
     if defect is None or not defect.fatal or defect.row < 0:
         return None  # a channel of one value or two is silent, or no vibration at all
     # a tone of whole samples a period has its extremes as often, but never twice in a row
-    at_it = sum(
-        np.count_nonzero((values[1:] == extreme) & (values[:-1] == extreme))
-        for extreme in (values.min(), values.max())
-    )
+    again = values[1:][values[1:] == values[:-1]]
+    at_it = np.count_nonzero((again == values.min()) | (again == values.max()))
     if at_it < _CLIPPED_SHARE * len(values):
         return None
     return BadStretch(0, len(values), defect.text)
@@ -308,10 +301,9 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     def framed(first: int, end: int, what: str) -> BadStretch:
         return BadStretch(max(0, first * length), min(end * length, len(values)), what)
 
+    what = "goes over to another mean value at once, as by a connector or an amplifier"
     for begin, end in _offset_steps(middle, high - low):
-        yield framed(
-            begin, end, "goes over to another mean value at once, as by a connector or an amplifier"
-        )
+        yield framed(begin, end, what)
     level = 20 * np.log10(np.maximum(high - low, _finest_step(values)))
     sound = np.ones(count, dtype=bool)
     for bad in still:

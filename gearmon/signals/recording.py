@@ -16,7 +16,7 @@ from gearmon.errors import ArgumentError, RecordingError, check_range, check_wor
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import Wanted, interpret, read_file, read_memory
 from gearmon.signals.reading.channels import SensorLike
-from gearmon.signals.reading.columns import DataColumn, all_finite, find_columns
+from gearmon.signals.reading.columns import Column, all_finite, find_columns
 from gearmon.units import KNOWN_UNITS, is_unit
 
 #: Vibration is sampled no slower and no faster [Hz].
@@ -160,7 +160,7 @@ class Recording(Result):
             As `select`.
         """
         named = zip(self.columns, self.channel_names, strict=True)
-        known = [DataColumn(number=number, name=name) for number, name in named]
+        known = [Column(number=number, name=name) for number, name in named]
         return find_columns(self.origin, channel, known)[0]
 
     def vibration(self) -> Recording:
@@ -296,11 +296,10 @@ def read_recordings(
     """
     several = sources if isinstance(sources, list | tuple) else [sources]
     found = [read_recording(source, **options) for source in several]
-    named = [one.origin in ("array", "DataFrame", "simulated") for one in found]
-    return [
-        replace(one, origin=f"{one.origin} {number}", known_finite=True) if unnamed else one
-        for number, (one, unnamed) in enumerate(zip(found, named, strict=True), start=1)
-    ]
+    for k, one in enumerate(found):
+        if one.origin in ("array", "DataFrame", "simulated"):
+            found[k] = replace(one, origin=f"{one.origin} {k + 1}", known_finite=True)
+    return found
 
 
 def _recording_of(made: Any, wanted: Wanted) -> Recording:

@@ -247,11 +247,6 @@ class Spectrum:
     resolution_hz: float
 
 
-def hann(length: int) -> FloatArray:
-    """Return the periodic Hann window of `length` samples (mean 1/2); read-only."""
-    return window("hann", length)
-
-
 def amplitude_spectrum(
     samples: FloatArray,
     sampling_rate_hz: float,
@@ -363,12 +358,8 @@ def _spectrum(
     # lines count with their mirror images at negative frequencies, where there are such
     values[:, 1 : (length + 1) // 2] *= np.sqrt(2.0) if quantity == "rms" else 2.0
     _check_finite(values)
-    return Spectrum(
-        frequency_hz=rate / length * np.arange(length // 2 + 1.0),
-        values=values,
-        quantity=quantity,
-        resolution_hz=noise_bandwidth(name) * rate / block,
-    )
+    place, wide = rate / length * np.arange(length // 2 + 1.0), noise_bandwidth(name) * rate / block
+    return Spectrum(frequency_hz=place, values=values, quantity=quantity, resolution_hz=wide)
 
 
 def local_floor(power: FloatArray, width: int) -> FloatArray:
@@ -580,13 +571,9 @@ def band_envelope(samples: FloatArray, rate: float, low: float, high: float) -> 
     # the lowest line is shifted to zero
     length = fast_length(_OVERSAMPLED * (last - first + 1))
     values = ifft(lines, length, axis=-1, norm="forward")
-    return Envelope(
-        # of a record that was padded the padding is left out again
-        values=values[:, : -(-length * samples_in // count)],
-        rate=length * rate / count,
-        low=first * rate / count,
-        high=last * rate / count,
-    )
+    # of a record that was padded the padding is left out again
+    kept, line = values[:, : -(-length * samples_in // count)], rate / count
+    return Envelope(values=kept, rate=length * line, low=first * line, high=last * line)
 
 
 def envelope_spectrum(samples: FloatArray, rate: float, low: float, high: float) -> Spectrum:
@@ -693,11 +680,8 @@ def kurtogram(samples: FloatArray, rate: float, levels: int = 8) -> Kurtogram:
     lines = transform((signal - signal.mean())[None, :], length)[0, 1 : length // 2 + 1]
     counts = sorted({1} | {2**k for k in range(wanted + 1)} | {3 * 2**k for k in range(wanted)})
     share = len(signal) / length
-    return Kurtogram(
-        bands=tuple(counts),
-        kurtosis=tuple(_band_kurtosis(lines, count, share) for count in counts),
-        rate=float(rate),
-    )
+    found = tuple(_band_kurtosis(lines, count, share) for count in counts)
+    return Kurtogram(bands=tuple(counts), kurtosis=found, rate=float(rate))
 
 
 def _band_kurtosis(lines: ComplexArray, count: int, share: float) -> FloatArray:

@@ -216,3 +216,14 @@ def test_a_parabola_through_uneven_knots_is_met_exactly():
     )
     inside = np.linspace(1.0, 6.3, 200)
     np.testing.assert_allclose(track.time_at(inside), 0.1 * inside + 4e-3 * inside**2, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("start_s", "stop_s"), [(0.0, 10.0), (2.513, 7.77), (3.0, 3.02)])
+def test_a_part_keeps_the_angle_of_the_whole(start_s, stop_s):
+    turns, whole = wandering()
+    part = whole.between(start_s, stop_s)
+    assert part.time_s[0] == 0.0
+    assert part.time_s[-1] == pytest.approx(stop_s - start_s, rel=1e-12)
+    np.testing.assert_allclose(part.turns, whole.turns_at(part.time_s + start_s), atol=1e-9)
+    time_s = np.linspace(start_s, stop_s, 200)
+    np.testing.assert_allclose(part.turns_at(time_s - start_s), turns(time_s), atol=2e-4)

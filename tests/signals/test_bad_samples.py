@@ -229,3 +229,11 @@ def test_a_few_samples_are_no_spikes_of_each_other(count):
     values = np.random.default_rng(count).normal(size=(40, count))
     for own in values:
         assert not any("jumps" in bad.what for bad in bad_stretches(own))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_channel_is_clipped_that_stays_at_one_end_only(sign):
+    values = sign * np.minimum(white(20_000, seed=11), 1.5)
+    (found,) = bad_stretches(values)
+    assert "is clipped" in found.what
+    assert (found.start, found.stop) == (0, 20_000)

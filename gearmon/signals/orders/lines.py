@@ -39,13 +39,7 @@ from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.resampling import AngleGrid, InAngle, Kernel
-from gearmon.signals.spectra import (
-    fast_length,
-    hann,
-    local_floor,
-    transform,
-    window_powers,
-)
+from gearmon.signals.spectra import fast_length, local_floor, transform, window, window_powers
 from gearmon.signals.threads import side_by_side
 
 # What a line may add elsewhere where only the phase of strong ones is followed.
@@ -213,9 +207,8 @@ class OrderBlocks:
         per_turn = 2 * self.steps / self.block_turns
         kernel = Kernel.of(width, per_turn / (2 * max(top, 1e-3 * per_turn)))
         # what spreading leaves of a line, over that one bin of a block below and above
-        below, response, above = (
-            kernel.transform((orders + k / self.block_turns) / per_turn) for k in (-1, 0, 1)
-        )
+        near = (orders + k / self.block_turns for k in (-1, 0, 1))
+        below, response, above = (kernel.transform(own / per_turn) for own in near)
         self.beside = np.stack([response / below, response / above])
         self.scale = np.where(orders > 0, 2.0, 1.0) / (self.steps * response)
         steps = int(grid.count / grid.per_turn * per_turn + 1e-6)
@@ -249,9 +242,8 @@ class OrderBlocks:
 
         parts = side_by_side(part, range(0, self.count, together), samples.size)
         rising, falling = np.concatenate(parts, axis=2).swapaxes(1, 2)
-        shift = phasors(-self.orders * self.starts[:, None])[:, None, :]
         rows = rising[:-1] + falling[1:] * phasors(-self.orders * (0.5 * self.block_turns))
-        rows *= shift
+        rows *= phasors(-self.orders * self.starts[:, None])[:, None, :]
         return OrderLines(
             orders=self.orders,
             amplitude=(rows if len(self.sound) == len(rows) else rows[self.sound]) * self.scale,
@@ -266,12 +258,12 @@ class OrderBlocks:
         The mean of n noise powers follows a gamma law of shape n, whose median over its mean is
         about 1 - 1/(3 n) + 0.02/n^2; half overlapped Hann blocks are worth a twentieth less.
         """
-        window, length = hann(2 * self.steps), 4 * self.steps
+        weights, length = window("hann", 2 * self.steps), 4 * self.steps
         work = len(self.sampled) * length * len(self.signals.samples)
 
         def power(number: int) -> FloatArray:
             block = self.signals.steps(number * self.steps, 2 * self.steps)
-            return window_powers(block - block.mean(axis=-1, keepdims=True), window, length)
+            return window_powers(block - block.mean(axis=-1, keepdims=True), weights, length)
 
         powers = side_by_side(power, self.sampled, work)
         mean: FloatArray = sum(powers, np.zeros(1)) / len(powers)
@@ -501,9 +493,8 @@ class OrderSums:
         """
         if block_turns not in self._noise:
             turns = min(block_turns, 0.25 * float(track.turns[-1] - track.turns[0]))
-            blocks = OrderBlocks(
-                self.samples, self.sampling_rate_hz, track, self.orders, turns, _QUICK_ERROR
-            )
+            samples, rate = self.samples, self.sampling_rate_hz
+            blocks = OrderBlocks(samples, rate, track, self.orders, turns, _QUICK_ERROR)
             # of a wave both of whose sides count, a sliding sum reads half the peak
             self._noise[block_turns] = 0.25 * blocks.noise()
         return self._noise[block_turns]

@@ -47,7 +47,7 @@ import numpy as np
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
-from gearmon.signals.angle import AngleTrack, check_track
+from gearmon.signals.angle import AngleTrack, check_track, phasors
 from gearmon.signals.spectra import fast_length
 from gearmon.signals.threads import side_by_side
 
@@ -80,8 +80,6 @@ _TOGETHER = 1 << 16
 # the way to the next multiple, so that the noise there is the noise here.
 _FEWEST_NEIGHBOURS = 8
 _SHARE_OF_GAP = 8
-# Angles of a turn whose course from turn to turn is transformed at a time [numbers].
-_COURSES = 1 << 22
 
 
 def resample_to_angle(
@@ -156,13 +154,9 @@ def _odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
     Value and slope then go on smoothly: a step there would ring through a transform, or stand out
     from a line that begins or ends with the recording.
     """
-    last = len(channel) - 1
-    if begin >= 0 and end <= last + 1:
-        return channel[begin:end]
-    index = np.arange(begin, end)
-    inside = np.clip(index, 0, last)
-    beyond = np.clip(2 * inside - index, 0, last)
-    return np.where(index == inside, channel[inside], 2.0 * channel[inside] - channel[beyond])
+    beyond = max(0, -begin), max(0, end - len(channel))
+    inside = channel[max(0, begin) : end]
+    return np.pad(inside, beyond, "reflect", reflect_type="odd") if any(beyond) else inside
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,9 +178,7 @@ class AngleGrid:
     count: int
 
     @classmethod
-    def of(
-        cls, samples: int, sampling_rate_hz: float, track: AngleTrack, top_order: float
-    ) -> AngleGrid:
+    def of(cls, samples: int, rate: float, track: AngleTrack, top_order: float) -> AngleGrid:
         """Return the grid of a recording of `samples` samples, with room for `top_order`.
 
         Raises
@@ -194,11 +186,11 @@ class AngleGrid:
         ArgumentError
             If the recording is shorter than 64 steps of angle.
         """
-        last_s = (samples - 1) / sampling_rate_hz
+        last_s = (samples - 1) / rate
         first, last = (float(v) for v in track.turns_at(np.array([0.0, last_s])))
         slowest = float(track.speed_hz.min())
         # a step of angle may nowhere last longer than a step of time: nothing then aliases
-        per_turn = int(np.ceil(max(2.2 * top_order, sampling_rate_hz / slowest)))
+        per_turn = int(np.ceil(max(2.2 * top_order, rate / slowest)))
         count = int((last - first) * per_turn)
         if count < 64:
             raise ArgumentError(
@@ -286,21 +278,28 @@ def angular_waveform(
     """
     rate = check_positive("sampling_rate_hz", sampling_rate_hz, "Hz")
     check_track(track)
-    enough = _steps_to_keep_all(rate, track)
+    enough, last_s = _steps_to_keep_all(rate, track), (samples.shape[-1] - 1) / rate
     steps = _whole(per_turn) or enough
-    first, turns = _whole_turns(samples.shape[-1], rate, track)
-    highest, count = READ_UP_TO * rate / float(track.speed_hz.max()), turns * steps
+    begin, end = (float(turn) for turn in track.turns_at(np.array([0.0, last_s])))
+    # a turn that begins with the recording is not lost to rounding
+    slack = 5e-7 * float(track.speed_hz.min()) / rate
+    first, last = math.ceil(begin - slack), math.floor(end + slack)
+    if last <= first:
+        raise RecordingError(
+            f"recording of {last_s:.3g} s: {end - begin:.3g} turns of the shaft, none of them "
+            "whole; record longer"
+        )
+    highest, count = READ_UP_TO * rate / float(track.speed_hz.max()), (last - first) * steps
     # a grid finer by a whole factor
     factor = -(-enough // steps)
     if factor > 1:
         highest = min(highest, PASSED * steps)
     # whole steps before and behind the turns that lie inside the recording
-    ends = track.turns_at(np.array([0.0, (samples.shape[-1] - 1) / rate])) - first
-    before = max(0, math.floor(-ends[0] * steps))
-    begin, over = first - before / steps, (before + math.floor(ends[1] * steps)) * factor + 1
+    before = max(0, math.floor((first - begin) * steps))
+    start, over = first - before / steps, (before + math.floor((end - first) * steps)) * factor + 1
     values = np.empty((len(samples), count))
     for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
-        found = resample_to_angle(channel[None], rate, track, steps * factor, begin, over)[0]
+        found = resample_to_angle(channel[None], rate, track, steps * factor, start, over)[0]
         values[row] = _thinned(found, factor)[before:][:count]
     return AngularWaveform(values=values, per_turn=steps, first_turn=first, top_order=highest)
 
@@ -327,40 +326,6 @@ def _whole(per_turn: int | None) -> int | None:
 def _steps_to_keep_all(sampling_rate_hz: float, shaft: AngleTrack) -> int:
     """Return the samples a turn at which no step of angle lasts longer than a step of time."""
     return math.ceil(sampling_rate_hz / float(shaft.speed_hz.min()) * (1 - 1e-12))
-
-
-def _whole_turns(count: int, sampling_rate_hz: float, shaft: AngleTrack) -> tuple[int, int]:
-    """Return the angle at which the first whole turn begins, and how many whole turns follow.
-
-    Parameters
-    ----------
-    count : int
-        Samples of the recording.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    shaft : AngleTrack
-        Angle of the shaft itself against time.
-
-    Returns
-    -------
-    first_turn, turns : int
-
-    Raises
-    ------
-    RecordingError
-        If there is no whole turn.
-    """
-    last_s = (count - 1) / sampling_rate_hz
-    begin, end = (float(turn) for turn in shaft.turns_at(np.array([0.0, last_s])))
-    # a turn that begins with the recording is not lost to rounding
-    slack = 5e-7 * float(shaft.speed_hz.min()) / sampling_rate_hz
-    first, last = math.ceil(begin - slack), math.floor(end + slack)
-    if last <= first:
-        raise RecordingError(
-            f"recording of {last_s:.3g} s: {end - begin:.3g} turns of the shaft, none of them "
-            "whole; record longer"
-        )
-    return first, last - first
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -477,9 +442,8 @@ class InAngle:
         out = np.empty((len(self.samples), count))
         for start in range(0, count, _PIECE):
             number = first + np.arange(start, min(start + _PIECE, count))
-            time_s, slope = self.track.time_and_slope_at(
-                self.grid.first_turn + number / self.grid.per_turn
-            )
+            angle = self.grid.first_turn + number / self.grid.per_turn
+            time_s, slope = self.track.time_and_slope_at(angle)
             steps = self.grid.per_turn / (slope * self.sampling_rate_hz)
             out[:, start : start + _PIECE] = self._piece(time_s * self.sampling_rate_hz, steps)
         return out
@@ -501,9 +465,7 @@ class InAngle:
         weights *= (powers[:, :2] * [1.0, 2.0]) @ parabola[1:]
         index = (first - begin).astype(np.intp) + np.arange(taps)[:, None]
         end = begin + int(index[-1, -1]) + 1
-        near = (
-            _odd_stretch(channel, begin, end).take(index, mode="clip") for channel in self.samples
-        )
+        near = (_odd_stretch(own, begin, end).take(index, mode="clip") for own in self.samples)
         return np.array([np.einsum("kn,kn->n", own, weights) for own in near])
 
 
@@ -664,30 +626,18 @@ def _of_record(wave: AngularWaveform, per_turn: int) -> tuple[ComplexArray, Floa
     steps, turns = wave.per_turn, wave.turns
     top = min((per_turn - 1) // 2, int(wave.top_order))
     near = np.arange(1, min(turns // 2, max(_FEWEST_NEIGHBOURS, turns // _SHARE_OF_GAP)) + 1)
-    course = _courses(wave.values[0].reshape(turns, steps), np.concatenate([[0], near]))
-    # column b holds the transform of the record at the bins n N + b, n from 0 and from below
-    angle = np.arange(steps)[:, None] * np.concatenate([[0], near]) / (turns * steps)
-    course *= np.exp(-2j * np.pi * angle)
-    bins = np.fft.fft(course, axis=0)
-    upper = bins[: top + 1]
-    lower = bins[-np.arange(top + 1)]
+    wanted = np.append(0, near)
+    course = np.fft.rfft(wave.values[0].reshape(turns, steps), axis=0)[wanted]
+    # row b holds the transform of the record at the bins n N + b, n from 0 and from below
+    course *= phasors(np.outer(wanted, np.arange(steps)) / -(turns * steps))
+    bins = np.fft.fft(course, axis=1)
+    upper, lower = bins[:, : top + 1], bins[:, -np.arange(top + 1)]
     scale = np.full(top + 1, 2.0 / (turns * steps))
     scale[0] *= 0.5  # the mean is no peak amplitude
-    lines = upper[:, 0] * scale
-    power = 0.5 * (_squared(upper[:, 1:]) + _squared(lower[:, 1:])).mean(axis=1)
+    lines = upper[0] * scale
+    power = 0.5 * (_squared(upper[1:]) + _squared(lower[1:])).mean(axis=0)
     error: FloatArray = scale * np.sqrt(power)
-    return lines, error, _waveform_error(bins[:, 1:], turns, top, per_turn, near)
-
-
-def _courses(record: FloatArray, wanted: IntArray) -> ComplexArray:
-    """Transform a record over its turns, at the wanted bins: shape (steps, bins)."""
-    turns, steps = record.shape
-    course = np.empty((steps, len(wanted)), dtype=complex)
-    width = max(1, _COURSES // turns)
-    for start in range(0, steps, width):
-        columns = np.ascontiguousarray(record[:, start : start + width].T)
-        course[start : start + width] = np.fft.rfft(columns, axis=1)[:, wanted]
-    return course
+    return lines, error, _waveform_error(bins[1:], turns, top, per_turn, near)
 
 
 def _waveform_error(
@@ -697,14 +647,14 @@ def _waveform_error(
     # of the highest bin of an even count there is one, of the others one on either side
     weight = np.where(2 * near == turns, 1.0, 2.0)
     variance = np.zeros(per_turn)
-    for column, own in zip(bins.T, weight, strict=True):
+    for row, own in zip(bins, weight, strict=True):
         # what lies beyond the lines that are kept is no part of the waveform
         kept = np.zeros(per_turn, dtype=complex)
-        kept[: top + 1] = column[: top + 1]
+        kept[: top + 1] = row[: top + 1]
         if top:
-            kept[-top:] = column[-top:]
+            kept[-top:] = row[-top:]
         variance += own * _squared(np.fft.ifft(kept, norm="forward"))
-    return np.asarray(np.sqrt(variance / weight.sum()) / len(bins) / turns)
+    return np.asarray(np.sqrt(variance / weight.sum()) / bins.shape[1] / turns)
 
 
 def _squared(values: ComplexArray) -> FloatArray:

@@ -26,15 +26,7 @@ from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, InAngle, resample_to_angle
-from gearmon.signals.spectra import (
-    fast_length,
-    hann,
-    local_floor,
-    noise_bandwidth,
-    transform,
-    window,
-    window_powers,
-)
+from gearmon.signals.spectra import fast_length, local_floor, transform, window, window_powers
 from gearmon.signals.threads import side_by_side
 
 # Bins of the running median that tells the noise under the lines.
@@ -132,13 +124,10 @@ def fine_order_spectrum(signals: InAngle, pieces: int = 1) -> FineSpectrum:
     places = np.linspace(0.0, 0.5, _SHARES)
     shares = signals.kernel.transform(places) ** 2
 
-    def part(piece: int) -> FloatArray:
-        return signals.steps(piece * block, block)
-
     def share(orders: FloatArray) -> FloatArray:
         return np.interp(orders, places * per_turn, shares)
 
-    return _of_pieces(part, block, pieces, per_turn, share)
+    return _of_pieces(lambda k: signals.steps(k * block, block), block, pieces, per_turn, share)
 
 
 def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1) -> FineSpectrum:
@@ -253,7 +242,7 @@ def _of_pieces(
     if pieces < 1 or block < 8:
         raise ArgumentError(f"pieces={pieces}: each must hold 8 samples or more, got {block}")
     length = fast_length(2 * block)
-    weights = hann(block)
+    weights = window("hann", block)
     sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
 
     def power_of(piece: int) -> FloatArray:
@@ -267,13 +256,8 @@ def _of_pieces(
     step = rate / length
     if share is not None:
         power /= share(step * np.arange(power.shape[-1]))
-    return FineSpectrum(
-        power=power,
-        floor=_floor(power),
-        step=step,
-        width=rate / block,
-        pieces=len(sampled),
-    )
+    floor, width = _floor(power), rate / block
+    return FineSpectrum(power=power, floor=floor, step=step, width=width, pieces=len(sampled))
 
 
 def _floor(power: FloatArray) -> FloatArray:
@@ -308,10 +292,8 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
     """
     ratio = spectrum.power / spectrum.floor
     per_width = spectrum.width / spectrum.step
-    found = [
-        _peaks(level, np.flatnonzero(row > least_ratio), per_width)
-        for row, level in zip(ratio, spectrum.power, strict=True)
-    ]
+    high = (np.flatnonzero(row > least_ratio) for row in ratio)
+    found = [_peaks(level, own, per_width) for level, own in zip(spectrum.power, high, strict=True)]
     places = np.unique(np.concatenate(found))
     # of peaks that channels place a little differently, the clearest of each heap
     edges = np.flatnonzero(np.diff(places) > round(_LOBES[0][0] * per_width)) + 1
@@ -461,6 +443,8 @@ def order_map(
         part = np.hstack([part, fresh])
         centred = part - part.mean(axis=-1, keepdims=True)
         powers[number] += window_powers(centred, weights, block)[:, :bins]
+    # squares of a line and of noise, weighted by the window, over one another: noise bandwidth
+    wide = float(block * (weights @ weights) / weights.sum() ** 2)
     powers *= (2.0 / weights.sum()) ** 2
     powers[..., 0] *= 0.25  # the line at zero has no mirror image
     return OrderMap(
@@ -474,7 +458,7 @@ def order_map(
         high=high[used],
         blocks=blocks,
         block_turns=block / grid.per_turn * ratio,
-        resolution=noise_bandwidth(window_name) * float(grid.per_turn / block / ratio),
+        resolution=wide * float(grid.per_turn / block / ratio),
     )
 
 

@@ -18,13 +18,7 @@ from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
-from gearmon.signals.reading.columns import (
-    DataColumn,
-    Table,
-    describe_columns,
-    find_columns,
-    shortened,
-)
+from gearmon.signals.reading.columns import Column, Table, describe_columns, find_columns, shortened
 
 Read = Callable[[int, int], FloatArray]
 
@@ -66,24 +60,24 @@ class Array:
         Samples of each channel.
     read : callable
         Gives the samples from a first to before a last one: float64, shape (channels, n).
-    units : tuple of (str or None)
-        The unit of each channel; None where the file states none.
+    unit : str or None
+        The unit of its channels; None where the file states none.
     rate_hz : float > 0 or None
         The sampling rate, if the file states one for this array.
     start_s : float
         When the first sample was taken, by the clock that the arrays of the file share.
-    columns : tuple of DataColumn
+    columns : tuple of Column
         Its channels, once those of all arrays are numbered.
     """
 
-    name: str
+    name: str = ""
     names: tuple[str, ...]
     count: int
     read: Read
-    units: tuple[str | None, ...] = ()
+    unit: str | None = None
     rate_hz: float | None = None
     start_s: float = 0.0
-    columns: tuple[DataColumn, ...] = ()
+    columns: tuple[Column, ...] = ()
 
     def __str__(self) -> str:
         """How messages list it: name, columns, samples."""
@@ -104,6 +98,48 @@ class Array:
             return "have different sampling rates"
         late = abs(self.start_s - other.start_s) * rate >= _HALF_SAMPLE
         return "do not start at the same time" if late else ""
+
+    @classmethod
+    def of(
+        cls, name: str, data: Any, *, unit: str | None = None, rate_hz: float | None = None
+    ) -> Array | None:
+        """Return numbers of shape (n,), (n, 1), (1, n), (channels, n) or (n, channels) as signals.
+
+        The longer axis is time.
+
+        Parameters
+        ----------
+        name : str
+            The name in the file.
+        data : array-like with `shape` or length, `dtype` and slicing
+            The numbers; they are read only when samples are asked for.
+        unit : str, optional
+            Their unit.
+        rate_hz : float > 0, optional
+            Their sampling rate.
+
+        Returns
+        -------
+        Array or None
+            None if it can be no signal: no real numbers, one number only, other shapes.
+        """
+        shape = data.shape if hasattr(data, "shape") else (len(data),)
+        long_axes = [axis for axis, size in enumerate(shape) if size != 1]
+        sizes = sorted(int(shape[axis]) for axis in long_axes)
+        told_apart = len(sizes) in (1, 2) and len({0, *sizes}) > len(sizes)
+        if data.dtype.kind not in "fiub" or not told_apart:
+            return None
+        count, channels = sizes[-1], math.prod(sizes[:-1])
+        time = next(axis for axis in long_axes if shape[axis] == count)
+
+        def read(start: int, stop: int) -> FloatArray:
+            own = (*[slice(None)] * time, slice(start, stop))
+            part = np.asarray(data[own if time else own[0]], dtype=np.float64)
+            return np.moveaxis(part, time, -1).reshape(channels, -1)
+
+        numbered = tuple(f"{name} {k}" if name else "" for k in range(1, channels + 1))
+        names = (name,) if channels == 1 else numbered
+        return cls(name=name, names=names, count=count, read=read, unit=unit, rate_hz=rate_hz)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,11 +177,147 @@ class Holding:
         """Return it with the columns of its arrays described, and numbered through all of them."""
         arrays, number = [], 1
         for array in self.arrays:
-            cells = [unit or "" for unit in array.units] if any(array.units) else ()
-            columns = describe_columns(array.names, cells, first=number, array=array.name)
+            units = [array.unit] * len(array.names) if array.unit else ()
+            columns = describe_columns(array.names, units, first=number, array=array.name)
             arrays.append(replace(array, columns=columns))
             number += len(columns)
         return replace(self, arrays=tuple(arrays))
+
+    @classmethod
+    def of(cls, items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
+        """Return named arrays and single numbers as what a file holds.
+
+        Parameters
+        ----------
+        items : mapping of str to array-like
+            Arrays and single numbers by name.
+        left_out : sequence of str
+            What else is in the file.
+        """
+        arrays, facts, others = [], {}, [*left_out]
+        for name, data in items.items():
+            kind, beside = data.dtype.kind, getattr(data, "attrs", {})
+            if kind in "fiu" and all(size == 1 for size in data.shape):
+                facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
+            elif array := Array.of(name, data, unit=unit_in(beside)):
+                rate_hz, _ = _stated_rate(numbers_in(beside))
+                names = _names_in(beside, array.names)
+                arrays.append(replace(array, rate_hz=rate_hz, names=names))
+            else:
+                what = f" of shape {data.shape}" if kind in "fiubc" and data.shape else ""
+                others.append(f"{name or 'numbers'}{what}")
+        return cls(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
+
+    @classmethod
+    def of_channels(
+        cls, found: Sequence[tuple[str, Array | None]], facts: Mapping[str, float]
+    ) -> Holding:
+        """Return channels of one recording by their names, those that are none being left out."""
+        arrays = tuple(array for _, array in found if array)
+        left_out = tuple(name for name, array in found if not array)
+        return cls(arrays=arrays, together=True, facts=facts, left_out=left_out)
+
+    def table(self, wanted: Wanted) -> Table:
+        """Return the columns that make up the recording.
+
+        A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it.
+        Without any, the file must leave no choice: one array that may be vibration, or, in formats
+        whose channels belong together, all of one length and rate. Arrays that are called like a
+        time, a tacho, a speed or a torque and have the same length come along.
+
+        Parameters
+        ----------
+        wanted : Wanted
+            What the user says.
+
+        Raises
+        ------
+        RecordingError
+            If there is no signal, several may be meant, or those named do not fit together.
+        """
+        if not self.arrays:
+            others = ", ".join(map(shortened, self.left_out[:_LISTED]))
+            raise RecordingError(
+                f"{self.path}: {self.what} without a signal in it"
+                f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed, "
+                "with more samples than channels"
+            )
+        holding = self.numbered()
+        named = holding._named(wanted)
+        chosen = named or [own for own in holding.arrays if own.has("vibration")] or holding.arrays
+        first = chosen[0]
+        for other in chosen[1:]:
+            what = first.differs(other)
+            why = what and f"'{shortened(first.name)}' and '{shortened(other.name)}' {what}"
+            if not (named or holding.together):
+                why = f"holds {len(chosen)} arrays that may be the recording"
+            if why:
+                raise RecordingError(
+                    f"{holding.path}: {why}; name with --channel what belongs together: "
+                    f"{_listed(chosen)}"
+                )
+        taken = [own for own in holding.arrays if own in chosen or holding._accompanies(own, first)]
+        return holding._table(taken, holding._filled(taken, wanted))
+
+    def _named(self, wanted: Wanted) -> list[Array]:
+        """Return the arrays that hold what the user named; the tacho alone names no vibration."""
+        columns = [column for array in self.arrays for column in array.columns]
+
+        def numbers(*keys: str | int) -> set[int]:
+            places = (k for key in keys for k in find_columns(self.path, key, columns))
+            return {columns[k].number for k in places}
+
+        found = numbers(*wanted.channels)
+        tacho = set() if wanted.tacho is None else numbers(wanted.tacho)
+        for sensor in () if found else wanted.sensors:
+            with suppress(RecordingError):  # a sensor of the machine need not be in every recording
+                found |= numbers(sensor.column)
+        found |= tacho if found else set()
+        return [one for one in self.arrays if found & {column.number for column in one.columns}]
+
+    def _accompanies(self, one: Array, chosen: Array) -> bool:
+        """Tell whether an array goes with the chosen one: by its name no vibration, and as long."""
+        if one.has("vibration") or one.has("index") or one.count != chosen.count:
+            return False
+        return not self.together or not chosen.differs(one)
+
+    def _filled(self, arrays: Sequence[Array], wanted: Wanted) -> FloatArray:
+        """Read arrays of one length into one, block by block."""
+        rows, total = sum(len(array.names) for array in arrays), arrays[0].count
+        if 8 * total * rows > most_unpacked(self.size):
+            raise RecordingError(
+                f"{self.path}: announces {total} samples of {rows} channels in "
+                f"{self.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its "
+                "samples in another file?"
+            )
+        values, ends = wanted.room(self.path, (rows, total)), [len(own.names) for own in arrays]
+        for array, own in zip(arrays, np.split(values, np.cumsum(ends)[:-1]), strict=True):
+            for start in range(0, total, _BLOCK):
+                stop = min(total, start + _BLOCK)
+                part = array.read(start, stop)
+                if part.shape[1] != stop - start:
+                    raise ValueError("it is cut off: fewer samples than it announces")
+                own[:, start:stop] = part
+        return values
+
+    def _table(self, taken: Sequence[Array], values: FloatArray) -> Table:
+        rate, remark = _stated_rate(self.facts)
+        own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
+        notes = [*self.notes, remark if rate is not None and own is None else ""]
+        speeds = (name for name in self.facts if _plain(name).endswith("rpm"))
+        notes += [f"the file states {shortened(name)} = {self.facts[name]:g}" for name in speeds]
+        if self.together:
+            notes += [f"{shortened(own)} holds no numbers: left out" for own in self.left_out]
+        elif len(taken) < len(self.arrays):
+            notes.append(f"taken from the file: {_listed(taken)}")
+        return Table(
+            path=self.path,
+            values=values,
+            columns=tuple(column for one in taken for column in one.columns),
+            rate_hz=rate if own is None else own,
+            rate_hint=remark,
+            notes=tuple(notes),
+        )
 
 
 def plain_text(value: Any) -> str:
@@ -172,89 +344,10 @@ def numbers_in(metadata: Mapping[Any, Any] | None, prefix: str = "") -> dict[str
     return found
 
 
-def as_array(
-    name: str, data: Any, *, unit: str | None = None, rate_hz: float | None = None
-) -> Array | None:
-    """Return numbers of shape (n,), (n, 1), (1, n), (channels, n) or (n, channels) as signals.
-
-    The longer axis is time.
-
-    Parameters
-    ----------
-    name : str
-        The name in the file.
-    data : array-like with `shape` or length, `dtype` and slicing
-        The numbers; they are read only when samples are asked for.
-    unit : str, optional
-        Their unit.
-    rate_hz : float > 0, optional
-        Their sampling rate.
-
-    Returns
-    -------
-    Array or None
-        None if it can be no signal: no real numbers, one number only, other shapes.
-    """
-    shape = data.shape if hasattr(data, "shape") else (len(data),)
-    long_axes = [axis for axis, size in enumerate(shape) if size != 1]
-    sizes = sorted(int(shape[axis]) for axis in long_axes)
-    told_apart = len(sizes) in (1, 2) and len({0, *sizes}) > len(sizes)
-    if data.dtype.kind not in "fiub" or not told_apart:
-        return None
-    count, channels = sizes[-1], math.prod(sizes[:-1])
-    time = next(axis for axis in long_axes if shape[axis] == count)
-    index: list[Any] = [slice(None) if axis in long_axes else 0 for axis in range(len(shape))]
-
-    def read(start: int, stop: int) -> FloatArray:
-        own = (*index[:time], slice(start, stop), *index[time + 1 :])
-        part = np.asarray(data[own if len(own) > 1 else own[0]], dtype=np.float64)
-        in_rows = time == long_axes[0]
-        return part.reshape(-1, channels).T if in_rows else part.reshape(channels, -1)
-
-    numbered = tuple(f"{name} {k}" if name else "" for k in range(1, channels + 1))
-    return Array(
-        name=name,
-        names=(name,) if channels == 1 else numbered,
-        count=count,
-        read=read,
-        units=(unit,) * channels,
-        rate_hz=rate_hz,
-    )
-
-
-def hold(items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
-    """Return named arrays and single numbers as what a file holds.
-
-    Parameters
-    ----------
-    items : mapping of str to array-like
-        Arrays and single numbers by name.
-    left_out : sequence of str
-        What else is in the file.
-    """
-    arrays, facts, others = [], {}, [*left_out]
-    for name, data in items.items():
-        single = data.dtype.kind in "fiu" and all(size == 1 for size in data.shape)
-        if single:
-            facts[name] = float(np.asarray(data[()]).reshape(-1)[0])
-        elif array := as_array(name, data, **_told_beside(data)):
-            arrays.append(replace(array, names=_names_beside(data, array.names)))
-        else:
-            what = f" of shape {data.shape}" if data.dtype.kind in "fiubc" and data.shape else ""
-            others.append(f"{name or 'numbers'}{what}")
-    return Holding(arrays=tuple(arrays), facts=facts, left_out=tuple(others))
-
-
-def _told_beside(data: Any) -> dict[str, Any]:
-    """Return unit and sampling rate of an array as its attributes tell, if it has any."""
-    attributes = getattr(data, "attrs", {})
-    return {"unit": unit_in(attributes), "rate_hz": _stated_rate(numbers_in(attributes))[0]}
-
-
-def _names_beside(data: Any, usual: tuple[str, ...]) -> tuple[str, ...]:
+def _names_in(beside: Mapping[Any, Any], usual: tuple[str, ...]) -> tuple[str, ...]:
     """Return the names of channels that an attribute lists, if there is one for each."""
     for key in ("channel_names", "channels", "names"):
-        value = np.asarray(getattr(data, "attrs", {}).get(key, ()))
+        value = np.asarray(beside.get(key, ()))
         if value.shape == (len(usual),) and value.dtype.kind in "OSU":
             return tuple(map(plain_text, value.tolist()))
     return usual
@@ -301,119 +394,8 @@ def _plain(name: str) -> str:
     return "".join(character for character in last if character.isalnum()).removesuffix("hz")
 
 
-def choose(holding: Holding, wanted: Wanted) -> Table:
-    """Return the columns that make up the recording.
-
-    A name with --channel, --tacho or in a [[sensor]] picks an array or one channel of it. Without
-    any, the file must leave no choice: one array that may be vibration, or, in formats whose
-    channels belong together, all of one length and rate. Arrays that are called like a time, a
-    tacho, a speed or a torque and have the same length come along.
-
-    Parameters
-    ----------
-    holding : Holding
-        What the file holds.
-    wanted : Wanted
-        What the user says.
-
-    Raises
-    ------
-    RecordingError
-        If there is no signal, several may be meant, or those named do not fit together.
-    """
-    if not holding.arrays:
-        others = ", ".join(map(shortened, holding.left_out[:_LISTED]))
-        raise RecordingError(
-            f"{holding.path}: {holding.what} without a signal in it"
-            f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed, "
-            "with more samples than channels"
-        )
-    holding = holding.numbered()
-    named = _named(holding, wanted)
-    chosen = named or [own for own in holding.arrays if own.has("vibration")] or holding.arrays
-    first = chosen[0]
-    for other in chosen[1:]:
-        what = first.differs(other)
-        why = what and f"'{shortened(first.name)}' and '{shortened(other.name)}' {what}"
-        if not (named or holding.together):
-            why = f"holds {len(chosen)} arrays that may be the recording"
-        if why:
-            raise RecordingError(
-                f"{holding.path}: {why}; name with --channel what belongs together: "
-                f"{_listed(chosen)}"
-            )
-    taken = [own for own in holding.arrays if own in chosen or _accompanies(own, first, holding)]
-    return _table(holding, taken, _filled(holding, taken, wanted))
-
-
-def _named(holding: Holding, wanted: Wanted) -> list[Array]:
-    """Return the arrays that hold what the user named; the tacho alone names no vibration."""
-    columns = [column for array in holding.arrays for column in array.columns]
-
-    def numbers(*keys: str | int) -> set[int]:
-        places = (k for key in keys for k in find_columns(holding.path, key, columns))
-        return {columns[k].number for k in places}
-
-    found = numbers(*wanted.channels)
-    tacho = set() if wanted.tacho is None else numbers(wanted.tacho)
-    for sensor in () if found else wanted.sensors:
-        with suppress(RecordingError):  # a sensor of the machine need not be in every recording
-            found |= numbers(sensor.column)
-    found |= tacho if found else set()
-    return [one for one in holding.arrays if found & {column.number for column in one.columns}]
-
-
-def _accompanies(one: Array, chosen: Array, holding: Holding) -> bool:
-    """Tell whether an array goes with the chosen one: by its name no vibration, and as long."""
-    if one.has("vibration") or one.has("index") or one.count != chosen.count:
-        return False
-    return not holding.together or not chosen.differs(one)
-
-
 def _listed(arrays: Sequence[Array]) -> str:
     return ", ".join(map(str, arrays[:_LISTED])) + (", ..." if len(arrays) > _LISTED else "")
-
-
-def _filled(holding: Holding, arrays: Sequence[Array], wanted: Wanted) -> FloatArray:
-    """Read arrays of one length into one, block by block."""
-    rows, total = sum(len(array.names) for array in arrays), arrays[0].count
-    if 8 * total * rows > most_unpacked(holding.size):
-        raise RecordingError(
-            f"{holding.path}: announces {total} samples of {rows} channels in "
-            f"{holding.size / 1e6:.2g} MB, as no recording does; is it damaged, or are its samples "
-            "in another file?"
-        )
-    values, row = wanted.room(holding.path, (rows, total)), 0
-    for array in arrays:
-        end = row + len(array.names)
-        for start in range(0, total, _BLOCK):
-            stop = min(total, start + _BLOCK)
-            part = array.read(start, stop)
-            if part.shape[1] != stop - start:
-                raise ValueError("it is cut off: fewer samples than it announces")
-            values[row:end, start:stop] = part
-        row = end
-    return values
-
-
-def _table(holding: Holding, taken: Sequence[Array], values: FloatArray) -> Table:
-    rate, remark = _stated_rate(holding.facts)
-    own = next((one.rate_hz for one in taken if one.rate_hz is not None), None)
-    notes = [*holding.notes, remark if rate is not None and own is None else ""]
-    speeds = (name for name in holding.facts if _plain(name).endswith("rpm"))
-    notes += [f"the file states {shortened(name)} = {holding.facts[name]:g}" for name in speeds]
-    if holding.together:
-        notes += [f"{shortened(own)} holds no numbers: left out" for own in holding.left_out]
-    elif len(taken) < len(holding.arrays):
-        notes.append(f"taken from the file: {_listed(taken)}")
-    return Table(
-        path=holding.path,
-        values=values,
-        columns=tuple(column for one in taken for column in one.columns),
-        rate_hz=rate if own is None else own,
-        rate_hint=remark,
-        notes=tuple(notes),
-    )
 
 
 def read_memory(data: Any, wanted: Wanted) -> Table:
@@ -438,12 +420,12 @@ def read_memory(data: Any, wanted: Wanted) -> Table:
     if hasattr(data, "to_frame") and hasattr(data, "index"):
         data = data.to_frame("" if data.name is None else data.name)  # a series is one column
     if hasattr(data, "columns") and hasattr(data, "iloc"):
-        return choose(_of_frame(data), wanted)
+        return _of_frame(data).table(wanted)
     if not hasattr(data, "__array__"):
         raise ArgumentError(f"recording: {type(data).__name__} is no recording; {_ACCEPTED}")
     values = np.asarray(data)
     what = f"an array of shape {values.shape} and type {values.dtype}"
-    return choose(replace(hold({"": values}), path="array", what=what), wanted)
+    return replace(Holding.of({"": values}), path="array", what=what).table(wanted)
 
 
 def _of_frame(frame: Any) -> Holding:
@@ -457,18 +439,14 @@ def _of_frame(frame: Any) -> Holding:
     taken = [(name, own) for name, own in columns if _kind(own) in _NUMBERS]
     rows = [floats(own) for _, own in taken]
     array = Array(
-        name="",
         names=tuple(name + "_ns" * (_kind(own) in _MOMENTS) for name, own in taken),
         count=len(frame),
         read=lambda start, stop: np.array([row[start:stop] for row in rows]),
     )
-    return Holding(
-        arrays=(array,) if rows and len(frame) > 1 else (),
-        together=True,
-        left_out=tuple(name for name, own in columns if _kind(own) not in _NUMBERS),
-        path="DataFrame",
-        what=f"a frame of shape {frame.shape}",
-    )
+    others = [(name, None) for name, own in columns if _kind(own) not in _NUMBERS]
+    told = [("", array)] if rows and len(frame) > 1 else []
+    holding = Holding.of_channels([*told, *others], {})
+    return replace(holding, path="DataFrame", what=f"a frame of shape {frame.shape}")
 
 
 def _kind(column: Any) -> str:

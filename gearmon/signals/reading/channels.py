@@ -14,16 +14,9 @@ from typing import Any, NoReturn, Protocol
 
 import numpy as np
 
-from gearmon.arrays import BoolArray, FloatArray
+from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import (
-    DataColumn,
-    Defect,
-    Table,
-    find_columns,
-    find_defect,
-    missing_rows,
-)
+from gearmon.signals.reading.columns import Column, Defect, Table, find_columns, find_defect
 from gearmon.signals.threads import side_by_side
 from gearmon.units import acceleration_factor, plain_unit, time_factor
 
@@ -38,12 +31,13 @@ _COARSE = 0.75
 _DOUBTFUL = 0.45
 # Deviation from a straight line, over all stamps, of a step that changes by 0.1 % at half time.
 _DRIFT = 1e-3 / 8
-_CHUNK = 2**18
+# Steps at either end of a recording whose median tells the usual one.
+_MANY = 2**18
 
 _AGREEMENT = 1e-3
 # Stamps without a unit are seconds; but a step this long would be no vibration recording.
 _LONGEST_STEP_S = 0.1
-_USUAL_UNITS = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("min", 60.0))
+_USUAL_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 _REMEDY = (
     "if the samples are evenly spaced all the same, delete the time column and give "
     "--sampling-rate HZ, otherwise resample"
@@ -126,12 +120,9 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
         kind, hint = _confirmed(column, values, first=index == 0 and not timed)
         columns[index] = _with_unit(table.path, replace(column, kind=kind), wanted.unit)
         hints += [hint] if hint else []
-    times = [column for column in columns if column.kind == "time"]
-    time = times[0] if times else None
-    rate_hz, rate_note = sampling_rate(table, time, wanted.sampling_rate_hz, "; ".join(hints))
-    for column in times[1:] if wanted.sampling_rate_hz is None else ():
-        _refuse_another_rate(table, column, rate_hz)
-    kept, left_out = _usable(table, columns, named_only=bool(wanted.channels))
+    table = replace(table, columns=tuple(columns))
+    rate_hz, rate_note = _sampling_rate(table, wanted.sampling_rate_hz, "; ".join(hints))
+    kept, left_out = _usable(table, named_only=bool(wanted.channels))
     samples, taken = _taken(table.values, kept), [columns[index] for index in kept]
     scaled = [_unit_and_scale(column) for column in taken]
     for row, (_, scale) in enumerate(scaled):
@@ -159,7 +150,7 @@ def _one_line(note: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
-def _told(table: Table, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
+def _told(table: Table, wanted: Wanted) -> tuple[list[Column], list[str]]:
     """Let what the user says go before what the file says; note sensors that are not in it."""
     index = partial(find_columns, table.path, columns=table.columns)
     columns, absent = list(table.columns), []
@@ -187,12 +178,12 @@ def _told(table: Table, wanted: Wanted) -> tuple[list[DataColumn], list[str]]:
     return columns, absent
 
 
-def _tells_tacho(columns: Sequence[DataColumn]) -> bool:
+def _tells_tacho(columns: Sequence[Column]) -> bool:
     """Tell whether the user said which column is the tacho."""
     return any(column.told and column.kind == "tacho" for column in columns)
 
 
-def _confirmed(column: DataColumn, values: FloatArray, *, first: bool) -> tuple[str, str]:
+def _confirmed(column: Column, values: FloatArray, *, first: bool) -> tuple[str, str]:
     """Check by the numbers what a name only suggests: a counter, or a first column that is time.
 
     Returns
@@ -216,7 +207,7 @@ def _confirmed(column: DataColumn, values: FloatArray, *, first: bool) -> tuple[
     return "other", hint
 
 
-def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
+def _with_unit(path: str, column: Column, unit: str | None) -> Column:
     """Give a vibration channel the unit that the user says, where nothing else states another."""
     if unit is None or column.kind != "vibration":
         return column
@@ -227,26 +218,19 @@ def _with_unit(path: str, column: DataColumn, unit: str | None) -> DataColumn:
     return replace(column, unit=unit)
 
 
-def _usable(
-    table: Table, columns: Sequence[DataColumn], *, named_only: bool
-) -> tuple[list[int], list[str]]:
+def _usable(table: Table, *, named_only: bool) -> tuple[list[int], list[str]]:
     """Return the columns to keep, and notes on those left out."""
+    columns = table.columns
     aside = ("time", "index", "vibration", "other") if named_only else ("time", "index")
-    looked_at = [
-        index
-        for index, column in enumerate(columns)
-        if column.kind not in aside or (column.kind == "vibration" and column.told == "named")
-    ]
+    asked = [column.kind not in aside or column.told == "named" for column in columns]
+    looked_at = np.flatnonzero(asked).tolist()
     rows = [table.values[index] for index in looked_at]
     defects = side_by_side(find_defect, rows, table.values.size)
-    judged = {
-        index: _judged(table, index, columns[index], defect)
-        for index, defect in zip(looked_at, defects, strict=True)
-    }
-    kept = [index for index, (useless, _) in judged.items() if not useless]
+    judged = [(k, *_judged(table, k, own)) for k, own in zip(looked_at, defects, strict=True)]
+    kept = [index for index, useless, _ in judged if not useless]
     if any(columns[index].kind == "vibration" for index in kept):
-        return kept, [f"{note}: left out" if bad else note for bad, note in judged.values()]
-    bad = [note for useless, note in judged.values() if useless]
+        return kept, [f"{note}: left out" if bad else note for _, bad, note in judged]
+    bad = [note for _, useless, note in judged if useless]
     kinds = ", ".join(f"{column.label}: {column.kind}" for column in columns[:10])
     why = f"no vibration channel ({kinds}); name one with --channel"
     if bad:
@@ -255,10 +239,9 @@ def _usable(
     raise RecordingError(f"{table.path}: {why}")
 
 
-def _judged(
-    table: Table, index: int, column: DataColumn, defect: Defect | None
-) -> tuple[bool, str]:
+def _judged(table: Table, index: int, defect: Defect | None) -> tuple[bool, str]:
     """Return whether a channel is useless, and what is to be said about it; raise if it matters."""
+    column = table.columns[index]
     vibrates, asked = column.kind == "vibration", column.told == "named"
     if defect is None or not (vibrates or defect.missing):
         return False, ""
@@ -286,7 +269,7 @@ def _taken(values: FloatArray, kept: Sequence[int]) -> FloatArray:
     return np.ascontiguousarray(samples) if samples.nbytes <= _SMALL_BYTES else samples
 
 
-def _unit_and_scale(column: DataColumn) -> tuple[str | None, float]:
+def _unit_and_scale(column: Column) -> tuple[str | None, float]:
     """Return the physical unit of a channel, and what its numbers must be multiplied by."""
     factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
     unit = column.unit if factor is None else _ACCELERATION_UNIT
@@ -316,6 +299,13 @@ class Spacing:
     coarse: bool = False
     fault: str = ""
     row: int = 0
+
+    def units(self, known: float | None, rate_hz: float) -> list[str]:
+        """Units of time in which the stamps tell a sampling rate [Hz], of the known one or all."""
+        tried = _USUAL_UNITS if known is None else {"": known}
+        told = {name: 1.0 / (self.step * factor) for name, factor in tried.items()}
+        within = _AGREEMENT + self.uncertainty
+        return [name for name, own_hz in told.items() if abs(own_hz / rate_hz - 1.0) <= within]
 
 
 def spacing(stamps: FloatArray) -> Spacing:
@@ -369,11 +359,13 @@ def even_step(values: FloatArray) -> float:
 
 def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple[str, int]:
     """Say which step is the first that is not as usual, and in which row it ends."""
-    row = _first(stamps, lambda steps: steps < 0)  # tells more than what it does to others
-    if row < 0:
-        row = _first(stamps, lambda steps: (steps < least) | (steps > most))
-    if row < 0:
+    steps = np.diff(stamps)
+    wrong = steps < 0  # tells more than what it does to others
+    if not wrong.any():
+        wrong = (steps < least) | (steps > most)
+    if not wrong.any():
         return "", 0
+    row = int(wrong.argmax()) + 1
     before, after = stamps[row - 1], stamps[row]
     if after <= before:
         what = f"comes after {before:.9g}" if after < before else "is repeated"
@@ -388,37 +380,26 @@ def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple
 
 def _usual_step(stamps: FloatArray) -> tuple[float, bool]:
     """Return the median step, and whether nearly all steps are equal to it (nothing rounded)."""
-    steps = np.diff(stamps[: 2 * _CHUNK])
-    if len(stamps) > 2 * _CHUNK:
-        steps = np.concatenate([steps[:_CHUNK], np.diff(stamps[-_CHUNK:])])
-    usual = float(np.median(steps))
+    some = np.append(np.diff(stamps[: 2 * _MANY]), np.diff(stamps[2 * _MANY :][-_MANY:]))
+    usual = float(np.median(some))
     slack = 1e-6 * abs(usual) + 4 * np.spacing(np.abs(stamps[[0, -1]]).max())
-    others = int(np.count_nonzero(np.abs(steps - usual) > slack))
-    return usual, others <= max(1, 0.01 * len(steps))
+    others = int(np.count_nonzero(np.abs(some - usual) > slack))
+    return usual, others <= max(1, 0.01 * len(some))
 
 
 def _resolution(stamps: FloatArray) -> float:
     """Return the unit of the last decimal of the stamps, or of their single precision."""
     parts = stamps[:1000], stamps[-1000:]
     ends = np.concatenate(parts)
-    with np.errstate(over="ignore"):
-        single = ends.astype(np.float32).astype(np.float64)
+    single = ends.astype(np.float32).astype(np.float64)
     if np.all(np.abs(ends - single) <= 1e-9 * np.abs(ends)):
         return float(np.spacing(np.float32(np.abs(ends).max())))
-    decimals = range(-3, 16)
-    return max(
-        next((10.0**-k for k in decimals if np.array_equal(np.round(part, k), part)), 0.0)
-        for part in parts
-    )
 
+    def unit(part: FloatArray) -> float:
+        decimals = (k for k in range(-3, 16) if np.array_equal(np.round(part, k), part))
+        return next((10.0**-k for k in decimals), 0.0)
 
-def _first(stamps: FloatArray, wrong: Callable[[FloatArray], BoolArray]) -> int:
-    """Return the index of the first stamp whose step from the one before is wrong; -1: none."""
-    for start in range(0, len(stamps) - 1, _CHUNK):
-        bad = wrong(np.diff(stamps[start : start + _CHUNK + 1]))
-        if bad.any():
-            return start + int(bad.argmax()) + 1
-    return -1
+    return max(map(unit, parts))
 
 
 def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
@@ -434,28 +415,17 @@ def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
     return slope, beside
 
 
-def sampling_rate(
-    table: Table, column: DataColumn | None, given_hz: float | None, hint: str = ""
-) -> tuple[float, str]:
-    """Return the sampling rate of a recording.
+def _sampling_rate(table: Table, given_hz: float | None, hint: str) -> tuple[float, str]:
+    """Return the sampling rate of a recording, and what was assumed; "" if nothing.
 
     Parameters
     ----------
     table : Table
         What stands in the file.
-    column : Column or None
-        The time column.
     given_hz : float > 0 or None
         The sampling rate as the user knows it.
     hint : str
         What else in the file may help, for the message.
-
-    Returns
-    -------
-    rate_hz : float > 0
-        Samples per second.
-    note : str
-        What was assumed; "" if nothing.
 
     Raises
     ------
@@ -471,89 +441,75 @@ def sampling_rate(
         )
     # some formats round the rate; the user may know it better
     rate_hz, note = given_hz or stated, ""
-    if column is not None:
+    times = [index for index, column in enumerate(table.columns) if column.kind == "time"]
+    if times:
         told = "{:.7g} Hz was given" if given_hz else "the file says {:.7g} Hz as well"
-        rate_hz, note = _from_stamps(table, column, rate_hz, told)
-    if rate_hz is not None:
-        return rate_hz, note
-    told = hint or table.rate_hint
-    raise RecordingError(
-        f"{table.path}: has no time column and does not say its sampling rate; give "
-        f"--sampling-rate HZ{f' ({told})' if told else ''}"
-    )
+        rate_hz, note = _from_stamps(table, times[0], rate_hz, told)
+    if rate_hz is None:
+        told = hint or table.rate_hint
+        raise RecordingError(
+            f"{table.path}: has no time column and does not say its sampling rate; give "
+            f"--sampling-rate HZ{f' ({told})' if told else ''}"
+        )
+    for index in times[1:] if given_hz is None else ():
+        _refuse_another_rate(table, index, rate_hz)
+    return rate_hz, note
 
 
 def _from_stamps(
-    table: Table, column: DataColumn, given_hz: float | None, contradiction: str
+    table: Table, index: int, given_hz: float | None, contradiction: str
 ) -> tuple[float, str]:
     """Return the rate that time stamps tell, or the given one that agrees, and what was assumed."""
+    column, stamps = table.columns[index], table.values[index]
     where = f"{table.path}, {column.label}"
-    index = [own.number for own in table.columns].index(column.number)
-    stamps = table.values[index]
 
     def refuse(row: int, what: str) -> NoReturn:
         place = f"{table.path}, {table.locate(row, index)[0]}, {column.label}"
         raise RecordingError(f"{place}: the time is {what}; {_REMEDY}")
 
-    missing = missing_rows(stamps)
+    missing = np.flatnonzero(~np.isfinite(stamps))
     if len(missing):
         refuse(int(missing[0]), f"missing (in {len(missing)} of {len(stamps)} rows)")
     if len(stamps) < 2:
         raise RecordingError(f"{where}: a single sample is no recording; it tells no sampling rate")
-    found = spacing(stamps)
+    found, known = spacing(stamps), time_factor(column.unit)
     if found.fault:
         refuse(found.row, f"irregular: {found.fault}")
-    if given_hz is not None and column.unit is None and found.step == 1.0:
-        return given_hz, f"{column.label} counts samples; the given rate is used"
-    factor, note = _unit(where, column, found, given_hz)
-    derived_hz = float(f"{1.0 / (found.step * factor):.13g}")  # 1000, not 1000.0000000000001
-    if given_hz is None:
-        if found.coarse:
+    derived_hz = float(f"{1.0 / (found.step * (known or 1.0)):.13g}")  # not 1000.0000000000001
+    if given_hz is not None:
+        if column.unit is None and found.step == 1.0:
+            return given_hz, f"{column.label} counts samples; the given rate is used"
+        fitting = found.units(known, given_hz)
+        if not fitting:
             raise RecordingError(
-                f"{where}: its stamps are rounded so much that neighbours can be alike; give "
-                f"--sampling-rate HZ (it must be about {derived_hz:.4g})"
+                f"{where}: its stamps say {derived_hz:.7g} Hz, but "
+                f"{contradiction.format(given_hz)}; leave --sampling-rate out, or correct it or "
+                "the unit of the time column"
             )
-        return derived_hz, note
-    if abs(derived_hz / given_hz - 1.0) > _AGREEMENT + found.uncertainty:
+        assumed = f"{column.label} has no unit: by the given rate it is in {fitting[0]}"
+        return given_hz, assumed if known is None else ""
+    if known is None and found.step >= _LONGEST_STEP_S:
         raise RecordingError(
-            f"{where}: its stamps say {derived_hz:.7g} Hz, but {contradiction.format(given_hz)}; "
-            "leave --sampling-rate out, or correct it or the unit of the time column"
+            f"{where}: it goes up by {found.step:.6g} in an unknown unit; name it with its unit, "
+            "such as time_ms, or give --sampling-rate HZ"
         )
-    return given_hz, note
+    if found.coarse:
+        raise RecordingError(
+            f"{where}: its stamps are rounded so much that neighbours can be alike; give "
+            f"--sampling-rate HZ (it must be about {derived_hz:.4g})"
+        )
+    return derived_hz, f"{column.label} has no unit: taken as seconds" if known is None else ""
 
 
-def _refuse_another_rate(table: Table, column: DataColumn, rate_hz: float) -> None:
+def _refuse_another_rate(table: Table, index: int, rate_hz: float) -> None:
     """Refuse a further time column that tells another rate: the channels beside it have that."""
-    stamps = table.values[[own.number for own in table.columns].index(column.number)]
-    found = None if len(missing_rows(stamps)) else spacing(stamps)
-    if found is None or found.fault or not found.step:
+    column, stamps = table.columns[index], table.values[index]
+    if not np.isfinite(stamps).all():
         return
-    known = time_factor(column.unit)
-    factors = [factor for _, factor in _USUAL_UNITS] if known is None else [known]
-    apart = min(abs(found.step * factor * rate_hz - 1.0) for factor in factors)
-    if apart > _AGREEMENT + found.uncertainty:
+    found = spacing(stamps)
+    if found.step and not found.fault and not found.units(time_factor(column.unit), rate_hz):
         raise RecordingError(
             f"{table.path}, {column.label}: goes up by {found.step:.6g} {column.unit or ''} a row, "
             f"but another time column says {rate_hz:.7g} Hz; delete the one that is wrong, or give "
             "channels of another rate a file of their own"
         )
-
-
-def _unit(
-    where: str, column: DataColumn, found: Spacing, given_hz: float | None
-) -> tuple[float, str]:
-    """Return the seconds in one unit of the time column, and what was assumed."""
-    known = time_factor(column.unit)
-    if known is not None:
-        return known, ""
-    if given_hz is None and found.step >= _LONGEST_STEP_S:
-        raise RecordingError(
-            f"{where}: it goes up by {found.step:.6g} in an unknown unit; name it with its unit, "
-            "such as time_ms, or give --sampling-rate HZ"
-        )
-    if given_hz is None:
-        return 1.0, f"{column.label} has no unit: taken as seconds"
-    for name, factor in _USUAL_UNITS:
-        if abs(found.step * factor * given_hz - 1.0) <= _AGREEMENT + found.uncertainty:
-            return factor, f"{column.label} has no unit: by the given rate it is in {name}"
-    return 1.0, ""

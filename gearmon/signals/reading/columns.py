@@ -11,26 +11,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gearmon.arrays import FloatArray, IntArray
+from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError, nearest_name
 from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
 _ROUND = re.compile(r"(.*?)\s*[(<]\s*(.+?)\s*[)>]")
 _BEHIND = re.compile(r"(.*\S)\s*(?:/|,|\s-|\sin\s)\s*(\S+)")
-_SUFFIX = re.compile(
-    r"(.+)_(m_s2|mm_s|m_s|ms2|mps2|mg|g|rpm|nm|degc|hz|mv|v|ms|us|ns|s)", re.IGNORECASE
-)
+_SUFFIX = re.compile(r"(?i)(.+)_(m_s2|mm_s|m_s|ms2|mps2|mg|g|rpm|nm|degc|hz|mv|v|ms|us|ns|s)")
 
 _TIME = re.compile(
-    r"t|(x_value|abszisse|time|zeit|temps|tempo|tiempo|tijd|timestamps?|zeitstempel|elapsed|"
-    r"seconds?|sekunden?|datetime|datum)(?![a-zäöü]).*",
-    re.IGNORECASE,
+    r"(?i)t|(x_value|abszisse|time|zeit|temps|tempo|tiempo|tijd|timestamps?|zeitstempel|elapsed|"
+    r"seconds?|sekunden?|datetime|datum)(?![a-zäöü]).*"
 )
 _INDEX = re.compile(
-    r"(unnamed: \d+|index|idx|samples?|punkte?|points?|rows?|zeilen?|nr|no|num|n|i|k|#|counter)"
-    r"([ _.-]*(number|index|idx|count|id|no|nr|#))?\.?",
-    re.IGNORECASE,
+    r"(?i)(unnamed: \d+|index|idx|samples?|punkte?|points?|rows?|zeilen?|nr|no|num|n|i|k|#|counter)"
+    r"([ _.-]*(number|index|idx|count|id|no|nr|#))?\.?"
 )
 _KINDS = (
     ("tacho", r"tach|keyphas|trigger|\bpuls|rpm[ _]?puls|encoder|drehgeber|nullimpuls|once.?per"),
@@ -52,7 +48,7 @@ LONGEST_QUOTE = 60  # characters of a file that a message shows
 
 
 @dataclass(frozen=True, kw_only=True)
-class DataColumn:
+class Column:
     """One column of a table.
 
     Parameters
@@ -87,9 +83,8 @@ class DataColumn:
     @property
     def label(self) -> str:
         """How messages call the column."""
-        if not self.cell:
-            return f"column {self.number}"
-        return f"column {self.number} ('{shortened(self.name)}')"
+        name = f" ('{shortened(self.name)}')" if self.cell else ""
+        return f"column {self.number}{name}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +97,7 @@ class Table:
         The file, for messages.
     values : ndarray of float64, shape (columns, rows)
         The numbers; NaN where one is missing.
-    columns : tuple of DataColumn
+    columns : tuple of Column
         What the file says about them.
     rate_hz : float > 0 or None
         The sampling rate, if the file states one.
@@ -116,7 +111,7 @@ class Table:
 
     path: str
     values: FloatArray
-    columns: tuple[DataColumn, ...]
+    columns: tuple[Column, ...]
     rate_hz: float | None = None
     rate_hint: str = ""
     notes: tuple[str, ...] = ()
@@ -125,7 +120,7 @@ class Table:
 
 def describe_columns(
     cells: Sequence[str], units: Sequence[str] = (), *, first: int = 1, array: str | None = None
-) -> tuple[DataColumn, ...]:
+) -> tuple[Column, ...]:
     """Return the columns of a table, as far as their heads tell.
 
     Parameters
@@ -151,7 +146,7 @@ def describe_columns(
         own = unit or (text if text not in ("", "-", "--", "1") else None)
         kind = _kind_of(name, own, named=cell != "")
         name = name or f"{'column' if array is None else 'channel'} {number}"
-        found = DataColumn(number=number, name=name, cell=cell, unit=own, kind=kind)
+        found = Column(number=number, name=name, cell=cell, unit=own, kind=kind)
         columns.append(replace(found, array=array or ""))
     return tuple(columns)
 
@@ -193,7 +188,7 @@ def _kind_of(name: str, unit: str | None, *, named: bool) -> str:
     return "vibration" if moves else by_name
 
 
-def find_columns(origin: str, key: str | int, columns: Sequence[DataColumn]) -> list[int]:
+def find_columns(origin: str, key: str | int, columns: Sequence[Column]) -> list[int]:
     """Return the indices of the channels that are meant by a name or by a column number.
 
     It is one, but for the name of an array: that means all its channels.
@@ -205,7 +200,7 @@ def find_columns(origin: str, key: str | int, columns: Sequence[DataColumn]) -> 
     key : str or int
         A name, or the number of a column counted from 1. Digits are a number unless a channel has
         that name.
-    columns : sequence of DataColumn
+    columns : sequence of Column
         The channels.
 
     Raises
@@ -268,13 +263,6 @@ def all_finite(values: FloatArray) -> bool:
     return not len(values) or bool(values.min() > -_MOST_SAMPLE and values.max() < _MOST_SAMPLE)
 
 
-def missing_rows(values: FloatArray) -> IntArray:
-    """Return the indices of values that are no numbers a sensor can give."""
-    if all_finite(values):
-        return np.zeros(0, dtype=np.int64)
-    return np.flatnonzero(~(np.abs(values) < _MOST_SAMPLE))
-
-
 def find_defect(values: FloatArray) -> Defect | None:
     """Return why a channel cannot be vibration, or None.
 
@@ -317,16 +305,13 @@ def find_defect(values: FloatArray) -> Defect | None:
 
 
 def _missing(values: FloatArray) -> Defect:
-    bad, count = missing_rows(values), len(values)
+    bad, count = np.flatnonzero(~(np.abs(values) < _MOST_SAMPLE)), len(values)
     if len(bad) == count:
         return Defect(text=f"has no numbers at all in {count} rows", row=-1, missing="no number")
     share = 100 * len(bad) / count
-    return Defect(
-        text=f"lacks a usable number in {len(bad)} of {count} rows ({share:.2g} %)",
-        row=int(bad[0]),
-        fatal=False,
-        missing="more than any sensor gives" if np.isfinite(values[bad[0]]) else "no number",
-    )
+    text = f"lacks a usable number in {len(bad)} of {count} rows ({share:.2g} %)"
+    what = "more than any sensor gives" if np.isfinite(values[bad[0]]) else "no number"
+    return Defect(text=text, row=int(bad[0]), fatal=False, missing=what)
 
 
 def _is_piled_up(values: FloatArray, range_: float) -> bool:

@@ -1,7 +1,7 @@
 """Kinds of files: told by their first bytes, never by their names; one table of all at the end.
 
 A loader gives a `Holding` while its file is open: arrays that may be signals, read in blocks, and
-the facts beside them. `arrays.choose` picks the arrays that are the recording. WAV, NumPy's files
+the facts beside them. its `table` picks the arrays that are the recording. WAV, NumPy's files
 (npy, npz) and MATLAB's up to version 7 need no further library; HDF5 (MATLAB 7.3 among them),
 Parquet, TDMS (LabVIEW), UFF 58 and FLAC one each, an extra of gearmon.
 
@@ -30,7 +30,7 @@ import struct
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -41,17 +41,7 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.errors import GearmonError, RecordingError
 from gearmon.files import archive_swells, most_unpacked
-from gearmon.signals.reading.arrays import (
-    Array,
-    Holding,
-    as_array,
-    choose,
-    floats,
-    hold,
-    numbers_in,
-    plain_text,
-    unit_in,
-)
+from gearmon.signals.reading.arrays import Array, Holding, floats, numbers_in, plain_text, unit_in
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Table, shortened
 from gearmon.signals.reading.text import Source, open_source, read_table
@@ -92,7 +82,7 @@ class Format:
     magic : bytes
         Regular expression of how it begins.
     loader : callable or None
-        Reads it; None if it is not read.
+        Yields once what it holds, and closes it behind that; None if it is not read.
     extra : str
         The extra of gearmon that installs the library that the loader needs.
     remedy : str
@@ -101,7 +91,7 @@ class Format:
 
     what: str
     magic: bytes
-    loader: Callable[[str], AbstractContextManager[Holding]] | None = None
+    loader: Callable[[str], Iterator[Holding]] | None = None
     extra: str = ""
     remedy: str = "export it as CSV"
 
@@ -129,9 +119,8 @@ def identify(source: Source) -> Format | None:
     sample = head[:4096]
     controls = len(sample) - len(sample.translate(None, _CONTROL))
     binary = controls > max(2, 0.01 * len(sample)) and source.encoding in ("", "utf-8-sig")
-    return known or (
-        Format("a binary file of unknown kind, or UTF-16 without its mark", b"") if binary else None
-    )
+    unknown = Format("a binary file of unknown kind, or UTF-16 without its mark", b"")
+    return known or (unknown if binary else None)
 
 
 def read_file(path: str | Path, wanted: Wanted) -> Table:
@@ -167,27 +156,21 @@ def _read_arrays(source: Source, found: Format, wanted: Wanted) -> Table:
         raise RecordingError(f"{source.path}: {found.what} {how}")
     size = os.path.getsize(source.path)
     try:
-        with warnings.catch_warnings(), found.loader(source.path) as loaded:
+        with warnings.catch_warnings(), contextmanager(found.loader)(source.path) as loaded:
             warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
             holding = replace(loaded, path=source.path, what=found.what, size=size)
-            return choose(holding, wanted)
+            return holding.table(wanted)
     except GearmonError:
         raise
-    except ImportError:
-        raise RecordingError(
-            f"{source.path}: looks like {found.what}; to read it install gearmon[{found.extra}], "
-            "or export it as CSV"
-        ) from None
     # what a library raises about a damaged file is anything but documented
     except Exception as error:
         first = next(iter(str(error).splitlines()), "") or type(error).__name__
-        raise RecordingError(
-            f"{source.path}: looks like {found.what} and cannot be read as such "
-            f"({shortened(first)}); is it damaged? Copy it again"
-        ) from None
+        why = f" and cannot be read as such ({shortened(first)}); is it damaged? Copy it again"
+        if isinstance(error, ImportError):
+            why = f"; to read it install gearmon[{found.extra}], or export it as CSV"
+        raise RecordingError(f"{source.path}: looks like {found.what}{why}") from None
 
 
-@contextmanager
 def _read_wav(path: str) -> Iterator[Holding]:
     """Give what a WAV file holds: one array, its sampling rate, no unit.
 
@@ -223,7 +206,7 @@ def _read_wav(path: str) -> Iterator[Holding]:
     how = "float" if tag == _FLOATS else "integer"
     # some writers leave out how many bytes a second has; one that contradicts leaves the rate open
     rate_hz = float(rate) if a_second in (0, rate * frame) else None
-    array = Array(name="", names=("",) * channels, count=len(frames), read=read, rate_hz=rate_hz)
+    array = Array(names=("",) * channels, count=len(frames), read=read, rate_hz=rate_hz)
     yield _sound("WAV", f"{bits}-bit {how}", array)
 
 
@@ -252,7 +235,6 @@ def _wav_chunks(raw: Any) -> dict[bytes, Any]:
     return chunks
 
 
-@contextmanager
 def _read_mat(path: str) -> Iterator[Holding]:
     """Give what a MATLAB file holds: its arrays and single numbers, those of structs by a dot.
 
@@ -273,10 +255,9 @@ def _read_mat(path: str) -> Iterator[Holding]:
             left = [(f"{name}.{key}", value) for key, value in own.items()] + left
         else:
             items[name] = np.asarray(own)
-    yield hold(items)
+    yield Holding.of(items)
 
 
-@contextmanager
 def _read_npy(path: str) -> Iterator[Holding]:
     """Give what an npy file holds: one array, or one channel for each field of its records.
 
@@ -290,10 +271,9 @@ def _read_npy(path: str) -> Iterator[Holding]:
         raise ValueError("bytes behind its numbers")
     # the fields of records are channels
     items = {name: stored[name] for name in stored.dtype.names or ()} or {"": stored}
-    yield replace(hold(items), together=True)
+    yield replace(Holding.of(items), together=True)
 
 
-@contextmanager
 def _read_npz(path: str) -> Iterator[Holding]:
     """Give what an npz file holds: its arrays and single numbers by name.
 
@@ -312,7 +292,7 @@ def _read_npz(path: str) -> Iterator[Holding]:
                 items[name] = archive[name]
             except ValueError:  # an array of Python objects
                 others.append(name)
-    yield hold(items, others)
+    yield Holding.of(items, others)
 
 
 def _try_out(path: str, task: Callable[[], object]) -> None:
@@ -347,7 +327,6 @@ def _try_out(path: str, task: Callable[[], object]) -> None:
         raise ValueError("it unpacks to more than any, or crashes its reader")
 
 
-@contextmanager
 def _read_hdf5(path: str) -> Iterator[Holding]:
     """Give what an HDF5 file holds: all its arrays and single numbers, by their paths.
 
@@ -361,11 +340,7 @@ def _read_hdf5(path: str) -> Iterator[Holding]:
     """
     import h5py
 
-    def held() -> Holding:
-        with h5py.File(path, "r") as file:
-            return _hdf5_arrays(file)
-
-    _try_out(path, held)
+    _try_out(path, lambda: _hdf5_arrays(h5py.File(path, "r")))
     with h5py.File(path, "r") as file:
         yield _hdf5_arrays(file)
 
@@ -387,11 +362,10 @@ def _hdf5_arrays(file: Any) -> Holding:
             if item.chunks and item.id.get_num_chunks():
                 # their index may be damaged; what they hold is unpacked by zlib
                 item.id.get_chunk_info(item.id.get_num_chunks() - 1)
-    held = hold(items, others)
+    held = Holding.of(items, others)
     return replace(held, facts=facts | dict(held.facts))
 
 
-@contextmanager
 def _read_parquet(path: str) -> Iterator[Holding]:
     """Give what a Parquet table holds: its columns of numbers and times.
 
@@ -414,10 +388,8 @@ def _check_pages(path: str, told: Any) -> None:
     """Refuse pages that do not end where what stands behind them begins: later values are moved."""
     groups = map(told.row_group, range(told.num_row_groups))
     chunks = [group.column(k) for group in groups for k in range(told.num_columns)]
-    ends = [
-        (own.dictionary_page_offset or own.data_page_offset) + own.total_compressed_size
-        for own in chunks
-    ]
+    begins = (own.dictionary_page_offset or own.data_page_offset for own in chunks)
+    ends = [begin + own.total_compressed_size for begin, own in zip(begins, chunks, strict=True)]
     indexed = any(own.has_offset_index or own.has_column_index for own in chunks)
     end = os.path.getsize(path) - 8 - told.serialized_size
     if ends and not indexed and max(ends) != end:
@@ -429,27 +401,23 @@ def _parquet_columns(file: Any) -> Holding:
 
     schema, rows = file.schema_arrow, file.metadata.num_rows
     numeric = types.is_integer, types.is_floating, types.is_decimal, types.is_timestamp
-    kept = [field for field in schema if any(is_such(field.type) for is_such in numeric)]
     whole = lru_cache(maxsize=1)(lambda name: floats(file.read([name]).column(0).to_pandas()))
 
-    def column(field: Any) -> Array:
+    def column(field: Any) -> Array | None:
         def read(start: int, stop: int) -> FloatArray:
             return np.asarray(whole(field.name)[None, start:stop])
 
+        if rows < 2 or not any(is_such(field.type) for is_such in numeric):
+            return None
         unit = "ns" if types.is_timestamp(field.type) else unit_in(field.metadata)
-        return Array(name=field.name, names=(field.name,), count=rows, read=read, units=(unit,))
+        return Array(name=field.name, names=(field.name,), count=rows, read=read, unit=unit)
 
+    told = [(f"{field.name} ({field.type})", column(field)) for field in schema]
     # the row labels of a data frame are no channel
-    channels = [field for field in kept if not field.name.startswith("__index_level_")]
-    return Holding(
-        arrays=tuple(map(column, channels)) if rows > 1 else (),
-        together=True,
-        facts=numbers_in(schema.metadata),
-        left_out=tuple(f"{field.name} ({field.type})" for field in schema if field not in kept),
-    )
+    found = [(name, own) for name, own in told if not (own and name.startswith("__index_level_"))]
+    return Holding.of_channels(found, numbers_in(schema.metadata))
 
 
-@contextmanager
 def _read_tdms(path: str) -> Iterator[Holding]:
     """Give what a TDMS file holds: its channels, with unit and sampling rate where stated.
 
@@ -484,12 +452,7 @@ def _read_tdms(path: str) -> Iterator[Holding]:
             own.name if once[own.name] == 1 else f"{own.group_name}/{own.name}" for own in channels
         ]
         found = [(name, _tdms_array(name, own)) for name, own in zip(names, channels, strict=True)]
-        yield Holding(
-            arrays=tuple(array for _, array in found if array),
-            together=True,
-            facts=facts,
-            left_out=tuple(name for name, array in found if not array),
-        )
+        yield Holding.of_channels(found, facts)
 
 
 def _bytes_of_segments(path: str) -> int:
@@ -516,11 +479,10 @@ def _tdms_array(name: str, channel: Any) -> Array | None:
     begin = channel.properties.get("wf_start_time", None)
     start = 0.0 if begin is None else float(np.datetime64(begin, "us").astype(np.int64)) * 1e-6
     unit = unit_in(channel.properties)
-    found = as_array(name, channel, unit=unit, rate_hz=rate_hz)
+    found = Array.of(name, channel, unit=unit, rate_hz=rate_hz)
     return found and replace(found, start_s=start + told.get("wf_start_offset", 0.0))
 
 
-@contextmanager
 def _read_universal(path: str) -> Iterator[Holding]:
     """Give what a universal file holds: its functions of time, with unit and spacing.
 
@@ -562,7 +524,7 @@ def _function(number: int, one: dict[str, Any], taken: Sequence[Array]) -> Array
         raise ValueError(f"function {number} is not evenly spaced, or by {step:g} s")
     name, unit = _place(number, one, taken), plain_text(one["ordinate_axis_units_lab"]) or None
     # single precision spacing: seven digits are told, no more
-    return as_array(name, samples, unit=unit, rate_hz=float(f"{1.0 / step:.13g}"))
+    return Array.of(name, samples, unit=unit, rate_hz=float(f"{1.0 / step:.13g}"))
 
 
 def _place(number: int, one: dict[str, Any], taken: Sequence[Array]) -> str:
@@ -575,7 +537,6 @@ def _place(number: int, one: dict[str, Any], taken: Sequence[Array]) -> str:
     return name if all(own.name != name for own in taken) else f"{name} ({number})"
 
 
-@contextmanager
 def _read_flac(path: str) -> Iterator[Holding]:
     """Give what a FLAC file holds: one array, its sampling rate, no unit."""
     import soundfile
@@ -587,7 +548,7 @@ def _read_flac(path: str) -> Iterator[Holding]:
             return np.asarray(file.read(stop - start, dtype="float64", always_2d=True)).T
 
         names, count, rate_hz = ("",) * file.channels, int(file.frames), float(file.samplerate)
-        array = Array(name="", names=names, count=count, read=read, rate_hz=rate_hz)
+        array = Array(names=names, count=count, read=read, rate_hz=rate_hz)
         yield _sound("FLAC", f"{file.subtype.removeprefix('PCM_')}-bit integer", array)
 
 

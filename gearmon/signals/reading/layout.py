@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 from gearmon.errors import RecordingError
-from gearmon.signals.reading.columns import LONGEST_QUOTE, DataColumn, describe_columns, shortened
+from gearmon.signals.reading.columns import LONGEST_QUOTE, Column, describe_columns, shortened
 from gearmon.units import are_units
 
 # Lines that are looked at to find the dialect; the last ones, as those are rows most surely.
@@ -40,6 +40,10 @@ _GAPS = re.compile(r"\s{2,}|\t"), re.compile(r"\s+(?![\[(])")
 # A field that begins with a quote and has no end in its line.
 _OPEN_QUOTE = re.compile(r'(?:^|[,;\s])"[^"]*$')
 _CLOSED_QUOTES = re.compile(r'"[^"]*"')
+# A number that ends where none can; rows above the last one that tell how many digits it has.
+_CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD][+-]?)?|[+-]?[.,]")
+_ENOUGH_ROWS = 50
+_REMEDY = "correct it, or put # before the line if it is no sample"
 _FEWEST_BELOW = 5  # rows of decimals that tell names 0, 1, 2 ... from one more row
 
 Line = tuple[int, str]
@@ -105,7 +109,7 @@ class Dialect:
     remark: str = ""
     rate_hint: str = ""
 
-    def described(self) -> tuple[DataColumn, ...]:
+    def described(self) -> tuple[Column, ...]:
         """Return the columns of the table, as far as the lines above the numbers tell."""
         return describe_columns(self.names or ("",) * self.columns, self.units)
 
@@ -146,9 +150,59 @@ class Dialect:
         """Return how many of the cells are numbers."""
         return sum(is_number(cell, self.decimal) for cell in cells)
 
+    def is_row(self, line: str) -> bool:
+        """Tell whether a line below the first row is one of the rows."""
+        return bool(line.strip()) and not is_comment(line) and any(self.split(line))
 
-def find_layout(path: str, lines: Sequence[str]) -> Dialect | None:
-    """Return the layout of the table of numbers in the lines; None if there is no row of numbers.
+    def values(self, where: str, fields: Sequence[str]) -> list[float]:
+        """Return the numbers of a row.
+
+        Raises
+        ------
+        RecordingError
+            If it is none, with the place that is told.
+        """
+        if not self.fits(fields):
+            found = counted(len(without_empty_end(fields)), "field")
+            wrong = f"{found} where the table has {counted(self.columns, 'column')}"
+            if not self.numbers(fields):
+                wrong = f"'{shortened(' '.join(fields).strip())}' is not a number"
+            raise RecordingError(f"{where}: {wrong}; {_REMEDY}")
+        values = []
+        for index, field in enumerate(fields[: self.columns]):
+            value = self.value(index, field)
+            if value is None:
+                what = "time stamp" if index == self.stamp else "number"
+                place = f"{where}, {self.described()[index].label}"
+                raise RecordingError(f"{place}: '{shortened(field)}' is not a {what}; {_REMEDY}")
+            values.append(value)
+        return values
+
+    def cut(self, last: Sequence[str], above: Sequence[Sequence[str]]) -> str:
+        """Say what shows that the last row is cut off, beside those above; "" if nothing does."""
+        place = self.columns - 1
+        if self.numbers(last[:place]) < len(last[:place]):
+            return ""
+        if len(last) <= place:
+            return f"{counted(len(last), 'field')} of {self.columns}"
+        if self.trailing and len(last) == self.columns and above:
+            return "no separator at its end, as the lines above have"
+        field = last[place]
+        # what stands behind the digits before the point, digit by digit
+        ending, *others = (
+            re.sub("[0-9]", "0", "".join(row[place].partition(self.decimal)[1:]))
+            for row in (last, *above)
+        )
+        # fewer digits behind the point than all others have
+        shorter = bool(others) and field.endswith(self.decimal) and self.decimal not in others
+        if len(set(others)) == 1 and len(above) >= _ENOUGH_ROWS:
+            shorter = shorter or len(ending) < len(others[0])
+        cut = self.fits(last) and (_CUT_NUMBER.fullmatch(field) or shorter)
+        return f"'{shortened(field)}'" if cut else ""
+
+
+def find_layout(path: str, lines: Sequence[str]) -> Dialect:
+    """Return the layout of the table of numbers in the lines.
 
     Parameters
     ----------
@@ -160,7 +214,8 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect | None:
     Raises
     ------
     RecordingError
-        If the beginning can be read in two ways, or its first rows are damaged.
+        If there is no row of numbers, the beginning can be read in two ways, or its first rows are
+        damaged.
     """
     for count in (_SAMPLE, len(lines)):  # is there a text below the rows?
         sample = _sample(lines, count)
@@ -168,7 +223,7 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect | None:
         if dialect is not None:
             break
     else:
-        return None
+        raise RecordingError(f"{path}: {_without_rows(lines)}")
     if dialect.columns > _MOST_COLUMNS:
         raise RecordingError(
             f"{path}: {dialect.columns} numbers in a line; a recording needs one line per sample "
@@ -176,11 +231,32 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect | None:
         )
     rows = [line for line in sample if dialect.fitting(line) is not None]
     first, above = _first_row(path, lines, dialect)
-    dialect = _clear_decimals(path, dialect, rows, above)
+    dialect = _decided(path, dialect, rows, above)
     dialect = _widened(dialect, rows, above)
     dialect = replace(dialect, first_line=first, rate_hint=_rate_hint(above))
     dialect = _with_names(path, dialect, above)
     return _with_counted_names(dialect, lines[first - 1], rows)
+
+
+def _without_rows(lines: Sequence[str]) -> str:
+    """Say what stands in lines that hold no rows of numbers."""
+    filled = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
+    number, text = filled[-1]
+    # a column of text, if the last lines are rows of numbers but for it?
+    for separator in "\t;,":
+        rows = [split_fields(line, separator) for _, line in filled[-3:]]
+        told = [is_number(field, ".") or is_number(field, ",") for field in rows[-1]]
+        if any(told) and not all(told) and {len(row) for row in rows} == {len(told)}:
+            column = told.index(False)
+            return (
+                f"line {number}, column {column + 1}: '{shortened(rows[-1][column])}' is not a "
+                "number, as in the lines above; take that column out"
+            )
+    what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
+    return (
+        f"{what} in its {counted(len(lines), 'line')} (line {number} reads '{shortened(text)}'); "
+        "a recording has one line of numbers per sample, and no column of text"
+    )
 
 
 def _sample(lines: Sequence[str], count: int) -> list[str]:
@@ -268,9 +344,7 @@ def _widened(dialect: Dialect, rows: Sequence[str], above: Sequence[Line]) -> Di
     return replace(dialect, columns=named, trailing=length > named)
 
 
-def _clear_decimals(
-    path: str, dialect: Dialect, rows: Sequence[str], above: Sequence[Line]
-) -> Dialect:
+def _decided(path: str, dialect: Dialect, rows: Sequence[str], above: Sequence[Line]) -> Dialect:
     """Tell ``1,5`` as one number with a decimal comma from two whole numbers, or raise."""
     if (dialect.separator, dialect.decimal, dialect.columns) != (",", ".", 2):
         return dialect
@@ -379,9 +453,8 @@ def _cells(text: str, dialect: Dialect) -> list[str] | None:
 
 def _count_up(cells: Sequence[str]) -> bool:
     """Tell the numbers of channels: 0, 1, 2 ... or 1, 2 ..."""
-    return len(cells) > 1 and [*cells] in [
-        [str(start + k) for k in range(len(cells))] for start in (0, 1)
-    ]
+    known = [[str(start + k) for k in range(len(cells))] for start in (0, 1)]
+    return len(cells) > 1 and [*cells] in known
 
 
 def _damage(lines: Sequence[Line], dialect: Dialect) -> str:

@@ -17,7 +17,7 @@ import os
 import re
 import stat
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -33,16 +33,7 @@ from gearmon.errors import RecordingError, nearest_name
 from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Table, shortened
-from gearmon.signals.reading.layout import (
-    MISSING,
-    Dialect,
-    counted,
-    find_layout,
-    is_comment,
-    is_number,
-    split_fields,
-    without_empty_end,
-)
+from gearmon.signals.reading.layout import MISSING, Dialect, find_layout, is_comment
 from gearmon.signals.threads import cores
 
 # With 256 kB reading takes 65 % more time, with 512 kB 20 %, with 1 MB 0 to 2 %, with 2 MB 10 %
@@ -73,9 +64,7 @@ _NO_VALUES = [
     for spelling in {word, word.upper(), word.capitalize(), word.replace("n", "N")}
 ]
 # Rows whose last fields are compared to see whether the very last one is cut off.
-_ENOUGH_ROWS, _MOST_ROWS = 50, 200
-_CUT_NUMBER = re.compile(r"[+-]?(?:[0-9]*(?:[.,][0-9]*)?[eEdD][+-]?)?|[+-]?[.,]")
-_REMEDY = "correct it, or put # before the line if it is no sample"
+_MOST_ROWS = 200
 _HEAD_BYTES = 768 * 1024  # tell the layout
 # Threads pay only where a file has many blocks; more than four wait for the interpreter.
 _THREADED_BYTES = 8 * 1024 * 1024
@@ -337,9 +326,7 @@ def _parsed(text: bytes, dialect: Dialect) -> FloatArray | None:
     return values if values.shape == (_count_of(text, "\n"), dialect.columns) else None
 
 
-def read_rows(
-    path: str, block: Block, dialect: Dialect, empty_line: int = 0
-) -> tuple[FloatArray, int]:
+def read_rows(path: str, block: Block, dialect: Dialect, empty: int = 0) -> tuple[FloatArray, int]:
     """Return the rows of a block, read line by line.
 
     Parameters
@@ -350,7 +337,7 @@ def read_rows(
         Lines from the first row on.
     dialect : Dialect
         How they are written.
-    empty_line : int
+    empty : int
         Number of an empty row before this block; 0 if there is none.
 
     Raises
@@ -371,38 +358,15 @@ def read_rows(
                     "come too early; restore it, or cut the file there"
                 )
         elif any(fields := dialect.split(line)):
-            if empty_line:
+            if empty:
                 raise RecordingError(
-                    f"{path}, line {empty_line}: empty between samples; was a sample lost? If not, "
+                    f"{path}, line {empty}: empty between samples; was a sample lost? If not, "
                     "delete the line"
                 )
-            values.append(_values(where, fields, dialect))
+            values.append(dialect.values(where, fields))
         elif dialect.columns == 1 or line.strip():
-            empty_line = empty_line or number
-    return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty_line
-
-
-def _values(where: str, fields: Sequence[str], dialect: Dialect) -> list[float]:
-    """Return the numbers of a row."""
-    if not dialect.fits(fields):
-        wrong = (
-            f"{counted(len(without_empty_end(fields)), 'field')} where the table has "
-            f"{counted(dialect.columns, 'column')}"
-        )
-        if not dialect.numbers(fields):
-            wrong = f"'{shortened(' '.join(fields).strip())}' is not a number"
-        raise RecordingError(f"{where}: {wrong}; {_REMEDY}")
-    values = []
-    for index, field in enumerate(fields[: dialect.columns]):
-        value = dialect.value(index, field)
-        if value is None:
-            what = "time stamp" if index == dialect.stamp else "number"
-            label = dialect.described()[index].label
-            raise RecordingError(
-                f"{where}, {label}: '{shortened(field)}' is not a {what}; {_REMEDY}"
-            )
-        values.append(value)
-    return values
+            empty = empty or number
+    return np.array(values, dtype=np.float64).reshape(-1, dialect.columns), empty
 
 
 def _check_end(path: str, before: bytes, block: Block, dialect: Dialect) -> None:
@@ -415,43 +379,14 @@ def _check_end(path: str, before: bytes, block: Block, dialect: Dialect) -> None
     if len(before) == _CUT_CHECK_BYTES:
         before = before.partition(b"\n")[2]
     lines = _decoded(before + block.text).split("\n")[-_MOST_ROWS - 2 : -1]
-    *above, last = [dialect.split(line) if _is_row(line, dialect) else [] for line in lines]
-    reason = last and _cut(last, [row for row in above if dialect.fits(row)], dialect)
+    *above, last = [dialect.split(line) if dialect.is_row(line) else [] for line in lines]
+    reason = last and dialect.cut(last, [row for row in above if dialect.fits(row)])
     if reason:
         number = block.first_line + block.text.count(b"\n") - 1
         raise RecordingError(
             f"{path}, line {number}: the file is cut off in mid-line ({reason}); delete the last "
             "line, or copy the file again"
         )
-
-
-def _is_row(line: str, dialect: Dialect) -> bool:
-    """Tell whether a line below the first row is one of the rows."""
-    return bool(line.strip()) and not is_comment(line) and any(dialect.split(line))
-
-
-def _cut(last: Sequence[str], above: Sequence[Sequence[str]], dialect: Dialect) -> str:
-    """Say what shows that the last row is cut off; "" if nothing does."""
-    place, point = dialect.columns - 1, dialect.decimal
-    if not all(is_number(field, point) for field in last[:place]):
-        return ""
-    if len(last) <= place:
-        return f"{counted(len(last), 'field')} of {dialect.columns}"
-    if dialect.trailing and len(last) == dialect.columns and above:
-        return "no separator at its end, as the lines above have"
-
-    def ending(field: str) -> str:
-        _, point, decimals = field.partition(dialect.decimal)
-        return re.sub("[0-9]", "0", point + decimals)
-
-    field = last[place]
-    usual = {ending(row[place]) for row in above}
-    # fewer digits behind the point than all others have
-    shorter = bool(above) and field.endswith(point) and point not in usual
-    if len(usual) == 1 and len(above) >= _ENOUGH_ROWS:
-        shorter = shorter or len(ending(field)) < len(min(usual))
-    cut = dialect.fits(last) and (_CUT_NUMBER.fullmatch(field) or shorter)
-    return f"'{shortened(field)}'" if cut else ""
 
 
 def read_table(source: Source, wanted: Wanted = _PLAIN) -> Table:
@@ -469,7 +404,8 @@ def read_table(source: Source, wanted: Wanted = _PLAIN) -> Table:
     RecordingError
         If the file has no rows of numbers, or a line among them is none.
     """
-    dialect = _layout_of(source)
+    head = next(source.blocks(_HEAD_BYTES), Block(text=b"", first_line=1)).text
+    dialect = find_layout(source.path, _decoded(head).split("\n")[:-1])
     values, count = np.empty((dialect.columns, 0)), 0
     for block, rows in _parsed_blocks(source, dialect):
         if count + len(rows) > values.shape[1]:
@@ -499,7 +435,7 @@ def _located(source: Source, dialect: Dialect, row: int, index: int) -> tuple[st
         (number, line)
         for block in source.blocks(line=dialect.first_line)
         for number, line in enumerate(_decoded(block.text).split("\n"), block.first_line)
-        if _is_row(line, dialect)
+        if dialect.is_row(line)
     )
     number, line = next(islice(rows, row, None))
     field = [*dialect.split(line), *[""] * dialect.columns][index]
@@ -527,29 +463,3 @@ def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, Fl
                 rows, empty_line = read_rows(source.path, block, dialect, empty_line)
             before = (before + block.text)[-_CUT_CHECK_BYTES:]
             yield block, rows
-
-
-def _layout_of(source: Source) -> Dialect:
-    """Return the layout, as the beginning of the file tells it."""
-    head = next(source.blocks(_HEAD_BYTES), Block(text=b"", first_line=1)).text
-    lines = _decoded(head).split("\n")[:-1]
-    if found := find_layout(source.path, lines):
-        return found
-    filled = [(number, line.strip()) for number, line in enumerate(lines, 1) if line.strip()]
-    number, text = filled[-1]
-    # a column of text, if the last lines are rows of numbers but for it?
-    for separator in "\t;,":
-        rows = [split_fields(line, separator) for _, line in filled[-3:]]
-        told = [is_number(field, ".") or is_number(field, ",") for field in rows[-1]]
-        if any(told) and not all(told) and {len(row) for row in rows} == {len(told)}:
-            word = shortened(rows[-1][told.index(False)])
-            raise RecordingError(
-                f"{source.path}: line {number}, column {told.index(False) + 1}: '{word}' is not a "
-                "number, as in the lines above; take that column out"
-            )
-    what = "only a header, no rows of numbers" if len(filled) <= 2 else "no rows of numbers"
-    raise RecordingError(
-        f"{source.path}: {what} in its {counted(len(lines), 'line')} (line {number} reads "
-        f"'{shortened(text)}'); a recording has one line of numbers per sample, and no column of "
-        "text"
-    )

@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.orders.resampling import InAngle
-from gearmon.signals.spectra import fast_length, hann, local_floor, window_powers
+from gearmon.signals.spectra import fast_length, local_floor, window, window_powers
 from gearmon.signals.threads import side_by_side
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
@@ -154,9 +154,8 @@ class SpeedScan:
         self.scores = np.empty((count, len(ratio)))
         self.quality: NDArray[np.float32] = np.empty((len(self.kept), bins), dtype=np.float32)
         row_of = {number: row for row, number in enumerate(self.kept.tolist())}
-        picked = _picking(
-            nominal_hz * np.outer(ratio, comb.orders) / self.bin_hz, comb.weights, bins
-        )
+        places = nominal_hz / self.bin_hz * np.outer(ratio, comb.orders)
+        picked = _picking(places, comb.weights, bins)
 
         def scan_block(number: int) -> None:
             own = line_quality(blocks.part(number), blocks.length, bins)
@@ -171,10 +170,8 @@ class SpeedScan:
         rows = np.arange(len(self.centre_s)) if blocks is None else blocks
         scores = self.scores[rows]
         path = self._path if blocks is None else best_path(scores, self._reach(rows))
-        return SpeedTrack(
-            time_s=self.centre_s[rows],
-            speed_hz=self.nominal_hz * peak_refined(scores, path, self.ratio),
-        )
+        speed_hz = self.nominal_hz * peak_refined(scores, path, self.ratio)
+        return SpeedTrack(time_s=self.centre_s[rows], speed_hz=speed_hz)
 
     @property
     def best_score(self) -> float:
@@ -384,7 +381,7 @@ def line_quality(block: FloatArray, length: int, bins: int) -> FloatArray:
     ndarray of float, shape (bins,)
     """
     quality = np.zeros(bins)
-    for power in window_powers(block, hann(block.shape[-1]), length)[:, :bins]:
+    for power in window_powers(block, window("hann", block.shape[-1]), length)[:, :bins]:
         # 24 line widths: more than a group of sidebands, less than a resonance
         power /= local_floor(power, 96)
         power += 1.0

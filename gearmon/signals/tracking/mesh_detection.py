@@ -14,8 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
-from itertools import zip_longest
+from functools import lru_cache, partial
 from math import gcd
 
 import numpy as np
@@ -160,10 +159,7 @@ def mesh_evidence(
         One a mesh.
     """
     judged = _JudgedSpectrum(scan, scan.track(_unseen(scan)))
-
-    def evidence(index: int) -> MeshEvidence:
-        return _evidence(judged, meshes, shaft_orders, index)
-
+    evidence = partial(_evidence, judged, meshes, shaft_orders)
     return tuple(side_by_side(evidence, range(len(meshes)), scan.scores.size))
 
 
@@ -173,29 +169,28 @@ def _evidence(
     others = [mesh for i, mesh in enumerate(meshes) if i != index]
     mesh = meshes[index]
     shared = judged.comb_score(combined_comb(others, shaft_orders)) if others or shaft_orders else 0
-    own, *decoys = (judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes)))
-    decoys = [strength for strength in decoys if len(strength)]
-    columns = list(zip_longest(own, *decoys, fillvalue=np.nan))
-    strengths = np.reshape(columns, (-1, 1 + len(decoys))).T[:, : len(own)]
-    common = np.sum(~np.isnan(strengths[1:]), axis=0) >= 8
+    strengths = np.array([judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes))])
+    seen = ~np.isnan(strengths)
+    decoys, common = int(seen[1:].any(axis=1).sum()), seen[0] & (seen[1:].sum(axis=0) >= 8)
     if not common.any():
-        return MeshEvidence(decoys_above=len(decoys), decoys=len(decoys))
-    strengths = strengths[:, common]
-    rivals = strengths[1:]
-    middle = np.nanmedian(rivals, axis=0)
-    spread = np.maximum(1.4826 * np.nanmedian(np.abs(rivals - middle), axis=0), 1e-12)
-    clear = (strengths[0] - middle) / spread >= _CLEAR
+        return MeshEvidence(decoys_above=decoys, decoys=decoys)
+    strengths = strengths[seen[:, common].any(axis=1)][:, common]
     # quadratic mean: a mesh that shows in half of its harmonics is there
     size = np.sqrt(np.nanmean(strengths**2, axis=1))
-    typical = float(np.median(size[1:]))
-    width = 1.4826 * float(np.median(np.abs(size[1:] - typical)))
     return MeshEvidence(
-        score=float((size[0] - typical) / max(width, 1e-12)),
+        score=float(_above(size[0], size[1:])),
         decoys_above=int(np.sum(size[1:] >= size[0])),
-        decoys=len(rivals),
-        clear=int(np.sum(clear)),
+        decoys=decoys,
+        clear=int(np.sum(_above(strengths[0], strengths[1:]) >= _CLEAR)),
         visible=int(np.sum(common)),
     )
+
+
+def _above(values: FloatArray, others: FloatArray) -> FloatArray:
+    """How far values lie above the middle of others, in robust standard deviations of these."""
+    middle = np.nanmedian(others, axis=0)
+    spread = 1.4826 * np.nanmedian(np.abs(others - middle), axis=0)
+    return np.asarray((values - middle) / np.maximum(spread, 1e-12))
 
 
 # of one machine the same for every recording
@@ -247,12 +242,12 @@ class _JudgedSpectrum:
     def best(self, mesh: MeshComb, comb: Comb, shared: FloatArray | int) -> FloatArray:
         """Log strength of each harmonic's group at the speed that suits comb and mesh best.
 
-        Of the groups within the spectrum.
+        NaN of those that reach beyond the spectrum.
         """
         correction = 1 + self.corrections[int(np.argmax(self.comb_score(comb) + shared))]
-        seen = [group for group in mesh.groups if max(group) < self.top_order and min(group) > 0]
-        sizes = np.array([len(group) for group in seen], dtype=int)
-        powers = np.exp(self._at(correction * np.concatenate([[], *seen])))
+        orders, sizes = np.concatenate(mesh.groups), np.array([len(own) for own in mesh.groups])
+        powers = np.exp(self._at(correction * orders))
+        powers[(orders >= self.top_order) | (orders <= 0)] = np.nan
         return np.asarray(np.log(np.add.reduceat(powers, np.cumsum(sizes) - sizes) / sizes))
 
     def _at(self, orders: FloatArray) -> FloatArray:
@@ -335,9 +330,7 @@ def sideband_spacing(
             orders = k * mesh.order + r * spacing * (1 + departures)
             if orders.min() > 0 and orders.max() < (len(quality) - 1) * step:
                 total += quality[np.rint(orders / step).astype(int)]
-    middle = float(np.median(total))
-    spread = 1.4826 * float(np.median(np.abs(total - middle)))
-    standard = (total - middle) / spread if spread > 0 else np.zeros(len(total))
+    standard = _above(total, total)
     expected = float(standard[np.abs(departures) <= near].max())
     for share in (other / (spacing * i) for other in others if broken for i in low):
         ratio = share * np.rint(1 / share)
@@ -391,10 +384,8 @@ def foreign_spacing(
     multiples of its shaft alike.
     """
     quality = spectrum.quality[: int((_HARMONICS + 1) * mesh.order / spectrum.step)]
-    found = [
-        _finer_comb(_Lines(quality, spectrum, averaged), mesh, turning, meshing, own)
-        for averaged in _AVERAGED
-    ]
+    lines = (_Lines(quality, spectrum, averaged) for averaged in _AVERAGED)
+    found = [_finer_comb(one, mesh, turning, meshing, own) for one in lines]
     return min((spacing for spacing in found if spacing is not None), default=None)
 
 

@@ -173,7 +173,7 @@ def roughness(x: FloatArray, order: int) -> FloatArray:
 
     Parameters
     ----------
-    x : ndarray of float, shape (n,)
+    x : ndarray of float, shape (n,), n > order
         Ascending places; their mean step is the unit.
     order : int
         1 or 2.
@@ -183,8 +183,6 @@ def roughness(x: FloatArray, order: int) -> FloatArray:
     ndarray of float, shape (order + 1, n)
         As `scipy.linalg.solveh_banded` takes them.
     """
-    if len(x) <= order:
-        return np.zeros((order + 1, len(x)))
     step = np.diff(x) / np.mean(np.diff(x))
     if order == 1:
         rows, over = np.stack([-1 / step, 1 / step]), step
@@ -283,9 +281,8 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
         rest = np.angle(turned * np.conj(mean)) / (2 * np.pi)
         variance = np.mean(rest**2, axis=0) + FLOOR_CYCLES**2
         clear = variance < 0.5 * _NOISE_VARIANCE
-        weight = np.where(
-            clear & (np.abs(rest) < _SLIPPED_CYCLES), order**2 / (variance * _QUARTER_HOP), 0.0
-        )
+        believed = clear & (np.abs(rest) < _SLIPPED_CYCLES)
+        weight = np.where(believed, order**2 / (variance * _QUARTER_HOP), 0.0)
         total = weight.sum(axis=1)
         departure = rest / order
         vote = error + (weight * departure).sum(axis=1) / np.maximum(total, 1e-300)
@@ -299,10 +296,9 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     drift = np.unwrap(np.angle(mean[:, clear]), axis=0) / (2 * np.pi * order[clear])
     slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
     # straight from block to block, and on with the slopes at the ends
-    shift = make_interp_spline(lines.angle, error, k=min(1, len(error) - 1))
-    return track.moved(
-        lines.angle, lambda turns: turns + shift(turns), float(np.sqrt(quick + slow))
-    )
+    shift = make_interp_spline(lines.angle, error, k=1)
+    uncertainty = float(np.sqrt(quick + slow))
+    return track.moved(lines.angle, lambda turns: turns + shift(turns), uncertainty)
 
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
@@ -529,9 +525,8 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     if sound.any():
         weight = told.orders**2 / (scatter[clear] ** 2 + FLOOR_CYCLES**2)
         variance += _variance(told, phase[:, clear], weight, sound, time_s)
-    return SlipCheck(
-        time_s=time_s, coherence=coherence, uncertainty_turns=np.sqrt(variance), lost=lost
-    )
+    doubt = np.sqrt(variance)
+    return SlipCheck(time_s=time_s, coherence=coherence, uncertainty_turns=doubt, lost=lost)
 
 
 def mend_slips(
@@ -613,11 +608,9 @@ def _led_over(track: AngleTrack, stretch: LostStretch) -> AngleTrack | None:
     if not fits or np.any(np.diff(inside + shift) <= 0):
         return None
     before, after = track.turns < inside[0] - _KNOTS, track.turns > inside[-1] + _KNOTS
-    return replace(
-        track,
-        time_s=np.concatenate([track.time_s[before], track.time_at(inside), track.time_s[after]]),
-        turns=np.concatenate([track.turns[before], inside + shift, track.turns[after] - ahead]),
-    )
+    turns = np.concatenate([track.turns[before], inside + shift, track.turns[after] - ahead])
+    time_s = np.concatenate([track.time_s[before], track.time_at(inside), track.time_s[after]])
+    return replace(track, time_s=time_s, turns=turns)
 
 
 def _about(rows: NDArray[Any], width: float) -> NDArray[Any]:
@@ -689,12 +682,9 @@ def _lost(told: SlidingLines, time_s: FloatArray, cuts: Sequence[int]) -> LostSt
     angle, (_, start, stop, _) = told.angle, cuts
     begin, end = float(angle[max(start - 1, 0)]), float(angle[min(stop, len(angle) - 1)])
     inside = start > 0 and stop < len(angle) and end - begin < _LONGEST_TURNS
-    return LostStretch(
-        start_s=float(time_s[start]),
-        end_s=float(time_s[stop - 1]),
-        turns=end - begin,
-        slipped_turns=_displacement(told, cuts, _ASTRAY * (end - begin)) if inside else None,
-    )
+    slipped = _displacement(told, cuts, _ASTRAY * (end - begin)) if inside else None
+    start_s, end_s = float(time_s[start]), float(time_s[stop - 1])
+    return LostStretch(start_s=start_s, end_s=end_s, turns=end - begin, slipped_turns=slipped)
 
 
 def _displacement(told: SlidingLines, cuts: Sequence[int], reach: float) -> float | None:

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +26,7 @@ from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, median_filter
 
 from gearmon.arrays import FloatArray, IntArray
-from gearmon.errors import ArgumentError, RecordingError, check_positive
+from gearmon.errors import RecordingError, check_positive
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.tracking.phases import FLOOR_CYCLES, lock_track, roughness
@@ -40,16 +41,17 @@ _FEWEST_PULSES, _REPAIRABLE, _HOPELESS = 4, 0.02, 0.1
 _HYSTERESIS = 0.1
 # How far a nominal speed may be off, and the rate of pulses from a whole number of them a turn.
 _NOMINAL_OFF, _NOT_WHOLE = 0.03, 0.05
-# Intervals over the typical one below which a pulse is extra, and from which on some are missing.
-_SHORT, _LONG = 0.6, 1.5
+
+# Intervals over the typical one below which a pulse is extra, and from which on some are missing;
+# intervals on either side whose median tells what is typical.
+_SHORT, _LONG, _NEIGHBOURS = 0.6, 1.5, 7
 # How far off the cubic through its neighbours a pulse may be: smaller intervals beside it, and
 # robust deviations.
 _OFF, _DEVIATIONS = 0.08, 8.0
 # How far from its place a pulse may come, as a share of the smaller interval beside it, and how far
 # the shares of a turn may differ for pulses to be called even.
 _EARLY_OR_LATE, _EVEN = 0.35, 0.05
-# Intervals on either side whose median tells what is typical.
-_NEIGHBOURS = 7
+
 # Repairs one after the other, the last of which must find nothing.
 _ROUNDS = 8
 # Repairs within so many intervals, more than which are too many.
@@ -302,8 +304,7 @@ def _settled(walked: FloatArray, per_turn: int) -> tuple[FloatArray, int, int, F
 
 def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:
     """Where the two pulses before and the two after want each; the outermost the next three."""
-    number = np.arange(len(time_s))
-    angle = number // per_turn + learn_spacing(time_s, per_turn)[number % per_turn]
+    number, angle = np.arange(len(time_s)), _turns(time_s, per_turn)
     expected = time_s.copy()
     if len(time_s) < _FEWEST_JUDGED:
         return expected
@@ -344,8 +345,6 @@ def is_even(time_s: FloatArray, per_turn: int) -> bool:
     per_turn : int
         Pulses a turn.
     """
-    if per_turn < 2:
-        return True
     if len(time_s) < 3 * per_turn + 1:
         # too few turns to see intervals repeat
         ratio = np.diff(np.log(np.diff(time_s)))
@@ -387,17 +386,20 @@ def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
     return np.asarray(np.median(_curve_at(table[chosen], nodes, near), axis=0))
 
 
+def _turns(time_s: FloatArray, per_turn: int) -> FloatArray:
+    """Angles of the pulses [turns], as their spacing is learned."""
+    number = np.arange(len(time_s))
+    return number // per_turn + learn_spacing(time_s, per_turn)[number % per_turn]
+
+
 def _curve_at(
     x: FloatArray, nodes: Sequence[FloatArray], values: Sequence[FloatArray | float]
 ) -> FloatArray:
     """Return Lagrange's polynomial through the values at some nodes."""
     curve = np.zeros(x.shape)
     for own, value in zip(nodes, values, strict=True):
-        weight = np.ones(x.shape)
-        for other in nodes:
-            if other is not own:
-                weight *= (x - other) / (own - other)
-        curve += weight * value
+        others = [(x - other) / (own - other) for other in nodes if other is not own]
+        curve += math.prod(others, start=value)
     return curve
 
 
@@ -489,19 +491,16 @@ def track_from_pulses(
     if whole < 3:
         raise RecordingError(f"tacho channel: {whole} turns recorded, at least 3 are needed")
     _check_ends(time_s, count, duration_s)
-    number, spacing = np.arange(len(time_s)), learn_spacing(time_s, count)
-    turns = (number // count + spacing[number % count]) / shaft_order
+    turns = _turns(time_s, count) / shaft_order
     slope = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0]))
     # less jitter of an encoder, and fewer knots
     together = max(1, count // _KNOTS_PER_TURN)
     cut = len(time_s) // together * together
-    knots = [own[:cut].reshape(-1, together).mean(axis=1) for own in (time_s, turns)]
-    return replace(
-        track_through(knots[0], knots[1], duration_s),
-        # of several pulses a turn nobody knows which one came first
-        indexed=count == 1 and shaft_order == 1.0,
-        uncertainty_turns=_jitter(time_s, turns) * slope,
-    )
+    knots_s, angle = (own[:cut].reshape(-1, together).mean(axis=1) for own in (time_s, turns))
+    # of several pulses a turn nobody knows which one came first
+    indexed, doubt = count == 1 and shaft_order == 1.0, _jitter(time_s, turns) * slope
+    track = track_through(knots_s, angle, duration_s)
+    return replace(track, indexed=indexed, uncertainty_turns=doubt)
 
 
 def _check_ends(time_s: FloatArray, per_turn: int, duration_s: float) -> None:
@@ -633,26 +632,21 @@ def join(sums: OrderSums, known: AngleTrack) -> tuple[AngleTrack, float]:
 
     a_turn = (len(turns) - 1) / float(turns[-1] - turns[0])
     course = _smoothed(turns, time_s, 2, _STIFF * a_turn**4)
-    if np.any(np.diff(course) <= 0):
-        return known, 0.0
-    try:
+    with suppress(ValueError):  # the shaft would turn back
         track = lock_track(sums, track_through(course, turns, float(known.time_s[-1])))
-    except ArgumentError:  # lines that would turn the shaft back
-        return known, 0.0
-    beside = turns - track.turns_at(time_s)
-    drift = np.full(len(beside), beside.mean())
-    beats = jitter < sample and _beats(rate * course, max(1, round(a_turn)))
-    if not beats or departure(beside - drift) > 1.0:
-        drift = _smoothed(turns, beside, 1)
-    moved = track.turns + np.interp(track.turns, turns - beside, drift)
-    if not np.isfinite(track.uncertainty_turns) or np.any(np.diff(moved) <= 0):
-        return known, 0.0
-    doubt = min(track.uncertainty_turns, jitter)
-    joined = replace(track, turns=moved, uncertainty_turns=doubt, indexed=known.indexed)
-    if _coherence(sums, joined) <= _coherence(sums, known):
-        return known, 0.0
-    beyond = departure(turns - joined.turns_at(time_s))
-    return (joined if beyond <= 1.0 else known), beyond
+        beside = turns - track.turns_at(time_s)
+        drift = np.full(len(beside), beside.mean())
+        beats = jitter < sample and _beats(rate * course, max(1, round(a_turn)))
+        if not beats or departure(beside - drift) > 1.0:
+            drift = _smoothed(turns, beside, 1)
+        moved = track.turns + np.interp(track.turns, turns - beside, drift)
+        doubt = min(track.uncertainty_turns, jitter)
+        joined = replace(track, turns=moved, uncertainty_turns=doubt, indexed=known.indexed)
+        clear = np.isfinite(track.uncertainty_turns)
+        if clear and _coherence(sums, joined) > _coherence(sums, known):
+            beyond = departure(turns - joined.turns_at(time_s))
+            return (joined if beyond <= 1.0 else known), beyond
+    return known, 0.0
 
 
 def _beats(place: FloatArray, lag: int) -> bool:

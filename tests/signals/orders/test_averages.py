@@ -284,3 +284,16 @@ def test_lines_of_other_rotations_leak_as_equal_turns_let_them():
 def test_impossible_requests_are_refused(given_, words):
     with pytest.raises(ArgumentError, match=words):
         average(np.zeros((1, 4001)), constant_track(20.0, 2.0), 2000.0, **given_)
+
+
+@pytest.mark.parametrize("away", [1, 3, 5])
+def test_what_stands_below_a_line_tells_its_error_as_what_stands_above(away):
+    turns = 64
+    place = np.arange(64 * 250) / 250
+    pair = [2.0 * np.cos(2 * np.pi * (7 + side * away / turns) * place) for side in (-1, 1)]
+    found = average(np.array(pair), constant_track(40.0, turns / 40.0), rate=40.0 * 250)
+    assert found.turns >= turns - 1
+    below, above = found.line_error[:, 7]
+    assert below == pytest.approx(above, rel=0.05)
+    # of eight neighbours on either side one holds the tone: 2^2 / 16 is the mean power
+    assert below == pytest.approx(0.5, rel=0.1)

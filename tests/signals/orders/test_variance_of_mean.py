@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gearmon.signals.orders import variance_of_mean
-from gearmon.signals.spectra import hann
+from gearmon.signals.spectra import window
 
 HALF = 32
 LINES = np.arange(5, 29, 3)
@@ -15,8 +15,8 @@ LINES = np.arange(5, 29, 3)
 def blocks_of(signal):
     """Amplitudes of lines in half-overlapped Hann blocks, phases counted from the start."""
     count = len(signal) // HALF - 1
-    window = hann(2 * HALF)
-    rows = [np.fft.fft(window * signal[HALF * b : HALF * (b + 2)])[LINES] for b in range(count)]
+    weights = window("hann", 2 * HALF)
+    rows = [np.fft.fft(weights * signal[HALF * b : HALF * (b + 2)])[LINES] for b in range(count)]
     return np.array(rows) * np.exp(-1j * np.pi * np.outer(np.arange(count), LINES))
 
 

@@ -307,6 +307,13 @@ class TestParquet:
         pandas.DataFrame({"a1": X[0]}, index=stamps).to_parquet(path)
         assert read_recording(path).sampling_rate_hz == pytest.approx(50_000.0, rel=1e-9)
 
+    def test_row_labels_are_no_channel(self, tmp_path):
+        pytest.importorskip("pyarrow")
+        pandas = pytest.importorskip("pandas")
+        path = tmp_path / "a.parquet"
+        pandas.DataFrame({"a1": X[0]}, index=np.arange(400) ** 2).to_parquet(path)
+        assert read_recording(path, 5000.0).channel_names == ("a1",)
+
     def test_a_missing_value(self, tmp_path):
         pyarrow = pytest.importorskip("pyarrow")
         parquet = pytest.importorskip("pyarrow.parquet")

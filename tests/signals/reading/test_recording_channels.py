@@ -276,3 +276,9 @@ def test_accelerations_are_told_in_metres_by_their_definitions(unit, factor):
 )
 def test_times_are_told_in_seconds(unit, factor):
     assert time_factor(unit) == pytest.approx(factor, rel=1e-12)
+
+
+def test_a_sensor_brings_no_channel_in_that_is_not_named(write):
+    sensors = [Sensor("a1", "g"), Sensor("a2", "g"), Sensor("tacho", kind="tacho")]
+    recording = read_recording(write("a1,a2,tacho"), 1000.0, ["a1"], sensors=sensors)
+    assert recording.channel_names == ("a1", "tacho")

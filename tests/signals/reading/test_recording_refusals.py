@@ -116,6 +116,12 @@ def test_a_complete_last_line_needs_no_line_end(path):
     assert read_recording(path, 1000.0).samples.shape == (3, 300)
 
 
+def test_a_last_number_may_be_as_short_as_others_are(path):
+    values = [0.25, 0.125, 0.5, 0.375] * 20
+    path.write_text("".join(f"{value:g},{value:g}\n" for value in values) + "0.125,0.5")
+    assert read_recording(path, 1000.0).samples[1, -1] == 0.5
+
+
 @pytest.mark.parametrize(
     ("content", "what"),
     [

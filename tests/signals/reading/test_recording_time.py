@@ -258,3 +258,10 @@ def test_of_two_samples_that_changed_places_the_second_is_named():
     stamps[[99, 100]] = stamps[[100, 99]]
     assert spacing(stamps).row == 100
     assert "comes after" in spacing(stamps).fault
+
+
+def test_a_clock_that_was_set_back_is_told_before_the_leap_that_went_ahead():
+    stamps = 0.001 * np.arange(30.0)
+    stamps[10] += 0.5
+    found = spacing(stamps)
+    assert (found.fault, found.row) == ("0.011 comes after 0.51", 11)
