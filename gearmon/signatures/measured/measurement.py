@@ -135,6 +135,8 @@ class MeasuredSignature(Result):
     >>> signature = analysis.signature
     >>> signature.found, signature.held, round(signature.speed.estimated_hz, 1)
     (True, True, 24.5)
+    >>> signature.swing < 0.01  # a steady speed
+    True
     """
 
     origin: str
