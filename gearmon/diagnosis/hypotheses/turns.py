@@ -260,8 +260,8 @@ def turn_changes(
     decibels, mesh harmonic by mesh harmonic and channel by channel; the median of the clear ones in
     a channel is its gain. Sidebands modulate their mesh harmonic: what a heavier load or worn teeth
     add to it comes back in them, in proportion, and is no growth of theirs. Means are weighted by
-    ``1/(scatter^2 + 1 dB^2)``; lines below the noise in all recordings count as unchanged. No
-    alignment is needed.
+    ``1/(scatter^2 + 1 dB^2)``; lines below the noise in all recordings, or risen into it, count as
+    unchanged. No alignment is needed.
     """
     found: list[tuple[WheelPattern, FloatArray, FloatArray]] = []
     for wheel in wheels:
@@ -274,9 +274,9 @@ def turn_changes(
             continue
         new_db, new_scatter = _levels(wheel, harmonics)
         old_db, old_scatter = np.mean([_levels(own, harmonics) for own in known], axis=0)
-        # a line below the noise in all recordings would tell of the noise, not of the gear
-        unheard = (new_scatter >= _UNHEARD_DB**2) & (old_scatter >= _UNHEARD_DB**2)
-        change = np.where(unheard, np.nan, new_db - old_db)
+        # a line that noise drowns tells of the noise, not of the gear, unless it has fallen so far
+        unheard = (old_scatter >= _UNHEARD_DB**2) | (new_db > old_db)
+        change = np.where(unheard & (new_scatter >= _UNHEARD_DB**2), np.nan, new_db - old_db)
         found.append((wheel, change, np.sqrt(new_scatter + old_scatter)))
     gain = _gains(found)
     return tuple(

@@ -126,6 +126,22 @@ def test_lines_below_the_noise_in_all_recordings_did_not_change():
     assert found.change_db == pytest.approx(np.zeros(6), abs=1e-6)
 
 
+@pytest.mark.parametrize(("level", "noise", "told"), [(0.1, 1.0, False), (3.0, 0.05, True)])
+def test_what_noise_drowns_has_not_risen_but_may_have_fallen(level, noise, told):
+    """Of a line in the noise nothing is known but that it is no louder."""
+    known = pattern(level)
+    once = np.abs((known.number + TEETH // 2) % TEETH - TEETH // 2) == 1
+    power = np.where(once, noise, 0.0)
+    drowned = replace(
+        known,
+        amplitude=np.where(power > 0, np.sqrt(power), known.amplitude),
+        variance=np.maximum(known.variance, power),
+    )
+    (found,) = turn_changes([drowned], [[known]])
+    assert bool(found.change_db[0] < -3.0) == told
+    assert found.change_db[0] < 0.5
+
+
 def test_every_gear_and_both_distances_are_places_to_look_at():
     sound = [turn(0, 0, 0, 0, 0, 0, gear=f"gear {i}") for i in range(3)]
     four = runout_growth([turn(12, 0, 0, 0, 0, 0), *sound])[0].log10_probability
