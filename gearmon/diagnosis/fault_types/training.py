@@ -603,15 +603,13 @@ class _Sensors:
         return shapes, turn_changes([new for _, new in pairs], [[old for old, _ in pairs]])
 
     def _pattern(self, wheel: WheelLines, measured: _Measured) -> WheelPattern:
-        inside, same = wheel.number * wheel.order < self.top, ("stage", "gear", "teeth", "order")
-        place = wheel.lines[inside]
-        return WheelPattern(
-            **{name: getattr(wheel, name) for name in same},
-            number=wheel.number[inside],
-            mesh=wheel.mesh[inside],
-            amplitude=measured.amplitude[:, place],
-            variance=measured.variance[:, place],
+        told = ("stage", "gear", "teeth", "order", "number", "mesh")
+        whole = WheelPattern(
+            **{name: getattr(wheel, name) for name in told},
+            amplitude=measured.amplitude[:, wheel.lines],
+            variance=measured.variance[:, wheel.lines],
         )
+        return whole.only(wheel.number * wheel.order < self.top)
 
 
 def _echoes(orders: FloatArray, rng: np.random.Generator) -> ComplexArray:
