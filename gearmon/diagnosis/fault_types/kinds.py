@@ -606,8 +606,7 @@ def analysis_features(analysis: Analysis, reference: Reference | None) -> Featur
     # the law leaves nothing of a sound machine; of a fault, what the training saw
     shapes = []
     for wheel in wheels:
-        healthy = [one for p in known.profiles if (one := wheel.same_in(p.wheels))]
-        pairs = [aligned(wheel, one) for one in healthy]
+        pairs = [aligned(wheel, one) for p in known.profiles if (one := wheel.same_in(p.wheels))]
         energies = [departure_energy(new, old) for new, old in pairs if len(new.number)]
         if energies:
             shapes.append(TurnEnergy(wheel.stage, wheel.gear, np.mean(energies, axis=0)))
