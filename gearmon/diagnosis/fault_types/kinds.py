@@ -305,10 +305,11 @@ def _maxima(level: FloatArray) -> FloatArray:
     """Return the highest values well apart from one another, the highest first; 0 for none."""
     left, teeth, found = level.copy(), len(level), np.zeros(_MOST_PEAKS)
     apart = max(_APART, round(_APART_SHARE * teeth))
+    around = np.arange(1 - apart, apart)
     for number in range(_MOST_PEAKS):
-        place = int(np.argmax(left))
+        place = int(left.argmax())
         found[number] = left[place]
-        left[(place + np.arange(1 - apart, apart)) % teeth] = 0.0
+        left[(place + around) % teeth] = 0.0
     return found
 
 
