@@ -363,10 +363,9 @@ def localised_difference(signature: MeasuredSignature, healthy: MeasuredSignatur
         can be judged.
     """
     own, known = Profile.of(signature), Profile.of(healthy)
-    patterns = {(wheel.stage, wheel.gear): wheel for wheel in known.wheels}
     best = 0.0
     for wheel in own.wheels:
-        other = patterns.get((wheel.stage, wheel.gear))
+        other = wheel.same_in(known.wheels)
         if other is None:
             continue
         # a pulse on shaft 1 tells where the gears on it stand

@@ -199,9 +199,7 @@ def kind_features(
         raise ArgumentError("no change of level and no turn of a gear to tell a kind of fault from")
     ranked = tuple(sorted(gears))
     single = {
-        gear: _mesh(groups.get(("mesh", gear[0], ""), _UNCHANGED))
-        | _sides(groups, gear, own_turns.get(gear))
-        | shapes.get(gear, _NO_SHAPE)
+        gear: _levels(groups, gear, own_turns.get(gear)) | shapes.get(gear, _NO_SHAPE)
         for gear in ranked
     }
     overall = _rms(np.concatenate([g.change for g in groups.values()])) if groups else 0.0
@@ -250,30 +248,26 @@ def _grouped(changes: Sequence[Change]) -> dict[tuple[str, int, str], _Group]:
     return {key: _Group(*np.array(rows, dtype=float).T) for key, rows in members.items()}
 
 
-def _mesh(group: _Group) -> dict[str, float]:
-    first = group.harmonic == group.harmonic.min()
-    return {
-        "mesh_db": group.mean,
-        "mesh_first_db": float(np.average(group.change[first], weights=group.weight[first])),
-        "mesh_slope_db": group.slope,
-        "mesh_rms_db": _rms(group.change, group.weight),
-    }
+_LEVELS = {"mesh": "mesh", "sidebands": "near", "residual": "far"}
+_SINGLE = ("once_db", "twice_db", "thrice_db", "several_db")
 
 
-def _sides(
+def _levels(
     groups: Mapping[tuple[str, int, str], _Group], gear: _Gear, turn: TurnChange | None
 ) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for kind, name in (("sidebands", "near"), ("residual", "far")):
-        group = groups.get((kind, *gear), _UNCHANGED)
+    """Return changes of the mesh of a gear, of its sidebands, and of all that is farther away."""
+    mesh = groups.get(("mesh", gear[0], ""), _UNCHANGED)
+    first = _Group(*(part[mesh.harmonic == mesh.harmonic.min()] for part in mesh))
+    found = {"mesh_first_db": first.mean, "mesh_rms_db": _rms(mesh.change, mesh.weight)}
+    for kind, name in _LEVELS.items():
+        group = mesh if kind == "mesh" else groups.get((kind, *gear), _UNCHANGED)
         found |= {f"{name}_db": group.mean, f"{name}_slope_db": group.slope}
-    values = [found["near_db"]] * 4
-    if turn is not None:
-        moved = np.clip(turn.change_db, -LARGEST_DB, LARGEST_DB)
-        values = [*moved[:3].tolist(), float(moved[3:].mean())]
-    single = ("once_db", "twice_db", "thrice_db", "several_db")
-    known = {"turns_known": float(turn is not None)}
-    return found | dict(zip(single, values, strict=True)) | known
+    moved = [found["near_db"]] * 4 if turn is None else turn.change_db.tolist()
+    moved = np.clip(moved, -LARGEST_DB, LARGEST_DB)
+    single = (*moved[:3].tolist(), float(moved[3:].mean()))
+    return (
+        found | dict(zip(_SINGLE, single, strict=True)) | {"turns_known": float(turn is not None)}
+    )
 
 
 _SHAPE = ("peak_db", "second_db", "top_share", "teeth_involved", "peaks", "turn_once", "turn_twice")
@@ -290,39 +284,33 @@ def _shape(energy: FloatArray) -> dict[str, float]:
     if middle <= 0 or total <= 0:
         return _NO_SHAPE
     window = sum(np.roll(excess, -i) for i in range(min(_WINDOW_TEETH, teeth)))
+    maxima = _maxima(level)
+    first, second = maxima[0], maxima[1] or maxima[0]  # a very short turn has no second
     # 60 dB are the most that is told: a median far below it must not divide
-    peaks = np.array([level.max(), _second(level)]) / max(middle, 1e-9)
+    peaks = np.array([first, second]) / max(middle, 1e-9)
+    # half the highest at least, and what stands out
+    least = max(middle + 0.5 * (first - middle), 4.0 * middle)
     turns = np.exp(2j * np.pi * np.outer([1, 2], np.arange(teeth)) / teeth)
     values = (
         *np.minimum(10 * np.log10(peaks), 60.0),
         np.max(window) / total,
         np.log2(total**2 / np.sum(excess**2)),
-        _separate_peaks(level, middle),
+        np.count_nonzero(maxima >= least),
         *(np.abs(turns @ excess) / total),
     )
     return {name: float(value) for name, value in zip(_SHAPE, values, strict=True)}
 
 
-def _second(level: FloatArray) -> float:
-    """Return the highest value away from the highest; the highest itself in a very short turn."""
-    away = np.abs((np.arange(len(level)) - int(np.argmax(level))) % len(level))
-    others = level[np.minimum(away, len(level) - away) >= _apart(len(level))]
-    return float(others.max()) if len(others) and others.max() > 0 else float(level.max())
-
-
-def _separate_peaks(level: FloatArray, middle: float) -> int:
-    """Count maxima of half the highest at least that stand out, well apart."""
-    least = max(middle + 0.5 * (float(level.max()) - middle), 4.0 * middle)
-    left, teeth, found = level.copy(), len(level), 0
-    while found < _MOST_PEAKS and float(left.max()) >= least:
-        place = (int(np.argmax(left)) + np.arange(1 - _apart(teeth), _apart(teeth))) % teeth
-        left[place] = 0.0
-        found += 1
+def _maxima(level: FloatArray) -> FloatArray:
+    """Return the highest values well apart from one another, the highest first; 0 for none."""
+    left, teeth, found = level.copy(), len(level), np.zeros(_MOST_PEAKS)
+    apart = max(_APART, round(_APART_SHARE * teeth))
+    around = np.arange(1 - apart, apart)
+    for number in range(_MOST_PEAKS):
+        place = int(left.argmax())
+        found[number] = left[place]
+        left[(place + around) % teeth] = 0.0
     return found
-
-
-def _apart(teeth: int) -> int:
-    return max(_APART, round(_APART_SHARE * teeth))
 
 
 def _others(
@@ -590,15 +578,15 @@ def kind_of_analysis(
     return judge_kind(features, classifier, stage=stage, gear=gear)
 
 
-def analysis_features(analysis: Analysis, reference: Reference) -> FeatureVector:
+def analysis_features(analysis: Analysis, reference: Reference | None) -> FeatureVector:
     """Condense an analysis to what a kind is judged by.
 
     Parameters
     ----------
     analysis : Analysis
-        Of a recording against the reference.
-    reference : Reference
-        The same reference.
+        Of a recording against a reference.
+    reference : Reference or None
+        The same reference; without it single sidebands are not compared.
 
     Returns
     -------
@@ -609,6 +597,8 @@ def analysis_features(analysis: Analysis, reference: Reference) -> FeatureVector
     ArgumentError
         If no gear was compared.
     """
+    if reference is None:
+        return kind_features(analysis.changes, analysis.profiles)
     known, rows = reference.shared_with(analysis.signature)
     wheels = Profile.of(analysis.signature).part(rows).wheels
     turns = turn_changes(wheels, [profile.wheels for profile in known.profiles])
@@ -617,8 +607,7 @@ def analysis_features(analysis: Analysis, reference: Reference) -> FeatureVector
     # the law leaves nothing of a sound machine; of a fault, what the training saw
     shapes = []
     for wheel in wheels:
-        healthy = [one for p in known.profiles if (one := wheel.same_in(p.wheels))]
-        pairs = [aligned(wheel, one) for one in healthy]
+        pairs = [aligned(wheel, one) for p in known.profiles if (one := wheel.same_in(p.wheels))]
         energies = [departure_energy(new, old) for new, old in pairs if len(new.number)]
         if energies:
             shapes.append(TurnEnergy(wheel.stage, wheel.gear, np.mean(energies, axis=0)))
@@ -663,11 +652,7 @@ def features(
     frames = []
     for analysis in several:
         check_type("analyses", analysis, Analysis, "what gearmon.analyse returns")
-        found = (
-            kind_features(analysis.changes, analysis.profiles)
-            if reference is None
-            else analysis_features(analysis, reference)
-        )
+        found = analysis_features(analysis, reference)
         rows = [(analysis.recording, stage, gear) for stage, gear in found.gears]
         index = pd.MultiIndex.from_tuples(rows, names=["recording", "stage", "gear"])
         frames.append(pd.DataFrame(found.values, index=index, columns=list(NAMES)))

@@ -34,7 +34,9 @@ from gearmon.diagnosis.fault_types.kinds import (
     kind_features,
 )
 from gearmon.diagnosis.hypotheses.turns import NEAR, TurnChange, departure_energy, turn_changes
+from gearmon.diagnosis.law.machine import LevelDeviation
 from gearmon.diagnosis.results import Change
+from gearmon.diagnosis.verdict import level_changes
 from gearmon.errors import check_range
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
@@ -445,9 +447,10 @@ def _teeth(gear: GearLines, spread: float, rng: np.random.Generator, most: int =
     first, size = int(rng.integers(teeth)), log_uniform(rng, 0.04, 0.7)
     # two neighbours are hardly more than one
     scattered = count == 2 or rng.uniform() < 0.8
-    places = rng.choice(teeth, min(count, teeth), replace=False) if scattered else None
-    for step in range(count):
-        tooth = int(places[step % len(places)]) if places is not None else (first + step) % teeth
+    places = (first + np.arange(count)) % teeth
+    if scattered:
+        places = rng.choice(teeth, count, replace=False)
+    for step, tooth in enumerate(places.tolist()):
         weight[tooth] = size * (1.0 if step == 0 else rng.uniform(0.6, 1.0))
         if rng.uniform() < 0.3:
             bent[tooth] = spread * rng.uniform(0, 8) * size
@@ -557,26 +560,20 @@ class _Sensors:
         amplitude = self.gain[:, None] ** self.rng.integers(0, 2) * amplitude
         return _Measured(amplitude + np.sqrt(variance) * second, variance)
 
-    def changes(self, one: _Measured, two: _Measured) -> list[Change]:
+    def changes(self, one: _Measured, two: _Measured) -> tuple[Change, ...]:
         """Compare the families of lines, channel by channel."""
         before, before_scatter = self._levels(one)
         after, after_scatter = self._levels(two)
         after += self.rng.normal(0, self.rng.uniform(0.3, 1.5), after.shape)
-        scatter = np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2)
-        told = ("kind", "stage", "harmonic", "gear", "shaft")
-        return [
-            Change(
-                channel=str(channel),
-                family=family.name,
-                **{name: getattr(family, name) for name in told},
-                level_db=float(after[channel, column]),
-                reference_db=float(before[channel, column]),
-                scatter_db=float(scatter[channel, column]),
-            )
-            for column, family in enumerate(self.lines.plan.families)
-            for channel in range(len(after))
-            if self.lines.plan.orders[max(family.lines)] < self.top
-        ]
+        families, orders = self.lines.plan.families, self.lines.plan.orders
+        inside = orders[[max(family.lines) for family in families]] < self.top
+        deviation = LevelDeviation(
+            expected_db=before,
+            rest_db=np.where(inside, after - before, np.nan),
+            sigma_db=np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2),
+            gain_db=np.zeros(len(before)),
+        )
+        return level_changes(deviation, [*map(str, range(len(before)))], families)
 
     def _levels(self, measured: _Measured) -> tuple[FloatArray, FloatArray]:
         """Levels of the families and their standard errors, as of recordings [dB]."""
@@ -606,15 +603,13 @@ class _Sensors:
         return shapes, turn_changes([new for _, new in pairs], [[old for old, _ in pairs]])
 
     def _pattern(self, wheel: WheelLines, measured: _Measured) -> WheelPattern:
-        inside, same = wheel.number * wheel.order < self.top, ("stage", "gear", "teeth", "order")
-        place = wheel.lines[inside]
-        return WheelPattern(
-            **{name: getattr(wheel, name) for name in same},
-            number=wheel.number[inside],
-            mesh=wheel.mesh[inside],
-            amplitude=measured.amplitude[:, place],
-            variance=measured.variance[:, place],
+        told = ("stage", "gear", "teeth", "order", "number", "mesh")
+        whole = WheelPattern(
+            **{name: getattr(wheel, name) for name in told},
+            amplitude=measured.amplitude[:, wheel.lines],
+            variance=measured.variance[:, wheel.lines],
         )
+        return whole.only(wheel.number * wheel.order < self.top)
 
 
 def _echoes(orders: FloatArray, rng: np.random.Generator) -> ComplexArray:

@@ -171,20 +171,19 @@ class Trend:
         straight or faster and faster.
         """
         value, low, _ = (float(x[0]) for x in self.at(self.series.time_s[-1:]))
-        times = self.series.time_s
-        time, early, late = self._when(limit, float(times[0 if value >= limit else -1]))
+        when = self._when(limit, float(self.series.time_s[0 if value >= limit else -1]))
         if value >= limit:
             reason = "the trend is at or above the limit"
             reason += "" if low >= limit else "; its interval reaches below the limit"
-            return Crossing(status="reached", reason=reason, time_s=time, low_s=early, high_s=late)
-        if refused := self._refused(time):
+            return Crossing(status="reached", reason=reason, **when)
+        if refused := self._refused(when):
             return Crossing(status="not extrapolated", reason=refused)
         reason = "if growth goes on speeding up as it has"
         if self._last is not None and self._last.growth.straight:
             reason = "if the present rate lasts; cracks grow faster the larger they are"
-        return Crossing(status="ahead", reason=reason, time_s=time, low_s=early, high_s=late)
+        return Crossing(status="ahead", reason=reason, **when)
 
-    def _refused(self, time: float | None) -> str:
+    def _refused(self, when: Mapping[str, float | None]) -> str:
         """Say why nothing is extrapolated; nothing if it is."""
         if len(self.series) < FEWEST:
             return f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
@@ -192,25 +191,25 @@ class Trend:
             return "no growth that noise would not make as well"
         if self.rate()[1] <= 0:
             return "the present rate is not surely above zero"
-        return "the present rate does not lead to the limit" if time is None else ""
+        return "" if when else "the present rate does not lead to the limit"
 
-    def _when(self, limit: float, start: float) -> tuple[float | None, float | None, float | None]:
-        """Time from which on a rising trend is at a limit, with its interval, which has a start.
+    def _when(self, limit: float, start: float) -> dict[str, float | None]:
+        """Return the times of a `Crossing` of a rising trend; none where it does not get there.
 
-        Nothing before the first recording; no end where it may never get there.
+        Nothing before the start; no end where it may never get there.
         """
         if self.rate()[0] <= 0:
-            return None, None, None
+            return {}
         first, last = self.series.time_s[[0, -1]]
         ahead = last + (last - first) * np.geomspace(_NEAREST, _FARTHEST, _STEPS[1])
         times = np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
         time, late, early = (_reached(times, x, limit) for x in self.at(times))
         if time is None:
-            return None, None, None
+            return {}
         early = max(start, time if early is None else min(early, time))
         # what may not rise now may never get there
         late = max(late, time) if late is not None and self.rate()[1] > 0 else None
-        return time, early, late
+        return {"time_s": time, "low_s": early, "high_s": late}
 
     @property
     def _last(self) -> ChangePoint | None:

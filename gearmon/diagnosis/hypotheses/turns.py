@@ -82,7 +82,7 @@ def locate(wheel: WheelPattern, *, numbered: bool) -> ToothProfile | None:
     window of w of z teeth over the median is compared with a gamma law of shape n_eff w / (z v),
     v the overdispersion, and the probability multiplied by z, the number of places.
     """
-    departure = _departure(_of_turn(wheel), None, NEAR)
+    departure = _departure(wheel, None, NEAR)
     power = np.sum(np.abs(departure) ** 2, axis=0)
     if np.count_nonzero(power) < _LEAST_LINES:
         return None
@@ -143,35 +143,13 @@ def aligned(
     same_zero : bool
         Whether both count from the same pulse: then nothing needs to be turned.
     """
-    pairs = [_of_turn(new), _of_turn(old)]
     common = np.intersect1d(new.number, old.number)
-    kept = [np.isin(own.number, common) for own in pairs]
-    one, two = (
-        replace(
-            own,
-            number=own.number[k],
-            mesh=own.mesh[k],
-            amplitude=own.amplitude[:, k],
-            variance=own.variance[:, k],
-        )
-        for own, k in zip(pairs, kept, strict=True)
-    )
+    one, two = (own.only(np.isin(own.number, common)) for own in (new, old))
     if same_zero or not len(common):
         return one, two
     top = int(common[-1])
     angle = turning(GearPattern.of(two, top), GearPattern.of(one, top), new.teeth)
     return one, replace(two, amplitude=two.amplitude * np.exp(2j * np.pi * angle * common))
-
-
-def _of_turn(wheel: WheelPattern) -> WheelPattern:
-    """Return the lines at the multiples of the rotation."""
-    none = np.zeros((0, 0, 0))
-    return replace(
-        wheel,
-        variance=np.maximum(wheel.variance, _TINY),
-        beside=none.astype(complex),
-        beside_variance=none,
-    )
 
 
 def _departure(new: WheelPattern, old: WheelPattern | None, near: int) -> ComplexArray:
@@ -189,7 +167,7 @@ def _departure(new: WheelPattern, old: WheelPattern | None, near: int) -> Comple
         rest = rest - (gain @ member.T) * old.amplitude
         spread = spread + old.variance
     counted = (member.sum(axis=1) > 0) & (np.abs(new.number - band * new.teeth) > near)
-    return np.where(counted, rest / np.sqrt(spread), 0.0)
+    return np.where(counted, rest / np.sqrt(np.maximum(spread, _TINY)), 0.0)
 
 
 def _around(departure: ComplexArray, number: NDArray[np.int64], teeth: int) -> FloatArray:

@@ -131,6 +131,12 @@ class WheelPattern:
             beside_variance=variance[1:],
         )
 
+    def only(self, kept: NDArray[np.bool_]) -> WheelPattern:
+        """Return some lines, those at the multiples of the rotation without the ones beside."""
+        own = {name: getattr(self, name) for name in ("stage", "gear", "teeth", "order")}
+        of_lines = ("number", "mesh", "amplitude", "variance")
+        return WheelPattern(**own, **{name: getattr(self, name)[..., kept] for name in of_lines})
+
     def same_in(self, wheels: Iterable[WheelPattern]) -> WheelPattern | None:
         """Return the pattern of the same gear in another recording, or None."""
         key = self.stage, self.gear, self.teeth

@@ -140,6 +140,24 @@ def test_two_opposite_teeth_are_two_peaks():
     assert row["turn_twice"] == pytest.approx(1.0)
 
 
+@pytest.mark.parametrize(("teeth", "apart"), [(40, 5), (40, -5), (12, 3), (12, -3)])
+def test_peaks_stand_an_eighth_of_a_turn_and_three_teeth_apart(teeth, apart):
+    for away, peaks, second_db in ((apart, 2, 18.0), (apart - np.sign(apart), 1, 0.0)):
+        energy = one_tooth(teeth, 3)
+        energy[3 + away] = 10**1.8
+        row = kind_features([], [Shape(1, "pinion", energy)]).named(0)
+        assert row["peaks"] == peaks
+        assert row["second_db"] == pytest.approx(second_db)
+
+
+def test_no_more_than_six_peaks_are_counted_and_only_of_half_the_height():
+    energy = np.ones(80)
+    energy[::10] = 100.0
+    assert kind_features([], [Shape(1, "pinion", energy)]).named(0)["peaks"] == 6
+    energy[30:] = np.where(energy[30:] > 1.0, 49.0, 1.0)
+    assert kind_features([], [Shape(1, "pinion", energy)]).named(0)["peaks"] == 3
+
+
 @given(st.integers(0, 29))
 def test_which_tooth_it_is_does_not_matter(shift):
     energy = np.random.default_rng(2).exponential(size=30)
