@@ -223,12 +223,14 @@ def _clipped(values: FloatArray) -> BadStretch | None:
     defect = find_defect(values)
     if defect is None or not defect.fatal or defect.row < 0:
         return None  # a channel of one value or two is silent, or no vibration at all
-    # a tone of whole samples a period has its extremes as often, but never twice in a row
+    # a tone of whole samples a period has its extremes as often, but few values, and no extreme
+    # twice in a row; of fast vibration that is cut off they are far apart as well
     again = values[1:][values[1:] == values[:-1]]
     at_it = np.count_nonzero((again == values.min()) | (again == values.max()))
-    if at_it < _CLIPPED_SHARE * len(values):
-        return None
-    return BadStretch(0, len(values), defect.text)
+    in_a_row = at_it >= _CLIPPED_SHARE * len(values)
+    if in_a_row or len(np.unique(values)) > 2 / _CLIPPED_SHARE:
+        return BadStretch(0, len(values), defect.text)
+    return None
 
 
 def _standing_still(values: FloatArray) -> Iterator[BadStretch]:

@@ -237,3 +237,22 @@ def test_a_channel_is_clipped_that_stays_at_one_end_only(sign):
     (found,) = bad_stretches(values)
     assert "is clipped" in found.what
     assert (found.start, found.stop) == (0, 20_000)
+
+
+def fast(count=20_000):
+    """A mesh of five samples a period, modulated: its extremes are never twice in a row."""
+    place = np.arange(count)
+    return (1 + 0.3 * np.sin(place / 97.0)) * np.cos(1.3 * place) + 0.02 * white(count, seed=12)
+
+
+def test_fast_vibration_that_is_cut_off_is_clipped_though_no_value_comes_twice_in_a_row():
+    cut = np.clip(fast(), -1.15, 1.15)
+    assert np.count_nonzero(np.diff(cut) == 0) < 5
+    (found,) = bad_stretches(cut)
+    assert "is clipped" in found.what
+    assert bad_stretches(fast()) == []
+
+
+@pytest.mark.parametrize("period", [4, 20, 250, 999])
+def test_a_tone_of_whole_samples_a_period_is_not_clipped(period):
+    assert bad_stretches(np.cos(2 * np.pi * (np.arange(20_000) % period) / period)) == []
