@@ -556,6 +556,10 @@ def heard_from(gear: GearEvidence) -> float | None:
     return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
 
 
+# Gears of stages whose axes stand still.
+_OF_PAIRS = ("pinion", "gear")
+
+
 def hidden_stages(finding: ToothFinding | None, undetected: Collection[int]) -> set[int]:
     """Name the stages of which nothing is heard.
 
@@ -569,9 +573,8 @@ def hidden_stages(finding: ToothFinding | None, undetected: Collection[int]) -> 
         planetary set stand where its planets put them.
     """
     searched = finding.searched if finding is not None else ()
-    pairs = [gear for gear in searched if gear.key[1] in ("pinion", "gear")]
-    drowned = {gear.key[0] for gear in pairs if not gear.mesh_stands_out}
-    return drowned.intersection(undetected)
+    asked = [own for own in searched if own.key[0] in undetected and own.key[1] in _OF_PAIRS]
+    return {own.key[0] for own in asked if not own.mesh_stands_out}
 
 
 def noticed_from(gear: GearEvidence) -> float | None:

@@ -608,10 +608,11 @@ def limits(signature: MeasuredSignature, reference: Reference) -> Iterator[str]:
             f"speed {speed:.2f} Hz is more than {100 * SPEED_UNIT:g} % off that of every "
             f"healthy recording ({min(speeds):.2f} to {max(speeds):.2f} Hz): {_RESONANCES}"
         )
-    swings = [profile.swing for profile in reference.profiles]
-    if min(abs(signature.swing - known) for known in swings) > SPEED_UNIT:
+    swings = [profile.speed_fluctuation for profile in reference.profiles]
+    own_swing = signature.speed_fluctuation
+    if min(abs(own_swing - known) for known in swings) > SPEED_UNIT:
         yield (
-            f"the speed swung by +-{100 * signature.swing:.2g} %, in the healthy recordings by "
+            f"the speed swung by +-{100 * own_swing:.2g} %, in the healthy recordings by "
             f"{100 * min(swings):.2g} to {100 * max(swings):.2g} %: {_RESONANCES}; record as they "
             "were, or add healthy recordings whose speed swings as far"
         )

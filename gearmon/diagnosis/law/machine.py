@@ -55,7 +55,7 @@ _TOLD, _ROUNDS = 0.15, 5
 #: amplitude by which the speed may swing: it takes lines across the modes and back. Six machines of
 #: a model of modulated meshes behind 12 modes, speed swinging by 5 and 10 % beside steady
 #: references: 8 of 12 sound ones were called faults without it, none is.
-SPEED_UNIT, SWING_UNIT = 0.03, 0.05
+SPEED_UNIT, FLUCTUATION_UNIT = 0.03, 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -125,13 +125,15 @@ class StateGauge:
         -------
         ndarray of float, shape (3,)
             Load, as the level of the mesh harmonics tells it [Np]; speed, in `SPEED_UNIT`; and the
-            square of how far it swung, in `SWING_UNIT`: to either side of the mean alike, so that
-            the mean over both is of second order. The gain of a sensor is taken for load: noise
-            follows either.
+            square of how far it swung, in `FLUCTUATION_UNIT`: to either side of the mean alike, so
+            that the mean over both is of second order. The gain of a sensor is taken for load:
+            noise follows either.
         """
         speed = profile.speed_hz / self.base.speed_hz - 1.0
         load = _slope(self._changes(profile), self.direction)
-        return np.array([load, speed / SPEED_UNIT, (profile.swing / SWING_UNIT) ** 2])
+        return np.array(
+            [load, speed / SPEED_UNIT, (profile.speed_fluctuation / FLUCTUATION_UNIT) ** 2]
+        )
 
     def _changes(self, profile: Profile) -> FloatArray:
         """Return changes of the mesh harmonics [Np]; NaN where unheard, and of other families."""
@@ -149,7 +151,7 @@ class StateGauge:
 
 def _in_speed_units(states: FloatArray) -> FloatArray:
     """Speed of states and how far it swung, both in `SPEED_UNIT`, shape (..., 2)."""
-    swing = np.sqrt(states[..., 2]) * (SWING_UNIT / SPEED_UNIT)
+    swing = np.sqrt(states[..., 2]) * (FLUCTUATION_UNIT / SPEED_UNIT)
     return np.stack([states[..., 1], swing], axis=-1)
 
 

@@ -26,7 +26,14 @@ from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track
 from gearmon.signals.orders.resampling import READ_UP_TO, AngleGrid, InAngle, resample_to_angle
-from gearmon.signals.spectra import fast_length, local_floor, transform, window, window_powers
+from gearmon.signals.spectra import (
+    fast_length,
+    local_floor,
+    noise_bandwidth,
+    transform,
+    window,
+    window_powers,
+)
 from gearmon.signals.threads import side_by_side
 
 # Bins of the running median that tells the noise under the lines.
@@ -443,8 +450,6 @@ def order_map(
         part = np.hstack([part, fresh])
         centred = part - part.mean(axis=-1, keepdims=True)
         powers[number] += window_powers(centred, weights, block)[:, :bins]
-    # squares of a line and of noise, weighted by the window, over one another: noise bandwidth
-    wide = float(block * (weights @ weights) / weights.sum() ** 2)
     powers *= (2.0 / weights.sum()) ** 2
     powers[..., 0] *= 0.25  # the line at zero has no mirror image
     return OrderMap(
@@ -458,7 +463,7 @@ def order_map(
         high=high[used],
         blocks=blocks,
         block_turns=block / grid.per_turn * ratio,
-        resolution=wide * float(grid.per_turn / block / ratio),
+        resolution=noise_bandwidth(window_name) * float(grid.per_turn / block / ratio),
     )
 
 

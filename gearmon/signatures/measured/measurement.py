@@ -135,7 +135,7 @@ class MeasuredSignature(Result):
     >>> signature = analysis.signature
     >>> signature.found, signature.held, round(signature.speed.estimated_hz, 1)
     (True, True, 24.5)
-    >>> signature.swing < 0.01  # a steady speed
+    >>> signature.speed_fluctuation < 0.01  # a steady speed
     True
     """
 
@@ -169,7 +169,7 @@ class MeasuredSignature(Result):
         return self.track.indexed or any(mesh.held for mesh in self.meshes)
 
     @property
-    def swing(self) -> float:
+    def speed_fluctuation(self) -> float:
         """Amplitude of a sine with the standard deviation of the speed, over the mean speed."""
         return float(np.sqrt(2.0)) * wander(self.track)
 

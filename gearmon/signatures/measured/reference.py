@@ -153,8 +153,8 @@ class Profile:
         The recording.
     speed_hz : float
         Mean speed of shaft 1 [Hz].
-    swing : float, >= 0
-        How far its speed swung, over the mean, see `MeasuredSignature.swing`.
+    speed_fluctuation : float, >= 0
+        How far its speed swung, see `MeasuredSignature.speed_fluctuation`.
     duration_s : float
         Length [s].
     tacho : bool
@@ -179,7 +179,7 @@ class Profile:
 
     origin: str
     speed_hz: float
-    swing: float
+    speed_fluctuation: float
     duration_s: float
     tacho: bool
     family_names: tuple[str, ...]
@@ -198,7 +198,7 @@ class Profile:
         return cls(
             **_shared(cls, signature),
             speed_hz=signature.speed.estimated_hz,
-            swing=signature.swing,
+            speed_fluctuation=signature.speed_fluctuation,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
             wheels=tuple(WheelPattern.of(own, signature.lines) for own in signature.plan.wheels),

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.law.gear_lines import LENGTH, Kriging
-from gearmon.diagnosis.law.machine import SPEED_UNIT, SWING_UNIT, StateGauge
+from gearmon.diagnosis.law.machine import FLUCTUATION_UNIT, SPEED_UNIT, StateGauge
 
 HERE = np.zeros(2)
 
@@ -84,7 +84,7 @@ def profile(*change_np, heard=True, speed_hz=20.0, swing=0.0):
         level_db=20 / np.log(10) * np.array([[*change_np, 3.0]]),
         heard=np.array([[*np.broadcast_to(heard, len(change_np)), True]]),
         speed_hz=speed_hz,
-        swing=swing,
+        speed_fluctuation=swing,
     )
 
 
@@ -97,7 +97,7 @@ def test_one_reference_takes_the_median_mesh_harmonic_for_the_load():
     load, speed, swing = gauge.state(profile(*-0.5 + 0.1 * UNEVEN, speed_hz=20.6, swing=0.06))
     assert load == pytest.approx(-0.5 + 0.1 * np.median(UNEVEN))
     assert speed == pytest.approx(0.03 / SPEED_UNIT)
-    assert swing == pytest.approx((0.06 / SWING_UNIT) ** 2)
+    assert swing == pytest.approx((0.06 / FLUCTUATION_UNIT) ** 2)
     muffled = profile(*4 * [-9.0], *3 * [-0.5], heard=[*4 * [False], *3 * [True]])
     assert gauge.state(muffled)[0] == pytest.approx(-0.5)
 
