@@ -663,7 +663,8 @@ def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
     if share >= _LOST and not check.locked:
         track, check = mend_slips(sums, track, check, found.signal.comb)
     doubt, notes, held_s = check.typical_turns(), found.notes, None
-    if share < _LOST:
+    lost = share < _LOST and not check.held_throughout
+    if lost:
         order = max(mesh.order for mesh in found.signal.train.meshes)
         cycles = np.sqrt(-np.log(max(share, 1e-3))) / (2 * np.pi)
         doubt = max(cycles / order, doubt)
@@ -677,7 +678,7 @@ def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
         notes += (_slips_told(check, held_s),)
     track = replace(track, uncertainty_turns=float(doubt))
-    return replace(found, track=track, notes=notes, held_s=held_s, lost=share < _LOST)
+    return replace(found, track=track, notes=notes, held_s=held_s, lost=lost)
 
 
 def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:

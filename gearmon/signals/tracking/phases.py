@@ -452,6 +452,17 @@ class SlipCheck:
         """Whether the angle is held throughout, or comes back after each lost stretch."""
         return all(stretch.harmless for stretch in self.lost)
 
+    @property
+    def held_throughout(self) -> bool:
+        """Whether the lines also stand still beside those of the turns about them, nearly always.
+
+        As the speed changes the path turns lines that stand still in no angle of the whole
+        recording: of eight lumped machines run up and down between 0.8 and 1.1 of a speed 37 to
+        60 % of their power does in an angle that is right to 0.07 mesh periods, where a tenth of
+        the blocks lies below 0.77 to 0.91; in angles that are lost it lies below 0.15.
+        """
+        return self.locked and bool(np.quantile(self.coherence, 0.1) >= _SOUND)
+
     def typical_turns(self, start_s: float = -np.inf, stop_s: float = np.inf) -> float:
         """Root mean square of the uncertainty between two times [turns]."""
         inside = (self.time_s >= start_s) & (self.time_s <= stop_s)
