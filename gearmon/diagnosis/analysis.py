@@ -12,7 +12,6 @@ import numpy as np
 
 from gearmon.diagnosis import verdict
 from gearmon.diagnosis.alone import (
-    Indicators,
     judged_alone,
     mesh_lost,
     own_teeth,
@@ -48,10 +47,7 @@ from gearmon.signals.bad_samples import inspected, sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording, read_recordings
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
-from gearmon.signatures.measured.measurement import (
-    MeasuredSignature,
-    measure_signature,
-)
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 from gearmon.signatures.measured.reference import (
     Profile,
     Reference,
@@ -199,16 +195,11 @@ def analyse(
     told = signature.found or (reference is not None and signature.held)
     if told:
         indicators |= gear_indicators(signature)
-    if reference is None:
-        judge = judged_alone if told else without_mesh
-        return judge(signature, machine, indicators)
-    recording_notes(signature, reference)  # refuses other channels
-    compared = _Compared(signature, machine, reference)
-    if not told:
-        return compared.without_mesh(indicators)
-    if elsewhere := other_speed(signature, reference):
-        return judged_alone(signature, machine, indicators, elsewhere)
-    return compared.judged(indicators, must_notice)
+    if reference is not None:
+        answer = _Compared(signature, machine, reference).answer(told, must_notice)
+    else:
+        answer = (judged_alone if told else without_mesh)(signature, machine)
+    return replace(answer, indicators=indicators)
 
 
 def _measured(
@@ -286,7 +277,19 @@ class _Compared:
         """Changes of single sidebands."""
         return turns.turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
-    def judged(self, indicators: Indicators, must_notice: float) -> Analysis:
+    def answer(self, told: bool, must_notice: float) -> Analysis:
+        """Judge a recording of which gears are told, or that lacks the mesh of its reference."""
+        notes = self.notes  # refuses other channels
+        if not told:
+            found = without_mesh(self.signature, self.machine)
+            deviation = self.healthy.deviation(self.own)
+            found = mesh_lost(found, deviation, len(self.reference.profiles))
+            return replace(found, warnings=(*found.warnings, *notes))
+        if elsewhere := other_speed(self.signature, self.reference):
+            return judged_alone(self.signature, self.machine, elsewhere)
+        return self.judged(must_notice)
+
+    def judged(self, must_notice: float) -> Analysis:
         """Weigh all evidence and judge."""
         signature = self.signature
         evidence = self.evidence()
@@ -315,7 +318,6 @@ class _Compared:
             false_alarm_probability=evidence.probability,
             compared_with="reference",
             signature=signature,
-            indicators=indicators,
             changes=changes,
             profiles=profiles,
             flags=flags,
@@ -402,13 +404,6 @@ class _Compared:
             loss_sigma_by_tooth=sigma,
             noticed_from=noticed_from(gear),
         )
-
-    def without_mesh(self, indicators: Indicators) -> Analysis:
-        """Judge a recording that lacks the mesh which its reference has."""
-        found = without_mesh(self.signature, self.machine, indicators)
-        found = replace(found, warnings=(*found.warnings, *self.notes))
-        deviation = self.healthy.deviation(self.own)
-        return mesh_lost(found, deviation, len(self.reference.profiles))
 
 
 # several recordings are held against one reference
