@@ -261,10 +261,11 @@ class _Planning:
                     yield from self._sidebands(mesh, modulation)
         for mesh, wheel in self.wheels:
             turning, half = self.units(wheel.exact_relative), wheel.teeth // 2
+            sides = self._sides(mesh, wheel)
             for k in self.harmonics(mesh):
                 for n in range(k * wheel.teeth - half, k * wheel.teeth + half + 1):
                     yield n * turning, 10**6, None
-                    for aside, step, first in self._sides(mesh, wheel):
+                    for aside, step, first in sides:
                         if n % step == first:
                             yield n * turning + aside, 10**6, None
 
@@ -292,26 +293,24 @@ class _Planning:
 
     def wheel_lines(self, mesh: Mesh, wheel: Wheel, position: dict[int, int]) -> WheelLines:
         """Return the lines of a gear among those of the plan."""
-        turning = self.units(wheel.exact_relative)
-        meshing = [self.units(own.exact) for own in self.train.meshes]
-
-        def of_mesh(order: int) -> bool:
-            return any(order % own == 0 for own in meshing)
-
-        last = int(self.top / wheel.exact_relative)
-        held = [n for n in range(1, last + 1) if n * turning in position]
-        apart = {order: place for order, place in position.items() if not of_mesh(order)}
+        # whole numbers of any size
+        turning, orders = self.units(wheel.exact_relative), np.array([*position], dtype=object)
+        meshing = [orders % self.units(own.exact) == 0 for own in self.train.meshes]
+        of_mesh = np.logical_or.reduce(meshing)
+        lines = np.flatnonzero(orders % turning == 0)
+        number = orders[lines] // turning
+        apart = {order: place for order, place in position.items() if not of_mesh[place]}
         beside = [
-            [apart.get(n * turning + aside, -1) if n % step == first else -1 for n in held]
+            [apart.get(n * turning + aside, -1) if n % step == first else -1 for n in number]
             for aside, step, first in self._sides(mesh, wheel)
         ]
         return WheelLines.of(
             mesh.stage,
             wheel,
-            number=np.array(held, dtype=np.int64),
-            lines=np.array([position[n * turning] for n in held], dtype=np.int64),
-            mesh=np.array([of_mesh(n * turning) for n in held], dtype=bool),
-            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(held)),
+            number=number.astype(np.int64),
+            lines=lines,
+            mesh=of_mesh[lines],
+            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(lines)),
         )
 
 
