@@ -159,6 +159,13 @@ class LinePlan:
     families: tuple[Family, ...]
     wheels: tuple[WheelLines, ...]
 
+    def by_family(self, lines: FloatArray) -> FloatArray:
+        """Return the sums over each family of what the lines have, shape (..., families)."""
+        chosen = [line for family in self.families for line in family.lines]
+        sizes = np.array([len(family.lines) for family in self.families], dtype=int)
+        own = lines[..., np.array(chosen, dtype=int)]
+        return np.asarray(np.add.reduceat(own, np.cumsum(sizes) - sizes, axis=-1))
+
 
 # recordings of one machine have the same lines
 @lru_cache(maxsize=16)

@@ -126,15 +126,11 @@ class NoiseGrid:
 
     def unseen_at(self, order: float) -> FloatArray:
         """Level up to which a line at an order would not be listed, shape (channels,) [dB]."""
-        cells = self.hidden_db.shape[-1]
+        cells, bands = self.hidden_db.shape[-1], self.noise_db.shape[-1]
         cell = min(int(order * cells / self.top), cells - 1)
-        return np.maximum(self.noise_at(order) + self.least_db, self.hidden_db[:, cell])
-
-    def noise_at(self, order: float) -> FloatArray:
-        """Noise about an order, shape (channels,) [dB]."""
-        bands = self.noise_db.shape[-1]
         middles = (np.arange(bands) + 0.5) * self.top / bands
-        return np.array([np.interp(order, middles, row) for row in self.noise_db])
+        noise = np.array([np.interp(order, middles, row) for row in self.noise_db])
+        return np.maximum(noise + self.least_db, self.hidden_db[:, cell])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
