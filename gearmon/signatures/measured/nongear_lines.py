@@ -124,10 +124,10 @@ class NoiseGrid:
     noise_db: FloatArray
     hidden_db: NDArray[np.float32]
 
-    def unseen_at(self, order: float) -> FloatArray:
-        """Level up to which a line at an order would not be listed, shape (channels,) [dB]."""
+    def unseen_at(self, order: FloatArray) -> FloatArray:
+        """Level up to which lines would not be listed, shape (channels, orders) [dB]."""
         cells, bands = self.hidden_db.shape[-1], self.noise_db.shape[-1]
-        cell = min(int(order * cells / self.top), cells - 1)
+        cell = np.minimum((order * cells / self.top).astype(int), cells - 1)
         middles = (np.arange(bands) + 0.5) * self.top / bands
         noise = np.array([np.interp(order, middles, row) for row in self.noise_db])
         return np.maximum(noise + self.least_db, self.hidden_db[:, cell])
