@@ -257,8 +257,7 @@ def disturbed(
     """
     mask = np.zeros(np.shape(orders), dtype=bool)
     for finding in findings:
-        seen = [line for line in finding.lines if line.kind == "spectrum"]
-        swept = [(line.low_order, line.high_order) for line in seen]
+        swept = [(own.low_order, own.high_order) for own in finding.lines if own.kind == KINDS[0]]
         swept += [(order - finding.width, order + finding.width) for order in finding.orders]
         for low, high in swept:
             mask |= (orders > low - resolution) & (orders < high + resolution)

@@ -194,15 +194,12 @@ def line_plan(
     """
     top = Fraction(top_order).limit_denominator(10**6)
     plan = _Planning(train, top, finest_spacing, shaft1_hz)
-    # the strongest claim wins, of equal ones the first
     claims = sorted(plan.claims(), key=itemgetter(1))
     end = math.ceil(plan.top * plan.unit)
     # a family that the sampling rate cuts short would differ from recording to recording
     cut = {family for order, _, family in claims if order >= end}
-    owner: dict[int, Family | None] = {}
-    for order, _, family in claims:
-        if 0 < order < end:
-            owner.setdefault(order, family)
+    # the strongest claim wins, of equal ones the first: it is the last to be written
+    owner = {order: family for order, _, family in reversed(claims) if 0 < order < end}
     if not owner:  # no mesh can be seen at this sampling rate: at least the shafts
         turning = (plan.units(shaft.exact) for shaft in train.shafts)
         owner = dict.fromkeys(order for order in turning if order < end)
