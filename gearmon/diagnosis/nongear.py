@@ -382,13 +382,10 @@ class _Comparison(NamedTuple):
             # lines of the mains may stand under those of gears there
             off = [np.abs(hertz - np.rint(hertz / one) * one) for one in MAINS_HZ]
             mains = (own["locked"] != "shaft") & (np.min(off, axis=0) <= _SAME_SHARE * hertz)
-            for i in np.flatnonzero(still | mains):
-                reach = _SAME_SHARE * hertz[i] + 2 * width * other.speed_hz
-                highest = other.highest_in_time(hertz[i] - reach, hertz[i] + reach)
-                if highest is not None:
-                    level[i] = np.maximum(level[i], highest)
-                elif not listed[i]:
-                    level[i] = np.nan
+            reach = _SAME_SHARE * hertz + 2 * width * other.speed_hz
+            highest = other.highest_in_time(hertz - reach, hertz + reach).T
+            unasked = ~(still | mains)[:, None] | (listed[:, None] & np.isnan(highest))
+            level = np.where(unasked, level, np.maximum(level, highest))
         return level, listed
 
 

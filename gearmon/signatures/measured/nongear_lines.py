@@ -24,6 +24,7 @@ from gearmon.signals.orders.spectra import (
     clear_peaks,
     fine_envelope_spectrum,
     fine_spectrum,
+    highest_between,
 )
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 
@@ -170,12 +171,12 @@ class NonGearLines:
         """Return the grid of the spectrum or of the envelope."""
         return next(grid for grid in self.grids if grid.kind == kind)
 
-    def highest_in_time(self, low_hz: float, high_hz: float) -> FloatArray | None:
-        """Highest power in time between two frequencies [dB], a channel; None if not known."""
-        first, last = int(low_hz / self.cell_hz), int(high_hz / self.cell_hz)
-        if last >= self.in_time_db.shape[-1]:
-            return None
-        return np.asarray(self.in_time_db[:, first : last + 1].max(axis=-1))
+    def highest_in_time(self, low_hz: FloatArray, high_hz: FloatArray) -> FloatArray:
+        """Highest powers in time between frequencies [dB], shape (channels, ranges); NaN beyond."""
+        first, last = (np.array([low_hz, high_hz]) / self.cell_hz).astype(int)
+        end = self.in_time_db.shape[-1] - 1
+        found = highest_between(self.in_time_db, np.clip(first, 0, end), np.clip(last, 0, end) + 1)
+        return np.where(last <= end, found, np.nan)
 
 
 def nongear_lines(
@@ -268,10 +269,9 @@ def _decibels(power: FloatArray) -> NDArray[np.float32]:
 
 def _highest_within(values: FloatArray, reach: IntArray) -> FloatArray:
     """Return the highest within so many places to either side of each, fewer at the ends."""
-    place, count = np.arange(len(reach)), values.shape[-1]
-    ends = np.clip([place - reach, place + reach + 1], 0, count).T.ravel()
-    padded = np.pad(values, ((0, 0), (0, 1)), constant_values=-np.inf)
-    return np.asarray(np.maximum.reduceat(padded, ends, axis=-1)[:, ::2])
+    place = np.arange(len(reach))
+    ends = np.clip([place - reach, place + reach + 1], 0, values.shape[-1])
+    return highest_between(values, *ends)
 
 
 def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None) -> FloatArray:
