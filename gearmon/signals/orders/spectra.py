@@ -107,9 +107,7 @@ class FineSpectrum:
         return highest_between(self.power, first, stop)
 
 
-def highest_between(
-    values: FloatArray | NDArray[np.float32], first: IntArray, stop: IntArray
-) -> FloatArray:
+def highest_between(values: NDArray[np.floating], first: IntArray, stop: IntArray) -> FloatArray:
     """Highest of the values from each first one to before each stop, along the last axis.
 
     Examples
