@@ -375,7 +375,7 @@ class _Comparison(NamedTuple):
         level = np.where(same[..., None], there["level_db"], -np.inf).max(axis=1, initial=-np.inf)
         level = np.maximum(level, grid.unseen_at(order).T)
         # there it may have been taken for a gear's
-        known = distance_to(_known_orders(self.train, grid.top, width), order)
+        known = distance_to(known_orders(self.train, grid.top, width), order)
         taken = ~listed & ~still & (known < (OWN_WIDTHS + _SPARE_WIDTHS) * width)
         level[taken | (np.maximum(order, moved) > grid.top)] = np.nan
         if kind == KINDS[0]:
@@ -387,9 +387,6 @@ class _Comparison(NamedTuple):
             unasked = ~(still | mains)[:, None] | (listed[:, None] & np.isnan(highest))
             level = np.where(unasked, level, np.maximum(level, highest))
         return level, listed
-
-
-_known_orders = lru_cache(maxsize=16)(known_orders)
 
 
 @lru_cache(maxsize=64)

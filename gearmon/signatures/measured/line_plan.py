@@ -345,6 +345,8 @@ def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
     return tuple(sorted(order for order in orders if order > 0))
 
 
+# recordings of one machine are asked for the same orders
+@lru_cache(maxsize=16)
 def known_orders(train: Kinematics, top: float, width: float) -> FloatArray:
     """Orders at which the gears and shafts of a machine can show.
 
