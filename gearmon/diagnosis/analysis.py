@@ -31,12 +31,7 @@ from gearmon.diagnosis.evidence import (
 )
 from gearmon.diagnosis.fault_types.kinds import kind_features
 from gearmon.diagnosis.hypotheses import turns
-from gearmon.diagnosis.hypotheses.tooth_damage import (
-    GearEvidence,
-    ToothFinding,
-    find_tooth,
-    told_losses,
-)
+from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding, find_tooth, told_losses
 from gearmon.diagnosis.law.machine import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
@@ -297,7 +292,7 @@ class _Compared:
         changes = verdict.level_changes(evidence.deviation.levels, shared, families)
         undetected = [mesh.stage for mesh in signature.meshes if not mesh.found]
         hidden = hidden_stages(evidence.finding, undetected)
-        profiles = self._profiles(evidence, hidden)
+        profiles = tuple(_profiles(evidence, hidden))
         silent = [name for name in self.reference.channel_names if name not in shared]
         deaf = verdict.unheard(evidence, self.machine, silent, must_notice, hidden)
         answer = decide(evidence, deaf)
@@ -373,22 +368,18 @@ class _Compared:
         families = {family.name: family for family in self.signature.plan.families}
         return [families[name] for name in deviation.family_names]
 
-    def _profiles(self, evidence: Evidence, hidden: set[int]) -> tuple[ToothProfile, ...]:
-        finding = evidence.finding
-        if finding is None:
-            return ()
-        every = (self._profile(gear, finding, evidence) for gear in finding.searched)
-        return tuple(replace(p, noticed_from=None) if p.stage in hidden else p for p in every)
 
-    def _profile(
-        self, gear: GearEvidence, finding: ToothFinding, evidence: Evidence
-    ) -> ToothProfile:
-        deviation = gear.deviation
+def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
+    """Give what was found around the turn of each gear that was searched."""
+    finding, gap = evidence.finding, evidence.deviation.gap
+    if finding is None:
+        return
+    for gear in finding.searched:
+        deviation, strength = gear.deviation, tooth_strength(gear.believed)
         tooth, position = gear.place
         loss, sigma = told_losses(finding, gear)
-        strength = tooth_strength(gear.believed)
-        probability = false_alarm_probability(strength, evidence.references, evidence.deviation.gap)
-        return ToothProfile(
+        probability = false_alarm_probability(strength, evidence.references, gap)
+        yield ToothProfile(
             stage=deviation.stage,
             gear=deviation.gear,
             teeth=deviation.teeth,
@@ -402,7 +393,7 @@ class _Compared:
             counted_from=gear.counted_from,
             loss_by_tooth=loss,
             loss_sigma_by_tooth=sigma,
-            noticed_from=noticed_from(gear),
+            noticed_from=None if deviation.stage in hidden else noticed_from(gear),
         )
 
 
