@@ -258,33 +258,25 @@ class _Compared:
         return Profile.of(self.signature).part(self.rows)
 
     @cached_property
-    def healthy(self) -> HealthyMachine:
-        return _law_of(self.known, self.machine)
-
-    @cached_property
-    def notes(self) -> tuple[str, ...]:
-        """What differs between the recording and its reference."""
-        noted = machine_notes(self.machine, self.reference)
-        return (*noted, *recording_notes(self.signature, self.reference))
-
-    @cached_property
     def sidebands(self) -> tuple[turns.TurnChange, ...]:
         """Changes of single sidebands."""
         return turns.turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
     def answer(self, told: bool, must_notice: float) -> Analysis:
         """Judge a recording of which gears are told, or that lacks the mesh of its reference."""
-        notes = self.notes  # refuses other channels
+        # refuses other channels
+        notes = recording_notes(self.signature, self.reference)
+        notes = machine_notes(self.machine, self.reference) + notes
         if not told:
             found = without_mesh(self.signature, self.machine)
-            deviation = self.healthy.deviation(self.own)
+            deviation = _law_of(self.known, self.machine).deviation(self.own)
             found = mesh_lost(found, deviation, len(self.reference.profiles))
             return replace(found, warnings=(*found.warnings, *notes))
         if elsewhere := other_speed(self.signature, self.reference):
             return judged_alone(self.signature, self.machine, elsewhere)
-        return self.judged(must_notice)
+        return self.judged(must_notice, notes)
 
-    def judged(self, must_notice: float) -> Analysis:
+    def judged(self, must_notice: float, notes: Sequence[str]) -> Analysis:
         """Weigh all evidence and judge."""
         signature = self.signature
         evidence = self.evidence()
@@ -318,7 +310,7 @@ class _Compared:
             flags=flags,
             warnings=(
                 *signature.notes,
-                *self.notes,
+                *notes,
                 *verdict.limits(signature, self.reference),
                 *verdict.not_found(signature),
                 *verdict.taken_for_granted(evidence),
@@ -336,7 +328,8 @@ class _Compared:
             family.name for family in signature.plan.families if mask[list(family.lines)].any()
         ]
         whole = len(disturbed_families) == len(signature.plan.families)
-        deviation = self.healthy.deviation(self.own, () if whole else disturbed_families)
+        healthy = _law_of(self.known, self.machine)
+        deviation = healthy.deviation(self.own, () if whole else disturbed_families)
         finding = find_tooth(self.own, deviation, self.machine)
         return Evidence(
             deviation=deviation,
