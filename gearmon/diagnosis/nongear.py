@@ -345,7 +345,7 @@ class _Comparison(NamedTuple):
         of them list it; what the noise and a change of speed add to the rise [dB^2]; and how many
         peaks of mere noise are as high.
         """
-        own, grid, in_spectrum = _columns(self.lines, kind), self.lines.grid(kind), kind == KINDS[0]
+        own, grid, in_spectrum = self.lines.columns[kind], self.lines.grid(kind), kind == KINDS[0]
         asked = (self._levels_in(other, kind) for other in self.healthy)
         levels, listed = (np.array(told) for told in zip(*asked, strict=True))
         over, highest = own["over_noise_db"], own["over_noise_db"].max(axis=1)
@@ -365,7 +365,7 @@ class _Comparison(NamedTuple):
 
     def _levels_in(self, other: NonGearLines, kind: str) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Levels of lines in a healthy recording, NaN if it cannot tell; whether it lists them."""
-        own, there, grid = _columns(self.lines, kind), _columns(other, kind), other.grid(kind)
+        own, there, grid = self.lines.columns[kind], other.columns[kind], other.grid(kind)
         width, hertz = max(grid.width, self.lines.grid(kind).width), own["frequency_hz"]
         still, moved = own["locked"] == "time", hertz / other.speed_hz
         # a line that keeps its frequency stands at another order when the speed is another
@@ -402,17 +402,6 @@ def _hidden(lines: NonGearLines) -> tuple[float, ...]:
 
 def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int]]:
     return harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
-
-
-@lru_cache(maxsize=64)
-def _columns(lines: NonGearLines, kind: str) -> NDArray[np.void]:
-    """Lines of one kind as an array with fields: their places in the list, and what they are."""
-    channels = (len(lines.grid(kind).noise_db),)
-    fields: list[Any] = [("locked", "U6"), ("order", float), ("frequency_hz", float)]
-    fields += [("level_db", float, channels), ("over_noise_db", float, channels)]
-    of_kind = [(i, line) for i, line in enumerate(lines) if line.kind == kind]
-    rows = [(i, *(getattr(line, name) for name, *_ in fields)) for i, line in of_kind]
-    return np.array(rows, [("place", int), *fields])
 
 
 def _same(own: NDArray[np.void], there: NDArray[np.void], width: float) -> NDArray[np.bool_]:

@@ -10,6 +10,8 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -166,6 +168,16 @@ class NonGearLines:
     def __len__(self) -> int:
         """Return the number of lines."""
         return len(self.lines)
+
+    @cached_property
+    def columns(self) -> dict[str, NDArray[np.void]]:
+        """Lines as arrays with fields, by their kind: places in the list, and what they are."""
+        levels = [(name, float, (len(self.in_time_db),)) for name in ("level_db", "over_noise_db")]
+        single = [("kind", "U8"), ("locked", "U6"), ("order", float), ("frequency_hz", float)]
+        fields: list[Any] = [*single, *levels]
+        told = ((getattr(line, name) for name, *_ in fields) for line in self.lines)
+        every = np.array([(i, *own) for i, own in enumerate(told)], [("place", int), *fields])
+        return {kind: every[every["kind"] == kind] for kind in KINDS}
 
     def grid(self, kind: str) -> NoiseGrid:
         """Return the grid of the spectrum or of the envelope."""
