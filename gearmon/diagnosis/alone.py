@@ -26,6 +26,7 @@ from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
 from gearmon.diagnosis.verdict import fault_sentence, most_striking, not_found
 from gearmon.errors import GearmonError
 from gearmon.machine import Machine
+from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.reference import Profile
 from gearmon.signatures.signature import Signature
@@ -150,9 +151,6 @@ def _expected(
     signature: MeasuredSignature, machine: Machine
 ) -> tuple[Signature | None, tuple[str, ...]]:
     """Return the expected signature up to half the sampling rate, or why there is none."""
-    # not needed with a reference
-    from gearmon.signatures.expected.baseline import expected_signature
-
     try:
         return expected_signature(machine, max_hz=0.5 * signature.sampling_rate_hz), ()
     except GearmonError as error:
