@@ -352,7 +352,8 @@ class _Compared:
         found, plan, lines = finding.best, self.signature.plan, self.signature.lines
         wheel = next(own for own in plan.wheels if (own.stage, own.gear) == found.key)
         blocks = lines.amplitude[:, self.rows]
-        again, scatter = found.deviation.recurrence(found.tooth, blocks, wheel)
+        swings = self.signature.speed_swings
+        again, scatter = found.deviation.recurrence(found.tooth, blocks, wheel, swings)
         knocked = scatter > LIMITS.knock_scatter or lines.knocked > LIMITS.knocks
         return again if knocked else np.inf
 

@@ -16,6 +16,7 @@ from reference.synthetic_signals import (
     wandering_turns,
     white,
 )
+from scipy.signal import iirpeak, lfilter
 
 from gearmon.benchmark.detection_machines import Condition, Setting, draw_machine
 from gearmon.errors import RecordingError
@@ -373,6 +374,53 @@ def test_far_from_nominal_speed_the_mesh_tells_how_pulses_are_counted(count, nom
     assert measured.speed.method == "tacho"
     assert f"tacho tacho: {count} pulse{'s' * (count > 1)} a turn" in measured.notes
     assert measured.speed.estimated_hz == pytest.approx(SPEED, rel=1e-3)
+
+
+@pytest.mark.parametrize("share", [0.45, 0.6, 1.25])
+@pytest.mark.parametrize("count", [1, 2, 3, 6])
+def test_a_machine_may_run_far_from_its_nominal_speed_with_a_tachometer(count, share):
+    recording = with_column(squared(TURNS, count), told=False)
+    measured = measure_signature(recording, one_pair(23, 61, 60 * SPEED / share))
+    assert f"tacho tacho: {count} pulse{'s' * (count > 1)} a turn" in measured.notes
+    assert measured.speed.estimated_hz == pytest.approx(SPEED, rel=1e-3)
+    assert measured.found
+
+
+def run_up(slowest, fastest):
+    """Angle of a shaft that is run up and down between two shares of the nominal 25 Hz."""
+    last = TIME[-1]
+    places = [0.0, 0.2 * last, 0.5 * last, 0.6 * last, 0.9 * last, last]
+    speed = 25.0 * np.interp(TIME, places, [slowest, slowest, fastest, fastest, slowest, slowest])
+    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) / RATE])
+
+
+@pytest.mark.parametrize(("slowest", "fastest"), [(0.6, 1.1), (0.5, 1.0), (0.7, 0.9)])
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_a_tachometer_holds_the_angle_of_a_machine_that_is_run_up(slowest, fastest, count):
+    turns = run_up(slowest, fastest)
+    orders = np.array([23.0, 46.0, 69.0, 92.0, 115.0, 24.0, 45.0])
+    levels = np.array([1.0, 0.6, 0.8, 0.3, 0.5, 0.3, 0.2])
+    clean = lines_on(turns, orders, levels, np.arange(7.0))
+    # a housing with three modes turns the lines as they pass
+    for mode_hz in 400.0, 900.0, 1500.0:
+        clean = clean + lfilter(*iirpeak(mode_hz, 30, fs=RATE), clean)
+    recording = Recording(
+        samples=np.vstack([clean + white(len(TIME), 0.1, seed=3), squared(turns, count)]),
+        sampling_rate_hz=RATE,
+        channel_names=("a1", "tacho"),
+        channel_kinds=("vibration", "tacho"),
+        tacho_told=False,
+    )
+    measured = measure_signature(recording, MACHINE)
+    assert f"tacho tacho: {count} pulse{'s' * (count > 1)} a turn" in measured.notes
+    assert measured.found
+    assert measured.speed_swings
+    assert not measured.angle_lost
+    assert measured.lines.knocked == 0.0
+    error = 23 * (measured.track.turns_at(TIME) - turns)
+    assert np.std(error) < 0.03
+    # what the pulses are said to scatter by covers it, and is no alarm
+    assert np.std(error) < 3 * 23 * measured.track.uncertainty_turns < 0.2
 
 
 USELESS = {

@@ -328,7 +328,7 @@ class GearDeviation:
         return self.expected_around[np.arange(self.teeth) * _STEPS]
 
     def recurrence(
-        self, tooth: int, blocks: ComplexArray, wheel: WheelLines
+        self, tooth: int, blocks: ComplexArray, wheel: WheelLines, swings: bool = False
     ) -> tuple[float, float]:
         """Tell whether what is at a tooth comes again with every turn.
 
@@ -340,13 +340,16 @@ class GearDeviation:
             The recording's lines, block by block.
         wheel : WheelLines
             Which of them are this gear's.
+        swings : bool
+            Whether the speed swings, so that the path turns the lines from block to block.
 
         Returns
         -------
         again : float
             Energy over what the scatter of the blocks leaves there: about 1 for what came in one
             block alone, however loud, k for what came in k of many. Low, too, where few of the
-            lines tell of a weak event.
+            lines tell of a weak event. Where the speed swings the number of blocks that it comes
+            in, (sum E)^2 / sum E^2 of their energies E there beyond the median tooth's.
         scatter : float
             That scatter over the one at the median tooth: knocks scatter where they are.
 
@@ -363,13 +366,20 @@ class GearDeviation:
         steps = np.add.outer(np.arange(self.teeth) * _STEPS + _WINDOW, np.arange(0, 2 * _STEPS, 4))
         met = np.add.outer(np.arange(self.meetings) / self.meetings, steps / _STEPS / self.teeth)
         sides = dict(zip(_SIDES, (wheel.lines, *wheel.beside), strict=False))
-        scatter = np.zeros(self.teeth)
+        scatter, energy = np.zeros(self.teeth), np.zeros((len(some), self.teeth))
         for band in self.bands:
             own = some[:, :, sides[band.side][np.searchsorted(wheel.number, band.number)]]
             waves = np.exp(2j * np.pi * np.outer(band.number, met.ravel()))
-            told = variance_of_mean((own / band.deviation) @ waves).reshape(-1, *met.shape)
+            seen = (own / band.deviation) @ waves
+            told = variance_of_mean(seen).reshape(-1, *met.shape)
             scatter += told.sum(axis=0).mean(axis=(0, 2))
+            if swings:
+                power = (np.abs(seen) ** 2).sum(axis=1).reshape(-1, *met.shape)
+                energy += power.mean(axis=(1, 3))
         again = float(self._energy[tooth * _STEPS] / scatter[tooth])
+        if swings:
+            beyond = np.maximum(energy[:, tooth] - np.median(energy, axis=1), 0.0)
+            again = float(beyond.sum() ** 2 / max((beyond**2).sum(), np.finfo(float).tiny))
         return again, float(scatter[tooth] / np.median(scatter))
 
     @cached_property

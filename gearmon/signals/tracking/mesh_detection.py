@@ -347,7 +347,12 @@ def sideband_spacing(
 
 
 def foreign_spacing(
-    spectrum: FineSpectrum, mesh: MeshComb, turning: Orders, meshing: Orders, own: Orders = ()
+    spectrum: FineSpectrum,
+    mesh: MeshComb,
+    turning: Orders,
+    meshing: Orders,
+    own: Orders = (),
+    parts: Orders = (),
 ) -> float | None:
     """Return the spacing of a finer comb to which the lines of a mesh belong, None if to none.
 
@@ -370,6 +375,9 @@ def foreign_spacing(
         pattern between all mesh harmonics, so a spacing of so many turns may be theirs, beyond
         those sidebands: with an even number of teeth errors that alternate are a comb at half the
         mesh order.
+    parts : sequence of float, optional
+        The only parts of the mesh order that are tried, as of another speed; then one line between
+        those of the mesh is enough, four otherwise.
 
     Returns
     -------
@@ -385,7 +393,8 @@ def foreign_spacing(
     """
     quality = spectrum.quality[: int((_HARMONICS + 1) * mesh.order / spectrum.step)]
     lines = (_Lines(quality, spectrum, averaged) for averaged in _AVERAGED)
-    found = [_finer_comb(one, mesh, turning, meshing, own) for one in lines]
+    tried, least = (mesh.order * np.array(parts), 1) if parts else (mesh.order * _RATIOS, _LINES)
+    found = [_finer_comb(one, mesh, tried, least, (turning, meshing, own)) for one in lines]
     return min((spacing for spacing in found if spacing is not None), default=None)
 
 
@@ -426,16 +435,20 @@ class _Lines:
 
 
 def _finer_comb(
-    lines: _Lines, mesh: MeshComb, turning: Orders, meshing: Orders, own: Orders
+    lines: _Lines,
+    mesh: MeshComb,
+    tried: FloatArray,
+    least: int,
+    known_orders: tuple[Orders, Orders, Orders],
 ) -> float | None:
     """Coarsest spacing whose lines between those of the mesh are as clear as these."""
+    turning, meshing, own = known_orders
     harmonics = np.arange(1.0, _HARMONICS + 1) * mesh.order
     clear = np.flatnonzero(lines.at(harmonics) >= np.quantile(lines.height, 1 - _CLEAREST))
     if len(clear) == 0:
         return None
     top = harmonics[clear[-1]] + 0.5 * mesh.order
     told_apart = [shaft for shaft in turning if shaft > 2.5 * lines.width]
-    tried = mesh.order * _RATIOS
     known = np.any([np.abs(tried - one) <= lines.width for one in (*turning, *meshing)], axis=0)
     for turns in own:
         times = tried / turns
@@ -453,7 +466,7 @@ def _finer_comb(
     columns = np.array([above * between, between, above * meshed, meshed])
     off, many, on, harmonics_on = np.add.reduceat(columns, start, axis=1)
     # most spacings are out already before their neighbours are looked at
-    told = (many >= _LINES) & (harmonics_on > 0) & (off >= _SURE * np.sqrt(many))
+    told = (many >= least) & (harmonics_on > 0) & (off >= _SURE * np.sqrt(many))
     told &= off * harmonics_on >= _AS_CLEAR * on * many
     for number in np.flatnonzero(told).tolist():
         mine = slice(start[number], start[number] + sizes[number])

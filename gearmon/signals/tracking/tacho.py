@@ -22,6 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 from scipy.ndimage import maximum_filter1d, median_filter
 
@@ -41,6 +42,8 @@ _FEWEST_PULSES, _REPAIRABLE, _HOPELESS = 4, 0.02, 0.1
 _HYSTERESIS = 0.1
 # How far a nominal speed may be off, and the rate of pulses from a whole number of them a turn.
 _NOMINAL_OFF, _NOT_WHOLE = 0.03, 0.05
+# Stretches whose rates tell between which speeds a shaft runs, and the fewest pulses in each.
+_STRETCHES, _STRETCH = 16, 32
 
 # Intervals over the typical one below which a pulse is extra, and from which on some are missing;
 # intervals on either side whose median tells what is typical.
@@ -476,8 +479,8 @@ def track_from_pulses(
     -------
     AngleTrack
         Angle zero at the first pulse; knots at the pulses, of an encoder's many at the means of
-        neighbours. Its uncertainty is the jitter of single pulses: by how much they come off the
-        straight line between their neighbours, which counts three half times.
+        neighbours. Its uncertainty is the jitter of single pulses: by how much they come off what
+        an even change of speed lets their neighbours expect.
 
     Raises
     ------
@@ -535,28 +538,35 @@ def track_through(time_s: FloatArray, turns: FloatArray, duration_s: float) -> A
 
 
 def _jitter(time_s: FloatArray, turns: FloatArray) -> float:
-    """Return the standard deviation of a pulse's time about its neighbours' line [s]."""
-    share = (turns[1:-1] - turns[:-2]) / (turns[2:] - turns[:-2])
-    off = time_s[1:-1] - (1 - share) * time_s[:-2] - share * time_s[2:]
-    return float(np.std(off / np.sqrt(1 + share**2 + (1 - share) ** 2)))
+    """Return the standard deviation of a pulse's time about its neighbours' parabola [s].
+
+    A shaft that speeds up evenly has none: divided differences of third order are left.
+    """
+    points = min(4, len(turns))
+    x, t = (sliding_window_view(own, points) for own in (turns, time_s))
+    weights = 1 / np.prod(x[:, :, None] - x[:, None, :] + np.eye(points), axis=2)
+    return float(np.std((weights * t).sum(axis=1) / np.linalg.norm(weights, axis=1)))
 
 
-def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, off: float = _NOMINAL_OFF) -> int:
-    """Tell how many pulses a turn a tachometer gives from the nominal speed.
+def pulses_per_turn(
+    pulses: TachoPulses, shaft_hz: float, off: float = _NOMINAL_OFF
+) -> tuple[int, ...]:
+    """Tell how many pulses a turn a tachometer may give, from a speed that the shaft runs at.
 
     Parameters
     ----------
     pulses : TachoPulses
         The pulses.
     shaft_hz : float
-        Nominal rotation frequency of the shaft [Hz].
+        Rotation frequency of the shaft at some time of the recording: nominal [Hz].
     off : float
         Share by which the speed may differ from it.
 
     Returns
     -------
-    int
-        Pulses a turn, at least 1.
+    tuple of int
+        Pulses a turn with which the speed, as it changes, comes within 5 % of that one: at least
+        one number, one alone while the speed is steady.
 
     Raises
     ------
@@ -564,22 +574,30 @@ def pulses_per_turn(pulses: TachoPulses, shaft_hz: float, off: float = _NOMINAL_
         If the rate of the pulses fits no whole number of pulses a turn.
     """
     times = pulses.time_s
-    # the mean rate: of uneven pulses no single interval tells it
-    rate = (len(times) - 1) / float(times[-1] - times[0])
-    count = max(1, round(rate / shaft_hz))
-    if count * off > 0.25:
+    # over stretches: of uneven pulses no single interval tells the rate
+    stretches = int(np.clip(len(times) // _STRETCH, 1, _STRETCHES))
+    passed = np.interp(
+        np.linspace(times[0], times[-1], stretches + 1), times, np.arange(len(times))
+    )
+    rates = np.diff(passed) * stretches / float(times[-1] - times[0])
+    slowest, fastest = rates.min() / shaft_hz, rates.max() / shaft_hz
+    most = max(1, round(fastest))
+    if most * off > 0.25:
         raise RecordingError(
-            f"tacho channel: about {rate / shaft_hz:.3g} pulses a turn at the nominal "
+            f"tacho channel: about {fastest:.3g} pulses a turn at the nominal "
             f"{shaft_hz:.4g} Hz, too many to count while the speed may be "
             f"{100 * off:g}% off; give pulses_per_turn in a [[sensor]] of the machine file"
         )
-    if abs(rate / shaft_hz / count - 1) > _NOT_WHOLE:
+    least = max(1, math.ceil(slowest / (1 + _NOT_WHOLE)))
+    counts = range(least, math.floor(fastest / (1 - _NOT_WHOLE)) + 1)
+    if not counts:
+        mean = len(times[1:]) / float(times[-1] - times[0])
         raise RecordingError(
-            f"tacho channel: {rate:.4g} pulses a second are {rate / shaft_hz:.3g} a turn at the "
+            f"tacho channel: {mean:.4g} pulses a second are {mean / shaft_hz:.3g} a turn at the "
             f"nominal {shaft_hz:.4g} Hz, not within {_NOT_WHOLE:.0%} of a whole number; give shaft "
             "and pulses_per_turn in a [[sensor]] of the machine file"
         )
-    return count
+    return tuple(counts)
 
 
 def join(sums: OrderSums, known: AngleTrack) -> tuple[AngleTrack, float]:

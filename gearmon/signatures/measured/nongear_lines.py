@@ -416,6 +416,8 @@ def _sharp_in_angle(found: _Standing, by_time: FineSpectrum) -> Iterator[NonGear
     other = found.highest(by_time, orders * course.low - margin, orders * course.high + margin)
     # a line that stands still in time is smeared over angle: what is left of it there is no line
     kept = (found.power > course.skirt(orders) * about) & (_SHARPER * found.power > other)
+    # what leaves the band as the speed changes cannot be looked for in time
+    kept &= orders * course.high < by_time.top
     for i in np.flatnonzero(kept):
         if not found.mirrored(i):
             locked = "shaft" if found.power[i] > _SHARPER * other[i] else "either"

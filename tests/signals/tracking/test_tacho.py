@@ -109,6 +109,16 @@ def test_uncertainty_is_the_jitter_of_the_pulses():
     assert track.uncertainty_turns == pytest.approx(1e-5 * 40, rel=0.15)
 
 
+def test_a_shaft_that_speeds_up_evenly_has_no_jitter():
+    # an angle of 20 t + t^2 turns: 20 to 40 turns a second within 10 s
+    times = -10 + np.sqrt(100 + np.arange(1.0, 300.0))
+    jitter = white(len(times), 1e-5, seed=3)
+    for scatter in 0.0, 1e-5:
+        pulses = TachoPulses(time_s=times + scatter / 1e-5 * jitter, missing=0, extra=0)
+        track = track_from_pulses(pulses, 1, 1.0, 10.0)
+        assert track.uncertainty_turns == pytest.approx(scatter * 30, abs=5e-5)
+
+
 @pytest.mark.parametrize("gone", [[50], [50, 120], [80, 81]])
 def test_missing_pulses_are_filled_in_and_counted(gone):
     times = 0.0125 + np.arange(199) / 20.0
@@ -213,7 +223,19 @@ def evenly(rate_hz):
 @pytest.mark.parametrize("count", [1, 2, 6])
 @pytest.mark.parametrize("slip", [-0.03, 0.0, 0.03])
 def test_pulses_a_turn_are_told_from_the_nominal_speed(count, slip):
-    assert pulses_per_turn(evenly(count * 25.0 * (1 + slip)), 25.0) == count
+    assert pulses_per_turn(evenly(count * 25.0 * (1 + slip)), 25.0) == (count,)
+
+
+@pytest.mark.parametrize(
+    ("slowest", "fastest", "counts"),
+    [(0.6, 1.1, (1,)), (1.2, 2.2, (2,)), (0.3, 1.0, (1,)), (1.0, 2.1, (1, 2)), (1.8, 3.3, (2, 3))],
+)
+def test_every_count_is_told_with_which_the_speed_passes_the_nominal_one(slowest, fastest, counts):
+    # the speed rises evenly for 20 s: the angle is a parabola
+    time_s = np.linspace(0.0, 20.0, 40_001)
+    pulses = 25.0 * (slowest * time_s + (fastest - slowest) * time_s**2 / 40.0)
+    found = np.interp(np.arange(1, int(pulses[-1])), pulses, time_s)
+    assert pulses_per_turn(TachoPulses(time_s=found, missing=0, extra=0), 25.0) == counts
 
 
 @pytest.mark.parametrize("rate_hz", [12.0, 37.0, 60.0])
