@@ -119,10 +119,12 @@ def check(arguments: Namespace) -> int:
 )
 def analyse(arguments: Namespace) -> int:
     """Run `gearmon analyse`."""
-    from gearmon.diagnosis.history import history_trends, read_history
-
     machine, reference = arguments.machine, reference_of(arguments)
-    past = history_trends(read_history(arguments.past, machine.name)) if arguments.past else None
+    past = None
+    if arguments.past:
+        from gearmon.diagnosis.history import history_trends, read_history
+
+        past = history_trends(read_history(arguments.past, machine.name))
     # reports take longer than analyses
     share = 0.3 if arguments.report else 1.0
     reported = part_of(arguments.progress, share, 1.0 - share)

@@ -26,6 +26,7 @@ from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
 from gearmon.diagnosis.verdict import fault_sentence, most_striking, not_found
 from gearmon.errors import GearmonError
 from gearmon.machine import Machine
+from gearmon.signatures.expected.baseline import expected_signature
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.reference import Profile
 from gearmon.signatures.signature import Signature
@@ -42,14 +43,9 @@ _BELOW = 0.01
 # stands still, or of a dead sensor: a hundredth of the power.
 _SILENT_DB = -20.0
 
-Indicators = dict[str, dict[str, float]]
-
 
 def judged_alone(
-    signature: MeasuredSignature,
-    machine: Machine,
-    indicators: Indicators,
-    why: str = "There is no healthy reference",
+    signature: MeasuredSignature, machine: Machine, why: str = "There is no healthy reference"
 ) -> Analysis:
     """Judge a recording by itself: every tooth against the others of its gear.
 
@@ -59,8 +55,6 @@ def judged_alone(
         Of the recording.
     machine : Machine
         Its machine.
-    indicators : dict
-        As in the analysis.
     why : str
         Why there is no reference.
     """
@@ -78,7 +72,6 @@ def judged_alone(
         false_alarm_probability=float(10.0**log10),
         compared_with="expected signature" if expected else "nothing",
         signature=signature,
-        indicators=indicators,
         profiles=profiles,
         flags=flags,
         expected=expected,
@@ -158,18 +151,13 @@ def _expected(
     signature: MeasuredSignature, machine: Machine
 ) -> tuple[Signature | None, tuple[str, ...]]:
     """Return the expected signature up to half the sampling rate, or why there is none."""
-    # not needed with a reference
-    from gearmon.signatures.expected.baseline import expected_signature
-
     try:
         return expected_signature(machine, max_hz=0.5 * signature.sampling_rate_hz), ()
     except GearmonError as error:
         return None, (f"no expected signature: {error}",)
 
 
-def without_mesh(
-    signature: MeasuredSignature, machine: Machine, indicators: Indicators
-) -> Analysis:
+def without_mesh(signature: MeasuredSignature, machine: Machine) -> Analysis:
     """Say that no mesh of the machine stands out of a recording."""
     reasons = "; ".join(f"stage {mesh.stage}: {mesh.reason}" for mesh in signature.meshes)
     return Analysis(
@@ -181,7 +169,6 @@ def without_mesh(
         false_alarm_probability=1.0,
         compared_with="nothing",
         signature=signature,
-        indicators=indicators,
         warnings=signature.notes,
     )
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from gearmon.diagnosis import verdict
 from gearmon.diagnosis.alone import (
-    Indicators,
     judged_alone,
     mesh_lost,
     own_teeth,
@@ -32,12 +31,7 @@ from gearmon.diagnosis.evidence import (
 )
 from gearmon.diagnosis.fault_types.kinds import kind_features
 from gearmon.diagnosis.hypotheses import turns
-from gearmon.diagnosis.hypotheses.tooth_damage import (
-    GearEvidence,
-    ToothFinding,
-    find_tooth,
-    told_losses,
-)
+from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding, find_tooth, told_losses
 from gearmon.diagnosis.law.machine import HealthyMachine, MachineDeviation
 from gearmon.diagnosis.nongear import disturbed, nongear_findings
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
@@ -48,10 +42,7 @@ from gearmon.signals.bad_samples import inspected, sound_part
 from gearmon.signals.recording import Recording, RecordingLike, read_recording, read_recordings
 from gearmon.signatures.measured.indicators import gear_indicators, waveform_indicators
 from gearmon.signatures.measured.line_plan import Family
-from gearmon.signatures.measured.measurement import (
-    MeasuredSignature,
-    measure_signature,
-)
+from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature
 from gearmon.signatures.measured.reference import (
     Profile,
     Reference,
@@ -199,16 +190,11 @@ def analyse(
     told = signature.found or (reference is not None and signature.held)
     if told:
         indicators |= gear_indicators(signature)
-    if reference is None:
-        judge = judged_alone if told else without_mesh
-        return judge(signature, machine, indicators)
-    recording_notes(signature, reference)  # refuses other channels
-    compared = _Compared(signature, machine, reference)
-    if not told:
-        return compared.without_mesh(indicators)
-    if elsewhere := other_speed(signature, reference):
-        return judged_alone(signature, machine, indicators, elsewhere)
-    return compared.judged(indicators, must_notice)
+    if reference is not None:
+        answer = _Compared(signature, machine, reference).answer(told, must_notice)
+    else:
+        answer = (judged_alone if told else without_mesh)(signature, machine)
+    return replace(answer, indicators=indicators)
 
 
 def _measured(
@@ -272,21 +258,25 @@ class _Compared:
         return Profile.of(self.signature).part(self.rows)
 
     @cached_property
-    def healthy(self) -> HealthyMachine:
-        return _law_of(self.known, self.machine)
-
-    @cached_property
-    def notes(self) -> tuple[str, ...]:
-        """What differs between the recording and its reference."""
-        noted = machine_notes(self.machine, self.reference)
-        return (*noted, *recording_notes(self.signature, self.reference))
-
-    @cached_property
     def sidebands(self) -> tuple[turns.TurnChange, ...]:
         """Changes of single sidebands."""
         return turns.turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
-    def judged(self, indicators: Indicators, must_notice: float) -> Analysis:
+    def answer(self, told: bool, must_notice: float) -> Analysis:
+        """Judge a recording of which gears are told, or that lacks the mesh of its reference."""
+        # refuses other channels
+        notes = recording_notes(self.signature, self.reference)
+        notes = machine_notes(self.machine, self.reference) + notes
+        if not told:
+            found = without_mesh(self.signature, self.machine)
+            deviation = _law_of(self.known, self.machine).deviation(self.own)
+            found = mesh_lost(found, deviation, len(self.reference.profiles))
+            return replace(found, warnings=(*found.warnings, *notes))
+        if elsewhere := other_speed(self.signature, self.reference):
+            return judged_alone(self.signature, self.machine, elsewhere)
+        return self.judged(must_notice, notes)
+
+    def judged(self, must_notice: float, notes: Sequence[str]) -> Analysis:
         """Weigh all evidence and judge."""
         signature = self.signature
         evidence = self.evidence()
@@ -294,7 +284,7 @@ class _Compared:
         changes = verdict.level_changes(evidence.deviation.levels, shared, families)
         undetected = [mesh.stage for mesh in signature.meshes if not mesh.found]
         hidden = hidden_stages(evidence.finding, undetected)
-        profiles = self._profiles(evidence, hidden)
+        profiles = tuple(_profiles(evidence, hidden))
         silent = [name for name in self.reference.channel_names if name not in shared]
         deaf = verdict.unheard(evidence, self.machine, silent, must_notice, hidden)
         answer = decide(evidence, deaf)
@@ -315,13 +305,12 @@ class _Compared:
             false_alarm_probability=evidence.probability,
             compared_with="reference",
             signature=signature,
-            indicators=indicators,
             changes=changes,
             profiles=profiles,
             flags=flags,
             warnings=(
                 *signature.notes,
-                *self.notes,
+                *notes,
                 *verdict.limits(signature, self.reference),
                 *verdict.not_found(signature),
                 *verdict.taken_for_granted(evidence),
@@ -339,7 +328,8 @@ class _Compared:
             family.name for family in signature.plan.families if mask[list(family.lines)].any()
         ]
         whole = len(disturbed_families) == len(signature.plan.families)
-        deviation = self.healthy.deviation(self.own, () if whole else disturbed_families)
+        healthy = _law_of(self.known, self.machine)
+        deviation = healthy.deviation(self.own, () if whole else disturbed_families)
         finding = find_tooth(self.own, deviation, self.machine)
         return Evidence(
             deviation=deviation,
@@ -372,22 +362,18 @@ class _Compared:
         families = {family.name: family for family in self.signature.plan.families}
         return [families[name] for name in deviation.family_names]
 
-    def _profiles(self, evidence: Evidence, hidden: set[int]) -> tuple[ToothProfile, ...]:
-        finding = evidence.finding
-        if finding is None:
-            return ()
-        every = (self._profile(gear, finding, evidence) for gear in finding.searched)
-        return tuple(replace(p, noticed_from=None) if p.stage in hidden else p for p in every)
 
-    def _profile(
-        self, gear: GearEvidence, finding: ToothFinding, evidence: Evidence
-    ) -> ToothProfile:
-        deviation = gear.deviation
+def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
+    """Give what was found around the turn of each gear that was searched."""
+    finding, gap = evidence.finding, evidence.deviation.gap
+    if finding is None:
+        return
+    for gear in finding.searched:
+        deviation, strength = gear.deviation, tooth_strength(gear.believed)
         tooth, position = gear.place
         loss, sigma = told_losses(finding, gear)
-        strength = tooth_strength(gear.believed)
-        probability = false_alarm_probability(strength, evidence.references, evidence.deviation.gap)
-        return ToothProfile(
+        probability = false_alarm_probability(strength, evidence.references, gap)
+        yield ToothProfile(
             stage=deviation.stage,
             gear=deviation.gear,
             teeth=deviation.teeth,
@@ -401,15 +387,8 @@ class _Compared:
             counted_from=gear.counted_from,
             loss_by_tooth=loss,
             loss_sigma_by_tooth=sigma,
-            noticed_from=noticed_from(gear),
+            noticed_from=None if deviation.stage in hidden else noticed_from(gear),
         )
-
-    def without_mesh(self, indicators: Indicators) -> Analysis:
-        """Judge a recording that lacks the mesh which its reference has."""
-        found = without_mesh(self.signature, self.machine, indicators)
-        found = replace(found, warnings=(*found.warnings, *self.notes))
-        deviation = self.healthy.deviation(self.own)
-        return mesh_lost(found, deviation, len(self.reference.profiles))
 
 
 # several recordings are held against one reference

@@ -28,6 +28,7 @@ from gearmon.errors import check_finite
 from gearmon.gears.kinematics import Kinematics, Line, Shaft
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import (
+    KINDS,
     OWN_WIDTHS,
     NonGearLine,
     NonGearLines,
@@ -256,8 +257,7 @@ def disturbed(
     """
     mask = np.zeros(np.shape(orders), dtype=bool)
     for finding in findings:
-        seen = [line for line in finding.lines if line.kind == "spectrum"]
-        swept = [(line.low_order, line.high_order) for line in seen]
+        swept = [(own.low_order, own.high_order) for own in finding.lines if own.kind == KINDS[0]]
         swept += [(order - finding.width, order + finding.width) for order in finding.orders]
         for low, high in swept:
             mask |= (orders > low - resolution) & (orders < high + resolution)
@@ -276,7 +276,7 @@ def _sentence(change: _LineChange, label: str, channel_names: Sequence[str]) -> 
     }.get(line.locked, "")
     where = f"{line.frequency_hz:.4g} Hz (order {line.order:.4g} of shaft 1{of})"
     moved = f"rose {change.change_db:.1f} dB; scatter {change.sigma_db:.1f} dB"
-    if not change.listed.any():
+    if not change.listed:
         moved = (
             f"is in no healthy recording: {line.over_noise_db[row]:.0f} dB over the noise, "
             f"{change.change_db:.1f} dB over what could have been hidden there"
@@ -285,22 +285,17 @@ def _sentence(change: _LineChange, label: str, channel_names: Sequence[str]) -> 
 
 
 class _LineChange(NamedTuple):
-    """Level of a line in the healthy recordings and its rise, over the channels that hear it [dB].
+    """Rise of a line over the channels that hear it, and its standard deviation when healthy [dB].
 
-    `listed` tells which healthy recordings list it, `variance` what the noise and a change of speed
-    add to the rise [dB^2], `peaks` how many peaks of mere noise are as high, of a new line; then
-    the standard deviation of the rise on a healthy machine [dB], and the logarithm of the number of
-    unrelated lines that are expected to change as much there.
+    Then whether any healthy recording lists it, and the logarithm of the number of unrelated lines
+    that are expected to change as much on a healthy machine.
     """
 
     line: NonGearLine
     change_db: float
-    then: FloatArray  # (recordings,)
-    listed: NDArray[np.bool_]  # (recordings,)
-    variance: float
-    peaks: float
-    sigma_db: float = math.nan
-    log10_probability: float = 0.0
+    sigma_db: float
+    listed: bool
+    log10_probability: float
 
 
 class _Comparison(NamedTuple):
@@ -312,46 +307,18 @@ class _Comparison(NamedTuple):
     gain_db: FloatArray | float
 
     def changes(self) -> list[_LineChange]:
-        """Return the change of every line that the healthy recordings can be asked for."""
-        rises = [rise for line in self.lines if (rise := self._rise(line)) is not None]
-        if not rises:
-            return []
-        sigma, expected = self._law(rises)
-        told = np.log10(np.maximum(expected, 10.0**_LEAST_LOG10))
-        law = zip(rises, sigma.tolist(), told.tolist(), strict=True)
-        return [rise._replace(sigma_db=own, log10_probability=p) for rise, own, p in law]
-
-    def _rise(self, line: NonGearLine) -> _LineChange | None:
-        asked = [self._level_in(other, line) for other in self.healthy]
-        levels = [level for level, _ in asked if level is not None]
-        if len(levels) < len(asked):
-            return None
-        over, grid = np.array(line.over_noise_db), self.lines.grid(line.kind)
-        heard = over >= min(grid.least_db, over.max())
-        in_spectrum = line.kind == "spectrum"
-        now = np.array(line.level_db) - (self.gain_db if in_spectrum else 0.0)
-        # a level that is read in noise, mean over channels
-        ratio = 10 ** (np.minimum(over[heard], 200.0) / 10)
-        variance = float(np.mean((10 / np.log(10)) ** 2 / ratio))
-        if line.locked != "time" and in_spectrum:
-            moves = min(abs(self.lines.speed_hz / other.speed_hz - 1) for other in self.healthy)
-            variance += speed_scatter_db(moves) ** 2 / float(heard.sum())
-        then = np.array(levels)[:, heard].mean(axis=1)
-        listed = np.array([there for _, there in asked])
-        exceeding = float(noise_exceeds(10 ** (over.max() / 10), grid.pieces))
-        peaks = 0.0 if listed.any() else grid.looked_at * exceeding
-        change = float(now[heard].mean() - then.mean())
-        return _LineChange(line, change, then, listed, variance, peaks)
-
-    def _law(self, rises: Sequence[_LineChange]) -> tuple[FloatArray, FloatArray]:
-        """Return the standard deviation of each rise when healthy, and how many rise as much.
+        """Return the change of every line that the healthy recordings can be asked for.
 
         The prior is joined by the scatter among the healthy recordings; unrelated lines are
         counted.
         """
-        found, *columns = zip(*rises, strict=True)
-        change, then, listed, noise, peaks = (np.array(column) for column in columns[:5])
-        share, count = np.empty(len(rises)), len(self.healthy)
+        told = zip(*map(self._rises, KINDS), strict=True)
+        place, *columns = (np.concatenate(own) for own in told)
+        order = np.argsort(place)
+        order = order[np.isfinite(columns[0][order])]
+        found = [self.lines.lines[i] for i in place[order]]
+        change, then, listed, noise, peaks = (own[order] for own in columns)
+        share, count = np.empty(len(found)), len(self.healthy)
         for group in _sources(found, self.lines):
             share[group] = len(group) ** (_ALIKE_POWER - 1)
         # the variance of a difference is twice that of either level
@@ -362,37 +329,64 @@ class _Comparison(NamedTuple):
         # a mean over several healthy recordings moves less than one of them
         sigma = np.sqrt(0.5 * (1 + 1 / count) * np.maximum(variance, own) + noise)
         hidden = [below for other in self.healthy for below in _hidden(other)]
-        seen = (_LEAST_HIDDEN + share[listed.any(axis=1)].sum()) * stdtr(worth, -change / sigma)
+        ever = listed.any(axis=1)
+        seen = (_LEAST_HIDDEN + share[ever].sum()) * stdtr(worth, -change / sigma)
         # a hidden source has to come out of the noise first
         out = stdtr(worth, -(change[:, None] + np.array(hidden)) / sigma[:, None])
-        return sigma, np.asarray(seen + out.sum(axis=1) / count + peaks)
+        expected = seen + out.sum(axis=1) / count + np.where(ever, 0.0, peaks)
+        log10 = np.log10(np.maximum(expected, 10.0**_LEAST_LOG10))
+        rows = zip(found, *(own.tolist() for own in (change, sigma, ever, log10)), strict=True)
+        return [_LineChange(*row) for row in rows]
 
-    def _level_in(self, other: NonGearLines, line: NonGearLine) -> tuple[FloatArray | None, bool]:
-        """Level of a line in a healthy recording, None if it cannot tell; whether it lists it."""
-        grid = other.grid(line.kind)
-        width = max(grid.width, self.lines.grid(line.kind).width)
+    def _rises(self, kind: str) -> tuple[NDArray[Any], ...]:
+        """Return places in the list of the lines of a kind, and how far they rose, NaN if unknown.
+
+        Then levels in the healthy recordings, mean over the channels that hear a line [dB]; which
+        of them list it; what the noise and a change of speed add to the rise [dB^2]; and how many
+        peaks of mere noise are as high.
+        """
+        own, grid, in_spectrum = self.lines.columns[kind], self.lines.grid(kind), kind == KINDS[0]
+        asked = (self._levels_in(other, kind) for other in self.healthy)
+        levels, listed = (np.array(told) for told in zip(*asked, strict=True))
+        over, highest = own["over_noise_db"], own["over_noise_db"].max(axis=1)
+        heard = over >= np.minimum(grid.least_db, highest)[:, None]
+        count = heard.sum(axis=1)
+        share = heard / count[:, None]
+        now = own["level_db"] - (self.gain_db if in_spectrum else 0.0)
+        # a level that is read in noise, mean over channels
+        variance = (share * (10 / np.log(10)) ** 2 / 10 ** (np.minimum(over, 200.0) / 10)).sum(1)
+        if in_spectrum:
+            moves = min(abs(self.lines.speed_hz / other.speed_hz - 1) for other in self.healthy)
+            variance += (own["locked"] != "time") * speed_scatter_db(moves) ** 2 / count
+        then = (levels * share).sum(axis=2).T
+        change = (now * share).sum(axis=1) - then.mean(axis=1)
+        peaks = grid.looked_at * noise_exceeds(10 ** (highest / 10), grid.pieces)
+        return own["place"], change, then, listed.T, variance, peaks
+
+    def _levels_in(self, other: NonGearLines, kind: str) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Levels of lines in a healthy recording, NaN if it cannot tell; whether it lists them."""
+        own, there, grid = self.lines.columns[kind], other.columns[kind], other.grid(kind)
+        width, hertz = max(grid.width, self.lines.grid(kind).width), own["frequency_hz"]
+        still, moved = own["locked"] == "time", hertz / other.speed_hz
         # a line that keeps its frequency stands at another order when the speed is another
-        moved = line.frequency_hz / other.speed_hz
-        order = moved if line.locked == "time" else line.order
-        if max(order, moved) > grid.top:
-            return None, False
-        same = np.flatnonzero(_same(line, other, width)).tolist()
-        if not same and line.locked != "time":
-            known = _known_orders(self.train, grid.top, width)
-            # there it was taken for a gear's
-            if distance_to(known, np.array([order]))[0] < (OWN_WIDTHS + _SPARE_WIDTHS) * width:
-                return None, False
-        levels = [grid.unseen_at(order), *(np.array(other.lines[i].level_db) for i in same)]
-        if line.kind == "spectrum" and (line.locked == "time" or _of_the_mains(line)):
-            reach = _SAME_SHARE * line.frequency_hz + 2 * width * other.speed_hz
-            highest = other.highest_in_time(line.frequency_hz - reach, line.frequency_hz + reach)
-            if highest is None and not same:
-                return None, False
-            levels += [] if highest is None else [highest]
-        return np.max(levels, axis=0), bool(same)
-
-
-_known_orders = lru_cache(maxsize=16)(known_orders)
+        order = np.where(still, moved, own["order"])
+        same = _same(own, there, width)
+        listed = np.asarray(same.any(axis=1))
+        level = np.where(same[..., None], there["level_db"], -np.inf).max(axis=1, initial=-np.inf)
+        level = np.maximum(level, grid.unseen_at(order).T)
+        # there it may have been taken for a gear's
+        known = distance_to(known_orders(self.train, grid.top, width), order)
+        taken = ~listed & ~still & (known < (OWN_WIDTHS + _SPARE_WIDTHS) * width)
+        level[taken | (np.maximum(order, moved) > grid.top)] = np.nan
+        if kind == KINDS[0]:
+            # lines of the mains may stand under those of gears there
+            off = [np.abs(hertz - np.rint(hertz / one) * one) for one in MAINS_HZ]
+            mains = (own["locked"] != "shaft") & (np.min(off, axis=0) <= _SAME_SHARE * hertz)
+            reach = _SAME_SHARE * hertz + 2 * width * other.speed_hz
+            highest = other.highest_in_time(hertz - reach, hertz + reach).T
+            unasked = ~(still | mains)[:, None] | (listed[:, None] & np.isnan(highest))
+            level = np.where(unasked, level, np.maximum(level, highest))
+        return level, listed
 
 
 @lru_cache(maxsize=64)
@@ -410,29 +404,15 @@ def _sources(lines: Sequence[NonGearLine], whole: NonGearLines) -> list[list[int
     return harmonic_sources(lines, {grid.kind: grid.width for grid in whole.grids})
 
 
-def _same(line: NonGearLine, others: NonGearLines, width: float) -> NDArray[np.bool_]:
-    """Tell which lines of another recording may be one and the same."""
-    kind, locked, order, frequency_hz = _columns(others)
-    near = max(_SAME_WIDTHS * width, _SAME_SHARE * line.order)
-    turning = (locked != "time") & (np.abs(order - line.order) <= near)
+def _same(own: NDArray[np.void], there: NDArray[np.void], width: float) -> NDArray[np.bool_]:
+    """Tell which lines of two recordings may be one and the same, shape (own, there)."""
+    one = own[:, None]
+    near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * one["order"])
+    turning = (there["locked"] != "time") & (np.abs(there["order"] - one["order"]) <= near)
     # against time widths are those of the same pieces
-    away = np.abs(frequency_hz - line.frequency_hz) * line.order
-    still = (locked != "shaft") & (away <= near * line.frequency_hz)
-    both = turning * (line.locked != "time") | still * (line.locked != "shaft")
-    return np.asarray((kind == line.kind) & both)
-
-
-@lru_cache(maxsize=64)
-def _columns(lines: NonGearLines) -> list[NDArray[Any]]:
-    """Kinds, locks, orders and frequencies of all lines."""
-    told = {"kind": str, "locked": str, "order": float, "frequency_hz": float}
-    return [np.array([getattr(x, name) for x in lines], own) for name, own in told.items()]
-
-
-def _of_the_mains(line: NonGearLine) -> bool:
-    """Whether a line may be one of the mains."""
-    away = (abs(line.frequency_hz / hz - round(line.frequency_hz / hz)) * hz for hz in MAINS_HZ)
-    return line.locked != "shaft" and min(away) <= _SAME_SHARE * line.frequency_hz
+    away = np.abs(there["frequency_hz"] - one["frequency_hz"]) * one["order"]
+    still = (there["locked"] != "shaft") & (away <= near * one["frequency_hz"])
+    return np.asarray(turning & (one["locked"] != "time") | still & (one["locked"] != "shaft"))
 
 
 def speed_scatter_db(relative_change: float, damping_ratio: float = _DAMPING_RATIO) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from gearmon.arrays import FloatArray
@@ -220,7 +220,7 @@ class Analysis(Result):
     false_alarm_probability: float
     compared_with: str
     signature: MeasuredSignature
-    indicators: dict[str, dict[str, float]]
+    indicators: dict[str, dict[str, float]] = field(default_factory=dict)
     changes: tuple[Change, ...] = ()
     profiles: tuple[ToothProfile, ...] = ()
     flags: tuple[Flag, ...] = ()

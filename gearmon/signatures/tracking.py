@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -268,10 +268,7 @@ class GearVibration:
     def tracked(self, track: AngleTrack, scan: SpeedScan) -> Tracking:
         """Tell how clearly each mesh stands out in a scan, beside a track."""
         orders = [shaft.order for shaft in self.train.shafts]
-
-        def judged() -> tuple[MeshEvidence, ...]:
-            return mesh_evidence(scan, self.meshes, orders)
-
+        judged = partial(mesh_evidence, scan, self.meshes, orders)
         # the path through all blocks, which is wanted next, is found meanwhile
         evidence, _ = at_once(judged, lambda: scan.best_score, scan.scores.size)
         return Tracking(signal=self, track=track, scan=scan, evidence=evidence)

@@ -101,8 +101,7 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         self.scale_ = np.where(spread > 1e-9 * np.maximum(np.abs(self.mean_), 1.0), spread, 1.0)
         scaled, self.machine_ = self._scaled(rows), ""
         self._train(scaled, codes)
-        centres = [scaled[codes == code].mean(axis=0) for code in range(len(self.classes_))]
-        self.centres_ = np.array(centres)
+        self.centres_ = np.array([scaled[codes == own].mean(axis=0) for own in np.unique(codes)])
         inner = LedoitWolf(assume_centered=True).fit(scaled - self.centres_[codes]).covariance_
         self.whitener_ = np.linalg.inv(np.linalg.cholesky(inner + 1e-6 * np.eye(len(inner)))).T
         self.reach_ = max(float(np.quantile(self._distance(scaled), _INSIDE)), 1e-9)

@@ -23,12 +23,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.hypotheses.turns import (
-    TurnChange,
-    aligned,
-    departure_energy,
-    turn_changes,
-)
+from gearmon.diagnosis.hypotheses.turns import TurnChange, aligned, departure_energy, turn_changes
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
 from gearmon.errors import ArgumentError, check_type
 from gearmon.result import Result

@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,12 +38,12 @@ from gearmon.diagnosis.law.machine import LevelDeviation
 from gearmon.diagnosis.results import Change
 from gearmon.diagnosis.verdict import level_changes
 from gearmon.errors import check_range
-from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signatures.expected.baseline import faulty_lines
 from gearmon.signatures.expected.mesh import MeshPlace
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
+from gearmon.signatures.measured.measurement import level_and_error_db
 from gearmon.signatures.measured.reference import WheelPattern, tooth_counts
 
 if TYPE_CHECKING:
@@ -56,6 +56,8 @@ SIZE = 0.01
 #: A wobble that the load closes shows nothing; it is made larger, in modules.
 _WOBBLES = (SIZE, 3 * SIZE, 9 * SIZE, 27 * SIZE)
 _USUAL_MODULE_MM = 2.0
+#: Kinds that take stiffness, the others are errors; and kinds of one tooth.
+_LOSSES, _OF_A_TOOTH = ("crack", "pitting", "wear"), ("crack", "pitting", "pitch")
 _TOLERANCE = 1e-2
 # Lines are followed up to this multiple of the mesh.
 _TOP = MESH_HARMONICS + 0.6
@@ -274,14 +276,11 @@ class MachineLines:
         Acceleration of each sound mesh at the operating point [m/s2].
     gears : tuple of GearLines
         Every gear.
-    members : ndarray of float, shape (orders, families)
-        1 where an order is of a family.
     """
 
     plan: LinePlan
     healthy: ComplexArray
     gears: tuple[GearLines, ...]
-    members: FloatArray
 
 
 def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
@@ -322,10 +321,7 @@ def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
             chosen = wheel.number % wheel.teeth == 0
             sound = _on(mesh.sound, wheel.number // wheel.teeth)
             healthy[stage - 1, wheel.lines[chosen]] = sound[chosen]
-    members = np.zeros((len(plan.orders), len(plan.families)))
-    for index, family in enumerate(plan.families):
-        members[list(family.lines), index] = 1.0
-    return MachineLines(plan=plan, healthy=healthy, gears=tuple(gears), members=members)
+    return MachineLines(plan=plan, healthy=healthy, gears=tuple(gears))
 
 
 class _Mesh:
@@ -341,7 +337,7 @@ class _Mesh:
 
     def gear(self, wheel: WheelLines) -> GearLines:
         """Return what can be wrong with a gear."""
-        added = {kind: self._added(kind, wheel) / LOSS for kind in ("crack", "pitting", "wear")}
+        added = {kind: self._added(kind, wheel) / LOSS for kind in _LOSSES}
         for kind in ("pitch", "eccentricity", "profile"):
             added[kind] = self._unit(self._added(kind, wheel))
         # summed over z random teeth, z times the power of one
@@ -360,20 +356,16 @@ class _Mesh:
         # what does not act (a gap that the load closes) leaves rounding errors
         return np.asarray(lines * (self.rms / size if size > 1e-6 * self.rms else 0.0))
 
-    def _added(self, kind: str, wheel: WheelLines, size: float = SIZE) -> ComplexArray:
-        own: dict[str, Any] = {"kind": kind, "stage": self.stage, "gear": wheel.gear}
-        own["tooth"] = 1 if kind in ("crack", "pitting", "pitch") else None
-        wrong = (
-            Fault(**own, size=LOSS)
-            if kind in ("crack", "pitting", "wear")
-            else GearError(**own, size_m=size * self.module_m)
-        )
+    def _added(self, kind: str, wheel: WheelLines, modules: float = SIZE) -> ComplexArray:
+        tooth = 1 if kind in _OF_A_TOOTH else "all"
+        size = f"{LOSS}" if kind in _LOSSES else f"{1e6 * modules * self.module_m}um"
+        wrong = f"{kind}:{self.stage}:{wheel.gear}:{tooth}:{size}"
         lines = self._lines([wrong], wheel.teeth, mesh=int(wheel.gear == "ring"))
         common = lines[:: wheel.teeth]
         common -= common if wheel.gear == "ring" else self.sound[: len(common)]
         return _on(lines, wheel.number)
 
-    def _lines(self, wrong: list[Fault | GearError], teeth: int = 1, mesh: int = 0) -> ComplexArray:
+    def _lines(self, wrong: list[str], teeth: int = 1, mesh: int = 0) -> ComplexArray:
         """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
         place = MeshPlace(self.machine, self.stage, self.operating, mesh=mesh)
         (solved,) = faulty_lines(place.alone(), [place.alone(wrong)], self.max_hz, _TOLERANCE)
@@ -578,10 +570,9 @@ class _Sensors:
     def _levels(self, measured: _Measured) -> tuple[FloatArray, FloatArray]:
         """Levels of the families and their standard errors, as of recordings [dB]."""
         size, variance = np.abs(measured.amplitude) ** 2, measured.variance
-        power = (size - variance) @ self.lines.members
-        spread = np.sqrt((variance**2 + 2 * variance * size) @ self.lines.members)
-        shown = np.maximum(power, np.maximum(spread, np.finfo(float).tiny))
-        return 10 * np.log10(shown), 10 / np.log(10) * np.minimum(spread / shown, 1.0)
+        power = self.lines.plan.by_family(size - variance)
+        spread = np.sqrt(self.lines.plan.by_family(variance**2 + 2 * variance * size))
+        return level_and_error_db(power, spread)
 
     def turns(
         self, one: _Measured, two: _Measured

@@ -359,13 +359,12 @@ def _repaired(series: Series, below: float) -> list[ChangePoint]:
 
     Each step is taken for granted in turn; what then shows is charged with the number of steps.
     """
-    mean = np.average(series.value, weights=series.sigma**-2.0)
-    scatter = np.sqrt(np.mean(((series.value - mean) / series.sigma) ** 2))
-    if not series.sigma_known or scatter < _UNEXPLAINED or len(series) < FEWEST + 2:
-        return []
-    if change_probability(series) < below:
+    if not series.sigma_known or len(series) < FEWEST + 2:
         return []
     fits, end = Fits.of(series, ()), float(series.time_s[-1])
+    scatter = np.linalg.norm(fits.freed[2]) / math.sqrt(len(series))
+    if scatter < _UNEXPLAINED or change_probability(series) < below:
+        return []
     places = fits.places[fits.courses == 0].tolist()
     steps = [ChangePoint(growth=STEP, time_s=place, end_s=end) for place in places]
     pairs = [[step, _search(series, [step])] for step in steps]

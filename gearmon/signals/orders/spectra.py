@@ -104,10 +104,21 @@ class FineSpectrum:
         last = self.power.shape[-1] - 1
         first = np.clip(np.rint(low / self.step).astype(int), 0, last)
         stop = np.clip(np.rint(high / self.step).astype(int), first, last) + 1
-        result = np.empty((len(self.power), len(first)))
-        for column, (start, end) in enumerate(zip(first, stop, strict=True)):
-            result[:, column] = self.power[:, start:end].max(axis=-1)
-        return result
+        return highest_between(self.power, first, stop)
+
+
+def highest_between(values: NDArray[np.floating], first: IntArray, stop: IntArray) -> FloatArray:
+    """Highest of the values from each first one to before each stop, along the last axis.
+
+    Examples
+    --------
+    >>> highest_between(np.array([3.0, 1.0, 2.0]), np.array([0, 1]), np.array([2, 3]))
+    array([3., 2.])
+    """
+    # what lies between two ranges is looked through as well, and left out
+    ends = np.stack([first, stop], axis=-1).ravel()
+    padded = np.concatenate([values, values[..., :1]], axis=-1)
+    return np.asarray(np.maximum.reduceat(padded, ends, axis=-1)[..., ::2])
 
 
 def fine_order_spectrum(signals: InAngle, pieces: int = 1) -> FineSpectrum:

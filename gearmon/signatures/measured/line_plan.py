@@ -159,6 +159,13 @@ class LinePlan:
     families: tuple[Family, ...]
     wheels: tuple[WheelLines, ...]
 
+    def by_family(self, lines: FloatArray) -> FloatArray:
+        """Return the sums over each family of what the lines have, shape (..., families)."""
+        chosen = [line for family in self.families for line in family.lines]
+        sizes = np.array([len(family.lines) for family in self.families], dtype=int)
+        own = lines[..., np.array(chosen, dtype=int)]
+        return np.asarray(np.add.reduceat(own, np.cumsum(sizes) - sizes, axis=-1))
+
 
 # recordings of one machine have the same lines
 @lru_cache(maxsize=16)
@@ -187,15 +194,12 @@ def line_plan(
     """
     top = Fraction(top_order).limit_denominator(10**6)
     plan = _Planning(train, top, finest_spacing, shaft1_hz)
-    # the strongest claim wins, of equal ones the first
     claims = sorted(plan.claims(), key=itemgetter(1))
     end = math.ceil(plan.top * plan.unit)
     # a family that the sampling rate cuts short would differ from recording to recording
     cut = {family for order, _, family in claims if order >= end}
-    owner: dict[int, Family | None] = {}
-    for order, _, family in claims:
-        if 0 < order < end:
-            owner.setdefault(order, family)
+    # the strongest claim wins, of equal ones the first: it is the last to be written
+    owner = {order: family for order, _, family in reversed(claims) if 0 < order < end}
     if not owner:  # no mesh can be seen at this sampling rate: at least the shafts
         turning = (plan.units(shaft.exact) for shaft in train.shafts)
         owner = dict.fromkeys(order for order in turning if order < end)
@@ -261,10 +265,11 @@ class _Planning:
                     yield from self._sidebands(mesh, modulation)
         for mesh, wheel in self.wheels:
             turning, half = self.units(wheel.exact_relative), wheel.teeth // 2
+            sides = self._sides(mesh, wheel)
             for k in self.harmonics(mesh):
                 for n in range(k * wheel.teeth - half, k * wheel.teeth + half + 1):
                     yield n * turning, 10**6, None
-                    for aside, step, first in self._sides(mesh, wheel):
+                    for aside, step, first in sides:
                         if n % step == first:
                             yield n * turning + aside, 10**6, None
 
@@ -292,26 +297,24 @@ class _Planning:
 
     def wheel_lines(self, mesh: Mesh, wheel: Wheel, position: dict[int, int]) -> WheelLines:
         """Return the lines of a gear among those of the plan."""
-        turning = self.units(wheel.exact_relative)
-        meshing = [self.units(own.exact) for own in self.train.meshes]
-
-        def of_mesh(order: int) -> bool:
-            return any(order % own == 0 for own in meshing)
-
-        last = int(self.top / wheel.exact_relative)
-        held = [n for n in range(1, last + 1) if n * turning in position]
-        apart = {order: place for order, place in position.items() if not of_mesh(order)}
+        # whole numbers of any size
+        turning, orders = self.units(wheel.exact_relative), np.array([*position], dtype=object)
+        meshing = [orders % self.units(own.exact) == 0 for own in self.train.meshes]
+        of_mesh = np.logical_or.reduce(meshing)
+        lines = np.flatnonzero(orders % turning == 0)
+        number = orders[lines] // turning
+        apart = {order: place for order, place in position.items() if not of_mesh[place]}
         beside = [
-            [apart.get(n * turning + aside, -1) if n % step == first else -1 for n in held]
+            [apart.get(n * turning + aside, -1) if n % step == first else -1 for n in number]
             for aside, step, first in self._sides(mesh, wheel)
         ]
         return WheelLines.of(
             mesh.stage,
             wheel,
-            number=np.array(held, dtype=np.int64),
-            lines=np.array([position[n * turning] for n in held], dtype=np.int64),
-            mesh=np.array([of_mesh(n * turning) for n in held], dtype=bool),
-            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(held)),
+            number=number.astype(np.int64),
+            lines=lines,
+            mesh=of_mesh[lines],
+            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(lines)),
         )
 
 
@@ -342,6 +345,8 @@ def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:
     return tuple(sorted(order for order in orders if order > 0))
 
 
+# recordings of one machine are asked for the same orders
+@lru_cache(maxsize=16)
 def known_orders(train: Kinematics, top: float, width: float) -> FloatArray:
     """Orders at which the gears and shafts of a machine can show.
 

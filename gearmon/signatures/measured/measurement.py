@@ -422,17 +422,16 @@ def family_levels(
     them; a family that is not heard is put at its own standard error, an upper estimate.
     """
     products, pairs = lines.block_powers()
-    chosen = np.array([line for family in plan.families for line in family.lines], dtype=int)
-    sizes = np.array([len(family.lines) for family in plan.families], dtype=int)
-    starts = np.cumsum(sizes) - sizes
-    series = np.add.reduceat(products[:, :, chosen], starts, axis=2)
-    floor = np.sqrt(np.add.reduceat(lines.noise[:, chosen] ** 2, starts, axis=1))
+    series, floor = plan.by_family(products), np.sqrt(plan.by_family(lines.noise**2))
     scatter = np.std(series, axis=0, ddof=1) if len(series) > 1 else 0.0
     power, error = series.mean(axis=0), np.maximum(scatter, floor) / np.sqrt(pairs)
-    heard = power > 2 * error
+    return *level_and_error_db(power, error), power > 2 * error
+
+
+def level_and_error_db(power: FloatArray, error: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return powers and their standard errors in decibels; what is lower is put at its error."""
     shown = np.maximum(power, np.maximum(error, np.finfo(float).tiny))
-    relative = np.minimum(error / shown, 1.0)
-    return 10 * np.log10(shown), 10 / np.log(10) * relative, heard
+    return 10 * np.log10(shown), 10 / np.log(10) * np.minimum(error / shown, 1.0)
 
 
 def _findings(

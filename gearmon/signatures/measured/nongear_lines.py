@@ -10,6 +10,8 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,7 @@ from gearmon.signals.orders.spectra import (
     clear_peaks,
     fine_envelope_spectrum,
     fine_spectrum,
+    highest_between,
 )
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 
@@ -124,17 +127,13 @@ class NoiseGrid:
     noise_db: FloatArray
     hidden_db: NDArray[np.float32]
 
-    def unseen_at(self, order: float) -> FloatArray:
-        """Level up to which a line at an order would not be listed, shape (channels,) [dB]."""
-        cells = self.hidden_db.shape[-1]
-        cell = min(int(order * cells / self.top), cells - 1)
-        return np.maximum(self.noise_at(order) + self.least_db, self.hidden_db[:, cell])
-
-    def noise_at(self, order: float) -> FloatArray:
-        """Noise about an order, shape (channels,) [dB]."""
-        bands = self.noise_db.shape[-1]
+    def unseen_at(self, order: FloatArray) -> FloatArray:
+        """Level up to which lines would not be listed, shape (channels, orders) [dB]."""
+        cells, bands = self.hidden_db.shape[-1], self.noise_db.shape[-1]
+        cell = np.minimum((order * cells / self.top).astype(int), cells - 1)
         middles = (np.arange(bands) + 0.5) * self.top / bands
-        return np.array([np.interp(order, middles, row) for row in self.noise_db])
+        noise = np.array([np.interp(order, middles, row) for row in self.noise_db])
+        return np.maximum(noise + self.least_db, self.hidden_db[:, cell])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -170,16 +169,26 @@ class NonGearLines:
         """Return the number of lines."""
         return len(self.lines)
 
+    @cached_property
+    def columns(self) -> dict[str, NDArray[np.void]]:
+        """Lines as arrays with fields, by their kind: places in the list, and what they are."""
+        levels = [(name, float, (len(self.in_time_db),)) for name in ("level_db", "over_noise_db")]
+        single = [("kind", "U8"), ("locked", "U6"), ("order", float), ("frequency_hz", float)]
+        fields: list[Any] = [*single, *levels]
+        told = ((getattr(line, name) for name, *_ in fields) for line in self.lines)
+        every = np.array([(i, *own) for i, own in enumerate(told)], [("place", int), *fields])
+        return {kind: every[every["kind"] == kind] for kind in KINDS}
+
     def grid(self, kind: str) -> NoiseGrid:
         """Return the grid of the spectrum or of the envelope."""
         return next(grid for grid in self.grids if grid.kind == kind)
 
-    def highest_in_time(self, low_hz: float, high_hz: float) -> FloatArray | None:
-        """Highest power in time between two frequencies [dB], a channel; None if not known."""
-        first, last = int(low_hz / self.cell_hz), int(high_hz / self.cell_hz)
-        if last >= self.in_time_db.shape[-1]:
-            return None
-        return np.asarray(self.in_time_db[:, first : last + 1].max(axis=-1))
+    def highest_in_time(self, low_hz: FloatArray, high_hz: FloatArray) -> FloatArray:
+        """Highest powers in time between frequencies [dB], shape (channels, ranges); NaN beyond."""
+        first, last = (np.array([low_hz, high_hz]) / self.cell_hz).astype(int)
+        end = self.in_time_db.shape[-1] - 1
+        found = highest_between(self.in_time_db, np.clip(first, 0, end), np.clip(last, 0, end) + 1)
+        return np.where(last <= end, found, np.nan)
 
 
 def nongear_lines(
@@ -272,10 +281,9 @@ def _decibels(power: FloatArray) -> NDArray[np.float32]:
 
 def _highest_within(values: FloatArray, reach: IntArray) -> FloatArray:
     """Return the highest within so many places to either side of each, fewer at the ends."""
-    place, count = np.arange(len(reach)), values.shape[-1]
-    ends = np.clip([place - reach, place + reach + 1], 0, count).T.ravel()
-    padded = np.pad(values, ((0, 0), (0, 1)), constant_values=-np.inf)
-    return np.asarray(np.maximum.reduceat(padded, ends, axis=-1)[:, ::2])
+    place = np.arange(len(reach))
+    ends = np.clip([place - reach, place + reach + 1], 0, values.shape[-1])
+    return highest_between(values, *ends)
 
 
 def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None) -> FloatArray:

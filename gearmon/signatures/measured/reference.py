@@ -68,11 +68,10 @@ _FACTS_NAMED = 4
 
 
 def _shared(kind: type, measured: MeasuredSignature | WheelLines) -> dict[str, Any]:
-    """Return what is kept as it was measured, of a kind of value, by the name of its field."""
+    """Return what is kept as it was measured, of a kind of value, by its name."""
     # beside the multiples a plan has places of lines, a pattern their amplitudes
-    names = {own.name for own in dataclasses.fields(measured)} - {"beside"}
-    kept = (own.name for own in dataclasses.fields(kind))
-    return {name: getattr(measured, name) for name in kept if name in names}
+    kept = [own.name for own in dataclasses.fields(kind) if own.name != "beside"]
+    return {name: getattr(measured, name) for name in kept if hasattr(measured, name)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -198,7 +197,6 @@ class Profile:
         return cls(
             **_shared(cls, signature),
             speed_hz=signature.speed.estimated_hz,
-            speed_fluctuation=signature.speed_fluctuation,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
             wheels=tuple(WheelPattern.of(own, signature.lines) for own in signature.plan.wheels),
