@@ -163,8 +163,7 @@ def _moved(error: GearError, pair: MeshPair, index: int) -> tuple[complex, compl
     external = not pair.second.internal
     # d_t = e cos x; the offset turns with its gear: those of external gears turn against each other
     normal = -1j * along if index == 1 and external else 1j * along
-    line = geometry.centre_distance_m * math.sin(geometry.working_pressure_angle_rad)
-    one, two = (radius / line for radius in geometry.base_radii_m)
+    one, two = (radius / geometry.line_m for radius in geometry.base_radii_m)
     leaving = (one if external else -one) * normal + share * along
     return leaving, two * normal + (1 - share) * along, 0j
 

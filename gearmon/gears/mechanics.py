@@ -320,17 +320,16 @@ def disc_body(pair: MeshPair, purpose: str, instead: str) -> tuple[float, float]
 
 def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
     """Return volume [m3] and polar moment of inertia over density [m5] of a gear as a disc."""
-    member, circles = pair.members[index], pair.geometry
-    root = circles.root_radii_m[index]
-    outer = 0.5 * (circles.tip_radii_m[index] + root)
-    bore = 0.5 * member.bore_m
-    if member.internal:
-        usual = USUAL_RIM * circles.normal_module_m
-        outer, bore = root + (usual if member.rim_m is None else member.rim_m), outer
+    gear = pair.geometry.gears[index]
+    root, bore = gear.root_radius_m, 0.5 * gear.bore_m
+    outer = 0.5 * (gear.tip_radius_m + root)
+    if gear.internal:
+        usual = USUAL_RIM * gear.module_m
+        outer, bore = root + (usual if gear.rim_m is None else gear.rim_m), outer
     # what a web lacks of a solid disc, from the bore to the rim
     lacking, rim = 0.0, bore
-    if member.web_m is not None and member.rim_m is not None and not member.internal:
-        lacking, rim = max(width_m - member.web_m, 0.0), root - member.rim_m
+    if gear.web_m is not None and gear.rim_m is not None and not gear.internal:
+        lacking, rim = max(width_m - gear.web_m, 0.0), root - gear.rim_m
     volume, second = (
         math.pi * (width_m * (outer**n - bore**n) - lacking * (rim**n - bore**n)) for n in (2, 4)
     )

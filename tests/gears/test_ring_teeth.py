@@ -49,14 +49,13 @@ def ring_pair(planet=36, ring=93, shifts=(0.0, 0.0), held=None, geometry=None, *
     """Planet and ring of module 2, 20 mm wide; the ring is held 7 mm outside its roots."""
     pair = pair_geometry(
         GearTeeth(teeth=planet, profile_shift=shifts[0], name="planet"),
-        GearTeeth(teeth=ring, profile_shift=shifts[1], name="ring"),
+        GearTeeth(teeth=ring, profile_shift=shifts[1], name="ring", internal=True),
         module_m=2e-3,
         face_width_m=0.02,
-        internal=True,
         **(geometry or {}),
     )
     outside = pair.root_radii_m[1] + 7e-3 if held is None else held
-    bores = (0.4 * pair.reference_radii_m[0], outside)
+    bores = (0.4 * pair.gears[0].reference_radius_m, outside)
     return pair, tooth_pair(pair, PotentialEnergy(**choices), bore_radii_m=bores)
 
 
@@ -104,7 +103,7 @@ def test_outline_has_the_thickness_of_the_ring(shifts):
     assert (np.diff(height) > 0).all()
     assert radius[-1] == pytest.approx(geometry.tip_radii_m[1])
     assert radius[0] == pytest.approx(math.hypot(tooth.base_radius_m, tooth.form_roll_m))
-    expected = [geometry.thickness_m(1, r) / (2 * r) for r in radius]
+    expected = [geometry.gears[1].thickness_m(r) / (2 * r) for r in radius]
     np.testing.assert_allclose(np.arctan2(half, -height), expected, rtol=1e-9)
     np.testing.assert_allclose(tooth.angle(tooth.roll(t)), t, rtol=1e-12)
     assert tooth.angle_at_height(float(height[7])) == pytest.approx(t[7])
@@ -152,7 +151,7 @@ def test_energy_against_a_fine_sum(root, share):
         root = tooth.root_part(np.linspace(0, 1, 20_001))
         height, half = root.imag, root.real
     else:
-        thick = geometry.thickness_m(1, tooth.root_radius_m) / 2 / tooth.root_radius_m
+        thick = tooth.thickness_m(tooth.root_radius_m) / 2 / tooth.root_radius_m
         height = -tooth.root_radius_m * np.cos([thick])
         half = tooth.root_radius_m * np.sin([thick])
     slow = ring_tooth_compliances(geometry, (-height, half), float(pair.rolls(roll)[1]), 206e9, 0.3)
@@ -166,10 +165,9 @@ def test_a_large_ring_has_the_teeth_of_a_rack():
     for internal in (False, True):
         pair = pair_geometry(
             GearTeeth(teeth=30, name="planet"),
-            GearTeeth(teeth=8_000, name="ring" if internal else "gear"),
+            GearTeeth(teeth=8_000, name="ring" if internal else "gear", internal=internal),
             module_m=2e-3,
             face_width_m=0.02,
-            internal=internal,
         )
         root = pair.root_radii_m[1]
         held = root + 7e-3 if internal else 0.5 * root
