@@ -11,10 +11,10 @@ contact ratio below 1) are refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,7 +28,6 @@ CLEARANCE = 0.25
 
 
 Two = tuple[float, float]
-_Own = TypeVar("_Own")
 __all__ = ["GearTeeth", "PairGeometry", "pair_geometry"]
 #: Rim of a ring where none is given [modules]; thinner ones are called thin: from 3.5 on ISO 6336-3
 #: sees no weakening (rim factor 1).
@@ -252,7 +251,16 @@ class RackTooth(GearTeeth):
         if roll >= 0 and not self.internal:
             return roll
         end = radius + depth if self.internal else abs(complex(self.fillet(self.undercut_end)))
-        return math.sqrt(max(end**2 - self.base_radius_m**2, 0.0))
+        return self.roll_at(end)
+
+    def roll_at(self, radius_m: float) -> float:
+        """Return the roll length [m] of the involute on a circle; 0 inside the base circle."""
+        return math.sqrt(max(radius_m**2 - self.base_radius_m**2, 0.0))
+
+    def involute_at(self, radius_m: float) -> float:
+        """Return the involute function of the pressure angle on a circle."""
+        tangent = self.roll_at(radius_m) / self.base_radius_m
+        return tangent - math.atan(tangent)
 
     def fillet(self, angles_rad: ArrayLike) -> ComplexArray:
         """Return points of the generated fillet of an external gear, in the transverse section.
@@ -311,19 +319,19 @@ class RackTooth(GearTeeth):
         if radius_m < base * (1 - 1e-12):
             told = f"radius_m={radius_m} of the {self.name}"
             raise ArgumentError(f"{told} must be >= base radius {base}")
-        here = involute(math.acos(min(1.0, base / radius_m)))
-        return 2 * radius_m * self.sign * (self.base_half_angle - here)
+        angle = self.base_half_angle - self.involute_at(radius_m)
+        return 2 * radius_m * self.sign * angle
 
     @property
     def undercut_end(self) -> float:
         """Angle [rad] of the rack-tip normal at which the fillet cuts the involute, or alpha_n."""
-        base, half_angle = self.base_radius_m, self.base_half_angle
 
         def beyond(angle: float) -> float:
             point = complex(self.fillet(angle))
-            rolled = math.sqrt(max((abs(point) / base) ** 2 - 1, 0.0))
+            radius, flank = abs(point), math.pi
             # inside the base circle there is no involute to be cut
-            flank = half_angle - (rolled - math.atan(rolled)) if rolled else math.pi
+            if radius > self.base_radius_m:
+                flank = self.base_half_angle - self.involute_at(radius)
             return math.atan2(point.real, point.imag) - flank
 
         first = self.pressure_angle_rad
@@ -353,11 +361,6 @@ class PairGeometry:
     warnings: tuple[str, ...] = ()
 
     @property
-    def normal_module_m(self) -> float:
-        """Normal module m_n [m]."""
-        return self.gears[0].module_m
-
-    @property
     def helix_angle_rad(self) -> float:
         """Magnitude of the helix angle at the reference circle [rad]."""
         return self.gears[0].helix_angle_rad
@@ -365,12 +368,13 @@ class PairGeometry:
     @property
     def transverse_module_m(self) -> float:
         """Transverse module m_t [m]."""
-        return self.normal_module_m / math.cos(self.helix_angle_rad)
+        return self.gears[0].module_m / math.cos(self.helix_angle_rad)
 
     @cached_property
     def base_radii_m(self) -> Two:
         """Radii of the base circles [m]."""
-        return _both(lambda i: self.gears[i].base_radius_m)
+        one, two = self.gears
+        return one.base_radius_m, two.base_radius_m
 
     @cached_property
     def centre_distance_m(self) -> float:
@@ -379,14 +383,10 @@ class PairGeometry:
         return abs(one + self.gears[1].sign * two) / math.cos(self.working_pressure_angle_rad)
 
     @cached_property
-    def root_radii_m(self) -> Two:
-        """Radii of the root circles [m]."""
-        return _both(lambda i: self.gears[i].root_radius_m)
-
-    @cached_property
     def tip_radii_m(self) -> Two:
         """Radii of the tip circles [m]."""
-        return _both(lambda i: self.gears[i].tip_radius_m)
+        one, two = self.gears
+        return one.tip_radius_m, two.tip_radius_m
 
     @property
     def line_m(self) -> float:
@@ -404,8 +404,7 @@ class PairGeometry:
 
         Distances from the base tangent point of the first gear along the line of action; it drives.
         """
-        tips, bases = self.tip_radii_m, self.base_radii_m
-        one, two = _both(lambda i: math.sqrt(max(tips[i] ** 2 - bases[i] ** 2, 0.0)))
+        one, two = (own.roll_at(own.tip_radius_m) for own in self.gears)
         return self.gears[1].sign * (self.line_m - two), one
 
     @property
@@ -433,7 +432,8 @@ class PairGeometry:
             raise ArgumentError(
                 "face_width_m is missing: the overlap ratio of helical gears needs it"
             )
-        return self.face_width_m * math.sin(self.helix_angle_rad) / (math.pi * self.normal_module_m)
+        axial_pitch = math.pi * self.gears[0].module_m / math.sin(self.helix_angle_rad)
+        return self.face_width_m / axial_pitch
 
     @property
     def total_contact_ratio(self) -> float:
@@ -523,24 +523,17 @@ def pair_geometry(
     room = (pair.centre_distance_m - one.reference_radius_m - two.reference_radius_m) / module_m
     # a centre distance above the tight one, or a ring, needs no cutting back
     usual = 0.0 if two.internal else min(0.0, room - one.profile_shift - two.profile_shift)
-    gears = _both(lambda i: _cut_back(pair.gears[i], usual))
-    pair = replace(pair, gears=gears, face_width_m=face_width_m)
+    one, two = (
+        own if own.tip_shortening is not None else replace(own, tip_shortening=usual)
+        for own in pair.gears
+    )
+    pair = replace(pair, gears=(one, two), face_width_m=face_width_m)
     return check_pair(trim_ring(pair)) if check else pair
-
-
-def _cut_back(gear: RackTooth, usual: float) -> RackTooth:
-    """Return a gear whose tips are cut back as it tells, or as is usual."""
-    return gear if gear.tip_shortening is not None else replace(gear, tip_shortening=usual)
 
 
 def told_of(gear: GearTeeth, kind: type[GearTeeth]) -> dict[str, Any]:
     """Return what a gear tells as one of a kind, to make it one of another kind."""
     return {own.name: getattr(gear, own.name) for own in fields(kind)}
-
-
-def _both(value: Callable[[int], _Own]) -> tuple[_Own, _Own]:
-    """Return a value of each gear."""
-    return value(0), value(1)
 
 
 def _shift_for(first: RackTooth, second: RackTooth, working_rad: float) -> float:
@@ -584,10 +577,11 @@ def normal_section(pair: PairGeometry) -> PairGeometry:
     """
     cosine = math.cos(pair.base_helix_angle_rad)
     share = cosine**2 * math.cos(pair.helix_angle_rad)
-    teeth = [cast(int, own.teeth / share) for own in pair.gears]
-    gears = _both(lambda i: replace(pair.gears[i], teeth=teeth[i], helix_angle_rad=0.0))
+    one, two = (
+        replace(own, teeth=cast(int, own.teeth / share), helix_angle_rad=0.0) for own in pair.gears
+    )
     working = math.asin(math.sin(pair.working_pressure_angle_rad) * cosine)
-    return replace(pair, gears=gears, working_pressure_angle_rad=working)
+    return replace(pair, gears=(one, two), working_pressure_angle_rad=working)
 
 
 def check_pair(pair: PairGeometry) -> PairGeometry:
@@ -739,11 +733,11 @@ def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:
 
 def _check_ring(pair: PairGeometry) -> Iterator[str]:
     planet, ring = pair.gears
-    end = math.hypot(pair.base_radii_m[1], pair.path_m[1] + pair.line_m)
-    if end > pair.root_radii_m[1]:
+    end = math.hypot(ring.base_radius_m, pair.path_m[1] + pair.line_m)
+    if end > ring.root_radius_m:
         raise ArgumentError(
             f"the tips of the {planet.name} touch the {ring.name} beyond its root circle "
-            f"({1e3 * end:.5g} > {1e3 * pair.root_radii_m[1]:.5g} mm); reduce "
+            f"({1e3 * end:.5g} > {1e3 * ring.root_radius_m:.5g} mm); reduce "
             f"tip_factor_{planet.name} or raise root_factor_{ring.name}"
         )
     room = _tip_passage(pair)
@@ -777,8 +771,8 @@ def _tip_passage(pair: PairGeometry) -> float:
 def _tip_angles(pair: PairGeometry) -> Two:
     """Return the angles from the pitch points of the flanks to their tips, about the centres."""
     working = involute(pair.working_pressure_angle_rad)
-    cosines = _both(lambda i: min(1.0, pair.base_radii_m[i] / pair.tip_radii_m[i]))
-    return _both(lambda i: involute(math.acos(cosines[i])) - working)
+    ahead, behind = (own.involute_at(own.tip_radius_m) - working for own in pair.gears)
+    return ahead, behind
 
 
 def _radial_passage(pair: PairGeometry) -> float:

@@ -137,7 +137,7 @@ class Tooth(RackTooth):
         """Roll length [m] at which the involute meets the fillet; in a ring one that has room."""
         if not self.internal or self._beyond_space(self.form_roll) <= 0:
             return self.form_roll
-        highest = math.sqrt(self.root_radius_m**2 - self.base_radius_m**2)
+        highest = self.roll_at(self.root_radius_m)
         return float(brentq(self._beyond_space, self.form_roll, highest, xtol=1e-15))
 
     def _fillet_arc(self, roll_m: float) -> tuple[complex, complex]:
@@ -192,7 +192,7 @@ class Tooth(RackTooth):
 
     def angle_at_radius(self, radius_m: float) -> float:
         """Return the profile angle t [rad] on a circle outside the base circle."""
-        return float(self.angle(math.sqrt(max(radius_m**2 - self.base_radius_m**2, 0.0))))
+        return float(self.angle(self.roll_at(radius_m)))
 
     def flank(self, angle: ArrayLike) -> ComplexArray:
         """Return points of the loaded side: half thickness + i height [m], from the centre."""

@@ -174,7 +174,7 @@ def test_working_circles_of_the_ways_to_the_published_contact_ratio():
 @pytest.mark.parametrize(("teeth", "inside"), [(41, True), (42, False)])
 def test_root_circle_passes_the_base_circle_above_41_teeth(teeth, inside):
     pair = pair_geometry(gear(teeth), gear(60), module_m=0.002)
-    assert (pair.root_radii_m[0] < pair.base_radii_m[0]) == inside
+    assert (pair.gears[0].root_radius_m < pair.base_radii_m[0]) == inside
 
 
 def test_circle_on_which_the_involute_begins():
@@ -259,7 +259,7 @@ def test_path_of_contact_in_a_ring(pair: PairGeometry):
 def test_a_pair_and_its_mirror_image(pair: PairGeometry):
     mirror = pair_geometry(
         *reversed(pair.gears),
-        module_m=pair.normal_module_m,
+        module_m=pair.gears[0].module_m,
         helix_angle_rad=pair.helix_angle_rad,
         face_width_m=pair.face_width_m,
     )
@@ -272,7 +272,7 @@ def test_a_pair_and_its_mirror_image(pair: PairGeometry):
 def test_similar_gears_have_similar_geometry(pair: PairGeometry, scale):
     similar = pair_geometry(
         *pair.gears,
-        module_m=scale * pair.normal_module_m,
+        module_m=scale * pair.gears[0].module_m,
         helix_angle_rad=pair.helix_angle_rad,
         face_width_m=scale * pair.face_width_m,
     )

@@ -22,7 +22,7 @@ def pair(teeth, *, internal):
         module_m=2e-3,
         face_width_m=0.02,
     )
-    root = geometry.root_radii_m[1]
+    root = geometry.gears[1].root_radius_m
     return tooth_pair(geometry, bore_radii_m=(0.0144, root + 7e-3 if internal else 0.4 * root))
 
 
