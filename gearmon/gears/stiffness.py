@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -427,6 +427,15 @@ class MeshStiffness:
         """Return c_1 ... c_count of the healthy mesh relative to its own mean."""
         orders = np.arange(1, count + 1)
         return self.healthy.coefficients(orders) / self.healthy_mean_n_per_m
+
+    def mesh_amplitudes(self, count: int) -> FloatArray:
+        """Return the amplitudes [N/m] of the first mesh harmonics of the healthy mesh."""
+        return 2 * np.abs(self.healthy.coefficients(np.arange(1, count + 1)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what its form makes of the healthy mesh in built-in types."""
+        told = {"form": self.form.name, "stiffness_variation": self.variation}
+        return told | {"mean_stiffness_n_per_m": self.healthy_mean_n_per_m}
 
 
 def mesh_stiffness(

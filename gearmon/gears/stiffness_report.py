@@ -36,34 +36,6 @@ CURVE_POINTS = 25
 MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
 
 
-@dataclass(frozen=True, eq=False)
-class FormCurve:
-    """One form of the stiffness of a mesh.
-
-    Parameters
-    ----------
-    group, form : str
-        The form, and the variant of it.
-    stiffness : MeshStiffness
-    stiffness_n_per_m : ndarray, shape (p,)
-        At the phases of the comparison [N/m].
-    amplitudes_n_per_m : ndarray, shape (n,)
-        Of the mesh harmonics [N/m], exact and none aliased.
-    """
-
-    group: str
-    form: str
-    stiffness: MeshStiffness
-    stiffness_n_per_m: FloatArray
-    amplitudes_n_per_m: FloatArray
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what it makes of the mesh in built-in types."""
-        mean, variation = self.stiffness.healthy_mean_n_per_m, self.stiffness.variation
-        told = {"mean_stiffness_n_per_m": mean, "stiffness_variation": variation}
-        return {"form": self.form} | told
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FormComparison(Result):
     """Forms of the stiffness of one mesh side by side.
@@ -75,7 +47,7 @@ class FormComparison(Result):
     mesh : str
     contact_ratio, overlap_ratio : float
         Transverse contact ratio and overlap ratio.
-    forms : tuple of FormCurve
+    forms : tuple of MeshStiffness
     table : list of dict
         The curves: one row a phase, one column a form, in N/m.
     spectrum : list of dict
@@ -89,7 +61,7 @@ class FormComparison(Result):
     mesh: str
     contact_ratio: float
     overlap_ratio: float
-    forms: tuple[FormCurve, ...]
+    forms: tuple[MeshStiffness, ...]
     table: list[dict[str, Any]]
     spectrum: list[dict[str, Any]]
 
@@ -120,14 +92,11 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
     hertz = kinematics(machine).mesh(stage).order * point.shaft1_hz
     # most forms do without a load
     force = known_force(machine, pair, point)
-    phase, curves = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH, []
-    for name in FOUR_FORMS:
-        found = mesh_stiffness(pair, (), name, force_n=force)
-        lines = 2 * np.abs(found.mesh_harmonics(HARMONICS)) * found.healthy_mean_n_per_m
-        curves.append(FormCurve(name.split("-")[0], name, found, found.at(phase), lines))
-    heads = [f"{own.form.replace('-', '_')}_n_per_m" for own in curves]
-    table = channel_rows("mesh_phase", phase, [own.stiffness_n_per_m for own in curves], heads)
-    amplitudes = np.transpose([own.amplitudes_n_per_m for own in curves]).tolist()
+    forms = tuple(mesh_stiffness(pair, (), name, force_n=force) for name in FOUR_FORMS)
+    phase = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH
+    heads = [f"{name.replace('-', '_')}_n_per_m" for name in FOUR_FORMS]
+    table = channel_rows("mesh_phase", phase, [own.at(phase) for own in forms], heads)
+    amplitudes = np.transpose([own.mesh_amplitudes(HARMONICS) for own in forms]).tolist()
     spectrum = [
         {"stage": stage, "mesh_harmonic": n, "frequency_hz": n * hertz}
         | dict(zip(heads, row, strict=True))
@@ -139,7 +108,7 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
         mesh=pair.name,
         contact_ratio=pair.contact_ratio,
         overlap_ratio=pair.overlap_ratio,
-        forms=tuple(curves),
+        forms=forms,
         table=[{"stage": stage} | row for row in table],
         spectrum=spectrum,
     )
@@ -245,14 +214,11 @@ class StageStiffness:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but what is drawn in built-in types."""
-        return {
+        return self.healthy.to_dict() | {
             "stage": self.stage,
             "mesh": self.mesh,
-            "form": self.healthy.form.name,
             "contact_ratio": self.healthy.contact_ratio,
             "overlap_ratio": self.healthy.overlap_ratio,
-            "mean_stiffness_n_per_m": self.healthy.mean_n_per_m,
-            "stiffness_variation": self.healthy.variation,
             "damaged_mean_stiffness_n_per_m": self.damaged.mean_n_per_m,
             "period_mesh": self.damaged.period_mesh,
             "faults": [entry.to_dict() for entry in self.faults],
