@@ -349,12 +349,8 @@ class ModulationTrain:
         """Return the mesh stiffness [N/m] with the gears moving."""
         flat = phase.ravel()
         leaving, entering, share = state_of(self.offsets, flat, self.free_gap_m)
-        if any(offset.leaving or offset.entering for offset in self.offsets):
-            found = self.family.at(flat, leaving, entering)
-        else:
-            # every pair is like the next
-            found = self._still.at(flat)
-        return np.asarray((share * found).reshape(phase.shape))
+        found = share * self.family.at(flat, leaving, entering)
+        return np.asarray(found.reshape(phase.shape))
 
     @cached_property
     def corners(self) -> FloatArray:

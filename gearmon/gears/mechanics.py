@@ -52,7 +52,8 @@ UNFELT = 1e-9
 class StageMechanics:
     """One mesh at one operating point, ready for ``m z'' + c z' + k(t) z = F``.
 
-    z is the displacement along the transverse line of action.
+    z is the displacement along the transverse line of action. Of meshes that work side by side, as
+    those of planets do, the numbers are those of one.
 
     Parameters
     ----------
@@ -60,8 +61,6 @@ class StageMechanics:
         Number of the stage, counted from 1.
     mesh : str
         Name of the mesh: "pinion-gear", "sun-planet" or "planet-ring".
-    planets : int
-        How many such meshes work side by side; the numbers are those of one.
     stiffness : MeshStiffness
     equivalent_mass_kg : float
         Mass of both gears reduced to the line of action.
@@ -77,12 +76,10 @@ class StageMechanics:
         By how much it is ahead of the first one of its stage [mesh periods].
     assumptions : tuple of str
         What was not in the machine file and had to be taken, in words.
-    warnings : tuple of str
     """
 
     stage: int
     mesh: str
-    planets: int
     stiffness: MeshStiffness
     equivalent_mass_kg: float
     damping_ns_per_m: float
@@ -92,12 +89,6 @@ class StageMechanics:
     excitation: Excitation
     lead: float = 0.0
     assumptions: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def contact_ratio(self) -> float:
-        """Transverse contact ratio."""
-        return self.stiffness.contact_ratio
 
     @property
     def natural_frequency_hz(self) -> float:
@@ -170,7 +161,6 @@ def stage_mechanics(
     return StageMechanics(
         stage=number,
         mesh=pair.name,
-        planets=pair.planets,
         stiffness=stiffness,
         equivalent_mass_kg=mass,
         damping_ns_per_m=damping,
@@ -179,7 +169,6 @@ def stage_mechanics(
         mesh_frequency_hz=train.mesh(number).order * running.shaft1_hz,
         excitation=displacement_excitation(pair, stiffness, wrong, own),
         assumptions=tuple(notes),
-        warnings=stiffness.warnings,
     )
 
 

@@ -317,16 +317,15 @@ class ToothPair:
         rolls = self.rolls(np.asarray(roll_m, dtype=np.float64))
         both = self.sound if beams is None else beams
         angles = [tooth.angle(own) for tooth, own in zip(self.teeth, rolls, strict=True)]
-        parts = [beam.compliances(angle) for beam, angle in zip(both, angles, strict=True)]
+        parts, bodies, lost = [], [], np.zeros(rolls[0].shape)
+        for beam, body, angle in zip(both, self.foundations, angles, strict=True):
+            parts.append(beam.compliances(angle))
+            bodies.append(body.compliance(angle))
+            if beam.damage.holes:
+                lost += beam.damage.missing_width_m(beam.tooth.height(angle))
         bending, shear, axial = self.oblique * np.swapaxes(parts, 0, 1)
-        bodies = [body.compliance(own) for body, own in zip(self.foundations, angles, strict=True)]
-        missing = [
-            beam.damage.missing_width_m(beam.tooth.height(angle))
-            for beam, angle in zip(both, angles, strict=True)
-            if beam.damage.holes
-        ]
         whole = self.first.face_width_m
-        width = whole - np.minimum(sum(missing), LARGEST_WIDTH * whole)
+        width = whole - np.minimum(lost, LARGEST_WIDTH * whole)
         foundation = self.oblique * self.form.has_foundation * np.array(bodies)
         hertz = self.oblique * self._hertz(width, rolls, angles, force_n)
         return PairCompliance(bending, shear, axial, foundation, hertz)

@@ -358,8 +358,10 @@ def grown_lines(
     wheel = kinematics(machine).mesh(stage).wheel(gear)
     try:
         place = MeshPlace(machine, stage)
-        healthy, faults = place.in_train(), [f"crack:{stage}:{gear}:1:{x!r}" for x in GROWN]
-        hurt = [replace(place.alone([fault]), train=healthy.train) for fault in faults]
+        healthy = place.in_train()
+        # the same pulse, more or less of it
+        half = replace(place.alone([f"crack:{stage}:{gear}:1:0.5"]), train=healthy.train)
+        hurt = [half.scaled(2 * loss) for loss in GROWN]
         rotation_hz = wheel.relative_order * place.point.shaft1_hz
         even, added = added_lines(healthy, hurt, (top + 0.5) * rotation_hz)
         told: ComplexArray = np.zeros((1 + len(GROWN), top + 1), dtype=complex)
