@@ -50,6 +50,7 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError
+from gearmon.gears.damage import acting_faults
 from gearmon.gears.faults import WHOLE_KINDS, Fault, GearError
 from gearmon.gears.pairs import MeshPair
 from gearmon.gears.pulses import (
@@ -387,6 +388,7 @@ def modulation_trains(
     ----------
     pair : MeshPair
     errors : iterable of GearError
+        That act in this mesh.
     member : callable
         Gives the pulse [N/m] of a pair whose contact ratio is so much smaller.
     free_gap_m : float
@@ -399,7 +401,7 @@ def modulation_trains(
     """
     moving, notes = [], []
     for error in errors:
-        if error.kind not in WHOLE_KINDS or not error.size_m or error.gear not in pair.names:
+        if error.kind not in WHOLE_KINDS or not error.size_m:
             continue
         missing = "the static tooth force is not known" if not free_gap_m else ""
         if error.kind != "misalignment":
@@ -567,12 +569,10 @@ class Excitation:
     stiffness : MeshStiffness
         Shares the errors among the pairs in contact.
     errors : tuple of FlankError
-    warnings : tuple of str
     """
 
     stiffness: MeshStiffness
     errors: tuple[FlankError, ...]
-    warnings: tuple[str, ...] = ()
 
     @property
     def period_mesh(self) -> int:
@@ -623,10 +623,7 @@ class Excitation:
 
 
 def displacement_excitation(
-    pair: MeshPair,
-    stiffness: MeshStiffness,
-    errors: Iterable[GearError] = (),
-    faults: Iterable[Fault] = (),
+    pair: MeshPair, stiffness: MeshStiffness, faults: Iterable[Fault | GearError] = ()
 ) -> Excitation:
     """Return the displacement excitation of a mesh by errors and by profile lost to damage.
 
@@ -635,10 +632,9 @@ def displacement_excitation(
     pair : MeshPair
     stiffness : MeshStiffness
         Of this mesh, with its faults; under a known force misaligned faces close their gaps.
-    errors : iterable of GearError
-        Of this stage; those of gears of other meshes are left aside. An error of 0 moves nothing.
-    faults : iterable of Fault
-        Wear, missing teeth and spalls across the whole face move the flanks too.
+    faults : iterable of Fault or GearError
+        Of this stage; those that act in other meshes only are left aside, and an error of 0 moves
+        nothing. Wear, missing teeth and spalls across the whole face move the flanks too.
 
     Returns
     -------
@@ -647,16 +643,10 @@ def displacement_excitation(
     Raises
     ------
     ArgumentError
-        If a gear has no such tooth.
+        If the stage has no such gear, or the gear no such tooth.
     """
-    found, notes = [], []
-    for error in errors:
-        if error.gear in pair.names:
-            pair.check_tooth(f"error {error}", error.gear, error.tooth)
-            found.append(_moved_by(error, pair, stiffness.free_gap_m))
-        else:
-            notes.append(f"error {error} does not act in the {pair.name} mesh")
-    measured = [own for own in faults if own.gear in pair.names and not own.is_loss]
-    found += [_moved_by(own, pair, stiffness.free_gap_m) for own in measured]
+    acting, _ = acting_faults(pair, faults)
+    measured = [own for own in acting if isinstance(own, GearError) or not own.is_loss]
+    found = [_moved_by(own, pair, stiffness.free_gap_m) for own in measured]
     moved = tuple(own for own in found if own is not None)
-    return Excitation(stiffness=stiffness, errors=moved, warnings=tuple(notes))
+    return Excitation(stiffness=stiffness, errors=moved)

@@ -107,8 +107,7 @@ def stage_mechanics(
     number: int,
     point: OperatingPoint | None = None,
     *,
-    faults: Iterable[Fault] = (),
-    errors: Iterable[GearError] = (),
+    faults: Iterable[Fault | GearError] = (),
     form: AnyForm = "parabolic",
     mesh: int = 0,
 ) -> StageMechanics:
@@ -121,11 +120,9 @@ def stage_mechanics(
         Stage, counted from 1 in the order of power flow.
     point : OperatingPoint, optional
         By default the machine's first.
-    faults : iterable of Fault
-        Faults of any stage; those of others are left aside.
-    errors : iterable of GearError
-        Errors of gears of any stage; those of turning gears modulate the stiffness, and all move
-        the flanks, as lost profile does.
+    faults : iterable of Fault or GearError
+        Of any stage; those of others are left aside. Errors of turning gears modulate the
+        stiffness, and all errors move the flanks, as lost profile does.
     form : str or StiffnessForm
         See `gears.stiffness.mesh_stiffness`.
     mesh : {0, 1}
@@ -152,10 +149,9 @@ def stage_mechanics(
     train = kinematics(machine)
     notes: list[str] = []
     force = static_force(pair, running, train.shaft(number).order)
-    given = faults_of(faults, errors=False, stages=len(machine.stages))
-    wrong = [error for error in errors if error.stage == number]
-    own = [fault for fault in given if fault.stage == number]
-    stiffness = mesh_stiffness(pair, own, form, force_n=force, errors=wrong)
+    given = faults_of(faults, errors=True, stages=len(machine.stages))
+    wrong = [own for own in given if own.stage == number]
+    stiffness = mesh_stiffness(pair, wrong, form, force_n=force)
     mass = equivalent_mass(pair, notes)
     ratio, damping = mesh_damping(pair, math.sqrt(stiffness.healthy_mean_n_per_m * mass), notes)
     return StageMechanics(
@@ -167,7 +163,7 @@ def stage_mechanics(
         damping_ratio=ratio,
         force_n=force,
         mesh_frequency_hz=train.mesh(number).order * running.shaft1_hz,
-        excitation=displacement_excitation(pair, stiffness, wrong, own),
+        excitation=displacement_excitation(pair, stiffness, wrong),
         assumptions=tuple(notes),
     )
 

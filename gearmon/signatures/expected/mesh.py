@@ -122,7 +122,7 @@ class PosedStage:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of its teeth, and what was asked for and acts in no mesh."""
-        told = [(*mesh.stiffness.warnings, *mesh.excitation.warnings) for mesh in self.members]
+        told = [mesh.stiffness.warnings for mesh in self.members]
         every = dict.fromkeys(word for own in told for word in own)
         mild = ("fault ", "error ")
         kept = (w for w in every if not w.startswith(mild) or all(w in own for own in told))
@@ -375,10 +375,8 @@ class MeshPlace:
         return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
 
     def _meshed(self, wrong: Sequence[Wrong]) -> StageMechanics:
-        faults = [one for one in wrong if isinstance(one, Fault) and one.stage == self.stage]
-        errors = [one for one in wrong if isinstance(one, GearError)]
         place = self.machine, self.stage, self.point
-        return stage_mechanics(*place, faults=faults, errors=errors, form=self.form, mesh=self.mesh)
+        return stage_mechanics(*place, faults=wrong, form=self.form, mesh=self.mesh)
 
 
 def mesh_problem(
