@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
@@ -176,19 +177,10 @@ class StageStiffness:
     mesh : str
     healthy, damaged : MeshStiffness
         The same object where there is no fault.
-    phase : ndarray
-        Mesh phases of the table [mesh periods]: one mesh period, or the contact of the first
-        damaged tooth and a mesh period on both sides.
-    contact_phase : ndarray
-        Phases of the contact of one pair [mesh periods].
-    shares : dict of str to ndarray
-        Share of each cause in the compliance of a sound pair, at `contact_phase`.
     faults : tuple of FaultLoss
     curve : SizeCurve or None
     teeth : ToothPair or None
         Where they are known, to be drawn.
-    drawn : tuple of Fault
-        With sizes that are no losses, of one tooth of each gear.
     warnings : tuple of str
     """
 
@@ -196,14 +188,44 @@ class StageStiffness:
     mesh: str
     healthy: MeshStiffness
     damaged: MeshStiffness
-    phase: FloatArray
-    contact_phase: FloatArray
-    shares: dict[str, FloatArray]
     faults: tuple[FaultLoss, ...]
     curve: SizeCurve | None
     teeth: ToothPair | None
-    drawn: tuple[Fault, ...]
     warnings: tuple[str, ...]
+
+    @property
+    def phase(self) -> FloatArray:
+        """Mesh phases of the table [mesh periods].
+
+        One mesh period, or the contact of the first damaged tooth and a mesh period on both sides:
+        the tooth before and the tooth after show what is sound.
+        """
+        teeth = [entry.fault.tooth for entry in self.faults if entry.fault.tooth is not None]
+        meshes = math.ceil(self.healthy.total_contact_ratio) + 2 if teeth else 1
+        first = teeth[0] - 2 if teeth else 0
+        return first + np.arange(meshes * POINTS_PER_MESH + 1) / POINTS_PER_MESH
+
+    def shares(self, phase: ArrayLike) -> dict[str, FloatArray]:
+        """Return the share of each cause in the compliance of a sound pair along its contact.
+
+        Parameters
+        ----------
+        phase : array_like
+            Phases of the contact of one pair [mesh periods].
+        """
+        return self.teeth.compliances(self.teeth.roll(phase)).shares if self.teeth else {}
+
+    @property
+    def drawn(self) -> tuple[Fault, ...]:
+        """What can be drawn of faults: of each gear the tooth that is damaged first.
+
+        With one crack: a second one, of which the loss is told, has no place of its own.
+        """
+        told = (entry.sized if entry.fault.is_loss else entry.fault for entry in self.faults)
+        teeth: dict[str, int | None] = {}
+        drawn = [f for f in told if f and teeth.setdefault(f.gear, f.tooth) == f.tooth]
+        cracks = {f.gear: f for f in reversed(drawn) if f.kind == "crack"}
+        return tuple(f for f in drawn if f.kind != "crack" or f is cracks[f.gear])
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the table: one row a phase, stiffness in N/m."""
@@ -223,8 +245,8 @@ class StageStiffness:
             "period_mesh": self.damaged.period_mesh,
             "faults": [entry.to_dict() for entry in self.faults],
             "compliance_shares_at_middle": {
-                name: float(np.interp(0.5 * self.healthy.contact_ratio, self.contact_phase, share))
-                for name, share in self.shares.items()
+                name: float(share)
+                for name, share in self.shares(0.5 * self.healthy.contact_ratio).items()
             },
             "warnings": list(self.warnings),
             "table": self.rows(),
@@ -318,7 +340,6 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
     damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)
     teeth = _teeth(pair, notes)
-    contact = np.linspace(0.0, healthy.contact_ratio, 201)
     acting = acting_faults(pair, faults)[0]
     losses = tuple(_fault_loss(fault, pair, teeth) for fault in acting)
     return StageStiffness(
@@ -326,13 +347,9 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
         mesh=pair.name,
         healthy=healthy,
         damaged=damaged,
-        phase=_window(losses, healthy),
-        contact_phase=contact,
-        shares=teeth.compliances(teeth.roll(contact)).shares if teeth else {},
         faults=losses,
         curve=_curve(losses, pair, teeth) if teeth else None,
         teeth=teeth,
-        drawn=_drawn(losses),
         warnings=tuple(dict.fromkeys(notes)),
     )
 
@@ -343,14 +360,6 @@ def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
     except ArgumentError as error:
         notes.append(f"no picture and no sizes: {error}")
         return None
-
-
-def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness) -> FloatArray:
-    tooth = next((entry.fault.tooth for entry in losses if entry.fault.tooth is not None), None)
-    # the tooth before and the tooth after show what is sound
-    meshes = 1 if tooth is None else math.ceil(mesh.total_contact_ratio) + 2
-    first = 0 if tooth is None else tooth - 2
-    return first + np.arange(meshes * POINTS_PER_MESH + 1) / POINTS_PER_MESH
 
 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
@@ -380,15 +389,3 @@ def _curve(losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair) -> S
         gear, stage = pair.first.name, pair.number or 1
         sized = [Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.0, unit="mm")]
     return size_curve(sized[0], teeth, pair.names.index(sized[0].gear)) if sized else None
-
-
-def _drawn(losses: tuple[FaultLoss, ...]) -> tuple[Fault, ...]:
-    """Return what can be drawn of faults: of each gear the tooth that is damaged first.
-
-    With one crack: a second one, of which the loss is told, has no place of its own.
-    """
-    told = (entry.sized if entry.fault.is_loss else entry.fault for entry in losses)
-    teeth: dict[str, int | None] = {}
-    drawn = [f for f in told if f and teeth.setdefault(f.gear, f.tooth) == f.tooth]
-    cracks = {f.gear: f for f in reversed(drawn) if f.kind == "crack"}
-    return tuple(f for f in drawn if f.kind != "crack" or f is cracks[f.gear])

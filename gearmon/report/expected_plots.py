@@ -110,7 +110,7 @@ def stiffness_figure(stage: StageStiffness) -> plots.Picture:
         hurt = next((gear for gear in picture.gears if gear.damage), picture.gears[0])
         plot_flank(hurt, figure.add_subplot(grid[1, 1]))
     _plot_stiffness(stage, figure.add_subplot(grid[0, 1]))
-    if stage.shares:
+    if stage.teeth is not None:
         # without a curve of losses the shares take its place too
         place = grid[2, 0] if stage.curve is not None else grid[2, :]
         _plot_compliance_shares(stage, figure.add_subplot(place))
@@ -138,15 +138,17 @@ def _plot_stiffness(stage: StageStiffness, ax: Axes) -> None:
 
 def _plot_compliance_shares(stage: StageStiffness, ax: Axes) -> None:
     """Draw the share of each cause in the compliance of a sound pair over its contact."""
-    names = [name for name in _CAUSES if name in stage.shares]
+    phase = np.linspace(0.0, stage.healthy.contact_ratio, 201)
+    shares = stage.shares(phase)
+    names = [name for name in _CAUSES if name in shares]
     ax.stackplot(
-        stage.contact_phase,
-        [100 * stage.shares[name] for name in names],
+        phase,
+        [100 * shares[name] for name in names],
         colors=[_CAUSES[name] for name in names],
         labels=names,
         alpha=0.85,
     )
-    ax.set(xlim=(0, stage.contact_phase[-1]), ylim=(0, 100))
+    ax.set(xlim=(0, phase[-1]), ylim=(0, 100))
     ax.set_xlabel("phase of the pair's contact in mesh periods")
     ax.set_ylabel("share of pair compliance in %")
     # above the bands, in their order from below
