@@ -40,7 +40,6 @@ _POINTS = 512
 GROWN = (0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75, 0.95)
 # Face width over module where the file gives no geometry: it does not enter the ratio of lines.
 _STANDARD_WIDTH = 10.0
-_UNIT_STIFFNESS = 1e8
 # What a mesh harmonic of a set must have to tell of the path, over what one planet would bring if
 # all its pairs lost their stiffness: simulated sets in phase have 0.003 to 0.05 in the first, where
 # errors of the flanks make them some ten times as loud.
@@ -427,12 +426,10 @@ def _mesh_alone(
     try:
         stiffness = mesh_stiffness(pair)
     except GearmonError:
-        told = {"planets", "fixed", "driving"}
-        told |= {"mesh_stiffness_n_per_m", "ring_mesh_stiffness_n_per_m"}
         given: dict[str, Any] = {
-            key.name: _UNIT_STIFFNESS if "stiffness" in key.name else getattr(own, key.name)
+            key.name: getattr(own, key.name)
             for key in fields(own)
-            if key.name.endswith("_teeth") or key.name in told
+            if key.name.endswith("_teeth") or key.name in ("planets", "fixed", "driving")
         }
         plain = type(own)(**given, module_mm=1.0, face_width_mm=_STANDARD_WIDTH)
         standard, stiffness = True, mesh_stiffness(mesh_pairs(plain, stage)[gear == "ring"])
