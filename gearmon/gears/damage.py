@@ -118,7 +118,8 @@ class PairsInMesh(ABC):
     @cached_property
     def healthy(self) -> Pulse:
         """What a pair carries among sound neighbours, per unit of deflection [N/m]."""
-        edges, sound = self._edges(self._sound), self._sound
+        sound = [SOUND_PAIR] * len(self._places)
+        edges = self._edges(sound)
         return Pulse.through(edges, self.loads(panel_nodes(edges, self.points), sound)[self.reach])
 
     def trains(self, pair: MeshPair, losses: BothLosses) -> list[PulseTrain]:
@@ -199,10 +200,6 @@ class PairsInMesh(ABC):
         limits = distinct(np.clip(np.concatenate(edges), 0.0, self.length), 1e-10)
         limits[-1] = self.length
         return limits
-
-    @property
-    def _sound(self) -> list[PairState]:
-        return [SOUND_PAIR] * (2 * self.reach + 1)
 
     def _states(
         self, entry: int, losses: BothLosses, teeth: tuple[int, int]
@@ -323,11 +320,10 @@ def _face_parts(losses: BothLosses) -> list[tuple[float, float]]:
 
 
 def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
-    inside = {
+    return {
         tooth: tuple(p for p in parts if p.face_start <= low and p.face_end >= high)
         for tooth, parts in losses.items()
     }
-    return {tooth: parts for tooth, parts in inside.items() if parts}
 
 
 @dataclass(frozen=True, kw_only=True)
