@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -245,14 +245,7 @@ class ToothResponse(Result):
             Mean of |lines|^2 over one mesh order about each: single lines of a pulse may vanish for
             a contact ratio that is a little different.
         """
-        known = np.rint(number).astype(int)
-        heard = self._power_about[np.minimum(known, len(self.lines) - 1)]
-        return np.where(known < len(self.lines), heard, 0.0)
-
-    @cached_property
-    def _power_about(self) -> FloatArray:
-        every = np.arange(len(self.lines), dtype=np.float64)
-        return _mean_about(np.abs(self.lines) ** 2, every, self.teeth)
+        return _mean_about(np.abs(self.lines) ** 2, np.rint(number), self.teeth)
 
 
 def _mean_about(power: FloatArray, number: FloatArray, teeth: int) -> FloatArray:
