@@ -476,16 +476,11 @@ class FlankError:
         Teeth of the gear.
     gap : Pulse or None
         Missing material [m] over the contact of a pair; None where all pairs miss it alike.
-    free_gap_m : float
-        Lead deviation that the load just closes; 0 for teeth without load. The face of a misaligned
-        gear touches where it stands out, and is moved by ``g (f - 1)/2`` with g the lead deviation
-        and f the part of the face that carries.
     """
 
     wrong: GearError | Fault
     teeth: int
     gap: Pulse | None = None
-    free_gap_m: float = 0.0
 
     @property
     def period_mesh(self) -> int:
@@ -493,8 +488,17 @@ class FlankError:
         is_turning = self.wrong.tooth is not None or self.wrong.kind in WHOLE_KINDS
         return self.teeth if is_turning else 1
 
-    def at(self, phase: FloatArray) -> FloatArray:
-        """Return what all pairs miss alike [m] at mesh phases."""
+    def at(self, phase: FloatArray, free_gap_m: float) -> FloatArray:
+        """Return what all pairs miss alike [m] at mesh phases.
+
+        Parameters
+        ----------
+        phase : ndarray
+        free_gap_m : float
+            Lead deviation that the load just closes; 0 for teeth without load. The face of a
+            misaligned gear touches where it stands out, and is moved by ``g (f - 1)/2`` with g the
+            lead deviation and f the part of the face that carries.
+        """
         if isinstance(self.wrong, Fault):
             # even wear, which shifts the mean and makes no line
             return np.full(phase.shape, 1e-3 * self.wrong.size)
@@ -503,10 +507,10 @@ class FlankError:
             return np.asarray(self.wrong.size_m * turned)
         # whichever end of the face stands out carries: twice per turn
         gap = self.wrong.size_m * np.abs(turned)
-        return np.asarray(0.5 * gap * (carrying_share(gap, self.free_gap_m) - 1))
+        return np.asarray(0.5 * gap * (carrying_share(gap, free_gap_m) - 1))
 
 
-def _moved_by(wrong: GearError | Fault, pair: MeshPair, free_gap_m: float) -> FlankError | None:
+def _moved_by(wrong: GearError | Fault, pair: MeshPair) -> FlankError | None:
     """Return what an error, wear, a through spall or a missing tooth takes from the pairs."""
     index, gap = pair.names.index(wrong.gear), None
     if isinstance(wrong, Fault):
@@ -520,7 +524,7 @@ def _moved_by(wrong: GearError | Fault, pair: MeshPair, free_gap_m: float) -> Fl
             # a contact that is nominal, as that of the half-duty forms, may be longer
             edges = [0.0, math.ceil(length) + 1.0]
             gap = Pulse.of(edges, lambda phase: size * (2 * phase / length - 1) ** power, 3)
-    return FlankError(wrong, pair.teeth[index], gap, free_gap_m) if is_moving else None
+    return FlankError(wrong, pair.teeth[index], gap) if is_moving else None
 
 
 def _lost_profile(fault: Fault, teeth: ToothPair, index: int) -> Pulse | None:
@@ -582,8 +586,8 @@ class Excitation:
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return e [m] at mesh phases, any shape; positive where material is missing."""
         x = np.asarray(phase, dtype=np.float64)
-        turning = (error.at(x) for error in self.errors if error.gap is None)
-        total = sum(turning, np.zeros(x.shape))
+        whole = [error for error in self.errors if error.gap is None]
+        total = sum((own.at(x, self.stiffness.free_gap_m) for own in whole), np.zeros(x.shape))
         if self._forces:
             stiffness = replace(self.stiffness, modulations=()).at(x)
             # without any load nothing is transmitted either
@@ -647,6 +651,5 @@ def displacement_excitation(
     """
     acting, _ = acting_faults(pair, faults)
     measured = [own for own in acting if isinstance(own, GearError) or not own.is_loss]
-    found = [_moved_by(own, pair, stiffness.free_gap_m) for own in measured]
-    moved = tuple(own for own in found if own is not None)
+    moved = tuple(found for own in measured if (found := _moved_by(own, pair)))
     return Excitation(stiffness=stiffness, errors=moved)

@@ -207,6 +207,8 @@ class ToothPair:
         Roll length of a mesh period [m].
     base_helix_angle_rad : float
     form : PotentialEnergy
+    notes : tuple of str
+        What was assumed of the bodies.
     """
 
     first: Tooth
@@ -354,10 +356,9 @@ class ToothPair:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was assumed, and what lies outside a range of validity."""
-        if not self.form.has_foundation:
-            return self.notes
         one, two = self.foundations
-        return (*self.notes, *one.warnings, *two.warnings)
+        every = (*self.notes, *one.warnings, *two.warnings)
+        return every if self.form.has_foundation else ()
 
     def _hertz(
         self,
@@ -385,7 +386,6 @@ def tooth_pair(
     bore_radii_m: tuple[float, float],
     poisson_ratio: float = 0.3,
     contact_ratio: float | None = None,
-    notes: tuple[str, ...] = (),
 ) -> ToothPair:
     """Return the meshing teeth of a pair of gears.
 
@@ -400,8 +400,6 @@ def tooth_pair(
     contact_ratio : float, optional
         A contact ratio known from elsewhere, at most that of the geometry: the middle of the path
         is kept.
-    notes : tuple of str
-        Carried to the warnings.
 
     Raises
     ------
@@ -445,7 +443,6 @@ def tooth_pair(
         base_pitch_m=(path[1] - path[0]) / ratio,
         base_helix_angle_rad=geometry.base_helix_angle_rad,
         form=form,
-        notes=notes,
     )
 
 
@@ -481,16 +478,16 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
     notes: list[str] = []
     one, two = (_held_radius(member, notes) for member in pair.geometry.gears)
     try:
-        return tooth_pair(
+        made = tooth_pair(
             pair.geometry,
             form,
             bore_radii_m=(one, two),
             poisson_ratio=pair.stage.poisson_ratio,
             contact_ratio=pair.given("contact_ratio"),
-            notes=tuple(notes) if form.has_foundation else (),
         )
     except ArgumentError as error:
         raise ArgumentError(f"{pair.where}: {error}") from None
+    return replace(made, notes=tuple(notes))
 
 
 def _held_radius(member: RackTooth, notes: list[str]) -> float:
