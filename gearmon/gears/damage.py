@@ -321,8 +321,9 @@ def _face_parts(losses: BothLosses) -> list[tuple[float, float]]:
 
 def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
     return {
-        tooth: tuple(p for p in parts if p.face_start <= low and p.face_end >= high)
+        tooth: inside
         for tooth, parts in losses.items()
+        if (inside := tuple(p for p in parts if p.face_start <= low and p.face_end >= high))
     }
 
 
