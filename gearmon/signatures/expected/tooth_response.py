@@ -296,7 +296,7 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
             told = f"stage={stage} is planetary, and its file bears no baseline"
             raise ArgumentError(told) from None
         top = int(max_order / mesh_of_stage.order * teeth)
-        lines, mesh = _deflected(stiffness, share, phase, teeth, top)
+        mesh, lines = _deflected(stiffness, share, phase, teeth, top)
     else:
         standard = False
         lines, mesh = (np.append(0.0, own) for own in (found.acceleration, found.mesh_acceleration))
@@ -362,9 +362,8 @@ def grown_lines(
     except GearmonError:  # as of `tooth_response`
         own = machine.stages[stage - 1]
         stiffness, _, share, phase = _mesh_alone(own, stage, gear, wheel.teeth)
-        shed = [x * share / (1.0 - x * share) for x in GROWN]
-        parts = [_deflected(stiffness, own, phase, wheel.teeth, top) for own in shed]
-        return parts[0][1], np.array([lines for lines, _ in parts])
+        shed = np.array([x * share / (1.0 - x * share) for x in GROWN])
+        return _deflected(stiffness, shed, phase, wheel.teeth, top)
 
 
 def _of_set(machine: Machine, found: LossResponse) -> tuple[ComplexArray, ComplexArray]:
@@ -396,16 +395,15 @@ def _of_set(machine: Machine, found: LossResponse) -> tuple[ComplexArray, Comple
 def _deflected(
     stiffness: MeshStiffness, share: FloatArray, phase: FloatArray, teeth: int, top: int
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Lines of q = F/k(t) up to a multiple of the rotation, of what a pair sheds and healthy."""
-    number = np.arange(min(top, teeth * _POINTS // 2) + 1)
-    pulse = np.zeros(teeth * _POINTS)
-    pulse[: len(share)] = share / stiffness.at(phase)
+    """Lines of q = F/k(t), healthy, and of what a pair sheds up to a multiple of the rotation."""
+    number, count = np.arange(min(top, teeth * _POINTS // 2) + 1), teeth * _POINTS
     # the pulse is taken in the middle of each step
-    late = np.exp(-1j * np.pi * number / len(pulse))
-    lines = np.fft.rfft(pulse)[: len(number)] * late / len(pulse) * number**2
+    late = np.exp(-1j * np.pi * number / count)
+    spectrum = np.fft.rfft(share / stiffness.at(phase), count)[..., : len(number)]
+    lines = spectrum * late / count * number**2
     healthy = np.fft.fft(1.0 / stiffness.at(np.arange(_POINTS) / _POINTS)) / _POINTS
     harmonic = np.arange(number[-1] // teeth + 1)
-    return lines, np.asarray(healthy[harmonic] * (harmonic * teeth) ** 2)
+    return np.asarray(healthy[harmonic] * (harmonic * teeth) ** 2), np.asarray(lines)
 
 
 def _mesh_alone(
