@@ -443,9 +443,8 @@ class PairGeometry:
     @property
     def base_helix_angle_rad(self) -> float:
         """Helix angle on the base circle [rad]: asin(sin beta cos alpha_n)."""
-        return math.asin(
-            math.sin(self.helix_angle_rad) * math.cos(self.gears[0].pressure_angle_rad)
-        )
+        sine = math.sin(self.helix_angle_rad) * math.cos(self.gears[0].pressure_angle_rad)
+        return math.asin(sine)
 
     @property
     def pitch_point_phase(self) -> float:
@@ -559,8 +558,8 @@ def _working(first: RackTooth, second: RackTooth, centre_distance_m: float | Non
     if part < 0:
         raise ArgumentError(
             f"profile_shift_{first.name} + profile_shift_{second.name} = {shifts:g} leaves no "
-            f"working pressure angle; the sum must be at {'most' if second.internal else 'least'} "
-            f"{least:.4g}"
+            f"working pressure angle; the sum must be at "
+            f"{'most' if second.internal else 'least'} {least:.4g}"
         )
     return inverse_involute(part * involute(first.transverse_pressure_angle_rad))
 
