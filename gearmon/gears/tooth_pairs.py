@@ -98,14 +98,13 @@ def weber_banaschek_compliance(
     ``delta = 4 (1 - nu^2) w/(pi E) [ln(2 sqrt(h1 h2)/a) - nu/(2 (1 - nu))]``, w = F/b; of unequal
     moduli the harmonic mean.
     """
-    modulus = 2 / (1 / moduli_pa[0] + 1 / moduli_pa[1])
-    plane = (1 - poisson_ratio**2) / (math.pi * modulus)
-    load = force_n / width_m
-    half_width = np.sqrt(8 * load * curvature_radius_m * plane)
-    depth = 2 * np.sqrt(depths_m[0] * depths_m[1]) / half_width
-    bracket = np.log(depth) - poisson_ratio / (2 * (1 - poisson_ratio))
+    # 4 (1 - nu^2)/(pi E b), so that a^2 = 2 F rho times it
+    flat = hertz_compliance(width_m, moduli_pa, poisson_ratio)
+    half_width = np.sqrt(2 * force_n * curvature_radius_m * flat)
+    bracket = np.log(2 * np.sqrt(depths_m[0] * depths_m[1]) / half_width)
+    bracket -= poisson_ratio / (2 * (1 - poisson_ratio))
     # crushing loads flatten a contact as wide as the tooth, beyond what the form describes
-    return np.asarray(4 * plane / np.asarray(width_m) * np.maximum(bracket, 0.25))
+    return np.asarray(flat * np.maximum(bracket, 0.25))
 
 
 @dataclass(frozen=True, kw_only=True)
