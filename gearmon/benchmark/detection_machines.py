@@ -287,7 +287,7 @@ def _hide(rng: np.random.Generator, mechanics: StageMechanics, stage: ParallelSt
     stiffness = rng.uniform(*STIFFNESS_FACTOR) * mechanics.stiffness.mean_n_per_m
     mass = rng.uniform(*MASS_FACTOR) * mechanics.equivalent_mass_kg
     model = MeshModel(
-        length=mechanics.contact_ratio,
+        length=mechanics.stiffness.contact_ratio,
         overlap=mechanics.stiffness.overlap_ratio,
         droop=droop,
         edge=edge,

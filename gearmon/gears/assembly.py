@@ -33,7 +33,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.arrays import FloatArray
-from gearmon.gears.kinematics import kinematics, planetary_speeds
+from gearmon.gears.kinematics import planetary_speeds
 from gearmon.gears.mechanics import (
     ELASTIC_DAMPING_S,
     DriveTrain,
@@ -42,8 +42,8 @@ from gearmon.gears.mechanics import (
     disc_body,
     equivalent_mass,
     gear_disc,
+    known_force,
     mesh_damping,
-    static_force,
 )
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.stiffness import mesh_stiffness
@@ -160,10 +160,7 @@ class _Assembly:
         self.mass = np.zeros((width, width))
         self.springs: list[Spring] = []
         self.planets: dict[int, Planets] = {}
-        self.forces: list[float | None] = []
-        for (pair, *_), shaft in zip(self.pairs, kinematics(machine).shafts, strict=False):
-            known = point.torque_nm or pair.stage.force_n
-            self.forces.append(static_force(pair, point, shaft.order) if known else None)
+        self.forces = [known_force(machine, own[0], point) for own in self.pairs]
         lines = [replace(own, rows=np.zeros((len(own.at), 3, width))) for own in found]
         for line in lines:
             self.moving(line)

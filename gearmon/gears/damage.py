@@ -15,6 +15,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, reduce
 from itertools import chain, combinations, pairwise
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,7 +23,7 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
-from gearmon.gears.faults import BANDS, Fault
+from gearmon.gears.faults import BANDS, Fault, GearError
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import (
@@ -53,6 +54,7 @@ GearLosses = dict[int, Losses]
 BothLosses = tuple[GearLosses, GearLosses]
 #: What is lost at the two teeth of a pair.
 PairState = tuple[Losses, Losses]
+_Wrong = TypeVar("_Wrong", Fault, GearError, Fault | GearError)
 #: A pair keeps at least this share of its stiffness: a number for "nothing" that can be inverted.
 LEAST_LEFT = 1e-12
 #: Rounds of sharing a load that the contact depends on.
@@ -116,7 +118,8 @@ class PairsInMesh(ABC):
     @cached_property
     def healthy(self) -> Pulse:
         """What a pair carries among sound neighbours, per unit of deflection [N/m]."""
-        edges, sound = self._edges(self._sound), self._sound
+        sound = [SOUND_PAIR] * len(self._places)
+        edges = self._edges(sound)
         return Pulse.through(edges, self.loads(panel_nodes(edges, self.points), sound)[self.reach])
 
     def trains(self, pair: MeshPair, losses: BothLosses) -> list[PulseTrain]:
@@ -197,10 +200,6 @@ class PairsInMesh(ABC):
         limits = distinct(np.clip(np.concatenate(edges), 0.0, self.length), 1e-10)
         limits[-1] = self.length
         return limits
-
-    @property
-    def _sound(self) -> list[PairState]:
-        return [SOUND_PAIR] * (2 * self.reach + 1)
 
     def _states(
         self, entry: int, losses: BothLosses, teeth: tuple[int, int]
@@ -321,11 +320,11 @@ def _face_parts(losses: BothLosses) -> list[tuple[float, float]]:
 
 
 def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
-    inside = {
-        tooth: tuple(p for p in parts if p.face_start <= low and p.face_end >= high)
+    return {
+        tooth: inside
         for tooth, parts in losses.items()
+        if (inside := tuple(p for p in parts if p.face_start <= low and p.face_end >= high))
     }
-    return {tooth: parts for tooth, parts in inside.items() if parts}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -584,8 +583,8 @@ def _slice(damage: ToothDamage, low: float, high: float, width: float) -> ToothD
     return replace(damage, crack=crack, holes=(*pits, *whole_face))
 
 
-def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault], list[str]]:
-    """Return the faults that act in this mesh, and notes on those that do not.
+def acting_faults(pair: MeshPair, faults: Iterable[_Wrong]) -> tuple[list[_Wrong], list[str]]:
+    """Return the faults and errors that act in this mesh, and notes on those that do not.
 
     Breakage, wear or a missing tooth of a planet acts in its meshes with sun and ring. Pitting and
     spalls are on the flank that meets the sun, and a root crack opens under the load of that flank:
@@ -598,18 +597,17 @@ def acting_faults(pair: MeshPair, faults: Iterable[Fault]) -> tuple[list[Fault],
     """
     acting, notes = [], []
     stage_gears = {name for other in mesh_pairs(pair.stage, pair.number) for name in other.names}
-    own = pair.names
-    for fault in faults:
-        if fault.gear not in stage_gears:
-            pair.member(fault.gear)  # refuses it
+    for own in faults:
+        if own.gear not in stage_gears:
+            pair.member(own.gear)  # refuses it
         # the flank of a planet that meets the ring is not the one that is hurt
-        far = fault.gear == "planet" and pair.second.internal
-        if fault.gear not in own or (far and fault.kind in ("crack", *BANDS)):
-            why = ": there it is pressed shut" if far and fault.kind == "crack" else ""
-            notes.append(f"fault {fault} does not act in the {pair.name} mesh{why}")
+        far = own.gear == "planet" and pair.second.internal
+        if own.gear not in pair.names or (far and own.kind in ("crack", *BANDS)):
+            why = ": there it is pressed shut" if far and own.kind == "crack" else ""
+            notes.append(f"{own.word} {own} does not act in the {pair.name} mesh{why}")
         else:
-            pair.check_tooth(f"fault {fault}", fault.gear, fault.tooth)
-            acting.append(fault)
+            pair.check_tooth(f"{own.word} {own}", own.gear, own.tooth)
+            acting.append(own)
     if pair.given("contact_ratio") is not None and _needs_pitch(acting):
         notes.append(
             "the pitch point is taken in the middle of the contact: contact_ratio is given"
@@ -652,5 +650,5 @@ def gear_losses(pair: MeshPair, faults: Sequence[Fault], mesh: PairsInMesh) -> B
     return found
 
 
-def _needs_pitch(faults: Sequence[Fault]) -> bool:
-    return any(fault.is_loss and fault.kind in BANDS for fault in faults)
+def _needs_pitch(faults: Sequence[Fault | GearError]) -> bool:
+    return any(isinstance(own, Fault) and own.is_loss and own.kind in BANDS for own in faults)

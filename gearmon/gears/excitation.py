@@ -50,6 +50,7 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError
+from gearmon.gears.damage import acting_faults
 from gearmon.gears.faults import WHOLE_KINDS, Fault, GearError
 from gearmon.gears.pairs import MeshPair
 from gearmon.gears.pulses import (
@@ -163,8 +164,7 @@ def _moved(error: GearError, pair: MeshPair, index: int) -> tuple[complex, compl
     external = not pair.second.internal
     # d_t = e cos x; the offset turns with its gear: those of external gears turn against each other
     normal = -1j * along if index == 1 and external else 1j * along
-    line = geometry.centre_distance_m * math.sin(geometry.working_pressure_angle_rad)
-    one, two = (radius / line for radius in geometry.base_radii_m)
+    one, two = (radius / geometry.line_m for radius in geometry.base_radii_m)
     leaving = (one if external else -one) * normal + share * along
     return leaving, two * normal + (1 - share) * along, 0j
 
@@ -350,12 +350,8 @@ class ModulationTrain:
         """Return the mesh stiffness [N/m] with the gears moving."""
         flat = phase.ravel()
         leaving, entering, share = state_of(self.offsets, flat, self.free_gap_m)
-        if any(offset.leaving or offset.entering for offset in self.offsets):
-            found = self.family.at(flat, leaving, entering)
-        else:
-            # every pair is like the next
-            found = self._still.at(flat)
-        return np.asarray((share * found).reshape(phase.shape))
+        found = share * self.family.at(flat, leaving, entering)
+        return np.asarray(found.reshape(phase.shape))
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -392,6 +388,7 @@ def modulation_trains(
     ----------
     pair : MeshPair
     errors : iterable of GearError
+        That act in this mesh.
     member : callable
         Gives the pulse [N/m] of a pair whose contact ratio is so much smaller.
     free_gap_m : float
@@ -404,7 +401,7 @@ def modulation_trains(
     """
     moving, notes = [], []
     for error in errors:
-        if error.kind not in WHOLE_KINDS or not error.size_m or error.gear not in pair.names:
+        if error.kind not in WHOLE_KINDS or not error.size_m:
             continue
         missing = "the static tooth force is not known" if not free_gap_m else ""
         if error.kind != "misalignment":
@@ -479,16 +476,11 @@ class FlankError:
         Teeth of the gear.
     gap : Pulse or None
         Missing material [m] over the contact of a pair; None where all pairs miss it alike.
-    free_gap_m : float
-        Lead deviation that the load just closes; 0 for teeth without load. The face of a misaligned
-        gear touches where it stands out, and is moved by ``g (f - 1)/2`` with g the lead deviation
-        and f the part of the face that carries.
     """
 
     wrong: GearError | Fault
     teeth: int
     gap: Pulse | None = None
-    free_gap_m: float = 0.0
 
     @property
     def period_mesh(self) -> int:
@@ -496,8 +488,17 @@ class FlankError:
         is_turning = self.wrong.tooth is not None or self.wrong.kind in WHOLE_KINDS
         return self.teeth if is_turning else 1
 
-    def at(self, phase: FloatArray) -> FloatArray:
-        """Return what all pairs miss alike [m] at mesh phases."""
+    def at(self, phase: FloatArray, free_gap_m: float) -> FloatArray:
+        """Return what all pairs miss alike [m] at mesh phases.
+
+        Parameters
+        ----------
+        phase : ndarray
+        free_gap_m : float
+            Lead deviation that the load just closes; 0 for teeth without load. The face of a
+            misaligned gear touches where it stands out, and is moved by ``g (f - 1)/2`` with g the
+            lead deviation and f the part of the face that carries.
+        """
         if isinstance(self.wrong, Fault):
             # even wear, which shifts the mean and makes no line
             return np.full(phase.shape, 1e-3 * self.wrong.size)
@@ -506,10 +507,10 @@ class FlankError:
             return np.asarray(self.wrong.size_m * turned)
         # whichever end of the face stands out carries: twice per turn
         gap = self.wrong.size_m * np.abs(turned)
-        return np.asarray(0.5 * gap * (carrying_share(gap, self.free_gap_m) - 1))
+        return np.asarray(0.5 * gap * (carrying_share(gap, free_gap_m) - 1))
 
 
-def _moved_by(wrong: GearError | Fault, pair: MeshPair, free_gap_m: float) -> FlankError | None:
+def _moved_by(wrong: GearError | Fault, pair: MeshPair) -> FlankError | None:
     """Return what an error, wear, a through spall or a missing tooth takes from the pairs."""
     index, gap = pair.names.index(wrong.gear), None
     if isinstance(wrong, Fault):
@@ -523,7 +524,7 @@ def _moved_by(wrong: GearError | Fault, pair: MeshPair, free_gap_m: float) -> Fl
             # a contact that is nominal, as that of the half-duty forms, may be longer
             edges = [0.0, math.ceil(length) + 1.0]
             gap = Pulse.of(edges, lambda phase: size * (2 * phase / length - 1) ** power, 3)
-    return FlankError(wrong, pair.teeth[index], gap, free_gap_m) if is_moving else None
+    return FlankError(wrong, pair.teeth[index], gap) if is_moving else None
 
 
 def _lost_profile(fault: Fault, teeth: ToothPair, index: int) -> Pulse | None:
@@ -572,12 +573,10 @@ class Excitation:
     stiffness : MeshStiffness
         Shares the errors among the pairs in contact.
     errors : tuple of FlankError
-    warnings : tuple of str
     """
 
     stiffness: MeshStiffness
     errors: tuple[FlankError, ...]
-    warnings: tuple[str, ...] = ()
 
     @property
     def period_mesh(self) -> int:
@@ -587,8 +586,8 @@ class Excitation:
     def at(self, phase: ArrayLike) -> FloatArray:
         """Return e [m] at mesh phases, any shape; positive where material is missing."""
         x = np.asarray(phase, dtype=np.float64)
-        turning = (error.at(x) for error in self.errors if error.gap is None)
-        total = sum(turning, np.zeros(x.shape))
+        whole = [error for error in self.errors if error.gap is None]
+        total = sum((own.at(x, self.stiffness.free_gap_m) for own in whole), np.zeros(x.shape))
         if self._forces:
             stiffness = replace(self.stiffness, modulations=()).at(x)
             # without any load nothing is transmitted either
@@ -628,10 +627,7 @@ class Excitation:
 
 
 def displacement_excitation(
-    pair: MeshPair,
-    stiffness: MeshStiffness,
-    errors: Iterable[GearError] = (),
-    faults: Iterable[Fault] = (),
+    pair: MeshPair, stiffness: MeshStiffness, faults: Iterable[Fault | GearError] = ()
 ) -> Excitation:
     """Return the displacement excitation of a mesh by errors and by profile lost to damage.
 
@@ -640,10 +636,9 @@ def displacement_excitation(
     pair : MeshPair
     stiffness : MeshStiffness
         Of this mesh, with its faults; under a known force misaligned faces close their gaps.
-    errors : iterable of GearError
-        Of this stage; those of gears of other meshes are left aside. An error of 0 moves nothing.
-    faults : iterable of Fault
-        Wear, missing teeth and spalls across the whole face move the flanks too.
+    faults : iterable of Fault or GearError
+        Of this stage; those that act in other meshes only are left aside, and an error of 0 moves
+        nothing. Wear, missing teeth and spalls across the whole face move the flanks too.
 
     Returns
     -------
@@ -652,16 +647,9 @@ def displacement_excitation(
     Raises
     ------
     ArgumentError
-        If a gear has no such tooth.
+        If the stage has no such gear, or the gear no such tooth.
     """
-    found, notes = [], []
-    for error in errors:
-        if error.gear in pair.names:
-            pair.check_tooth(f"error {error}", error.gear, error.tooth)
-            found.append(_moved_by(error, pair, stiffness.free_gap_m))
-        else:
-            notes.append(f"error {error} does not act in the {pair.name} mesh")
-    measured = [own for own in faults if own.gear in pair.names and not own.is_loss]
-    found += [_moved_by(own, pair, stiffness.free_gap_m) for own in measured]
-    moved = tuple(own for own in found if own is not None)
-    return Excitation(stiffness=stiffness, errors=moved, warnings=tuple(notes))
+    acting, _ = acting_faults(pair, faults)
+    measured = [own for own in acting if isinstance(own, GearError) or not own.is_loss]
+    moved = tuple(found for own in measured if (found := _moved_by(own, pair)))
+    return Excitation(stiffness=stiffness, errors=moved)

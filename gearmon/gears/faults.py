@@ -14,7 +14,7 @@ import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from gearmon.errors import ArgumentError, check_finite, check_word
 from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, held, optional
@@ -104,6 +104,8 @@ def flank_level(share: float) -> int | None:
 class _OnGear:
     """What is wrong with a gear, and where; fields as of `Fault`."""
 
+    #: What messages call it.
+    word: ClassVar[str] = "fault"
     kind: str
     stage: int = held(Count(low=1, high=1000))
     gear: str = held(Choice(options=GEARS))
@@ -113,9 +115,8 @@ class _OnGear:
         try:
             check_fields(self)
         except FieldError as error:
-            what = "error" if isinstance(self, GearError) else "fault"
-            word = "from" if error.key == "start" else error.key
-            raise ArgumentError(error.message(f"{what} {word}")) from None
+            key = "from" if error.key == "start" else error.key
+            raise ArgumentError(error.message(f"{self.word} {key}")) from None
 
     @property
     def _place(self) -> str:
@@ -428,6 +429,7 @@ class GearError(_OnGear):
         If a value has no meaning.
     """
 
+    word: ClassVar[str] = "error"
     kind: str = held(Choice(options=tuple(ERROR_KINDS)))
     size_m: float
     phase_rad: float = 0.0

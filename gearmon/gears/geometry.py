@@ -11,10 +11,10 @@ contact ratio below 1) are refused.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,7 +28,6 @@ CLEARANCE = 0.25
 
 
 Two = tuple[float, float]
-_Own = TypeVar("_Own")
 __all__ = ["GearTeeth", "PairGeometry", "pair_geometry"]
 #: Rim of a ring where none is given [modules]; thinner ones are called thin: from 3.5 on ISO 6336-3
 #: sees no weakening (rim factor 1).
@@ -220,6 +219,12 @@ class RackTooth(GearTeeth):
         depth = self.module_m * (self.root_factor - self.profile_shift)
         return self.reference_radius_m - self.sign * depth
 
+    @cached_property
+    def tip_radius_m(self) -> float:
+        """Radius of the tip circle [m], as far as the tips are known to be cut back."""
+        height = self.tip_factor + self.profile_shift + (self.tip_shortening or 0.0)
+        return self.reference_radius_m + self.sign * self.module_m * height
+
     @property
     def least_shift(self) -> float:
         """Profile shift below which so many teeth are undercut."""
@@ -246,7 +251,16 @@ class RackTooth(GearTeeth):
         if roll >= 0 and not self.internal:
             return roll
         end = radius + depth if self.internal else abs(complex(self.fillet(self.undercut_end)))
-        return math.sqrt(max(end**2 - self.base_radius_m**2, 0.0))
+        return self.roll_at(end)
+
+    def roll_at(self, radius_m: float) -> float:
+        """Return the roll length [m] of the involute on a circle; 0 inside the base circle."""
+        return math.sqrt(max(radius_m**2 - self.base_radius_m**2, 0.0))
+
+    def involute_at(self, radius_m: float) -> float:
+        """Return the involute function of the pressure angle on a circle."""
+        tangent = self.roll_at(radius_m) / self.base_radius_m
+        return tangent - math.atan(tangent)
 
     def fillet(self, angles_rad: ArrayLike) -> ComplexArray:
         """Return points of the generated fillet of an external gear, in the transverse section.
@@ -288,16 +302,36 @@ class RackTooth(GearTeeth):
         thickness = math.pi / 2 + shift * math.tan(self.pressure_angle_rad)
         return self.sign * thickness / self.teeth + involute(alpha)
 
+    def thickness_m(self, radius_m: float) -> float:
+        """Return the transverse tooth thickness on a circle outside the base circle [m].
+
+        Parameters
+        ----------
+        radius_m : float
+            At least the base radius.
+
+        Raises
+        ------
+        ArgumentError
+            If the circle lies inside the base circle, where there is no involute.
+        """
+        base = self.base_radius_m
+        if radius_m < base * (1 - 1e-12):
+            told = f"radius_m={radius_m} of the {self.name}"
+            raise ArgumentError(f"{told} must be >= base radius {base}")
+        angle = self.base_half_angle - self.involute_at(radius_m)
+        return 2 * radius_m * self.sign * angle
+
     @property
     def undercut_end(self) -> float:
         """Angle [rad] of the rack-tip normal at which the fillet cuts the involute, or alpha_n."""
-        base, half_angle = self.base_radius_m, self.base_half_angle
 
         def beyond(angle: float) -> float:
             point = complex(self.fillet(angle))
-            rolled = math.sqrt(max((abs(point) / base) ** 2 - 1, 0.0))
+            radius, flank = abs(point), math.pi
             # inside the base circle there is no involute to be cut
-            flank = half_angle - (rolled - math.atan(rolled)) if rolled else math.pi
+            if radius > self.base_radius_m:
+                flank = self.base_half_angle - self.involute_at(radius)
             return math.atan2(point.real, point.imag) - flank
 
         first = self.pressure_angle_rad
@@ -308,73 +342,51 @@ class RackTooth(GearTeeth):
 class PairGeometry:
     """Geometry of a pair; index 0 is the first gear given, index 1 its mate.
 
-    Lengths are in metres, angles in radians, radii positive. Made by `pair_geometry`, which fills
-    in what follows from the centre distance.
+    Lengths are in metres, angles in radians, radii positive. Made by `pair_geometry`, which finds
+    the working pressure angle and by how much the tips are cut back.
 
     Parameters
     ----------
     gears : tuple of two RackTooth
         The second may be a ring.
-    normal_module_m : float
-    normal_pressure_angle_rad, working_pressure_angle_rad : float
-        alpha_n at the reference circle; alpha_wt at the working circle.
-    helix_angle_rad : float
-        Magnitude of the helix angle at the reference circle.
+    working_pressure_angle_rad : float
+        alpha_wt at the working circle.
     face_width_m : float or None
-    centre_distance_m : float
-        Working centre distance a_w, positive.
-    tip_shortening : (float, float)
-        k, in modules, <= 0 where tips are cut back to keep the tip clearance.
-    tip_radii_m : (float, float)
     warnings : tuple of str
     """
 
     gears: tuple[RackTooth, RackTooth]
-    normal_module_m: float
-    normal_pressure_angle_rad: float
-    helix_angle_rad: float
-    face_width_m: float | None
-    working_pressure_angle_rad: float = 0.0
-    centre_distance_m: float = 0.0
-    tip_shortening: Two = (0.0, 0.0)
-    tip_radii_m: Two = (0.0, 0.0)
+    working_pressure_angle_rad: float
+    face_width_m: float | None = None
     warnings: tuple[str, ...] = ()
+
+    @property
+    def helix_angle_rad(self) -> float:
+        """Magnitude of the helix angle at the reference circle [rad]."""
+        return self.gears[0].helix_angle_rad
 
     @property
     def transverse_module_m(self) -> float:
         """Transverse module m_t [m]."""
-        return self.normal_module_m / math.cos(self.helix_angle_rad)
-
-    @cached_property
-    def transverse_pressure_angle_rad(self) -> float:
-        """Pressure angle alpha_t at the reference circle [rad]."""
-        return self.gears[0].transverse_pressure_angle_rad
-
-    @cached_property
-    def reference_radii_m(self) -> Two:
-        """Radii of the reference circles [m]."""
-        return _both(lambda i: self.gears[i].reference_radius_m)
+        return self.gears[0].module_m / math.cos(self.helix_angle_rad)
 
     @cached_property
     def base_radii_m(self) -> Two:
         """Radii of the base circles [m]."""
-        return _both(lambda i: self.gears[i].base_radius_m)
-
-    @property
-    def working_radii_m(self) -> Two:
-        """Radii of the working pitch circles [m]."""
-        cosine = math.cos(self.working_pressure_angle_rad)
-        return _both(lambda i: self.base_radii_m[i] / cosine)
+        one, two = self.gears
+        return one.base_radius_m, two.base_radius_m
 
     @cached_property
-    def root_radii_m(self) -> Two:
-        """Radii of the root circles [m]."""
-        return _both(lambda i: self.gears[i].root_radius_m)
+    def centre_distance_m(self) -> float:
+        """Working centre distance a_w [m], positive."""
+        one, two = self.base_radii_m
+        return abs(one + self.gears[1].sign * two) / math.cos(self.working_pressure_angle_rad)
 
     @cached_property
-    def form_rolls_m(self) -> Two:
-        """Roll lengths [m] at which the involute begins above the fillet; for a ring, ends."""
-        return _both(lambda i: self.gears[i].form_roll)
+    def tip_radii_m(self) -> Two:
+        """Radii of the tip circles [m]."""
+        one, two = self.gears
+        return one.tip_radius_m, two.tip_radius_m
 
     @property
     def line_m(self) -> float:
@@ -384,7 +396,7 @@ class PairGeometry:
     @property
     def base_pitch_m(self) -> float:
         """Transverse base pitch p_bt [m]."""
-        return math.pi * self.transverse_module_m * math.cos(self.transverse_pressure_angle_rad)
+        return 2 * math.pi * self.base_radii_m[0] / self.gears[0].teeth
 
     @cached_property
     def path_m(self) -> Two:
@@ -392,8 +404,7 @@ class PairGeometry:
 
         Distances from the base tangent point of the first gear along the line of action; it drives.
         """
-        tips, bases = self.tip_radii_m, self.base_radii_m
-        one, two = _both(lambda i: math.sqrt(max(tips[i] ** 2 - bases[i] ** 2, 0.0)))
+        one, two = (own.roll_at(own.tip_radius_m) for own in self.gears)
         return self.gears[1].sign * (self.line_m - two), one
 
     @property
@@ -421,7 +432,8 @@ class PairGeometry:
             raise ArgumentError(
                 "face_width_m is missing: the overlap ratio of helical gears needs it"
             )
-        return self.face_width_m * math.sin(self.helix_angle_rad) / (math.pi * self.normal_module_m)
+        axial_pitch = math.pi * self.gears[0].module_m / math.sin(self.helix_angle_rad)
+        return self.face_width_m / axial_pitch
 
     @property
     def total_contact_ratio(self) -> float:
@@ -431,34 +443,14 @@ class PairGeometry:
     @property
     def base_helix_angle_rad(self) -> float:
         """Helix angle on the base circle [rad]: asin(sin beta cos alpha_n)."""
-        return math.asin(math.sin(self.helix_angle_rad) * math.cos(self.normal_pressure_angle_rad))
+        sine = math.sin(self.helix_angle_rad) * math.cos(self.gears[0].pressure_angle_rad)
+        return math.asin(sine)
 
     @property
     def pitch_point_phase(self) -> float:
         """Mesh periods from the entry of a pair into contact to its contact at the pitch point."""
         pitch = self.base_radii_m[0] * math.tan(self.working_pressure_angle_rad)
         return (pitch - self.path_m[0]) / self.base_pitch_m
-
-    def thickness_m(self, index: int, radius_m: float) -> float:
-        """Return the transverse tooth thickness of a gear on a circle outside its base circle [m].
-
-        Parameters
-        ----------
-        index : {0, 1}
-        radius_m : float
-            At least the base radius.
-
-        Raises
-        ------
-        ArgumentError
-            If the circle lies inside the base circle, where there is no involute.
-        """
-        base = self.base_radii_m[index]
-        if radius_m < base * (1 - 1e-12):
-            name = self.gears[index].name
-            raise ArgumentError(f"radius_m={radius_m} of the {name} must be >= base radius {base}")
-        here = involute(math.acos(min(1.0, base / radius_m)))
-        return 2 * radius_m * self.gears[index].sign * (self.gears[index].base_half_angle - here)
 
 
 def pair_geometry(
@@ -470,7 +462,6 @@ def pair_geometry(
     helix_angle_rad: float = 0.0,
     face_width_m: float | None = None,
     centre_distance_m: float | None = None,
-    internal: bool = False,
     check: bool = True,
 ) -> PairGeometry:
     """Return the geometry of a pair of cylindrical involute gears.
@@ -478,7 +469,7 @@ def pair_geometry(
     Parameters
     ----------
     first, second : GearTeeth
-        The first is taken to drive; `second` is the ring of an internal pair.
+        The first is taken to drive; the second may be a ring.
     module_m : float
         Normal module [m].
     pressure_angle_rad : float
@@ -489,8 +480,6 @@ def pair_geometry(
         Common face width [m]; only the overlap ratio needs it.
     centre_distance_m : float, optional
         Working centre distance [m]; by default the one without backlash.
-    internal : bool
-        Whether `second` has internal teeth.
     check : bool
         Whether pairs that cannot run are refused: negative backlash, undercut that reaches the
         path of contact, interference, pointed tips, a contact ratio below 1.
@@ -520,32 +509,24 @@ def pair_geometry(
     check_positive("module_m", module_m, "m")
     check_range("pressure_angle_rad", pressure_angle_rad, 0.1, 0.8, "rad")
     beta = check_range("helix_angle_rad", abs(helix_angle_rad), 0.0, 0.8, "rad")
-    internal = internal or second.internal
-    if internal and second.teeth <= first.teeth:
+    if second.internal and second.teeth <= first.teeth:
         raise ArgumentError(
             f"{second.name}_teeth={second.teeth} of an internal gear must be > "
             f"{first.name}_teeth={first.teeth}"
         )
-    given = first, replace(second, internal=internal)
     rack: dict[str, Any] = {"pressure_angle_rad": pressure_angle_rad, "helix_angle_rad": beta}
-    pair = PairGeometry(
-        gears=_both(lambda i: RackTooth(**told_of(given[i], GearTeeth), **rack, module_m=module_m)),
-        normal_module_m=module_m,
-        normal_pressure_angle_rad=pressure_angle_rad,
-        helix_angle_rad=beta,
-        face_width_m=face_width_m,
-    )
-    working, distance = _working(pair, centre_distance_m)
-    pair = replace(pair, working_pressure_angle_rad=working, centre_distance_m=abs(distance))
-    excess = (distance - 0.5 * pair.transverse_module_m * _total(pair)) / module_m
-    excess -= first.profile_shift + second.profile_shift
+    rack["module_m"] = module_m
+    one, two = (RackTooth(**told_of(own, GearTeeth), **rack) for own in (first, second))
+    working = _working(one, two, centre_distance_m)
+    pair = PairGeometry(gears=(one, two), working_pressure_angle_rad=working)
+    room = (pair.centre_distance_m - one.reference_radius_m - two.reference_radius_m) / module_m
     # a centre distance above the tight one, or a ring, needs no cutting back
-    usual = 0.0 if internal else min(0.0, excess)
-    one, two = (usual if k is None else k for k in (first.tip_shortening, second.tip_shortening))
-    cut = one, two
-    above = _both(lambda i: pair.gears[i].tip_factor + pair.gears[i].profile_shift + cut[i])
-    tips = _both(lambda i: pair.reference_radii_m[i] + pair.gears[i].sign * module_m * above[i])
-    pair = replace(pair, tip_shortening=cut, tip_radii_m=tips)
+    usual = 0.0 if two.internal else min(0.0, room - one.profile_shift - two.profile_shift)
+    one, two = (
+        own if own.tip_shortening is not None else replace(own, tip_shortening=usual)
+        for own in pair.gears
+    )
+    pair = replace(pair, gears=(one, two), face_width_m=face_width_m)
     return check_pair(trim_ring(pair)) if check else pair
 
 
@@ -554,39 +535,33 @@ def told_of(gear: GearTeeth, kind: type[GearTeeth]) -> dict[str, Any]:
     return {own.name: getattr(gear, own.name) for own in fields(kind)}
 
 
-def _both(value: Callable[[int], _Own]) -> tuple[_Own, _Own]:
-    """Return a value of each gear."""
-    return value(0), value(1)
+def _shift_for(first: RackTooth, second: RackTooth, working_rad: float) -> float:
+    """Return the sum of profile shifts without backlash at a working pressure angle."""
+    inv = involute(working_rad) - involute(first.transverse_pressure_angle_rad)
+    total = first.teeth + second.sign * second.teeth
+    return inv * total / (2 * math.tan(first.pressure_angle_rad))
 
 
-def _total(pair: PairGeometry) -> int:
-    """Return z1 + z2 with the sign of a ring."""
-    return pair.gears[0].teeth + pair.gears[1].sign * pair.gears[1].teeth
-
-
-def _working(pair: PairGeometry, centre_distance_m: float | None) -> Two:
-    """Return working pressure angle and signed centre distance."""
-    (first, second), alpha = pair.gears, pair.transverse_pressure_angle_rad
-    total, tangent = _total(pair), math.tan(pair.normal_pressure_angle_rad)
-    base = 0.5 * pair.transverse_module_m * total * math.cos(alpha)
+def _working(first: RackTooth, second: RackTooth, centre_distance_m: float | None) -> float:
+    """Return the working pressure angle."""
     if centre_distance_m is not None:
         distance = check_positive("centre_distance_m", centre_distance_m, "m")
-        if distance < abs(base) * (1 - 1e-12):
+        base = abs(first.base_radius_m + second.sign * second.base_radius_m)
+        if distance < base * (1 - 1e-12):
             raise ArgumentError(
                 f"centre_distance_m={distance} m is less than the sum of the base radii, "
-                f"{abs(base):.6g} m: the flanks cannot touch; give at least that"
+                f"{base:.6g} m: the flanks cannot touch; give at least that"
             )
-        return math.acos(min(1.0, abs(base) / distance)), math.copysign(distance, base)
-    shifts = first.profile_shift + second.profile_shift
-    inv = involute(alpha) + 2 * shifts * tangent / total
-    if inv < 0:
+        return math.acos(min(1.0, base / distance))
+    shifts, least = first.profile_shift + second.profile_shift, _shift_for(first, second, 0.0)
+    part = 1 - shifts / least
+    if part < 0:
         raise ArgumentError(
             f"profile_shift_{first.name} + profile_shift_{second.name} = {shifts:g} leaves no "
-            f"working pressure angle; the sum must be at {'most' if second.internal else 'least'} "
-            f"{-involute(alpha) * total / (2 * tangent):.4g}"
+            f"working pressure angle; the sum must be at "
+            f"{'most' if second.internal else 'least'} {least:.4g}"
         )
-    angle = inverse_involute(inv)
-    return angle, base / math.cos(angle)
+    return inverse_involute(part * involute(first.transverse_pressure_angle_rad))
 
 
 def normal_section(pair: PairGeometry) -> PairGeometry:
@@ -601,15 +576,11 @@ def normal_section(pair: PairGeometry) -> PairGeometry:
     """
     cosine = math.cos(pair.base_helix_angle_rad)
     share = cosine**2 * math.cos(pair.helix_angle_rad)
-    teeth = [cast(int, own.teeth / share) for own in pair.gears]
-    gears = _both(lambda i: replace(pair.gears[i], teeth=teeth[i], helix_angle_rad=0.0))
+    one, two = (
+        replace(own, teeth=cast(int, own.teeth / share), helix_angle_rad=0.0) for own in pair.gears
+    )
     working = math.asin(math.sin(pair.working_pressure_angle_rad) * cosine)
-    flat = replace(pair, gears=gears, helix_angle_rad=0.0)
-    section = replace(flat, working_pressure_angle_rad=working)
-    (first, second), circles = section.working_radii_m, section.reference_radii_m
-    tips = _both(lambda i: circles[i] + pair.tip_radii_m[i] - pair.reference_radii_m[i])
-    centres = abs(first + pair.gears[1].sign * second)
-    return replace(section, centre_distance_m=centres, tip_radii_m=tips)
+    return replace(pair, gears=(one, two), working_pressure_angle_rad=working)
 
 
 def check_pair(pair: PairGeometry) -> PairGeometry:
@@ -644,8 +615,8 @@ def trim_ring(pair: PairGeometry) -> PairGeometry:
     if not pair.gears[1].internal:
         return pair
     planet, ring = pair.gears
-    least = math.hypot(pair.base_radii_m[1], pair.form_rolls_m[0] + pair.line_m)
-    trim = (least - pair.tip_radii_m[1]) / pair.normal_module_m
+    least = math.hypot(ring.base_radius_m, planet.form_roll + pair.line_m)
+    trim = (least - ring.tip_radius_m) / ring.module_m
     if trim <= 1e-9:
         return pair
     cure = f"tip_factor_{ring.name} <= {ring.tip_factor - trim:.3f}"
@@ -659,14 +630,13 @@ def trim_ring(pair: PairGeometry) -> PairGeometry:
         f"the tips of the {ring.name} are taken as relieved by {trim:.3f} modules, for they would "
         f"touch the fillet of the {planet.name}; {cure} would say so"
     )
-    tips = pair.tip_radii_m[0], least
-    return replace(pair, tip_radii_m=tips, warnings=(*pair.warnings, note))
+    relieved = replace(ring, tip_shortening=(ring.tip_shortening or 0.0) - trim)
+    return replace(pair, gears=(planet, relieved), warnings=(*pair.warnings, note))
 
 
 def _check_backlash(pair: PairGeometry) -> Iterator[str]:
     first, second = pair.gears
-    inv = involute(pair.working_pressure_angle_rad) - involute(pair.transverse_pressure_angle_rad)
-    tight = inv * _total(pair) / (2 * math.tan(pair.normal_pressure_angle_rad))
+    tight = _shift_for(first, second, pair.working_pressure_angle_rad)
     given = first.profile_shift + second.profile_shift
     distance = 1e3 * pair.centre_distance_m
     if given > tight + SHIFT_ROUNDING:
@@ -683,15 +653,15 @@ def _check_backlash(pair: PairGeometry) -> Iterator[str]:
 
 def _check_tip(pair: PairGeometry, index: int) -> Iterator[str]:
     gear = pair.gears[index]
-    if pair.tip_radii_m[index] < pair.base_radii_m[index]:
+    if gear.tip_radius_m < gear.base_radius_m:
         raise ArgumentError(
             f"tip_factor_{gear.name}={gear.tip_factor:g} puts the tips of the {gear.name} at "
-            f"{1e3 * pair.tip_radii_m[index]:.5g} mm, inside its base circle of "
-            f"{1e3 * pair.base_radii_m[index]:.5g} mm, where there is no involute; "
-            f"{'reduce' if pair.gears[index].sign < 0 else 'raise'} tip_factor_{gear.name}"
+            f"{1e3 * gear.tip_radius_m:.5g} mm, inside its base circle of "
+            f"{1e3 * gear.base_radius_m:.5g} mm, where there is no involute; "
+            f"{'reduce' if gear.internal else 'raise'} tip_factor_{gear.name}"
         )
-    thickness = pair.thickness_m(index, pair.tip_radii_m[index]) * math.cos(pair.helix_angle_rad)
-    modules = thickness / pair.normal_module_m
+    thickness = gear.thickness_m(gear.tip_radius_m) * math.cos(gear.helix_angle_rad)
+    modules = thickness / gear.module_m
     if modules <= 0:
         raise ArgumentError(
             f"the teeth of the {gear.name} are pointed: tip thickness {modules:.3f} modules with "
@@ -718,15 +688,14 @@ def _check_contact_ratio(pair: PairGeometry) -> None:
 
 
 def _check_clearance(pair: PairGeometry, index: int) -> None:
-    mate = 1 - index
-    tips, roots, centres = pair.tip_radii_m, pair.root_radii_m, pair.centre_distance_m
-    gap = pair.gears[1].sign * centres
-    gap -= pair.gears[index].sign * tips[index] + pair.gears[mate].sign * roots[mate]
+    gear, mate = pair.gears[index], pair.gears[1 - index]
+    gap = pair.gears[1].sign * pair.centre_distance_m
+    gap -= gear.sign * gear.tip_radius_m + mate.sign * mate.root_radius_m
     if gap <= 0:
-        gear, other = pair.gears[index].name, pair.gears[mate].name
         raise ArgumentError(
-            f"the tips of the {gear} run {-1e3 * gap:.4g} mm into the roots of the {other}; "
-            f"reduce tip_factor_{gear} or raise root_factor_{other} or the centre distance"
+            f"the tips of the {gear.name} run {-1e3 * gap:.4g} mm into the roots of the "
+            f"{mate.name}; reduce tip_factor_{gear.name} or raise root_factor_{mate.name} or the "
+            f"centre distance"
         )
 
 
@@ -734,7 +703,7 @@ def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:
     """Contact must stay on the involute of an external gear."""
     gear, mate = pair.gears[index], pair.gears[1 - index]
     start = pair.path_m[0] if index == 0 else pair.line_m - pair.path_m[1]
-    short = (pair.form_rolls_m[index] - start) / pair.normal_module_m
+    short = (gear.form_roll - start) / gear.module_m
     least, shift = gear.least_shift, gear.profile_shift
     undercut, touched = shift < least - 1e-9, short > 1e-6
     given = f"profile_shift_{gear.name}={shift:g}"
@@ -763,11 +732,11 @@ def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:
 
 def _check_ring(pair: PairGeometry) -> Iterator[str]:
     planet, ring = pair.gears
-    end = math.hypot(pair.base_radii_m[1], pair.path_m[1] + pair.line_m)
-    if end > pair.root_radii_m[1]:
+    end = math.hypot(ring.base_radius_m, pair.path_m[1] + pair.line_m)
+    if end > ring.root_radius_m:
         raise ArgumentError(
             f"the tips of the {planet.name} touch the {ring.name} beyond its root circle "
-            f"({1e3 * end:.5g} > {1e3 * pair.root_radii_m[1]:.5g} mm); reduce "
+            f"({1e3 * end:.5g} > {1e3 * ring.root_radius_m:.5g} mm); reduce "
             f"tip_factor_{planet.name} or raise root_factor_{ring.name}"
         )
     room = _tip_passage(pair)
@@ -801,8 +770,8 @@ def _tip_passage(pair: PairGeometry) -> float:
 def _tip_angles(pair: PairGeometry) -> Two:
     """Return the angles from the pitch points of the flanks to their tips, about the centres."""
     working = involute(pair.working_pressure_angle_rad)
-    cosines = _both(lambda i: min(1.0, pair.base_radii_m[i] / pair.tip_radii_m[i]))
-    return _both(lambda i: involute(math.acos(cosines[i])) - working)
+    ahead, behind = (own.involute_at(own.tip_radius_m) - working for own in pair.gears)
+    return ahead, behind
 
 
 def _radial_passage(pair: PairGeometry) -> float:

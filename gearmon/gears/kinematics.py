@@ -224,30 +224,24 @@ class Mesh(Turning):
 
 
 @dataclass(frozen=True)
-class Line:
+class Line(Turning):
     """A frequency that the machine can show.
 
     Parameters
     ----------
+    exact : Fraction
+        Order, in turns of shaft 1; where angles enter (bearings) that of a rounded number.
     kind : str
         "shaft", "mesh", "assembly phase", "hunting tooth", "rotation", "planet pass",
         "local fault" or "bearing".
     name : str
-    exact : Fraction or float
-        Order, in turns of shaft 1; a float where angles enter (bearings).
     stage, shaft : int or None
     """
 
     kind: str
     name: str
-    exact: Fraction | float
     stage: int | None = None
     shaft: int | None = None
-
-    @property
-    def order(self) -> float:
-        """The order as a number."""
-        return float(self.exact)
 
 
 @dataclass(frozen=True)
@@ -374,7 +368,7 @@ def kinematics(machine: Machine) -> Kinematics:
         orders.append(abs(speeds[stage.on_shafts[1]]))
     names = {len(orders): "output"} | {1: "input"}
     shafts = tuple(Shaft(own, n, names.get(n, "intermediate")) for n, own in enumerate(orders, 1))
-    lines = [Line("shaft", f"{own.name} shaft", own.exact, shaft=own.number) for own in shafts]
+    lines = [Line(own.exact, "shaft", f"{own.name} shaft", shaft=own.number) for own in shafts]
     for mesh in meshes:
         lines += _mesh_lines(mesh)
     for bearing in machine.bearings:
@@ -490,7 +484,7 @@ def _planetary_families(
 
 
 def _mesh_lines(mesh: Mesh) -> list[Line]:
-    lines = [Line("mesh", mesh.name, mesh.exact, stage=mesh.stage)]
+    lines = [Line(mesh.exact, "mesh", mesh.name, mesh.stage)]
     if not mesh.planets:
         return [*lines, *_pair_lines(mesh, mesh.name, *mesh.teeth)]
     for one, two in pairwise(mesh.wheels):
@@ -498,11 +492,11 @@ def _mesh_lines(mesh: Mesh) -> list[Line]:
         lines += _pair_lines(mesh, name, one.teeth, two.teeth)
     kinds = {"fault": "local fault", "pass": "planet pass"}
     if turning := mesh.wheel("planet").exact:
-        lines.append(Line("rotation", "planet, seen from the housing", turning, stage=mesh.stage))
+        lines.append(Line(turning, "rotation", "planet, seen from the housing", mesh.stage))
     for family in mesh.modulations:
         if family.shaft is None:  # the others are shafts and stand among them
             kind = kinds.get(family.name.split()[-1], "rotation")
-            lines.append(Line(kind, family.name, family.exact, stage=mesh.stage))
+            lines.append(Line(family.exact, kind, family.name, mesh.stage))
     return lines
 
 
@@ -514,7 +508,7 @@ def _pair_lines(mesh: Mesh, name: str, teeth: int, other_teeth: int) -> list[Lin
     """
     common, least = math.gcd(teeth, other_teeth), math.lcm(teeth, other_teeth)
     periods = (("assembly phase", common), ("hunting tooth", least))
-    return [Line(kind, name, mesh.exact / count, stage=mesh.stage) for kind, count in periods]
+    return [Line(mesh.exact / count, kind, name, mesh.stage) for kind, count in periods]
 
 
 def _bearing_lines(
@@ -541,7 +535,8 @@ def _bearing_lines(
         ("outer race (BPFO)", bearing.balls * (1 - g) / 2),
         ("inner race (BPFI)", bearing.balls * (1 + g) / 2),
     ):
-        yield Line("bearing", f"{bearing.name}: {name}", factor * turning, stage, bearing.shaft)
+        exact, told = Fraction(factor * turning), f"{bearing.name}: {name}"
+        yield Line(exact, "bearing", told, stage, bearing.shaft)
 
 
 def _row(line: Line, point: OperatingPoint) -> dict[str, Any]:

@@ -52,7 +52,8 @@ UNFELT = 1e-9
 class StageMechanics:
     """One mesh at one operating point, ready for ``m z'' + c z' + k(t) z = F``.
 
-    z is the displacement along the transverse line of action.
+    z is the displacement along the transverse line of action. Of meshes that work side by side, as
+    those of planets do, the numbers are those of one.
 
     Parameters
     ----------
@@ -60,8 +61,6 @@ class StageMechanics:
         Number of the stage, counted from 1.
     mesh : str
         Name of the mesh: "pinion-gear", "sun-planet" or "planet-ring".
-    planets : int
-        How many such meshes work side by side; the numbers are those of one.
     stiffness : MeshStiffness
     equivalent_mass_kg : float
         Mass of both gears reduced to the line of action.
@@ -77,12 +76,10 @@ class StageMechanics:
         By how much it is ahead of the first one of its stage [mesh periods].
     assumptions : tuple of str
         What was not in the machine file and had to be taken, in words.
-    warnings : tuple of str
     """
 
     stage: int
     mesh: str
-    planets: int
     stiffness: MeshStiffness
     equivalent_mass_kg: float
     damping_ns_per_m: float
@@ -92,12 +89,6 @@ class StageMechanics:
     excitation: Excitation
     lead: float = 0.0
     assumptions: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-
-    @property
-    def contact_ratio(self) -> float:
-        """Transverse contact ratio."""
-        return self.stiffness.contact_ratio
 
     @property
     def natural_frequency_hz(self) -> float:
@@ -116,8 +107,7 @@ def stage_mechanics(
     number: int,
     point: OperatingPoint | None = None,
     *,
-    faults: Iterable[Fault] = (),
-    errors: Iterable[GearError] = (),
+    faults: Iterable[Fault | GearError] = (),
     form: AnyForm = "parabolic",
     mesh: int = 0,
 ) -> StageMechanics:
@@ -130,11 +120,9 @@ def stage_mechanics(
         Stage, counted from 1 in the order of power flow.
     point : OperatingPoint, optional
         By default the machine's first.
-    faults : iterable of Fault
-        Faults of any stage; those of others are left aside.
-    errors : iterable of GearError
-        Errors of gears of any stage; those of turning gears modulate the stiffness, and all move
-        the flanks, as lost profile does.
+    faults : iterable of Fault or GearError
+        Of any stage; those of others are left aside. Errors of turning gears modulate the
+        stiffness, and all errors move the flanks, as lost profile does.
     form : str or StiffnessForm
         See `gears.stiffness.mesh_stiffness`.
     mesh : {0, 1}
@@ -161,25 +149,22 @@ def stage_mechanics(
     train = kinematics(machine)
     notes: list[str] = []
     force = static_force(pair, running, train.shaft(number).order)
-    given = faults_of(faults, errors=False, stages=len(machine.stages))
-    wrong = [error for error in errors if error.stage == number]
-    own = [fault for fault in given if fault.stage == number]
-    stiffness = mesh_stiffness(pair, own, form, force_n=force, errors=wrong)
+    given = faults_of(faults, errors=True, stages=len(machine.stages))
+    wrong = [own for own in given if own.stage == number]
+    stiffness = mesh_stiffness(pair, wrong, form, force_n=force)
     mass = equivalent_mass(pair, notes)
     ratio, damping = mesh_damping(pair, math.sqrt(stiffness.healthy_mean_n_per_m * mass), notes)
     return StageMechanics(
         stage=number,
         mesh=pair.name,
-        planets=pair.planets,
         stiffness=stiffness,
         equivalent_mass_kg=mass,
         damping_ns_per_m=damping,
         damping_ratio=ratio,
         force_n=force,
         mesh_frequency_hz=train.mesh(number).order * running.shaft1_hz,
-        excitation=displacement_excitation(pair, stiffness, wrong, own),
+        excitation=displacement_excitation(pair, stiffness, wrong),
         assumptions=tuple(notes),
-        warnings=stiffness.warnings,
     )
 
 
@@ -320,17 +305,16 @@ def disc_body(pair: MeshPair, purpose: str, instead: str) -> tuple[float, float]
 
 def _disc(pair: MeshPair, index: int, width_m: float) -> tuple[float, float]:
     """Return volume [m3] and polar moment of inertia over density [m5] of a gear as a disc."""
-    member, circles = pair.members[index], pair.geometry
-    root = circles.root_radii_m[index]
-    outer = 0.5 * (circles.tip_radii_m[index] + root)
-    bore = 0.5 * member.bore_m
-    if member.internal:
-        usual = USUAL_RIM * circles.normal_module_m
-        outer, bore = root + (usual if member.rim_m is None else member.rim_m), outer
+    gear = pair.geometry.gears[index]
+    root, bore = gear.root_radius_m, 0.5 * gear.bore_m
+    outer = 0.5 * (gear.tip_radius_m + root)
+    if gear.internal:
+        usual = USUAL_RIM * gear.module_m
+        outer, bore = root + (usual if gear.rim_m is None else gear.rim_m), outer
     # what a web lacks of a solid disc, from the bore to the rim
     lacking, rim = 0.0, bore
-    if member.web_m is not None and member.rim_m is not None and not member.internal:
-        lacking, rim = max(width_m - member.web_m, 0.0), root - member.rim_m
+    if gear.web_m is not None and gear.rim_m is not None and not gear.internal:
+        lacking, rim = max(width_m - gear.web_m, 0.0), root - gear.rim_m
     volume, second = (
         math.pi * (width_m * (outer**n - bore**n) - lacking * (rim**n - bore**n)) for n in (2, 4)
     )

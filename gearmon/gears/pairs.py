@@ -453,7 +453,7 @@ class MeshPair:
         if self.inner is not None:
             # the planet is one body on one axis, which its mesh with the sun has placed
             inner = self.inner.geometry
-            first = replace(first, tip_shortening=inner.tip_shortening[1])
+            first = replace(first, tip_shortening=inner.gears[1].tip_shortening)
             distance = inner.centre_distance_m
         try:
             return pair_geometry(

@@ -18,7 +18,7 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -428,15 +428,23 @@ class MeshStiffness:
         orders = np.arange(1, count + 1)
         return self.healthy.coefficients(orders) / self.healthy_mean_n_per_m
 
+    def mesh_amplitudes(self, count: int) -> FloatArray:
+        """Return the amplitudes [N/m] of the first mesh harmonics of the healthy mesh."""
+        return 2 * np.abs(self.healthy.coefficients(np.arange(1, count + 1)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return what its form makes of the healthy mesh in built-in types."""
+        told = {"form": self.form.name, "stiffness_variation": self.variation}
+        return told | {"mean_stiffness_n_per_m": self.healthy_mean_n_per_m}
+
 
 def mesh_stiffness(
     stage: Stage | MeshPair,
-    faults: Iterable[Fault] = (),
+    faults: Iterable[Fault | GearError] = (),
     form: AnyForm = "parabolic",
     *,
     number: int | None = None,
     force_n: float | None = None,
-    errors: Iterable[GearError] = (),
 ) -> MeshStiffness:
     """Return the stiffness of a mesh.
 
@@ -444,17 +452,15 @@ def mesh_stiffness(
     ----------
     stage : ParallelStage, PlanetaryStage or MeshPair
         Of a planetary stage its sun-planet mesh, unless the pair itself is given.
-    faults : iterable of Fault
-        Faults of this stage.
+    faults : iterable of Fault or GearError
+        Of this stage. Of the errors eccentricity, cumulative pitch error and, under a known force,
+        misalignment modulate the stiffness as the gear turns.
     form : str, StiffnessForm or PotentialEnergy
         A name in `FORM_NAMES`, or a form with parameters of its own.
     number : int, optional
         Number of the stage for messages, counted from 1.
     force_n : float, optional
         Static force on the line of action [N]; loads below 100 N/mm lower the ISO stiffness.
-    errors : iterable of GearError
-        Errors of gears of this stage: eccentricity, cumulative pitch error and, under a known
-        force, misalignment modulate the stiffness as the gear turns.
 
     Returns
     -------
@@ -476,12 +482,14 @@ def mesh_stiffness(
     chosen = _chosen(form)
     _check_contact(pair)
     acting, notes = acting_faults(pair, faults)
+    hurt = [own for own in acting if isinstance(own, Fault)]
+    errors = [own for own in acting if isinstance(own, GearError)]
     if isinstance(chosen, PotentialEnergy):
         new, factor, more = _from_teeth(pair, chosen, force_n)
     else:
         new, factor, more = _from_form(pair, chosen, force_n)
     # what wear that is given as a loss leaves
-    wear = [fault for fault in acting if fault.kind == "wear"]
+    wear = [fault for fault in hurt if fault.kind == "wear"]
     factor *= math.prod(1 - fault.loss for fault in wear if fault.is_loss)
     in_mm = [fault for fault in wear if not fault.is_loss]
 
@@ -497,7 +505,7 @@ def mesh_stiffness(
 
     pairs, overlap = worn(0.0), pair.overlap_ratio
     whole = pairs.healthy.scaled(factor)
-    local = [fault for fault in acting if fault.tooth is not None]
+    local = [fault for fault in hurt if fault.tooth is not None]
     missing = pairs.trains(pair, gear_losses(pair, local, pairs))
     gap = 0.0 if force_n is None else 2 * abs(force_n) / whole.area
     modulations, told = modulation_trains(pair, errors, pulse, gap)

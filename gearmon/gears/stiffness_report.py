@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_range
@@ -36,34 +37,6 @@ CURVE_POINTS = 25
 MEASURED_UNITS = {"crack": "mm", "breakage": "mm", "wear": "mm", "pitting": "flank"}
 
 
-@dataclass(frozen=True, eq=False)
-class FormCurve:
-    """One form of the stiffness of a mesh.
-
-    Parameters
-    ----------
-    group, form : str
-        The form, and the variant of it.
-    stiffness : MeshStiffness
-    stiffness_n_per_m : ndarray, shape (p,)
-        At the phases of the comparison [N/m].
-    amplitudes_n_per_m : ndarray, shape (n,)
-        Of the mesh harmonics [N/m], exact and none aliased.
-    """
-
-    group: str
-    form: str
-    stiffness: MeshStiffness
-    stiffness_n_per_m: FloatArray
-    amplitudes_n_per_m: FloatArray
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what it makes of the mesh in built-in types."""
-        mean, variation = self.stiffness.healthy_mean_n_per_m, self.stiffness.variation
-        told = {"mean_stiffness_n_per_m": mean, "stiffness_variation": variation}
-        return {"form": self.form} | told
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FormComparison(Result):
     """Forms of the stiffness of one mesh side by side.
@@ -75,7 +48,7 @@ class FormComparison(Result):
     mesh : str
     contact_ratio, overlap_ratio : float
         Transverse contact ratio and overlap ratio.
-    forms : tuple of FormCurve
+    forms : tuple of MeshStiffness
     table : list of dict
         The curves: one row a phase, one column a form, in N/m.
     spectrum : list of dict
@@ -89,7 +62,7 @@ class FormComparison(Result):
     mesh: str
     contact_ratio: float
     overlap_ratio: float
-    forms: tuple[FormCurve, ...]
+    forms: tuple[MeshStiffness, ...]
     table: list[dict[str, Any]]
     spectrum: list[dict[str, Any]]
 
@@ -120,14 +93,11 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
     hertz = kinematics(machine).mesh(stage).order * point.shaft1_hz
     # most forms do without a load
     force = known_force(machine, pair, point)
-    phase, curves = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH, []
-    for name in FOUR_FORMS:
-        found = mesh_stiffness(pair, (), name, force_n=force)
-        lines = 2 * np.abs(found.mesh_harmonics(HARMONICS)) * found.healthy_mean_n_per_m
-        curves.append(FormCurve(name.split("-")[0], name, found, found.at(phase), lines))
-    heads = [f"{own.form.replace('-', '_')}_n_per_m" for own in curves]
-    table = channel_rows("mesh_phase", phase, [own.stiffness_n_per_m for own in curves], heads)
-    amplitudes = np.transpose([own.amplitudes_n_per_m for own in curves]).tolist()
+    forms = tuple(mesh_stiffness(pair, (), name, force_n=force) for name in FOUR_FORMS)
+    phase = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH
+    heads = [f"{name.replace('-', '_')}_n_per_m" for name in FOUR_FORMS]
+    table = channel_rows("mesh_phase", phase, [own.at(phase) for own in forms], heads)
+    amplitudes = np.transpose([own.mesh_amplitudes(HARMONICS) for own in forms]).tolist()
     spectrum = [
         {"stage": stage, "mesh_harmonic": n, "frequency_hz": n * hertz}
         | dict(zip(heads, row, strict=True))
@@ -139,7 +109,7 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
         mesh=pair.name,
         contact_ratio=pair.contact_ratio,
         overlap_ratio=pair.overlap_ratio,
-        forms=tuple(curves),
+        forms=forms,
         table=[{"stage": stage} | row for row in table],
         spectrum=spectrum,
     )
@@ -207,19 +177,10 @@ class StageStiffness:
     mesh : str
     healthy, damaged : MeshStiffness
         The same object where there is no fault.
-    phase : ndarray
-        Mesh phases of the table [mesh periods]: one mesh period, or the contact of the first
-        damaged tooth and a mesh period on both sides.
-    contact_phase : ndarray
-        Phases of the contact of one pair [mesh periods].
-    shares : dict of str to ndarray
-        Share of each cause in the compliance of a sound pair, at `contact_phase`.
     faults : tuple of FaultLoss
     curve : SizeCurve or None
     teeth : ToothPair or None
         Where they are known, to be drawn.
-    drawn : tuple of Fault
-        With sizes that are no losses, of one tooth of each gear.
     warnings : tuple of str
     """
 
@@ -227,14 +188,44 @@ class StageStiffness:
     mesh: str
     healthy: MeshStiffness
     damaged: MeshStiffness
-    phase: FloatArray
-    contact_phase: FloatArray
-    shares: dict[str, FloatArray]
     faults: tuple[FaultLoss, ...]
     curve: SizeCurve | None
     teeth: ToothPair | None
-    drawn: tuple[Fault, ...]
     warnings: tuple[str, ...]
+
+    @property
+    def phase(self) -> FloatArray:
+        """Mesh phases of the table [mesh periods].
+
+        One mesh period, or the contact of the first damaged tooth and a mesh period on both sides:
+        the tooth before and the tooth after show what is sound.
+        """
+        teeth = [entry.fault.tooth for entry in self.faults if entry.fault.tooth is not None]
+        meshes = math.ceil(self.healthy.total_contact_ratio) + 2 if teeth else 1
+        first = teeth[0] - 2 if teeth else 0
+        return first + np.arange(meshes * POINTS_PER_MESH + 1) / POINTS_PER_MESH
+
+    def shares(self, phase: ArrayLike) -> dict[str, FloatArray]:
+        """Return the share of each cause in the compliance of a sound pair along its contact.
+
+        Parameters
+        ----------
+        phase : array_like
+            Phases of the contact of one pair [mesh periods].
+        """
+        return self.teeth.compliances(self.teeth.roll(phase)).shares if self.teeth else {}
+
+    @property
+    def drawn(self) -> tuple[Fault, ...]:
+        """What can be drawn of faults: of each gear the tooth that is damaged first.
+
+        With one crack: a second one, of which the loss is told, has no place of its own.
+        """
+        told = (entry.sized if entry.fault.is_loss else entry.fault for entry in self.faults)
+        teeth: dict[str, int | None] = {}
+        drawn = [f for f in told if f and teeth.setdefault(f.gear, f.tooth) == f.tooth]
+        cracks = {f.gear: f for f in reversed(drawn) if f.kind == "crack"}
+        return tuple(f for f in drawn if f.kind != "crack" or f is cracks[f.gear])
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the table: one row a phase, stiffness in N/m."""
@@ -245,20 +236,17 @@ class StageStiffness:
 
     def to_dict(self) -> dict[str, Any]:
         """Return everything but what is drawn in built-in types."""
-        return {
+        return self.healthy.to_dict() | {
             "stage": self.stage,
             "mesh": self.mesh,
-            "form": self.healthy.form.name,
             "contact_ratio": self.healthy.contact_ratio,
             "overlap_ratio": self.healthy.overlap_ratio,
-            "mean_stiffness_n_per_m": self.healthy.mean_n_per_m,
-            "stiffness_variation": self.healthy.variation,
             "damaged_mean_stiffness_n_per_m": self.damaged.mean_n_per_m,
             "period_mesh": self.damaged.period_mesh,
             "faults": [entry.to_dict() for entry in self.faults],
             "compliance_shares_at_middle": {
-                name: float(np.interp(0.5 * self.healthy.contact_ratio, self.contact_phase, share))
-                for name, share in self.shares.items()
+                name: float(share)
+                for name, share in self.shares(0.5 * self.healthy.contact_ratio).items()
             },
             "warnings": list(self.warnings),
             "table": self.rows(),
@@ -352,7 +340,6 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
     damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
     notes = list(damaged.warnings)
     teeth = _teeth(pair, notes)
-    contact = np.linspace(0.0, healthy.contact_ratio, 201)
     acting = acting_faults(pair, faults)[0]
     losses = tuple(_fault_loss(fault, pair, teeth) for fault in acting)
     return StageStiffness(
@@ -360,13 +347,9 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
         mesh=pair.name,
         healthy=healthy,
         damaged=damaged,
-        phase=_window(losses, healthy),
-        contact_phase=contact,
-        shares=teeth.compliances(teeth.roll(contact)).shares if teeth else {},
         faults=losses,
         curve=_curve(losses, pair, teeth) if teeth else None,
         teeth=teeth,
-        drawn=_drawn(losses),
         warnings=tuple(dict.fromkeys(notes)),
     )
 
@@ -377,14 +360,6 @@ def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
     except ArgumentError as error:
         notes.append(f"no picture and no sizes: {error}")
         return None
-
-
-def _window(losses: tuple[FaultLoss, ...], mesh: MeshStiffness) -> FloatArray:
-    tooth = next((entry.fault.tooth for entry in losses if entry.fault.tooth is not None), None)
-    # the tooth before and the tooth after show what is sound
-    meshes = 1 if tooth is None else math.ceil(mesh.total_contact_ratio) + 2
-    first = 0 if tooth is None else tooth - 2
-    return first + np.arange(meshes * POINTS_PER_MESH + 1) / POINTS_PER_MESH
 
 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
@@ -414,15 +389,3 @@ def _curve(losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair) -> S
         gear, stage = pair.first.name, pair.number or 1
         sized = [Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.0, unit="mm")]
     return size_curve(sized[0], teeth, pair.names.index(sized[0].gear)) if sized else None
-
-
-def _drawn(losses: tuple[FaultLoss, ...]) -> tuple[Fault, ...]:
-    """Return what can be drawn of faults: of each gear the tooth that is damaged first.
-
-    With one crack: a second one, of which the loss is told, has no place of its own.
-    """
-    told = (entry.sized if entry.fault.is_loss else entry.fault for entry in losses)
-    teeth: dict[str, int | None] = {}
-    drawn = [f for f in told if f and teeth.setdefault(f.gear, f.tooth) == f.tooth]
-    cracks = {f.gear: f for f in reversed(drawn) if f.kind == "crack"}
-    return tuple(f for f in drawn if f.kind != "crack" or f is cracks[f.gear])

@@ -38,7 +38,7 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_positive, check_range
-from gearmon.gears.geometry import USUAL_RIM, PairGeometry, RackTooth, told_of
+from gearmon.gears.geometry import USUAL_RIM, RackTooth
 from gearmon.gears.pulses import POINTS, Pulse, distinct, gauss, panel_nodes
 from gearmon.gears.tooth_damage import SOUND, ToothDamage, crossings
 
@@ -90,70 +90,6 @@ def where_tangent(curve: Curve, angle_rad: float) -> complex:
     return complex(curve(np.atleast_1d(place))[0])
 
 
-def ring_root(end_m: complex, slope_rad: float, root_radius_m: float) -> Curve:
-    """Return the fillet of a ring's tooth.
-
-    Parameters
-    ----------
-    end_m : complex
-        Half thickness + i height [m] of the tooth where its involute ends; heights of a ring are
-        negative.
-    slope_rad : float
-        Angle of the flank against the middle of the tooth there.
-    root_radius_m : float
-
-    Notes
-    -----
-    With the end P of the involute and the normal n into the space, the arc about P + rho n touches
-    the root circle if ``rho = (R_f^2 - |P|^2)/(2 (R_f + P n))``.
-    """
-    normal = cmath.exp(1j * slope_rad)
-    radius = arc_radius(abs(end_m), root_radius_m, -(end_m * normal.conjugate()).real)
-    centre = end_m + radius * normal
-    # the beam begins where the arc is deepest; beyond that it rises with the root circle
-    low, high = math.pi, math.atan2(-normal.real, -normal.imag) % (2 * math.pi)
-
-    return lambda parameter: centre + 1j * radius * np.exp(-1j * (low + (high - low) * parameter))
-
-
-def arc_radius(end_radius_m: float, root_radius_m: float, roll_m: float) -> float:
-    """Return the radius [m] of the arc that touches the involute at a circle, and the root circle.
-
-    Parameters
-    ----------
-    end_radius_m : float
-        Radius at which the involute ends.
-    root_radius_m : float
-    roll_m : float
-        Roll length there: the distance of the normal's foot, as it is tangent to the base circle.
-    """
-    return (root_radius_m**2 - end_radius_m**2) / (2 * (root_radius_m - roll_m))
-
-
-def roomy_roll(ring: RackTooth, roll_m: float) -> float:
-    """Return the roll length from which the arc has room up to the middle of the tooth space.
-
-    Parameters
-    ----------
-    ring : RackTooth
-    roll_m : float
-        Roll length that is wanted; the arc ends there if it has room.
-    """
-    base_m, root_m = ring.base_radius_m, ring.root_radius_m
-
-    def beyond(roll: float) -> float:
-        slope = roll / base_m - ring.base_half_angle
-        radius = arc_radius(math.hypot(base_m, roll), root_m, roll)
-        # end of the involute: base tangent point plus roll along the tangent
-        half = base_m * math.sin(slope) - roll * math.cos(slope)
-        along = base_m * math.cos(slope) + roll * math.sin(slope)
-        half, along = half + radius * math.cos(slope), along - radius * math.sin(slope)
-        return math.atan2(half, along) - math.pi / ring.teeth
-
-    low, high = roll_m, math.sqrt(root_m**2 - base_m**2)
-    return float(brentq(beyond, low, high, xtol=1e-15)) if beyond(low) > 0 else low
-
-
 @dataclass(frozen=True, kw_only=True)
 class Tooth(RackTooth):
     """One tooth and the body that it stands on; of helical gears that of their normal section.
@@ -164,9 +100,6 @@ class Tooth(RackTooth):
 
     Parameters
     ----------
-    tip_radius_m : float
-    form_roll_m : float
-        Roll length [m] at which the involute begins above the fillet.
     bore_radius_m : float
         Radius on which the body is held: of a disc its bore; of a ring
         its outside, at most 3 root radii.
@@ -179,8 +112,6 @@ class Tooth(RackTooth):
         base circle (Yang & Lin 1987), an option for comparison only.
     """
 
-    tip_radius_m: float
-    form_roll_m: float
     bore_radius_m: float
     face_width_m: float
     poisson_ratio: float = 0.3
@@ -200,6 +131,36 @@ class Tooth(RackTooth):
                 f"up to its root diameter, {2e3 * self.root_radius_m:.5g} mm; set "
                 f"rim_thickness_{self.name}_mm"
             )
+
+    @cached_property
+    def form_roll_m(self) -> float:
+        """Roll length [m] at which the involute meets the fillet; in a ring one that has room."""
+        if not self.internal or self._beyond_space(self.form_roll) <= 0:
+            return self.form_roll
+        highest = self.roll_at(self.root_radius_m)
+        return float(brentq(self._beyond_space, self.form_roll, highest, xtol=1e-15))
+
+    def _fillet_arc(self, roll_m: float) -> tuple[complex, complex]:
+        """Return the arc of a ring that touches the involute at a roll length, and the root circle.
+
+        Its centre, half thickness + i height [m], and the radius from it to the involute turned
+        round.
+
+        Notes
+        -----
+        With the end P of the involute and the normal n into the space, the arc about P + rho n
+        touches the root circle if ``rho = (R_f^2 - |P|^2)/(2 (R_f + P n))``; -P n is the roll
+        length.
+        """
+        end = complex(self.flank(self.angle(roll_m)))
+        radius = (self.root_radius_m**2 - abs(end) ** 2) / (2 * (self.root_radius_m - roll_m))
+        arm = cmath.rect(radius, float(self.slope(self.angle(roll_m))))
+        return end + arm, arm
+
+    def _beyond_space(self, roll_m: float) -> float:
+        """Angle [rad] by which the centre of that arc lies beyond the middle of the tooth space."""
+        centre, _ = self._fillet_arc(roll_m)
+        return math.atan2(centre.real, -centre.imag) - math.pi / self.teeth
 
     @cached_property
     def start(self) -> float:
@@ -231,7 +192,7 @@ class Tooth(RackTooth):
 
     def angle_at_radius(self, radius_m: float) -> float:
         """Return the profile angle t [rad] on a circle outside the base circle."""
-        return float(self.angle(math.sqrt(max(radius_m**2 - self.base_radius_m**2, 0.0))))
+        return float(self.angle(self.roll_at(radius_m)))
 
     def flank(self, angle: ArrayLike) -> ComplexArray:
         """Return points of the loaded side: half thickness + i height [m], from the centre."""
@@ -258,8 +219,10 @@ class Tooth(RackTooth):
     def root_part(self) -> Curve | None:
         """The beam below the involute, if there is any."""
         if self.root == "fillet" and self.internal:
-            end = complex(self.flank(self.start))
-            return ring_root(end, float(self.slope(self.start)), self.root_radius_m)
+            centre, arm = self._fillet_arc(self.form_roll_m)
+            # the beam begins where the arc is deepest; beyond that it rises with the root circle
+            low, high = math.pi, math.atan2(-arm.real, -arm.imag) % (2 * math.pi)
+            return lambda x: centre + 1j * abs(arm) * np.exp(-1j * (low + (high - low) * x))
         if self.root == "fillet":
             # as the rack generates it, from the root circle to where the involute begins
             low, undercut = 0.5 * math.pi, self.least_shift > self.profile_shift
@@ -362,42 +325,6 @@ class ToothBeam:
         area, inertia = self.damage.sections(self.tooth, point, cosine)
         lever, weight = point.imag - self._reference, slope / inertia
         return np.stack([slope / area, weight, weight * lever, weight * lever * lever], axis=-1)
-
-
-def tooth_of(pair: PairGeometry, index: int, held_m: float, nu: float, root: Root) -> Tooth:
-    """Return the tooth of one gear of a pair.
-
-    Parameters
-    ----------
-    pair : PairGeometry
-        With its face width.
-    index : {0, 1}
-    held_m : float
-        Radius on which the gear is held [m]; of a ring the outer one.
-    nu : float
-        Poisson's ratio.
-    root : {"fillet", "straight", "base"}
-
-    Raises
-    ------
-    ArgumentError
-        If the face width is missing, or the bore or rim does not fit.
-    """
-    rack, roll = pair.gears[index], pair.form_rolls_m[index]
-    if pair.face_width_m is None:
-        raise ArgumentError("face_width_m is missing: the stiffness of a tooth needs it")
-    if rack.internal:
-        # the involute of a ring does not end before a fillet has room in the space
-        roll = roomy_roll(rack, roll)
-    return Tooth(
-        **told_of(rack, RackTooth),
-        tip_radius_m=pair.tip_radii_m[index],
-        form_roll_m=roll,
-        bore_radius_m=held_m,
-        face_width_m=pair.face_width_m,
-        poisson_ratio=nu,
-        root=root,
-    )
 
 
 @lru_cache(maxsize=256)

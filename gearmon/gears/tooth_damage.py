@@ -457,9 +457,8 @@ def _pits(fault: Fault, tooth: Tooth) -> list[Hole]:
 
 def _rows(middle: float, low: float, high: float, radius: float) -> list[float]:
     """Return heights of rows one radius apart: on the pitch line, below, above, below ..."""
-    count = int((high - low) / radius) + 1
-    steps = [0, *(sign * n for n in range(1, count) for sign in (-1, 1))]
-    rows = [middle + radius * step for step in steps]
+    count = int((high - low) / radius)
+    rows = [middle + radius * step for step in sorted(range(-count, count + 1), key=abs)]
     return [row for row in rows if low + radius <= row <= high - radius]
 
 

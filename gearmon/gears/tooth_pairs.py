@@ -14,16 +14,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_word
-from gearmon.gears.geometry import USUAL_RIM, GearTeeth, PairGeometry, normal_section
+from gearmon.gears.geometry import USUAL_RIM, PairGeometry, RackTooth, normal_section, told_of
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.tooth import ROOTS, Foundation, RingBody, Root, Tooth, ToothBeam, tooth_of
+from gearmon.gears.tooth import ROOTS, Foundation, RingBody, Root, Tooth, ToothBeam
 from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
 
 #: How flanks give way; see `hertz_compliance` and `weber_banaschek_compliance`.
@@ -98,14 +98,13 @@ def weber_banaschek_compliance(
     ``delta = 4 (1 - nu^2) w/(pi E) [ln(2 sqrt(h1 h2)/a) - nu/(2 (1 - nu))]``, w = F/b; of unequal
     moduli the harmonic mean.
     """
-    modulus = 2 / (1 / moduli_pa[0] + 1 / moduli_pa[1])
-    plane = (1 - poisson_ratio**2) / (math.pi * modulus)
-    load = force_n / width_m
-    half_width = np.sqrt(8 * load * curvature_radius_m * plane)
-    depth = 2 * np.sqrt(depths_m[0] * depths_m[1]) / half_width
-    bracket = np.log(depth) - poisson_ratio / (2 * (1 - poisson_ratio))
+    # 4 (1 - nu^2)/(pi E b), so that a^2 = 2 F rho times it
+    flat = hertz_compliance(width_m, moduli_pa, poisson_ratio)
+    half_width = np.sqrt(2 * force_n * curvature_radius_m * flat)
+    bracket = np.log(2 * np.sqrt(depths_m[0] * depths_m[1]) / half_width)
+    bracket -= poisson_ratio / (2 * (1 - poisson_ratio))
     # crushing loads flatten a contact as wide as the tooth, beyond what the form describes
-    return np.asarray(4 * plane / np.asarray(width_m) * np.maximum(bracket, 0.25))
+    return np.asarray(flat * np.maximum(bracket, 0.25))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,6 +206,8 @@ class ToothPair:
         Roll length of a mesh period [m].
     base_helix_angle_rad : float
     form : PotentialEnergy
+    notes : tuple of str
+        What was assumed of the bodies.
     """
 
     first: Tooth
@@ -317,16 +318,15 @@ class ToothPair:
         rolls = self.rolls(np.asarray(roll_m, dtype=np.float64))
         both = self.sound if beams is None else beams
         angles = [tooth.angle(own) for tooth, own in zip(self.teeth, rolls, strict=True)]
-        parts = [beam.compliances(angle) for beam, angle in zip(both, angles, strict=True)]
+        parts, bodies, lost = [], [], np.zeros(rolls[0].shape)
+        for beam, body, angle in zip(both, self.foundations, angles, strict=True):
+            parts.append(beam.compliances(angle))
+            bodies.append(body.compliance(angle))
+            if beam.damage.holes:
+                lost += beam.damage.missing_width_m(beam.tooth.height(angle))
         bending, shear, axial = self.oblique * np.swapaxes(parts, 0, 1)
-        bodies = [body.compliance(own) for body, own in zip(self.foundations, angles, strict=True)]
-        missing = [
-            beam.damage.missing_width_m(beam.tooth.height(angle))
-            for beam, angle in zip(both, angles, strict=True)
-            if beam.damage.holes
-        ]
         whole = self.first.face_width_m
-        width = whole - np.minimum(sum(missing), LARGEST_WIDTH * whole)
+        width = whole - np.minimum(lost, LARGEST_WIDTH * whole)
         foundation = self.oblique * self.form.has_foundation * np.array(bodies)
         hertz = self.oblique * self._hertz(width, rolls, angles, force_n)
         return PairCompliance(bending, shear, axial, foundation, hertz)
@@ -355,10 +355,9 @@ class ToothPair:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What was assumed, and what lies outside a range of validity."""
-        if not self.form.has_foundation:
-            return self.notes
         one, two = self.foundations
-        return (*self.notes, *one.warnings, *two.warnings)
+        every = (*self.notes, *one.warnings, *two.warnings)
+        return every if self.form.has_foundation else ()
 
     def _hertz(
         self,
@@ -386,7 +385,6 @@ def tooth_pair(
     bore_radii_m: tuple[float, float],
     poisson_ratio: float = 0.3,
     contact_ratio: float | None = None,
-    notes: tuple[str, ...] = (),
 ) -> ToothPair:
     """Return the meshing teeth of a pair of gears.
 
@@ -401,13 +399,12 @@ def tooth_pair(
     contact_ratio : float, optional
         A contact ratio known from elsewhere, at most that of the geometry: the middle of the path
         is kept.
-    notes : tuple of str
-        Carried to the warnings.
 
     Raises
     ------
     ArgumentError
-        If a tooth has no meaning or the contact ratio exceeds that of the geometry.
+        If the face width is missing, a bore or rim does not fit, or the contact ratio exceeds that
+        of the geometry.
 
     Examples
     --------
@@ -426,12 +423,17 @@ def tooth_pair(
             f"contact_ratio={ratio:g} exceeds {most:.5g}, which these teeth reach: their "
             f"stiffness beyond their tips has no meaning; leave contact_ratio out or lower it"
         )
+    if geometry.face_width_m is None:
+        raise ArgumentError("face_width_m is missing: the stiffness of a tooth needs it")
     section = normal_section(geometry) if geometry.helix_angle_rad else geometry
     # the middle part of the path of contact
     middle, half = 0.5 * sum(section.path_m), 0.5 * ratio / most * section.path_length_m
     path = middle - half, middle + half
-    held = [_held_alike(geometry, section, i, bore) for i, bore in enumerate(bore_radii_m)]
-    one, two = (tooth_of(section, i, own, poisson_ratio, form.root) for i, own in enumerate(held))
+    body: dict[str, Any] = {"face_width_m": geometry.face_width_m, "root": form.root}
+    body["poisson_ratio"] = poisson_ratio
+    both = zip(geometry.gears, section.gears, bore_radii_m, strict=True)
+    held = [(gear, _held_alike(real, gear, bore)) for real, gear, bore in both]
+    one, two = (Tooth(**told_of(gear, RackTooth), **body, bore_radius_m=r) for gear, r in held)
     return ToothPair(
         first=one,
         second=two,
@@ -440,18 +442,14 @@ def tooth_pair(
         base_pitch_m=(path[1] - path[0]) / ratio,
         base_helix_angle_rad=geometry.base_helix_angle_rad,
         form=form,
-        notes=notes,
     )
 
 
-def _held_alike(
-    geometry: PairGeometry, section: PairGeometry, index: int, bore_radius_m: float
-) -> float:
+def _held_alike(real: RackTooth, section: RackTooth, bore_radius_m: float) -> float:
     """Return the held radius [m] in the normal section: as large a bore, as thick a rim."""
-    real, root = geometry.root_radii_m[index], section.root_radii_m[index]
-    if geometry.gears[index].internal:
-        return root + bore_radius_m - real
-    return bore_radius_m * root / real
+    if real.internal:
+        return section.root_radius_m + bore_radius_m - real.root_radius_m
+    return bore_radius_m * section.root_radius_m / real.root_radius_m
 
 
 @lru_cache(maxsize=64)
@@ -477,40 +475,38 @@ def teeth_of(pair: MeshPair, form: PotentialEnergy = USUAL) -> ToothPair:
     pair.need("module_mm", "stiffness of its teeth")
     pair.need("face_width_mm", "stiffness of its teeth")
     notes: list[str] = []
-    geometry = pair.geometry
-    one, two = (_held_radius(geometry, i, member, notes) for i, member in enumerate(pair.members))
+    one, two = (_held_radius(member, notes) for member in pair.geometry.gears)
     try:
-        return tooth_pair(
-            geometry,
+        made = tooth_pair(
+            pair.geometry,
             form,
             bore_radii_m=(one, two),
             poisson_ratio=pair.stage.poisson_ratio,
             contact_ratio=pair.given("contact_ratio"),
-            notes=tuple(notes) if form.has_foundation else (),
         )
     except ArgumentError as error:
         raise ArgumentError(f"{pair.where}: {error}") from None
+    return replace(made, notes=tuple(notes))
 
 
-def _held_radius(geometry: PairGeometry, index: int, member: GearTeeth, notes: list[str]) -> float:
-    root = geometry.root_radii_m[index]
+def _held_radius(member: RackTooth, notes: list[str]) -> float:
     if member.internal and member.rim_m is not None:
-        return root + member.rim_m
+        return member.root_radius_m + member.rim_m
     if member.internal:
-        thickness = USUAL_RIM * geometry.normal_module_m
+        thickness = USUAL_RIM * member.module_m
         notes.append(
             f"the rim of the {member.name} is taken as {1e3 * thickness:.4g} mm thick, "
             f"{USUAL_RIM:g} modules; rim_thickness_{member.name}_mm would say how thick"
         )
-        return root + thickness
+        return member.root_radius_m + thickness
     if member.web_m is not None:
         notes.append(
             f"web and rim of the {member.name} lower the ISO stiffness only: its body under the "
             f"teeth is taken as a solid disc"
         )
     if member.bore_m:
-        return _within_fit(root, member, notes)
-    held = USUAL_BORE * geometry.reference_radii_m[index]
+        return _within_fit(member, notes)
+    held = USUAL_BORE * member.reference_radius_m
     notes.append(
         f"the {member.name} is taken as held on a diameter of {2e3 * held:.4g} mm, 0.4 times its "
         f"reference diameter; bore_diameter_{member.name}_mm would say where"
@@ -518,7 +514,7 @@ def _held_radius(geometry: PairGeometry, index: int, member: GearTeeth, notes: l
     return held
 
 
-def _within_fit(root_m: float, member: GearTeeth, notes: list[str]) -> float:
+def _within_fit(member: RackTooth, notes: list[str]) -> float:
     """Return the radius of a bore, or the nearest one for which the yielding of a body is known.
 
     The fit of Sainsot, Velex & Duverger reaches from 1.4 to 7 times the bore, but towards 7 most of
@@ -526,12 +522,12 @@ def _within_fit(root_m: float, member: GearTeeth, notes: list[str]) -> float:
     of ISO 6336 at 6. The inertia of the disc lies outside of that spring, which is thus no part of
     the mesh; finite elements of whole gears confirm the fit up to 3.5.
     """
-    given, (low, high) = 0.5 * member.bore_m, HELD_RATIOS
+    given, root, (low, high) = 0.5 * member.bore_m, member.root_radius_m, HELD_RATIOS
     # a bore that meets the roots is refused with the tooth
-    held = given if given >= root_m else min(max(given, root_m / high), root_m / low)
+    held = given if given >= root else min(max(given, root / high), root / low)
     if held != given:
         notes.append(
-            f"the body of the {member.name} reaches to {root_m / given:.3g} times the radius of "
+            f"the body of the {member.name} reaches to {root / given:.3g} times the radius of "
             f"its bore, and the yielding of such bodies is known from {low:g} to {high:g} times: "
             f"it is taken as held on a diameter of {2e3 * held:.4g} mm"
         )

@@ -15,7 +15,9 @@ from matplotlib.ticker import MaxNLocator
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.stability import StabilityMap, Tongue
 from gearmon.errors import ArgumentError
+from gearmon.gears.stiffness import MeshStiffness
 from gearmon.gears.stiffness_report import (
+    HARMONICS,
     FormComparison,
     SizeCurve,
     StageStiffness,
@@ -108,7 +110,7 @@ def stiffness_figure(stage: StageStiffness) -> plots.Picture:
         hurt = next((gear for gear in picture.gears if gear.damage), picture.gears[0])
         plot_flank(hurt, figure.add_subplot(grid[1, 1]))
     _plot_stiffness(stage, figure.add_subplot(grid[0, 1]))
-    if stage.shares:
+    if stage.teeth is not None:
         # without a curve of losses the shares take its place too
         place = grid[2, 0] if stage.curve is not None else grid[2, :]
         _plot_compliance_shares(stage, figure.add_subplot(place))
@@ -136,15 +138,17 @@ def _plot_stiffness(stage: StageStiffness, ax: Axes) -> None:
 
 def _plot_compliance_shares(stage: StageStiffness, ax: Axes) -> None:
     """Draw the share of each cause in the compliance of a sound pair over its contact."""
-    names = [name for name in _CAUSES if name in stage.shares]
+    phase = np.linspace(0.0, stage.healthy.contact_ratio, 201)
+    shares = stage.shares(phase)
+    names = [name for name in _CAUSES if name in shares]
     ax.stackplot(
-        stage.contact_phase,
-        [100 * stage.shares[name] for name in names],
+        phase,
+        [100 * shares[name] for name in names],
         colors=[_CAUSES[name] for name in names],
         labels=names,
         alpha=0.85,
     )
-    ax.set(xlim=(0, stage.contact_phase[-1]), ylim=(0, 100))
+    ax.set(xlim=(0, phase[-1]), ylim=(0, 100))
     ax.set_xlabel("phase of the pair's contact in mesh periods")
     ax.set_ylabel("share of pair compliance in %")
     # above the bands, in their order from below
@@ -177,7 +181,7 @@ def form_figure(comparison: FormComparison) -> plots.Picture:
     -------
     Picture
     """
-    groups = list(dict.fromkeys(curve.group for curve in comparison.forms))
+    groups = list(dict.fromkeys(_group(curve) for curve in comparison.forms))
     figure = plots.sheet(11.5, 0.9 + 2.0 * len(groups))
     axes = figure.subplots(len(groups), 2, sharex="col", squeeze=False)
     for group, (left, right) in zip(groups, axes, strict=True):
@@ -193,18 +197,23 @@ def form_figure(comparison: FormComparison) -> plots.Picture:
     return figure
 
 
+def _group(curve: MeshStiffness) -> str:
+    """Return the form of which a curve is a variant."""
+    return curve.form.name.split("-")[0]
+
+
 def _plot_form(comparison: FormComparison, group: str, ax: Axes) -> None:
     """Draw the curves of one form over the mesh periods, the first form of all in grey."""
-    phase, reference = [row["mesh_phase"] for row in comparison.table], comparison.forms[0]
-    if reference.group != group:
-        known = _GN * reference.stiffness_n_per_m
-        ax.plot(phase, known, color=_GREY, linewidth=0.9, alpha=0.7, label="reference")
-    own = [curve for curve in comparison.forms if curve.group == group]
-    for curve, colour, width in zip(own, (plots.BLUE, plots.VERMILLION), (1.6, 1.1), strict=False):
-        name = _FORMS[curve.form]
-        ax.plot(phase, _GN * curve.stiffness_n_per_m, color=colour, linewidth=width, label=name)
-    least = _GN * min(curve.stiffness_n_per_m.min() for curve in comparison.forms)
-    most = _GN * max(curve.stiffness_n_per_m.max() for curve in comparison.forms)
+    phase = np.array([row["mesh_phase"] for row in comparison.table])
+    heights = [_GN * curve.at(phase) for curve in comparison.forms]
+    if _group(comparison.forms[0]) != group:
+        ax.plot(phase, heights[0], color=_GREY, linewidth=0.9, alpha=0.7, label="reference")
+    both = zip(comparison.forms, heights, strict=True)
+    own = [(_FORMS[curve.form.name], height) for curve, height in both if _group(curve) == group]
+    styles = zip((plots.BLUE, plots.VERMILLION), (1.6, 1.1), strict=True)
+    for (name, height), (colour, width) in zip(own, styles, strict=False):
+        ax.plot(phase, height, color=colour, linewidth=width, label=name)
+    least, most = np.min(heights), np.max(heights)
     ax.set_xlim(phase[0], phase[-1])
     # room for the names of the curves above them
     ax.set_ylim(least - 0.08 * (most - least), most + 0.55 * (most - least))
@@ -214,14 +223,14 @@ def _plot_form(comparison: FormComparison, group: str, ax: Axes) -> None:
 
 def _plot_form_lines(comparison: FormComparison, group: str, ax: Axes) -> None:
     """Draw the spectrum of one form: amplitudes of the mesh harmonics, without the mean."""
-    own = [curve for curve in comparison.forms if curve.group == group]
+    own = [curve for curve in comparison.forms if _group(curve) == group]
     shifts = [0.0] if len(own) == 1 else [-0.13, 0.13]
     for curve, colour, shift in zip(own, (plots.BLUE, plots.VERMILLION), shifts, strict=False):
-        height = _MN * curve.amplitudes_n_per_m
+        height = _MN * curve.mesh_amplitudes(HARMONICS)
         orders = np.arange(1, len(height) + 1) + shift
         ax.vlines(orders, 0, height, color=colour, linewidth=1.4)
         ax.plot(orders, height, "o", color=colour, markersize=3.5)
-    top = _MN * max(float(curve.amplitudes_n_per_m.max()) for curve in comparison.forms)
+    top = _MN * max(curve.mesh_amplitudes(HARMONICS).max() for curve in comparison.forms)
     ax.set(xlim=(0.3, len(height) + 0.7), ylim=(0, 1.08 * top if top else 1.0))
     ax.set_ylabel("amplitude in MN/m")
     ax.xaxis.set_major_locator(MaxNLocator(integer=True))

@@ -422,7 +422,7 @@ def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
 
 
 def _remarks(integration: Integration, train: Train) -> list[str]:
-    remarks = [warning for m in train.mechanics for warning in m.warnings]
+    remarks = [warning for m in train.mechanics for warning in m.stiffness.warnings]
     if integration.joint_mismatch > IRREGULAR:
         remarks.append(
             "irregular motion with loss of contact: parts of the record are faded from one "

@@ -41,7 +41,7 @@ def test_machines_can_be_heard_and_differ():
     for one in drawn:
         for stage in one.stages:
             assert MESH_HZ[0] <= stage.mechanics.mesh_frequency_hz <= MESH_HZ[1]
-            assert stage.mechanics.contact_ratio > 1
+            assert stage.mechanics.stiffness.contact_ratio > 1
             model = stage.model
             critical = 2 * np.sqrt(model.stiffness_n_per_m * model.mass_kg)
             assert 0.04 <= model.damping_ns_per_m / critical <= 0.12

@@ -16,17 +16,20 @@ from gearmon.gears.faults import ERROR_KINDS, parse_error, parse_fault
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.gears.tooth_pairs import teeth_of
-from gearmon.machine import ParallelStage
+from gearmon.machine import ParallelStage, PlanetaryStage
 
 STAGE = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
 HELICAL = replace(STAGE, helix_angle_deg=15.0)
+PLANETARY = PlanetaryStage(
+    sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=4, module_mm=1.0, face_width_mm=10.0
+)
 
 
 def excite(*errors, stage=STAGE, faults=(), form="parabolic"):
     known = [parse_fault(text) for text in faults]
     mesh = mesh_stiffness(stage, known, form)
     (pair,) = mesh_pairs(stage)
-    return displacement_excitation(pair, mesh, [parse_error(text) for text in errors], known)
+    return displacement_excitation(pair, mesh, [*map(parse_error, errors), *known])
 
 
 @pytest.mark.parametrize("stage", [STAGE, HELICAL])
@@ -184,7 +187,16 @@ def test_errors_without_meaning_are_refused(text, match):
 def test_errors_that_do_not_fit_the_mesh():
     with pytest.raises(ArgumentError, match="tooth 27 does not exist"):
         excite("pitch:1:pinion:27:5um")
-    assert any("does not act" in text for text in excite("pitch:1:sun:2:5um").warnings)
+    with pytest.raises(ArgumentError, match="has no sun: the gears of this mesh are pinion and"):
+        excite("pitch:1:sun:2:5um")
+    inner, outer = mesh_pairs(PLANETARY, 1)
+    wrong = [parse_error("pitch:1:sun:2:5um"), parse_fault("spall:1:planet:3:10x2x0.5mm")]
+    told = mesh_stiffness(outer, wrong)
+    notes = [words for words in told.warnings if "does not act" in words]
+    assert notes == [f"{own.word} {own} does not act in the planet-ring mesh" for own in wrong]
+    assert displacement_excitation(outer, told, wrong).errors == ()
+    # a spall across the face moves the flank that meets the sun
+    assert len(displacement_excitation(inner, mesh_stiffness(inner, wrong), wrong).errors) == 2
 
 
 @pytest.mark.parametrize("text", ["eccentricity:1:pinion:all:20um", "pitch:2:gear:7:8um"])

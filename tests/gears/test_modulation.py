@@ -26,7 +26,7 @@ FORCE = 4000.0
 
 
 def modulated(*errors, stage=STAGE, form="parabolic", force=FORCE):
-    return mesh_stiffness(stage, (), form, force_n=force, errors=[parse_error(e) for e in errors])
+    return mesh_stiffness(stage, [parse_error(e) for e in errors], form, force_n=force)
 
 
 def sampled_lines(mesh, points, count):
@@ -326,7 +326,7 @@ def test_planet_and_ring_take_part():
     inner, outer = mesh_pairs(PLANETARY, 1)
     error = [parse_error("eccentricity:1:planet:all:15um")]
     for pair in (inner, outer):
-        found = mesh_stiffness(pair, (), errors=error)
+        found = mesh_stiffness(pair, error)
         assert found.period_mesh == 40
         lines = np.abs(found.harmonics(45))
         assert min(lines[38], lines[40]) > 1e-6

@@ -49,14 +49,13 @@ def ring_pair(planet=36, ring=93, shifts=(0.0, 0.0), held=None, geometry=None, *
     """Planet and ring of module 2, 20 mm wide; the ring is held 7 mm outside its roots."""
     pair = pair_geometry(
         GearTeeth(teeth=planet, profile_shift=shifts[0], name="planet"),
-        GearTeeth(teeth=ring, profile_shift=shifts[1], name="ring"),
+        GearTeeth(teeth=ring, profile_shift=shifts[1], name="ring", internal=True),
         module_m=2e-3,
         face_width_m=0.02,
-        internal=True,
         **(geometry or {}),
     )
-    outside = pair.root_radii_m[1] + 7e-3 if held is None else held
-    bores = (0.4 * pair.reference_radii_m[0], outside)
+    outside = pair.gears[1].root_radius_m + 7e-3 if held is None else held
+    bores = (0.4 * pair.gears[0].reference_radius_m, outside)
     return pair, tooth_pair(pair, PotentialEnergy(**choices), bore_radii_m=bores)
 
 
@@ -104,7 +103,7 @@ def test_outline_has_the_thickness_of_the_ring(shifts):
     assert (np.diff(height) > 0).all()
     assert radius[-1] == pytest.approx(geometry.tip_radii_m[1])
     assert radius[0] == pytest.approx(math.hypot(tooth.base_radius_m, tooth.form_roll_m))
-    expected = [geometry.thickness_m(1, r) / (2 * r) for r in radius]
+    expected = [geometry.gears[1].thickness_m(r) / (2 * r) for r in radius]
     np.testing.assert_allclose(np.arctan2(half, -height), expected, rtol=1e-9)
     np.testing.assert_allclose(tooth.angle(tooth.roll(t)), t, rtol=1e-12)
     assert tooth.angle_at_height(float(height[7])) == pytest.approx(t[7])
@@ -135,7 +134,7 @@ def test_fillet_touches_involute_and_root_circle(alpha):
     rows = 2 * (points[1:] - points[0])
     centre = np.linalg.solve(rows, (points[1:] ** 2).sum(axis=1) - (points[0] ** 2).sum())
     radius = np.hypot(*(points[0] - centre))
-    assert np.hypot(*centre) + radius == pytest.approx(geometry.root_radii_m[1], rel=1e-9)
+    assert np.hypot(*centre) + radius == pytest.approx(geometry.gears[1].root_radius_m, rel=1e-9)
     assert math.atan2(centre[0], -centre[1]) <= math.pi / 93 + 1e-9
     if alpha == 20:
         assert radius == pytest.approx(0.38e-3 * 2, rel=0.1)
@@ -152,7 +151,7 @@ def test_energy_against_a_fine_sum(root, share):
         root = tooth.root_part(np.linspace(0, 1, 20_001))
         height, half = root.imag, root.real
     else:
-        thick = geometry.thickness_m(1, tooth.root_radius_m) / 2 / tooth.root_radius_m
+        thick = tooth.thickness_m(tooth.root_radius_m) / 2 / tooth.root_radius_m
         height = -tooth.root_radius_m * np.cos([thick])
         half = tooth.root_radius_m * np.sin([thick])
     slow = ring_tooth_compliances(geometry, (-height, half), float(pair.rolls(roll)[1]), 206e9, 0.3)
@@ -166,12 +165,11 @@ def test_a_large_ring_has_the_teeth_of_a_rack():
     for internal in (False, True):
         pair = pair_geometry(
             GearTeeth(teeth=30, name="planet"),
-            GearTeeth(teeth=8_000, name="ring" if internal else "gear"),
+            GearTeeth(teeth=8_000, name="ring" if internal else "gear", internal=internal),
             module_m=2e-3,
             face_width_m=0.02,
-            internal=internal,
         )
-        root = pair.root_radii_m[1]
+        root = pair.gears[1].root_radius_m
         held = root + 7e-3 if internal else 0.5 * root
         made = tooth_pair(pair, bore_radii_m=(0.01, held))
         parts = made.compliances(made.roll(0.5 * made.contact_ratio))
@@ -194,7 +192,7 @@ def beam_over_elements(pair, index, shares):
 @pytest.mark.parametrize("rim", [7e-3, 14e-3])
 def test_ring_tooth_and_rim_against_finite_elements(rim):
     """As of external teeth the beam is too compliant: 11 % at the tip, 20 % halfway, 30 % low."""
-    root = ring_pair()[0].root_radii_m[1]
+    root = ring_pair()[0].gears[1].root_radius_m
     _, pair = ring_pair(held=root + rim)
     ratios = beam_over_elements(pair, 1, (0.05, 0.25, 0.5, 0.75))
     assert ratios == pytest.approx([1.11, 1.16, 1.21, 1.28], abs=0.03)
@@ -364,7 +362,7 @@ def test_ring_and_planet_are_drawn_in_contact():
 
 
 def test_rim_must_lie_outside_the_roots():
-    inside = ring_pair()[0].root_radii_m[1] - 5e-3
+    inside = ring_pair()[0].gears[1].root_radius_m - 5e-3
     with pytest.raises(ArgumentError, match="rim thickness -5 mm of the ring"):
         ring_pair(held=inside)
 

@@ -125,7 +125,7 @@ def test_overrides_alone_give_a_table_without_a_picture():
     )
     (found,) = stiffness_report(machine(stage), form="parabolic").stages
     assert found.teeth is None
-    assert found.shares == {}
+    assert found.shares(0.5) == {}
     assert any("module_mm is missing" in text for text in found.warnings)
     with pytest.raises(ArgumentError, match="module_mm is missing"):
         stiffness_report(machine(stage))

@@ -16,12 +16,13 @@ from gearmon.gears.tooth_pairs import tooth_pair
 def pair(teeth, *, internal):
     geometry = pair_geometry(
         GearTeeth(teeth=36, name="planet"),
-        GearTeeth(teeth=teeth, tip_factor=0.9, name="ring" if internal else "gear"),
+        GearTeeth(
+            teeth=teeth, tip_factor=0.9, name="ring" if internal else "gear", internal=internal
+        ),
         module_m=2e-3,
         face_width_m=0.02,
-        internal=internal,
     )
-    root = geometry.root_radii_m[1]
+    root = geometry.gears[1].root_radius_m
     return tooth_pair(geometry, bore_radii_m=(0.0144, root + 7e-3 if internal else 0.4 * root))
 
 

@@ -523,7 +523,7 @@ def test_a_body_that_reaches_far_from_its_bore_keeps_its_teeth(z2, bore):
 
 
 def test_the_stiffness_is_continuous_in_the_bore():
-    root = mesh_pairs(bored(100, 40.0))[0].geometry.root_radii_m[1]
+    root = mesh_pairs(bored(100, 40.0))[0].geometry.gears[1].root_radius_m
     for ratio in (3.5, 1.4):
         edge = 2e3 * root / ratio
         below, above = (against_iso(bored(100, edge * x))[1] for x in (1 - 1e-6, 1 + 1e-6))

@@ -90,7 +90,7 @@ def ring_tooth_compliances(pair, root, roll, modulus, nu, steps=40_000):
 
     def point(at):
         radius = math.hypot(base, at)
-        half = pair.thickness_m(1, radius) / (2 * radius)
+        half = pair.gears[1].thickness_m(radius) / (2 * radius)
         return radius * math.cos(half), radius * math.sin(half)
 
     contact_y, contact_h = point(roll)

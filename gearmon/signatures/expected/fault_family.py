@@ -294,8 +294,7 @@ def fault_family(
         posed: dict[tuple[str, str], PosedStage] = {}
         for kind, sized in texts.items():
             try:
-                own = dict(_posed(place, gear, kind, sized, is_helical))
-                posed |= {(kind, size): hurt for size, hurt in own.items()}
+                posed |= dict(_posed(place, gear, kind, sized, is_helical))
             except ArgumentError as error:
                 if kinds is not None:
                     raise
@@ -325,7 +324,7 @@ def _healthy(
 
 def _posed(
     place: MeshPlace, gear: str, kind: str, sizes: Mapping[str, Wrong], is_helical: bool
-) -> Iterator[tuple[str, PosedStage]]:
+) -> Iterator[tuple[tuple[str, str], PosedStage]]:
     """Pose all sizes of a kind; losses that take the same pulse, more or less, by a half."""
     alike = kind in EVEN_KINDS[is_helical:] and place.form != POTENTIAL_ENERGY
     half: PosedStage | None = None
@@ -333,9 +332,9 @@ def _posed(
         own = replace(wrong, stage=place.stage, gear=gear)
         if alike and isinstance(own, Fault) and own.is_loss and own.loss:
             half = half or place.posed([replace(own, size=0.5, unit="")])
-            yield size, half.scaled(2 * own.loss)
+            yield (kind, size), half.scaled(2 * own.loss)
         else:
-            yield size, place.posed([own])
+            yield (kind, size), place.posed([own])
 
 
 def _members(

@@ -55,7 +55,7 @@ Wrong = Fault | GearError
 #: Share of what planets bring to a line up to which they cancel.
 CANCELLED = 1e-9
 # What is told of a mesh beside its lines.
-_TOLD: tuple[str, ...] = ("stage", "mesh", "mesh_frequency_hz", "contact_ratio", "force_n")
+_TOLD: tuple[str, ...] = ("stage", "mesh", "mesh_frequency_hz", "force_n")
 _TOLD += ("natural_frequency_hz", "damping_ratio", "equivalent_mass_kg", "damping_ns_per_m")
 #: What the phases and amplitudes of all expected lines mean.
 AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
@@ -122,7 +122,7 @@ class PosedStage:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is to be said of its teeth, and what was asked for and acts in no mesh."""
-        told = [(*mesh.warnings, *mesh.excitation.warnings) for mesh in self.members]
+        told = [mesh.stiffness.warnings for mesh in self.members]
         every = dict.fromkeys(word for own in told for word in own)
         mild = ("fault ", "error ")
         kept = (w for w in every if not w.startswith(mild) or all(w in own for own in told))
@@ -375,10 +375,8 @@ class MeshPlace:
         return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
 
     def _meshed(self, wrong: Sequence[Wrong]) -> StageMechanics:
-        faults = [one for one in wrong if isinstance(one, Fault) and one.stage == self.stage]
-        errors = [one for one in wrong if isinstance(one, GearError)]
         place = self.machine, self.stage, self.point
-        return stage_mechanics(*place, faults=faults, errors=errors, form=self.form, mesh=self.mesh)
+        return stage_mechanics(*place, faults=wrong, form=self.form, mesh=self.mesh)
 
 
 def mesh_problem(
@@ -554,6 +552,7 @@ class MeshLines:
         return {name: getattr(own, name) for name in _TOLD} | {
             "mean_stiffness_n_per_m": own.stiffness.mean_n_per_m,
             "stiffness_variation": own.stiffness.variation,
+            "contact_ratio": own.stiffness.contact_ratio,
             "overlap_ratio": own.stiffness.overlap_ratio,
             "period_mesh": self.period,
             "method": self.method,

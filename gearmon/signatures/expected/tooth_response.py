@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,6 @@ _POINTS = 512
 GROWN = (0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75, 0.95)
 # Face width over module where the file gives no geometry: it does not enter the ratio of lines.
 _STANDARD_WIDTH = 10.0
-_UNIT_STIFFNESS = 1e8
 # What a mesh harmonic of a set must have to tell of the path, over what one planet would bring if
 # all its pairs lost their stiffness: simulated sets in phase have 0.003 to 0.05 in the first, where
 # errors of the flanks make them some ten times as loud.
@@ -246,14 +245,7 @@ class ToothResponse(Result):
             Mean of |lines|^2 over one mesh order about each: single lines of a pulse may vanish for
             a contact ratio that is a little different.
         """
-        known = np.rint(number).astype(int)
-        heard = self._power_about[np.minimum(known, len(self.lines) - 1)]
-        return np.where(known < len(self.lines), heard, 0.0)
-
-    @cached_property
-    def _power_about(self) -> FloatArray:
-        every = np.arange(len(self.lines), dtype=np.float64)
-        return _mean_about(np.abs(self.lines) ** 2, every, self.teeth)
+        return _mean_about(np.abs(self.lines) ** 2, np.rint(number), self.teeth)
 
 
 def _mean_about(power: FloatArray, number: FloatArray, teeth: int) -> FloatArray:
@@ -304,7 +296,7 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
             told = f"stage={stage} is planetary, and its file bears no baseline"
             raise ArgumentError(told) from None
         top = int(max_order / mesh_of_stage.order * teeth)
-        lines, mesh = _deflected(stiffness, share, phase, teeth, top)
+        mesh, lines = _deflected(stiffness, share, phase, teeth, top)
     else:
         standard = False
         lines, mesh = (np.append(0.0, own) for own in (found.acceleration, found.mesh_acceleration))
@@ -358,8 +350,10 @@ def grown_lines(
     wheel = kinematics(machine).mesh(stage).wheel(gear)
     try:
         place = MeshPlace(machine, stage)
-        healthy, faults = place.in_train(), [f"crack:{stage}:{gear}:1:{x!r}" for x in GROWN]
-        hurt = [replace(place.alone([fault]), train=healthy.train) for fault in faults]
+        healthy = place.in_train()
+        # the same pulse, more or less of it
+        half = replace(place.alone([f"crack:{stage}:{gear}:1:0.5"]), train=healthy.train)
+        hurt = [half.scaled(2 * loss) for loss in GROWN]
         rotation_hz = wheel.relative_order * place.point.shaft1_hz
         even, added = added_lines(healthy, hurt, (top + 0.5) * rotation_hz)
         told: ComplexArray = np.zeros((1 + len(GROWN), top + 1), dtype=complex)
@@ -368,9 +362,8 @@ def grown_lines(
     except GearmonError:  # as of `tooth_response`
         own = machine.stages[stage - 1]
         stiffness, _, share, phase = _mesh_alone(own, stage, gear, wheel.teeth)
-        shed = [x * share / (1.0 - x * share) for x in GROWN]
-        parts = [_deflected(stiffness, own, phase, wheel.teeth, top) for own in shed]
-        return parts[0][1], np.array([lines for lines, _ in parts])
+        shed = np.array([x * share / (1.0 - x * share) for x in GROWN])
+        return _deflected(stiffness, shed, phase, wheel.teeth, top)
 
 
 def _of_set(machine: Machine, found: LossResponse) -> tuple[ComplexArray, ComplexArray]:
@@ -402,16 +395,15 @@ def _of_set(machine: Machine, found: LossResponse) -> tuple[ComplexArray, Comple
 def _deflected(
     stiffness: MeshStiffness, share: FloatArray, phase: FloatArray, teeth: int, top: int
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Lines of q = F/k(t) up to a multiple of the rotation, of what a pair sheds and healthy."""
-    number = np.arange(min(top, teeth * _POINTS // 2) + 1)
-    pulse = np.zeros(teeth * _POINTS)
-    pulse[: len(share)] = share / stiffness.at(phase)
+    """Lines of q = F/k(t), healthy, and of what a pair sheds up to a multiple of the rotation."""
+    number, count = np.arange(min(top, teeth * _POINTS // 2) + 1), teeth * _POINTS
     # the pulse is taken in the middle of each step
-    late = np.exp(-1j * np.pi * number / len(pulse))
-    lines = np.fft.rfft(pulse)[: len(number)] * late / len(pulse) * number**2
+    late = np.exp(-1j * np.pi * number / count)
+    spectrum = np.fft.rfft(share / stiffness.at(phase), count)[..., : len(number)]
+    lines = spectrum * late / count * number**2
     healthy = np.fft.fft(1.0 / stiffness.at(np.arange(_POINTS) / _POINTS)) / _POINTS
     harmonic = np.arange(number[-1] // teeth + 1)
-    return lines, np.asarray(healthy[harmonic] * (harmonic * teeth) ** 2)
+    return np.asarray(healthy[harmonic] * (harmonic * teeth) ** 2), np.asarray(lines)
 
 
 def _mesh_alone(
@@ -425,12 +417,10 @@ def _mesh_alone(
     try:
         stiffness = mesh_stiffness(pair)
     except GearmonError:
-        told = {"planets", "fixed", "driving"}
-        told |= {"mesh_stiffness_n_per_m", "ring_mesh_stiffness_n_per_m"}
         given: dict[str, Any] = {
-            key.name: _UNIT_STIFFNESS if "stiffness" in key.name else getattr(own, key.name)
+            key.name: getattr(own, key.name)
             for key in fields(own)
-            if key.name.endswith("_teeth") or key.name in told
+            if key.name.endswith("_teeth") or key.name in ("planets", "fixed", "driving")
         }
         plain = type(own)(**given, module_mm=1.0, face_width_mm=_STANDARD_WIDTH)
         standard, stiffness = True, mesh_stiffness(mesh_pairs(plain, stage)[gear == "ring"])
