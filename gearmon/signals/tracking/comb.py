@@ -102,16 +102,21 @@ class SpeedScan:
 
     Parameters
     ----------
-    blocks : _Blocks
+    samples : ndarray of float or InAngle, shape (channels, n)
         The recording.
+    sampling_rate_hz : float
+        Its sampling rate [Hz].
     comb : Comb
-        What is looked for.
+        What is looked for, within the band.
     nominal_hz : float
         Rotation frequency about which it is searched [Hz].
-    ratio : ndarray of float, shape (candidates,)
-        Candidate speeds over that, evenly spaced, or in their logarithm.
-    reach : int, optional
-        Candidates that a path may move by from block to block; those of 2 % a second if not given.
+    block_s : float
+        Duration of a Hann block [s].
+    span : float
+        How far from nominal to look, as a fraction; of a speed that changes in its logarithm.
+    changing : bool
+        Whether the path may move fast from block to block: candidates are then evenly spaced in
+        their logarithm, and blocks overlap however many they are.
 
     Attributes
     ----------
@@ -133,37 +138,56 @@ class SpeedScan:
 
     def __init__(
         self,
-        blocks: _Blocks,
+        samples: FloatArray | InAngle,
+        sampling_rate_hz: float,
         comb: Comb,
         nominal_hz: float,
-        ratio: FloatArray,
-        reach: int | None = None,
+        block_s: float,
+        span: float,
+        *,
+        changing: bool = False,
     ) -> None:
-        self.centre_s, self.bin_hz = blocks.centre_s, blocks.bin_hz
-        self.nominal_hz, self.ratio, self.reach = nominal_hz, ratio, reach
-        top, count = float(comb.orders.max()), len(blocks.starts)
-        self.resolution_hz = blocks.bin_hz / top
+        rate, (channels, total) = sampling_rate_hz, samples.shape
+        size = int(min(total, max(16.0, round(block_s * rate))))
+        hop = max(size // 2, 1)
+        overlapped = changing or (total - size) // hop < _MANY_BLOCKS
+        starts = np.arange(0, total - size + 1, hop if overlapped else size)
+        if len(starts) > 3 and starts[-1] != total - size:
+            starts = np.append(starts, total - size)  # takes the recording to its end
+        # a line is then two bins wide
+        length, count = fast_length(2 * size), len(starts)
+        self.centre_s, self.bin_hz = (starts + size / 2) / rate, rate / length
+        self.nominal_hz, top = nominal_hz, float(comb.orders.max())
+        self.resolution_hz = self.bin_hz / top
+        # candidates half a bin apart at the highest order: nothing hides between
+        most = (_PATH_CANDIDATES if changing else _MAX_CANDIDATES) // 2
+        half = int(np.clip(np.ceil(span / (0.5 * self.bin_hz / (nominal_hz * top))), 2, most))
+        away = span * np.arange(-half, half + 1) / half
+        self.ratio: FloatArray = np.exp(away) if changing else 1 + away
+        fastest = _PATH_SLOPE * hop / rate / (span / half)
+        self.reach = max(1, round(fastest)) if changing else None
         # some more than the highest line may reach, for the noise about it
-        highest = 1.1 * top * nominal_hz * float(ratio.max())
-        bins = min(blocks.length // 2 + 1, int(np.ceil(highest / blocks.bin_hz) + 64))
+        highest = 1.1 * top * nominal_hz * float(self.ratio.max())
+        bins = min(length // 2 + 1, int(np.ceil(highest / self.bin_hz) + 64))
         # of blocks that do not overlap, every other one or fewer is kept
-        self.stride = min(2 if blocks.overlapped else 1, count)
+        self.stride = min(2 if overlapped else 1, count)
         step = 2 * self.stride
         step = max(step, -(-count // _KEPT_BLOCKS) // step * step)
         self.kept = np.arange(self.stride if count >= 4 else 0, count, step)
-        self.scores = np.empty((count, len(ratio)))
+        self.scores = np.empty((count, len(self.ratio)))
         self.quality: NDArray[np.float32] = np.empty((len(self.kept), bins), dtype=np.float32)
         row_of = {number: row for row, number in enumerate(self.kept.tolist())}
-        places = nominal_hz / self.bin_hz * np.outer(ratio, comb.orders)
+        places = nominal_hz / self.bin_hz * np.outer(self.ratio, comb.orders)
         picked = _picking(places, comb.weights, bins)
 
         def scan_block(number: int) -> None:
-            own = line_quality(blocks.part(number), blocks.length, bins)
+            block = samples[:, starts[number] : starts[number] + size]
+            own = line_quality(block, length, bins)
             self.scores[number] = picked @ own
             if number in row_of:
                 self.quality[row_of[number]] = own
 
-        side_by_side(scan_block, range(count), count * blocks.samples.shape[0] * blocks.length)
+        side_by_side(scan_block, range(count), count * channels * length)
 
     def track(self, blocks: IntArray | None = None) -> SpeedTrack:
         """Return the best path of speeds through the blocks (all of them by default)."""
@@ -266,11 +290,8 @@ def scan_speed(
     check_positive("nominal_hz", nominal_hz, "Hz")
     check_range("tolerance", tolerance, 1e-6, 0.3)
     check_positive("block_s", block_s, "s")
-    blocks = _Blocks(samples, sampling_rate_hz, block_s, _MANY_BLOCKS)
     used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
-    half = _half(tolerance, blocks.bin_hz / (nominal_hz * float(used.orders.max())))
-    ratio = 1 + tolerance * np.arange(-half, half + 1) / half
-    return SpeedScan(blocks, used, nominal_hz, ratio)
+    return SpeedScan(samples, sampling_rate_hz, used, nominal_hz, block_s, tolerance)
 
 
 def find_path(
@@ -303,42 +324,9 @@ def find_path(
     """
     check_positive("nominal_hz", nominal_hz, "Hz")
     check_range("reach", reach, 1e-6, 0.5)
-    blocks = _Blocks(samples, sampling_rate_hz, _PATH_TURNS / nominal_hz)
     used = comb.below(0.49 * sampling_rate_hz / nominal_hz)
-    span = float(np.log1p(reach))
-    half = _half(span, blocks.bin_hz / (nominal_hz * float(used.orders.max())), _PATH_CANDIDATES)
-    moves = _PATH_SLOPE * max(blocks.size // 2, 1) / sampling_rate_hz / (span / half)
-    ratio = np.exp(span * np.arange(-half, half + 1) / half)
-    return SpeedScan(blocks, used, nominal_hz, ratio, max(1, round(moves)))
-
-
-def _half(span: float, bin_share: float, most: int = _MAX_CANDIDATES) -> int:
-    """Candidates to either side half a bin apart at the highest order: nothing hides between."""
-    return int(np.clip(np.ceil(span / (0.5 * bin_share)), 2, most // 2))
-
-
-class _Blocks:
-    """Hann blocks of a recording, half overlapped unless there are too many."""
-
-    def __init__(
-        self, samples: FloatArray | InAngle, rate: float, block_s: float, many: float = np.inf
-    ) -> None:
-        count = samples.shape[-1]
-        self.samples = samples
-        self.size = int(min(count, max(16.0, round(block_s * rate))))
-        hop = max(self.size // 2, 1)
-        self.overlapped = (count - self.size) // hop < many
-        starts = np.arange(0, count - self.size + 1, hop if self.overlapped else self.size)
-        if len(starts) > 3 and starts[-1] != count - self.size:
-            starts = np.append(starts, count - self.size)  # takes the recording to its end
-        self.starts, self.centre_s = starts, (starts + self.size / 2) / rate
-        # a line is then two bins wide
-        self.length = fast_length(2 * self.size)
-        self.bin_hz = rate / self.length
-
-    def part(self, number: int) -> FloatArray:
-        """Return the samples of a block."""
-        return self.samples[:, self.starts[number] : self.starts[number] + self.size]
+    block_s, span = _PATH_TURNS / nominal_hz, float(np.log1p(reach))
+    return SpeedScan(samples, sampling_rate_hz, used, nominal_hz, block_s, span, changing=True)
 
 
 def _picking(places: FloatArray, weights: FloatArray, bins: int) -> csr_array:
