@@ -521,7 +521,7 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     sound = np.repeat(np.arange(len(cuts) - 1) % 2 == 0, np.diff(cuts))
     told = replace(lines, orders=lines.orders[clear], amplitude=lines.amplitude[:, clear])
     lost = tuple(_lost(told, time_s, cuts[k : k + 4]) for k in range(0, len(cuts) - 2, 2))
-    variance = _astray(cuts, lost) ** 2
+    variance = _astray(cuts, lost)
     if sound.any():
         weight = told.orders**2 / (scatter[clear] ** 2 + FLOOR_CYCLES**2)
         variance += _variance(told, phase[:, clear], weight, sound, time_s)
@@ -727,16 +727,16 @@ def _turned(lines: SlidingLines, cuts: Sequence[int]) -> tuple[FloatArray, Float
 
 
 def _astray(cuts: Sequence[int], lost: tuple[LostStretch, ...]) -> FloatArray:
-    """How far the angle may be off because it was lost [turns]."""
-    off = np.zeros(cuts[-1])
+    """Variance of the angle because it was lost [turns^2]."""
+    variance = np.zeros(cuts[-1])
     # the longest time that it is locked is what the rest is compared with
     home = int(np.argmax(np.diff(cuts)[::2]))
     for number, stretch in enumerate(lost):
         start, stop = cuts[2 * number + 1 : 2 * number + 3]
-        own = _ASTRAY * stretch.turns / np.sqrt(3)
-        off[start:stop] = np.hypot(off[start:stop], own)
+        own = (_ASTRAY * stretch.turns) ** 2 / 3
+        variance[start:stop] += own
         if not stretch.harmless:
             beyond = slice(stop, None) if number >= home else slice(0, start)
-            more = own if stretch.slipped_turns is None else abs(stretch.slipped_turns)
-            off[beyond] = np.hypot(off[beyond], more)
-    return off
+            slipped = stretch.slipped_turns
+            variance[beyond] += own if slipped is None else slipped**2
+    return variance
