@@ -445,7 +445,7 @@ def peak_refined(scores: FloatArray, path: IntArray, speeds: FloatArray) -> Floa
     rows = np.arange(len(path))
     left, here, right = (scores[rows, middle + shift] for shift in (-1, 0, 1))
     curvature = 2 * here - left - right
-    safe = np.where(curvature > 0, curvature, 1.0)
-    offset = np.where(curvature > 0, 0.5 * (right - left) / safe, 0.0)
+    flat = np.zeros(len(path))
+    offset = np.divide(0.5 * (right - left), curvature, out=flat, where=curvature > 0)
     spacing = 0.5 * (speeds[middle + 1] - speeds[middle - 1])
     return np.asarray(speeds[middle] + np.clip(offset, -0.5, 0.5) * spacing)

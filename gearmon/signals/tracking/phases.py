@@ -242,7 +242,8 @@ def _unwound(lines: SlidingLines) -> FloatArray:
     total = float(weight.sum())
     if total <= 0:
         return np.zeros(len(lines.angle))
-    increment = _median(advance / lines.orders, weight)
+    told = advance / lines.orders
+    increment = np.quantile(told, 0.5, axis=1, weights=weight, method="inverted_cdf")
     for _ in range(3):
         rest = advance - increment[:, None] * lines.orders
         votes = weight * (np.abs(rest) < _SLIPPED_CYCLES)
@@ -250,14 +251,6 @@ def _unwound(lines: SlidingLines) -> FloatArray:
         mean = (votes * rest / lines.orders).sum(axis=1) / np.maximum(mass, 1e-300)
         increment = increment + np.where(mass > 0, mean, 0.0)
     return np.asarray(np.concatenate([[0.0], np.cumsum(increment)]))
-
-
-def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
-    """Weighted median along each row."""
-    place = np.argsort(rows, axis=1)
-    mass = np.cumsum(weight[place], axis=1)
-    middle = np.argmax(mass >= 0.5 * mass[:, -1:], axis=1)
-    return np.asarray(np.take_along_axis(rows, place, axis=1)[np.arange(len(rows)), middle])
 
 
 def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
