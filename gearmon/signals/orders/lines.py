@@ -263,7 +263,7 @@ class OrderBlocks:
 
         def power(number: int) -> FloatArray:
             block = self.signals.steps(number * self.steps, 2 * self.steps)
-            return window_powers(block - block.mean(axis=-1, keepdims=True), weights, length)
+            return window_powers(block, weights, length)
 
         powers = side_by_side(power, self.sampled, work)
         mean: FloatArray = sum(powers, np.zeros(1)) / len(powers)

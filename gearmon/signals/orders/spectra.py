@@ -253,12 +253,9 @@ def _of_pieces(
     sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
 
     def power_of(piece: int) -> FloatArray:
-        values = part(piece)
-        # an offset as large as the signal must not hide it behind its own side lobes
-        centred = values - values.mean(axis=-1, keepdims=True)
-        return window_powers(centred, weights, length)
+        return window_powers(part(piece), weights, length)
 
-    powers = side_by_side(power_of, [int(piece) for piece in sampled], 2 * len(sampled) * block)
+    powers = side_by_side(power_of, sampled.tolist(), 2 * len(sampled) * block)
     power = np.asarray(sum(powers)) * ((2.0 / weights.sum()) ** 2 / len(sampled))
     step = rate / length
     if share is not None:
@@ -448,8 +445,7 @@ def order_map(
         ahead, count = turn + part.shape[1] / grid.per_turn, block - part.shape[1]
         fresh = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, ahead, count)
         part = np.hstack([part, fresh])
-        centred = part - part.mean(axis=-1, keepdims=True)
-        powers[number] += window_powers(centred, weights, block)[:, :bins]
+        powers[number] += window_powers(part, weights, block)[:, :bins]
     powers *= (2.0 / weights.sum()) ** 2
     powers[..., 0] *= 0.25  # the line at zero has no mirror image
     return OrderMap(
