@@ -17,7 +17,7 @@ np.float64(5.0)
 from gearmon.lazy import lazily
 
 _OFFERED = {
-    "comb": ("Comb", "SpeedScan", "SpeedTrack", "find_path", "scan_speed"),
+    "comb": ("Comb", "SpeedScan", "SpeedTrack"),
     "mesh_detection": ("MeshComb", "MeshEvidence", "foreign_spacing", "mesh_evidence"),
     "phases": (
         *("SlipCheck", "check_slips", "coherent_share", "follow_lines", "integrate_speed"),

@@ -24,8 +24,6 @@ from gearmon.signals.threads import side_by_side
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
 _MAX_CANDIDATES, _PATH_CANDIDATES = 6000, 4000
-# Blocks in which a speed is followed that may change [turns at the nominal speed].
-_PATH_TURNS = 8.0
 # Fastest relative change of the speed that is followed [1/s], of a steady machine and of any: a
 # simulated engine that hunts by 3 % within 0.5 to 20 s reaches 19 % a second.
 _STEADY_SLOPE, _PATH_SLOPE = 0.02, 0.3
@@ -103,20 +101,22 @@ class SpeedScan:
     Parameters
     ----------
     samples : ndarray of float or InAngle, shape (channels, n)
-        The recording.
+        Vibration; a channel's scale does not matter. What is spread is made block by block.
     sampling_rate_hz : float
-        Its sampling rate [Hz].
+        Sampling rate [Hz].
     comb : Comb
-        What is looked for, within the band.
+        Orders and weights; those above half the sampling rate are left out, and count nothing
+        where they leave the band at the speed of a block.
     nominal_hz : float
-        Rotation frequency about which it is searched [Hz].
+        Where to look [Hz], > 0.
+    tolerance : float
+        How far from nominal to look, as a fraction, in (0, 0.3]; in (0, 0.5] of a changing speed.
     block_s : float
-        Duration of a Hann block [s].
-    span : float
-        How far from nominal to look, as a fraction; of a speed that changes in its logarithm.
+        Duration of a Hann block [s], cut to the recording. Blocks overlap by half, but for those
+        of a recording that holds more than 400 so: they stand end to end.
     changing : bool
-        Whether the path may move fast from block to block: candidates are then evenly spaced in
-        their logarithm, and blocks overlap however many they are.
+        Whether the speed may change fast: candidates are then evenly spaced in their logarithm, a
+        path may move far from block to block, and all blocks overlap.
 
     Attributes
     ----------
@@ -134,6 +134,11 @@ class SpeedScan:
         Their log(1 + signal-to-noise ratio), mean over channels.
     stride : int
         Blocks from one to the next that does not overlap it.
+
+    Raises
+    ------
+    ArgumentError
+        If the nominal speed, the tolerance or the block is out of range.
     """
 
     def __init__(
@@ -142,30 +147,28 @@ class SpeedScan:
         sampling_rate_hz: float,
         comb: Comb,
         nominal_hz: float,
-        block_s: float,
-        span: float,
+        tolerance: float = 0.03,
+        block_s: float = 1.0,
         *,
         changing: bool = False,
     ) -> None:
+        check_positive("nominal_hz", nominal_hz, "Hz")
+        check_range("tolerance", tolerance, 1e-6, 0.5 if changing else 0.3)
+        check_positive("block_s", block_s, "s")
         rate, (channels, total) = sampling_rate_hz, samples.shape
         size = int(min(total, max(16.0, round(block_s * rate))))
         hop = max(size // 2, 1)
         overlapped = changing or (total - size) // hop < _MANY_BLOCKS
-        starts = np.arange(0, total - size + 1, hop if overlapped else size)
-        if len(starts) > 3 and starts[-1] != total - size:
-            starts = np.append(starts, total - size)  # takes the recording to its end
+        starts = _starts(total, size, hop if overlapped else size)
         # a line is then two bins wide
         length, count = fast_length(2 * size), len(starts)
-        self.centre_s, self.bin_hz = (starts + size / 2) / rate, rate / length
-        self.nominal_hz, top = nominal_hz, float(comb.orders.max())
+        middle = starts + np.float64(size / 2)
+        self.centre_s, self.bin_hz = middle / rate, rate / length
+        used = comb.below(0.49 * rate / (nominal_hz * (1.0 if changing else 1 + tolerance)))
+        self.nominal_hz, top = nominal_hz, float(used.orders.max())
         self.resolution_hz = self.bin_hz / top
-        # candidates half a bin apart at the highest order: nothing hides between
-        most = (_PATH_CANDIDATES if changing else _MAX_CANDIDATES) // 2
-        half = int(np.clip(np.ceil(span / (0.5 * self.bin_hz / (nominal_hz * top))), 2, most))
-        away = span * np.arange(-half, half + 1) / half
-        self.ratio: FloatArray = np.exp(away) if changing else 1 + away
-        fastest = _PATH_SLOPE * hop / rate / (span / half)
-        self.reach = max(1, round(fastest)) if changing else None
+        self.ratio, spacing = _candidates(tolerance, self.resolution_hz / nominal_hz, changing)
+        self.reach = max(1, round(_PATH_SLOPE * hop / rate / spacing)) if changing else None
         # some more than the highest line may reach, for the noise about it
         highest = 1.1 * top * nominal_hz * float(self.ratio.max())
         bins = min(length // 2 + 1, int(np.ceil(highest / self.bin_hz) + 64))
@@ -177,8 +180,8 @@ class SpeedScan:
         self.scores = np.empty((count, len(self.ratio)))
         self.quality: NDArray[np.float32] = np.empty((len(self.kept), bins), dtype=np.float32)
         row_of = {number: row for row, number in enumerate(self.kept.tolist())}
-        places = nominal_hz / self.bin_hz * np.outer(self.ratio, comb.orders)
-        picked = _picking(places, comb.weights, bins)
+        places = nominal_hz / self.bin_hz * np.outer(self.ratio, used.orders)
+        picked = _picking(places, used.weights, bins)
 
         def scan_block(number: int) -> None:
             block = samples[:, starts[number] : starts[number] + size]
@@ -251,82 +254,24 @@ def clearest(scans: Sequence[tuple[SpeedScan, Comb]]) -> int:
     return first
 
 
-def scan_speed(
-    samples: FloatArray | InAngle,
-    sampling_rate_hz: float,
-    comb: Comb,
-    nominal_hz: float,
-    tolerance: float = 0.03,
-    block_s: float = 1.0,
-) -> SpeedScan:
-    """Try all speeds about the nominal one on every block of a recording.
+def _starts(total: int, size: int, hop: int) -> IntArray:
+    """Where blocks begin, of which the last one takes the recording to its end."""
+    starts = np.arange(0, total - size + 1, hop)
+    whole = len(starts) <= 3 or starts[-1] == total - size
+    return starts if whole else np.append(starts, total - size)
 
-    Parameters
-    ----------
-    samples : ndarray of float or InAngle, shape (channels, n)
-        Vibration; a channel's scale does not matter. What is spread is made block by block.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    comb : Comb
-        Orders and weights; those above half the sampling rate are left out, and count nothing
-        where they leave the band at the speed of a block.
-    nominal_hz : float
-        Where to look [Hz], > 0.
-    tolerance : float
-        How far from nominal to look, as a fraction, in (0, 0.3].
-    block_s : float
-        Duration of a Hann block [s], cut to the recording. Blocks overlap by half, but for those
-        of a recording that holds more than 400 so: they stand end to end.
 
-    Returns
-    -------
-    SpeedScan
+def _candidates(tolerance: float, resolution: float, changing: bool) -> tuple[FloatArray, float]:
+    """Speeds over the nominal one half a bin apart at the highest order, where nothing can hide.
 
-    Raises
-    ------
-    ArgumentError
-        If the nominal speed, the tolerance or the block is out of range.
+    Returns them with their spacing; of a changing speed even in the logarithm.
     """
-    check_positive("nominal_hz", nominal_hz, "Hz")
-    check_range("tolerance", tolerance, 1e-6, 0.3)
-    check_positive("block_s", block_s, "s")
-    used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
-    return SpeedScan(samples, sampling_rate_hz, used, nominal_hz, block_s, tolerance)
-
-
-def find_path(
-    samples: FloatArray, sampling_rate_hz: float, comb: Comb, nominal_hz: float, reach: float = 0.25
-) -> SpeedScan:
-    """Follow a comb whose speed may change, in short blocks and far about the nominal speed.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration; a channel's scale does not matter.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    comb : Comb
-        Orders and weights; lines that leave the band at a speed count nothing there.
-    nominal_hz : float
-        Where to look [Hz], > 0.
-    reach : float
-        How far from nominal to look, as a fraction, in (0, 0.5].
-
-    Returns
-    -------
-    SpeedScan
-        Candidates evenly spaced in the logarithm.
-
-    Raises
-    ------
-    ArgumentError
-        If the nominal speed or the reach is out of range.
-    """
-    check_positive("nominal_hz", nominal_hz, "Hz")
-    check_range("reach", reach, 1e-6, 0.5)
-    used = comb.below(0.49 * sampling_rate_hz / nominal_hz)
-    block_s, span = _PATH_TURNS / nominal_hz, float(np.log1p(reach))
-    return SpeedScan(samples, sampling_rate_hz, used, nominal_hz, block_s, span, changing=True)
+    span, most = tolerance, _MAX_CANDIDATES
+    if changing:
+        span, most = float(np.log1p(tolerance)), _PATH_CANDIDATES
+    half = int(np.clip(np.ceil(span / (0.5 * resolution)), 2, most // 2))
+    away = span * np.arange(-half, half + 1) / half
+    return np.exp(away) if changing else 1 + away, span / half
 
 
 def _picking(places: FloatArray, weights: FloatArray, bins: int) -> csr_array:

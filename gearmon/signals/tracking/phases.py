@@ -6,7 +6,7 @@ carries the track through blocks where no line is clear. Phases that are compare
 block would add up like a random walk; those compared with the line's own slowly varying mean do
 not. The blocks slide by a quarter of their length and are cut at the ends of the recording.
 
-A speed that changes is followed in short blocks first (`comb.find_path`). Read at equal steps of
+A speed that changes is followed in short blocks first (`comb.SpeedScan`). Read at equal steps of
 that path's angle the lines are nearly steady (`unwarp`), so that the comb and then the phases of
 the mesh lines tell the rest.
 
@@ -39,7 +39,7 @@ from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
 from gearmon.signals.orders.resampling import InAngle
-from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_speed
+from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack
 
 # Thresholds divide what `test_phases` and `test_speed_tracking` hold apart: simulated gears whose
 # speed wanders, jumps and ramps, in noise.
@@ -327,7 +327,7 @@ def scan_angle(vibration: InAngle, comb: Comb, reach: float, block_turns: float)
     """
     top = 0.45 * vibration.sampling_rate_hz / float(vibration.track.speed_hz.max())
     read = vibration.holding() if vibration.samples.size <= _HELD else vibration
-    return scan_speed(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
+    return SpeedScan(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
 
 
 def unwarp(sums: OrderSums, track: AngleTrack, comb: Comb, reach: float = 0.015) -> AngleTrack:
