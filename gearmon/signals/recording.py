@@ -310,8 +310,7 @@ def _recording_of(made: Any, wanted: Wanted) -> Recording:
         )
     if not isinstance(made, Recording):
         known = ("samples", "sampling_rate_hz", "channel_names", "channel_kinds", "units")
-        taken = {name: getattr(made, name) for name in known}
-        made = Recording(**taken, origin="simulated")
+        made = Recording(**{name: getattr(made, name) for name in known}, origin="simulated")
     recording: Recording = made
     return recording.select(wanted.channels) if wanted.channels else recording
 

@@ -550,8 +550,7 @@ def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csr_arr
     weight = (0.5 + 0.5 * np.cos(0.5 * np.pi * (place - number))) * steps
     inside = (number >= 0) & (number < count)
     stretch = np.broadcast_to(np.arange(len(place)), number.shape)
-    entries = weight[inside], (number[inside], stretch[inside])
-    return csr_array(entries, shape=(count, len(place)))
+    return csr_array((weight[inside], (number[inside], stretch[inside])), (count, len(place)))
 
 
 class Stretches:

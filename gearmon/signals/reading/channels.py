@@ -113,7 +113,7 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
     RecordingError
         If the channels cannot be used.
     """
-    columns, notes = _told(table, wanted)
+    columns, notes, tacho_told = _told(table, wanted)
     hints = []
     timed = table.rate_hz is not None or any(column.kind == "time" for column in columns)
     for index, (column, values) in enumerate(zip(columns, table.values, strict=True)):
@@ -140,7 +140,7 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
         "columns": tuple(column.number for column in taken),
         "origin": table.path,
         "notes": tuple(_one_line(note) for note in notes if note),
-        "tacho_told": _tells_tacho(columns),
+        "tacho_told": tacho_told,
         "known_finite": all(scale == 1.0 for _, scale in scaled),
     }
 
@@ -150,8 +150,11 @@ def _one_line(note: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
-def _told(table: Table, wanted: Wanted) -> tuple[list[Column], list[str]]:
-    """Let what the user says go before what the file says; note sensors that are not in it."""
+def _told(table: Table, wanted: Wanted) -> tuple[list[Column], list[str], bool]:
+    """Let what the user says go before what the file says; note sensors that are not in it.
+
+    Returns columns and notes, and whether the user said which column is the tacho.
+    """
     index = partial(find_columns, table.path, columns=table.columns)
     columns, absent = list(table.columns), []
 
@@ -170,17 +173,13 @@ def _told(table: Table, wanted: Wanted) -> tuple[list[Column], list[str]]:
         say(place, kind="vibration", told="named")
     if wanted.tacho is not None:
         say(index(wanted.tacho)[0], kind="tacho", told="named")
-    if _tells_tacho(columns):
+    tacho_told = any(column.told and column.kind == "tacho" for column in columns)
+    if tacho_told:
         # what the user calls a tacho goes before what is named like one
         for place, column in enumerate(columns):
             if column.kind == "tacho" and not column.told:
                 say(place, kind="other")
-    return columns, absent
-
-
-def _tells_tacho(columns: Sequence[Column]) -> bool:
-    """Tell whether the user said which column is the tacho."""
-    return any(column.told and column.kind == "tacho" for column in columns)
+    return columns, absent, tacho_told
 
 
 def _confirmed(column: Column, values: FloatArray, *, first: bool) -> tuple[str, str]:

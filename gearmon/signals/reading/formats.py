@@ -478,8 +478,7 @@ def _tdms_array(name: str, channel: Any) -> Array | None:
     rate_hz = float(f"{1.0 / step:.13g}") if step > 0 and over in ("time", "zeit") else None
     begin = channel.properties.get("wf_start_time", None)
     start = 0.0 if begin is None else float(np.datetime64(begin, "us").astype(np.int64)) * 1e-6
-    unit = unit_in(channel.properties)
-    found = Array.of(name, channel, unit=unit, rate_hz=rate_hz)
+    found = Array.of(name, channel, unit=unit_in(channel.properties), rate_hz=rate_hz)
     return found and replace(found, start_s=start + told.get("wf_start_offset", 0.0))
 
 

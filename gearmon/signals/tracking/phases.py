@@ -296,8 +296,7 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     """Weights of the blocks in overlapping classes of speed, shape (blocks, classes)."""
-    time = track.time_at(angle)
-    speed = np.gradient(angle, time)
+    speed = np.gradient(angle, track.time_at(angle))
     place = np.log(speed / speed.min()) / _SPEED_CLASS
     count = max(1, round(float(place.max())))
     if count == 1:
@@ -457,8 +456,7 @@ class SlipCheck:
             if not stretch.harmless:
                 turns = track.turns_at(np.array([stretch.start_s, stretch.end_s]))
                 ends[-1:-1] = track.time_at(turns + np.array([-_WIDER, _WIDER])).tolist()
-        parts = list(zip(ends[::2], ends[1::2], strict=True))
-        return max(parts, key=lambda part: part[1] - part[0])
+        return max(zip(ends[::2], ends[1::2], strict=True), key=lambda part: part[1] - part[0])
 
 
 def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
