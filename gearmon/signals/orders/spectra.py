@@ -430,8 +430,7 @@ def order_map(
     block = min(grid.count, fast_length(max(16, int(turns * grid.per_turn))))
     # of every block its middle [s] and the mean speed of shaft 1 within it [Hz]
     length, hop = block / grid.per_turn, max(1, block // 2)
-    starts = np.arange(0, grid.count - block + 1, hop)
-    begin = grid.first_turn + starts / grid.per_turn
+    begin = grid.first_turn + np.arange(0, grid.count - block + 1, hop) / grid.per_turn
     ends = track.time_at(begin), track.time_at(begin + length)
     middle, speed = 0.5 * (ends[0] + ends[1]), length / (ends[1] - ends[0])
     row, low, high = _rows(middle if against == "time" else ratio * speed, against, most)

@@ -154,11 +154,10 @@ def _read_arrays(source: Source, found: Format, wanted: Wanted) -> Table:
         pipe = "cannot be read through a pipe; give the file itself"
         how = "packed with gzip; unpack it first" if source.zipped else pipe
         raise RecordingError(f"{source.path}: {found.what} {how}")
-    size = os.path.getsize(source.path)
     try:
         with warnings.catch_warnings(), contextmanager(found.loader)(source.path) as loaded:
             warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
-            holding = replace(loaded, path=source.path, what=found.what, size=size)
+            holding = replace(loaded, path=source.path, what=found.what, size=source.size())
             return holding.table(wanted)
     except GearmonError:
         raise

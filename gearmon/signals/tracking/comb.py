@@ -257,8 +257,7 @@ def clearest(scans: Sequence[tuple[SpeedScan, Comb]]) -> int:
 def _starts(total: int, size: int, hop: int) -> IntArray:
     """Where blocks begin, of which the last one takes the recording to its end."""
     starts = np.arange(0, total - size + 1, hop)
-    whole = len(starts) <= 3 or starts[-1] == total - size
-    return starts if whole else np.append(starts, total - size)
+    return starts if len(starts) <= 3 else np.union1d(starts, [total - size])
 
 
 def _candidates(tolerance: float, resolution: float, changing: bool) -> tuple[FloatArray, float]:
@@ -266,9 +265,8 @@ def _candidates(tolerance: float, resolution: float, changing: bool) -> tuple[Fl
 
     Returns them with their spacing; of a changing speed even in the logarithm.
     """
-    span, most = tolerance, _MAX_CANDIDATES
-    if changing:
-        span, most = float(np.log1p(tolerance)), _PATH_CANDIDATES
+    span = float(np.log1p(tolerance)) if changing else tolerance
+    most = _PATH_CANDIDATES if changing else _MAX_CANDIDATES
     half = int(np.clip(np.ceil(span / (0.5 * resolution)), 2, most // 2))
     away = span * np.arange(-half, half + 1) / half
     return np.exp(away) if changing else 1 + away, span / half
