@@ -94,7 +94,22 @@ class Recording(Result):
         samples = np.asarray(self.samples, dtype=np.float64)
         if samples.ndim != 2:
             raise ArgumentError(f"samples have shape {samples.shape}, must be (channels, n)")
-        self._fill(samples.view(), len(samples))
+        count, view = len(samples), samples.view()
+        view.flags.writeable = False
+        object.__setattr__(self, "samples", view)
+        defaults: dict[str, tuple[object, ...]] = {
+            "channel_names": tuple(f"channel {number}" for number in range(1, count + 1)),
+            "channel_kinds": ("vibration",) * count,
+            "units": (None,) * count,
+            "columns": tuple(range(1, count + 1)),
+        }
+        for name, default in defaults.items():
+            given = tuple(getattr(self, name)) or default
+            if len(given) != count:
+                raise ArgumentError(f"{name} has {len(given)} entries for {count} channels")
+            object.__setattr__(self, name, given)
+        for kind in self.channel_kinds:
+            check_word("kind=", kind, CHANNEL_KINDS)
         where = f"{self.origin}: " if self.origin else ""
         if samples.shape[1] < 2:
             raise RecordingError(
@@ -105,23 +120,6 @@ class Recording(Result):
                 raise RecordingError(
                     f"{where}channel '{name}' has values that are no finite numbers, or above 1e30"
                 )
-
-    def _fill(self, samples: FloatArray, count: int) -> None:
-        samples.flags.writeable = False
-        defaults: dict[str, tuple[object, ...]] = {
-            "channel_names": tuple(f"channel {number}" for number in range(1, count + 1)),
-            "channel_kinds": ("vibration",) * count,
-            "units": (None,) * count,
-            "columns": tuple(range(1, count + 1)),
-        }
-        object.__setattr__(self, "samples", samples)
-        for name, default in defaults.items():
-            given = tuple(getattr(self, name)) or default
-            if len(given) != count:
-                raise ArgumentError(f"{name} has {len(given)} entries for {count} channels")
-            object.__setattr__(self, name, given)
-        for kind in self.channel_kinds:
-            check_word("kind=", kind, CHANNEL_KINDS)
 
     def frame_rows(self) -> list[dict[str, Any]]:
         """Return a row a sample: the time, and every channel."""

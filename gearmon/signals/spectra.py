@@ -680,8 +680,7 @@ def kurtogram(samples: FloatArray, rate: float, levels: int = 8) -> Kurtogram:
     length = quick_length(len(signal))
     lines = transform((signal - signal.mean())[None, :], length)[0, 1 : length // 2 + 1]
     counts = sorted({1} | {2**k for k in range(wanted + 1)} | {3 * 2**k for k in range(wanted)})
-    share = len(signal) / length
-    found = tuple(_band_kurtosis(lines, count, share) for count in counts)
+    found = tuple(_band_kurtosis(lines, count, len(signal) / length) for count in counts)
     return Kurtogram(bands=tuple(counts), kurtosis=found, rate=float(rate))
 
 

@@ -250,12 +250,9 @@ def _of_pieces(
         raise ArgumentError(f"pieces={pieces}: each must hold 8 samples or more, got {block}")
     length = fast_length(2 * block)
     weights = window("hann", block)
-    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
-
-    def power_of(piece: int) -> FloatArray:
-        return window_powers(part(piece), weights, length)
-
-    powers = side_by_side(power_of, sampled.tolist(), 2 * len(sampled) * block)
+    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int)).tolist()
+    work = 2 * len(sampled) * block
+    powers = side_by_side(lambda k: window_powers(part(k), weights, length), sampled, work)
     power = np.asarray(sum(powers)) * ((2.0 / weights.sum()) ** 2 / len(sampled))
     step = rate / length
     if share is not None:

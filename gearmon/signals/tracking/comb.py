@@ -319,8 +319,7 @@ def line_quality(block: FloatArray, length: int, bins: int) -> FloatArray:
         power /= local_floor(power, 96)
         power += 1.0
         quality += np.log(power, out=power)
-    quality /= len(block)
-    return quality
+    return quality / len(block)
 
 
 def best_path(scores: FloatArray, reach: int) -> IntArray:

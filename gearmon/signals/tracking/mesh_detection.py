@@ -394,8 +394,7 @@ class _Lines:
         if averaged > 1:
             quality = np.log1p(uniform_filter1d(np.expm1(quality), averaged))
         self.step, self.width = spectrum.step, spectrum.width * max(1.0, averaged / 2)
-        reach = max(1, round(0.5 * self.width / self.step))
-        self.height = maximum_filter1d(quality, 2 * reach + 1)
+        self.height = maximum_filter1d(quality, 2 * max(1, round(0.5 * self.width / self.step)) + 1)
         self.usual = float(np.median(quality))
 
     def at(self, orders: FloatArray) -> FloatArray:

@@ -27,7 +27,7 @@ from scipy.ndimage import maximum_filter1d, median_filter
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import RecordingError, check_positive
-from gearmon.signals.angle import AngleTrack
+from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.tracking.phases import FLOOR_CYCLES, lock_track, roughness
 
@@ -620,7 +620,10 @@ def join(sums: OrderSums, known: AngleTrack) -> tuple[AngleTrack, float]:
         track = lock_track(sums, track_through(course, turns, float(known.time_s[-1])))
         beside = turns - track.turns_at(time_s)
         drift = np.full(len(beside), beside.mean())
-        beats = jitter < sample and _beats(rate * course, max(1, round(a_turn)))
+        # whether edges fall at the same place between two samples turn after turn
+        place, lag = rate * course, max(1, round(a_turn))
+        alike = abs(phasors(place[lag:] - place[:-lag]).mean())
+        beats = jitter < sample and alike > _BEATING
         if not beats or departure(beside - drift) > 1.0:
             drift = _smoothed(turns, beside, 1)
         moved = track.turns + np.interp(track.turns, turns - beside, drift)
@@ -631,12 +634,6 @@ def join(sums: OrderSums, known: AngleTrack) -> tuple[AngleTrack, float]:
             beyond = departure(turns - joined.turns_at(time_s))
             return (joined if beyond <= 1.0 else known), beyond
     return known, 0.0
-
-
-def _beats(place: FloatArray, lag: int) -> bool:
-    """Whether edges fall at the same place between two samples turn after turn."""
-    steps = place[lag:] - place[:-lag]
-    return bool(abs(np.mean(np.exp(2j * np.pi * steps))) > _BEATING)
 
 
 def _coherence(sums: OrderSums, track: AngleTrack) -> float:
