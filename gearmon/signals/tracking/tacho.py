@@ -199,6 +199,7 @@ def repair(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
     whole = _followed(times, per_turn)
     if per_turn > 1 and np.array_equal(whole, times):
         return found
+    # where repairs crowd, counted in pulses
     repaired_s = np.setxor1d(whole, times)
     number = np.searchsorted(whole, repaired_s, "right")
     unclear_s = repaired_s[_CROWD:][number[_CROWD:] - number[:-_CROWD] <= _WITHIN]
@@ -214,6 +215,7 @@ def repair(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
                 f"tacho channel: {missing} pulses missing and {extra} too many among {len(whole)}; "
                 "at most 2 % can be repaired. Check the sensor, or leave the tacho out"
             )
+        # the pulse that belongs there may be another one: what is off is left out from now on
         kept = np.setdiff1d(kept, off_s)
         if not len(off_s) or len(kept) <= 3 * per_turn:
             break
