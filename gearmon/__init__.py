@@ -97,7 +97,8 @@ _OFFERED = {
     "simulation": ("simulate",),
 }
 
-__all__ = ["__version__", *sorted(name for names in _OFFERED.values() for name in names)]
+_NAMES, __getattr__ = lazily(__name__, _OFFERED)
+__all__ = ["__version__", *_NAMES]
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.analysis import analyse as analyse
@@ -142,9 +143,6 @@ if TYPE_CHECKING:
     from gearmon.signatures.signature import read_signature as read_signature
     from gearmon.signatures.signature import write_signature as write_signature
     from gearmon.simulation import simulate as simulate
-
-
-__getattr__ = lazily(__name__, _OFFERED)
 
 
 def __dir__() -> list[str]:

@@ -14,7 +14,6 @@ import json
 import math
 import os
 import re
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
@@ -196,16 +195,14 @@ def replacing(path: str | Path) -> Iterator[Path]:
         If the folder does not exist, the disk is full, or `check_output` refuses.
     """
     target = check_output(path)
+    # no private file of tempfile: a result is as readable as any file the user writes
+    temporary = target.with_name(f".{os.urandom(8).hex()}{target.suffix}")
     try:
-        handle, name = tempfile.mkstemp(prefix=".", suffix=target.suffix, dir=target.parent)
-        os.close(handle)
+        temporary.touch(exist_ok=False)
     except OSError as error:
         raise ArgumentError(f"{path}: cannot write there ({error.strerror})") from None
-    temporary = Path(name)
     try:
         yield temporary
-        # mkstemp makes private files; a result is as readable as any file the user writes
-        os.chmod(temporary, 0o666 & ~_umask())
         _set_mark(temporary)
         os.replace(temporary, target)
     except OSError as error:
@@ -252,9 +249,8 @@ def write_archive(
     import numpy as np  # the command line does without it where it only writes text
 
     told = np.frombuffer(json.dumps(header).encode("utf-8"), dtype=np.uint8)
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, allow_pickle=False, **{**arrays, "header": told})
-    write_atomically(path, buffer.getvalue())
+    with replacing(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **{**arrays, "header": told})
 
 
 @contextmanager
@@ -472,9 +468,3 @@ def write_table(
     """Write rows as CSV or the whole result as JSON, by the ending of the name."""
     is_csv = Path(path).suffix.lower() == ".csv"
     write_atomically(path, rows_as_csv(rows, columns) if is_csv else as_json(result) + "\n")
-
-
-def _umask() -> int:
-    current = os.umask(0)
-    os.umask(current)
-    return current

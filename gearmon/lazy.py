@@ -12,8 +12,10 @@ if TYPE_CHECKING:
     from typing import Any
 
 
-def lazily(package: str, offered: Mapping[str, tuple[str, ...]]) -> Callable[[str], Any]:
-    """Return the ``__getattr__`` of a package.
+def lazily(
+    package: str, offered: Mapping[str, tuple[str, ...]]
+) -> tuple[list[str], Callable[[str], Any]]:
+    """Return ``__all__`` and the ``__getattr__`` of a package.
 
     Parameters
     ----------
@@ -36,4 +38,4 @@ def lazily(package: str, offered: Mapping[str, tuple[str, ...]]) -> Callable[[st
             raise AttributeError(f"module {package!r} has no attribute {name!r}{hint}")
         return getattr(import_module(f"{package}.{homes[name]}"), name)
 
-    return load
+    return sorted(homes), load

@@ -200,8 +200,7 @@ def sample_rows(
     samples: Any, sampling_rate_hz: float, heads: Sequence[str]
 ) -> list[dict[str, Any]]:
     """Return a row a sample: the time, and every channel under its head."""
-    times = np.arange(samples.shape[1]) / sampling_rate_hz
-    return channel_rows("time_s", times, samples, heads)
+    return channel_rows("time_s", np.arange(samples.shape[1]) / sampling_rate_hz, samples, heads)
 
 
 def _chosen(figures: dict[str, Any], kind: str) -> Any:

@@ -360,7 +360,7 @@ def rows_of(path: Path) -> np.ndarray | None:
     source = open_source(path)
     if identify(source):
         return None
-    table = read_table(source)
+    table = read_table(source, Wanted())
     rows = table.values.copy()  # what is found to be in g is turned into m/s2 in its place
     with suppress(RecordingError):
         rate = 1000.0 if path.stat().st_size % 2 else None

@@ -301,10 +301,10 @@ def troubled_command(
     wrong: list[str] = []
     count = [0]
     complete: set[tuple[str, str]] = set()
-    real = tempfile.mkstemp, sqlite3.connect
+    real = Path.touch, sqlite3.connect
 
     def told() -> None:
-        tempfile.mkstemp, sqlite3.connect = real
+        Path.touch, sqlite3.connect = real
         complete.update(contents(folder).items())
 
     def hooked(call: Callable[..., Any]) -> Callable[..., Any]:
@@ -324,7 +324,7 @@ def troubled_command(
                 shutil.copytree(kept, folder, dirs_exist_ok=True)
                 os.chdir(folder)
             shutil.rmtree(kept)
-            tempfile.mkstemp, sqlite3.connect = map(hooked, real)
+            Path.touch, sqlite3.connect = map(hooked, real)
             return call(*given, **named)
 
         return begin
@@ -333,7 +333,7 @@ def troubled_command(
     with protecting(words[0], ()):
         if "d" not in words:
             write_atomically(words[-1], "old")
-    tempfile.mkstemp, sqlite3.connect = map(hooked, real)
+    Path.touch, sqlite3.connect = map(hooked, real)
     with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()) as said:
         code = cli.main(words)
     if os.getpid() != parent:

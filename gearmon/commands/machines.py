@@ -180,8 +180,7 @@ def family(arguments: Namespace) -> int:
 
 
 def _family_lines(family: FaultFamily) -> list[str]:
-    hidden = HIDDEN_OF_FAMILY
-    rows = [{key: row[key] for key in row if key not in hidden} for row in family.rows()]
+    rows = [{k: row[k] for k in row if k not in HIDDEN_OF_FAMILY} for row in family.rows()]
     return [*_thinned(rows, "members"), *(f"note: {note}" for note in family.notes)]
 
 

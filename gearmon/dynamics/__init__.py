@@ -40,6 +40,8 @@ _OFFERED = {
     "system": ("combination_tongues", "integrate"),
 }
 
+_NAMES, __getattr__ = lazily(__name__, _OFFERED)
+
 __all__ = [
     "HillProblem",
     "HillSystem",
@@ -47,7 +49,5 @@ __all__ = [
     "Response",
     "SystemResponse",
     "steady_state",
-    *sorted(name for names in _OFFERED.values() for name in names),
+    *_NAMES,
 ]
-
-__getattr__ = lazily(__name__, _OFFERED)

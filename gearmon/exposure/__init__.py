@@ -50,5 +50,4 @@ _OFFERED = {
     ),
     "weighting": ("WEIGHTINGS", "Weighting", "frequency_weighting"),
 }
-__all__ = sorted(name for names in _OFFERED.values() for name in names)
-__getattr__ = lazily(__name__, _OFFERED)
+__all__, __getattr__ = lazily(__name__, _OFFERED)

@@ -57,5 +57,4 @@ _OFFERED = {
     "plan": ("Fleet", "FleetMachine", "Hook", "Job", "read_fleet"),
     "run": ("Run", "in_processes", "on_dask", "run_fleet", "watch_fleet"),
 }
-__all__ = sorted(name for names in _OFFERED.values() for name in names)
-__getattr__ = lazily(__name__, _OFFERED)
+__all__, __getattr__ = lazily(__name__, _OFFERED)

@@ -87,5 +87,4 @@ _OFFERED = {
     "tooth_pairs": ("PotentialEnergy", "teeth_of"),
 }
 
-__all__ = sorted(name for names in _OFFERED.values() for name in names)
-__getattr__ = lazily(__name__, _OFFERED)
+__all__, __getattr__ = lazily(__name__, _OFFERED)

@@ -278,6 +278,8 @@ class MachineSource:
     def tables(self, name: str, single: bool = False) -> list[tuple[str, dict[str, Any]]]:
         """Return the tables called `name` with their labels, such as ``stage[2]``.
 
+        In memory, where there is no file, one may stand by itself.
+
         Parameters
         ----------
         name : str
@@ -287,6 +289,8 @@ class MachineSource:
         content = self.document.get(name, [])
         if single and isinstance(content, dict):
             return [(name, content)]
+        if not self.path and isinstance(content, Mapping | tuple):
+            content = [content] if isinstance(content, Mapping) else list(content)
         if not isinstance(content, list) or not all(isinstance(table, dict) for table in content):
             brackets = f"[{name}] or [[{name}]]" if single else f"[[{name}]], with double brackets"
             raise self.error(name, f"{name} must be a table: write {brackets}")

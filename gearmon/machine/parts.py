@@ -489,13 +489,7 @@ def _source(source: object, tables: dict[str, Any]) -> MachineSource:
             f"machine: {type(given).__name__} is no machine; give the name of a machine file, a "
             "dictionary with operating and stage, or a Machine"
         )
-    document = dict(given)
-    for name in _TOP_KEYS[2:]:
-        if isinstance(given.get(name), Mapping):
-            document[name] = [given[name]]
-        elif isinstance(given.get(name), tuple):
-            document[name] = list(given[name])
-    return MachineSource(path="", document=document)
+    return MachineSource(path="", document=dict(given))
 
 
 def _machine(source: MachineSource) -> Machine:

@@ -62,5 +62,4 @@ _OFFERED = {
     "analysis_plots": ("analysis_figures", "history_figure"),
     "expected_plots": ("stability_figure",),
 }
-__all__ = sorted(name for names in _OFFERED.values() for name in names)
-__getattr__ = lazily(__name__, _OFFERED)
+__all__, __getattr__ = lazily(__name__, _OFFERED)

@@ -28,7 +28,7 @@ from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import order_map
 from gearmon.signals.recording import Recording
 from gearmon.signals.spectra import fast_length
-from gearmon.signals.tracking.comb import scan_speed
+from gearmon.signals.tracking.comb import SpeedScan
 from gearmon.signatures.measured.line_plan import Family, WheelLines
 from gearmon.signatures.measured.reference import Reference, WheelPattern, tooth_counts
 from gearmon.signatures.tracking import SPEED_REACH, SPEED_TOLERANCE, machine_comb
@@ -309,7 +309,7 @@ def _speed_search(analysis: Analysis, recording: Recording, machine: Machine) ->
     vibration, speed = curves.vibration_of(analysis, recording), analysis.signature.speed
     comb, block_s = machine_comb(kinematics(machine), speed.nominal_hz), 30.0 / speed.nominal_hz
     rate = vibration.sampling_rate_hz
-    scan = scan_speed(vibration.samples, rate, comb, speed.nominal_hz, SPEED_REACH, block_s)
+    scan = SpeedScan(vibration.samples, rate, comb, speed.nominal_hz, SPEED_REACH, block_s)
     score = scan.scores.mean(axis=0)
     x, held = _held(60 * speed.nominal_hz * scan.ratio, score[None] - score.min(), _POINTS // 4)
     return {

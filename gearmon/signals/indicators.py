@@ -147,8 +147,7 @@ def describe_waveform(signal: FloatArray) -> dict[str, float]:
         "rms", "peak to peak", "crest factor" and "kurtosis", as the functions of these names.
     """
     pieces = [signal[start : start + _PIECE] for start in range(0, len(signal), _PIECE)]
-    sums = [(piece.sum(), piece.min(), piece.max()) for piece in pieces]
-    total, least, most = zip(*sums, strict=True)
+    total, least, most = zip(*((own.sum(), own.min(), own.max()) for own in pieces), strict=True)
     mean, low, high = float(np.sum(total)) / len(signal), float(min(least)), float(max(most))
     peak = max(high - mean, mean - low)
     # scaled by the peak, so that no power overflows or vanishes

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError, check_range, check_word
 from gearmon.result import Result, sample_rows, with_units
 from gearmon.signals.reading import Wanted, interpret, read_file, read_memory
@@ -22,8 +22,6 @@ from gearmon.units import KNOWN_UNITS, is_unit
 #: Vibration is sampled no slower and no faster [Hz].
 RATES_HZ = 1e-3, 1e10
 CHANNEL_KINDS = ("vibration", "tacho", "torque", "speed", "other")
-
-Samples = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +77,7 @@ class Recording(Result):
     (('tacho',), True)
     """
 
-    samples: Samples
+    samples: FloatArray
     sampling_rate_hz: float
     channel_names: tuple[str, ...] = ()
     channel_kinds: tuple[str, ...] = ()
@@ -96,7 +94,22 @@ class Recording(Result):
         samples = np.asarray(self.samples, dtype=np.float64)
         if samples.ndim != 2:
             raise ArgumentError(f"samples have shape {samples.shape}, must be (channels, n)")
-        self._fill(samples.view(), len(samples))
+        count, view = len(samples), samples.view()
+        view.flags.writeable = False
+        object.__setattr__(self, "samples", view)
+        defaults: dict[str, tuple[object, ...]] = {
+            "channel_names": tuple(f"channel {number}" for number in range(1, count + 1)),
+            "channel_kinds": ("vibration",) * count,
+            "units": (None,) * count,
+            "columns": tuple(range(1, count + 1)),
+        }
+        for name, default in defaults.items():
+            given = tuple(getattr(self, name)) or default
+            if len(given) != count:
+                raise ArgumentError(f"{name} has {len(given)} entries for {count} channels")
+            object.__setattr__(self, name, given)
+        for kind in self.channel_kinds:
+            check_word("kind=", kind, CHANNEL_KINDS)
         where = f"{self.origin}: " if self.origin else ""
         if samples.shape[1] < 2:
             raise RecordingError(
@@ -107,23 +120,6 @@ class Recording(Result):
                 raise RecordingError(
                     f"{where}channel '{name}' has values that are no finite numbers, or above 1e30"
                 )
-
-    def _fill(self, samples: Samples, count: int) -> None:
-        samples.flags.writeable = False
-        defaults: dict[str, tuple[object, ...]] = {
-            "channel_names": tuple(f"channel {number}" for number in range(1, count + 1)),
-            "channel_kinds": ("vibration",) * count,
-            "units": (None,) * count,
-            "columns": tuple(range(1, count + 1)),
-        }
-        object.__setattr__(self, "samples", samples)
-        for name, default in defaults.items():
-            given = tuple(getattr(self, name)) or default
-            if len(given) != count:
-                raise ArgumentError(f"{name} has {len(given)} entries for {count} channels")
-            object.__setattr__(self, name, given)
-        for kind in self.channel_kinds:
-            check_word("kind=", kind, CHANNEL_KINDS)
 
     def frame_rows(self) -> list[dict[str, Any]]:
         """Return a row a sample: the time, and every channel."""
@@ -312,8 +308,7 @@ def _recording_of(made: Any, wanted: Wanted) -> Recording:
         )
     if not isinstance(made, Recording):
         known = ("samples", "sampling_rate_hz", "channel_names", "channel_kinds", "units")
-        taken = {name: getattr(made, name) for name in known}
-        made = Recording(**taken, origin="simulated")
+        made = Recording(**{name: getattr(made, name) for name in known}, origin="simulated")
     recording: Recording = made
     return recording.select(wanted.channels) if wanted.channels else recording
 
@@ -353,7 +348,7 @@ def open_recording(
     return read_recording(path, sampling_rate_hz, channels, tacho, sensors, on_disk=True)
 
 
-def _room_in_memory(path: str, shape: tuple[int, int]) -> Samples:
+def _room_in_memory(path: str, shape: tuple[int, int]) -> FloatArray:
     """Return an array of this shape if there is memory for it: the system would give it anyway."""
     needed = 8 * math.prod(shape)
     if needed > _free_bytes():
@@ -375,7 +370,7 @@ def _free_bytes() -> float:
     return free
 
 
-def _room_on_disk(_path: str, shape: tuple[int, int]) -> Samples:
+def _room_on_disk(_path: str, shape: tuple[int, int]) -> FloatArray:
     """Return an array of this shape that lies in a nameless temporary file."""
     from tempfile import TemporaryFile  # most recordings fit into memory
 

@@ -130,10 +130,11 @@ def transform(signals: FloatArray, length: int, weights: FloatArray | float = 1.
 
 
 def window_powers(signals: FloatArray, weights: FloatArray, length: int) -> FloatArray:
-    """Squared magnitudes of the `transform` of every signal, one after the other."""
+    """Squared magnitudes of the `transform` of every signal less its mean, one after the other."""
     powers = np.empty((len(signals), length // 2 + 1))
     for row, signal in zip(powers, signals, strict=True):
-        lines = transform(signal, length, weights)
+        # an offset as large as the signal must not hide it behind its own side lobes
+        lines = transform(signal - signal.mean(), length, weights)
         np.add(np.square(lines.real, out=row), lines.imag**2, out=row)
     return powers
 
@@ -679,8 +680,7 @@ def kurtogram(samples: FloatArray, rate: float, levels: int = 8) -> Kurtogram:
     length = quick_length(len(signal))
     lines = transform((signal - signal.mean())[None, :], length)[0, 1 : length // 2 + 1]
     counts = sorted({1} | {2**k for k in range(wanted + 1)} | {3 * 2**k for k in range(wanted)})
-    share = len(signal) / length
-    found = tuple(_band_kurtosis(lines, count, share) for count in counts)
+    found = tuple(_band_kurtosis(lines, count, len(signal) / length) for count in counts)
     return Kurtogram(bands=tuple(counts), kurtosis=found, rate=float(rate))
 
 

@@ -32,5 +32,4 @@ _OFFERED = {
     "signature": ("Signature", "read_signature", "write_signature"),
 }
 
-__all__ = sorted(name for names in _OFFERED.values() for name in names)
-__getattr__ = lazily(__name__, _OFFERED)
+__all__, __getattr__ = lazily(__name__, _OFFERED)

@@ -27,7 +27,7 @@ from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking.comb import Comb, SpeedScan, clearest, find_path, scan_speed
+from gearmon.signals.tracking.comb import Comb, SpeedScan, clearest
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
     MeshEvidence,
@@ -64,6 +64,8 @@ SPEED_REACH = 0.25
 # harmonics of a slow mesh are smeared in long blocks by a speed that drifts; short ones still tell
 # them from sidebands of shaft 1.
 _SCAN_TURNS, _SLOW_MESH_TURNS = 30.0, 8.0
+# Those in which a speed is followed that may change.
+_PATH_TURNS = 8.0
 # The same where nominal speeds are told apart, by lines that a speed that wanders must not smear.
 _COMPARED_TURNS = 12.0
 # Scan about a followed speed, for judging whether a mesh is there [turns, reach]; and the reach
@@ -243,11 +245,12 @@ class GearVibration:
         whole, block_s = self.duration_s, turns / self.nominal_hz
         block_s = block_s if whole >= 4 * block_s else whole
         about = about_hz or self.nominal_hz
-        return scan_speed(self.samples, self.rate, self.comb, about, tolerance, block_s)
+        return SpeedScan(self.samples, self.rate, self.comb, about, tolerance, block_s)
 
     def path(self) -> SpeedScan:
         """Follow the comb in short blocks far about the nominal speed."""
-        return find_path(self.samples, self.rate, self.comb, self.nominal_hz, SPEED_REACH)
+        looked_for = self.comb, self.nominal_hz, SPEED_REACH, _PATH_TURNS / self.nominal_hz
+        return SpeedScan(self.samples, self.rate, *looked_for, changing=True)
 
     def sums(self, fastest_hz: float) -> OrderSums | None:
         """Mesh harmonics whose phases are followed up to a speed; None if the band has none."""

@@ -28,5 +28,4 @@ _OFFERED = {
     "training": ("train_kinds",),
 }
 
-__all__ = sorted(name for names in _OFFERED.values() for name in names)
-__getattr__ = lazily(__name__, _OFFERED)
+__all__, __getattr__ = lazily(__name__, _OFFERED)

@@ -19,5 +19,4 @@ _OFFERED = {
     "store": ("append", "export_history", "read_history", "read_latest"),
     "trends": ("SECONDS_PER_DAY", "Crossing", "HistoryTrends", "ToothTrend", "history_trends"),
 }
-__all__ = sorted(name for names in _OFFERED.values() for name in names)
-__getattr__ = lazily(__name__, _OFFERED)
+__all__, __getattr__ = lazily(__name__, _OFFERED)

@@ -30,5 +30,4 @@ _OFFERED = {
     "spectra": ("OrderMap", "clear_peaks", "fine_order_spectrum", "fine_spectrum", "order_map"),
 }
 
-__all__ = sorted(name for names in _OFFERED.values() for name in names)
-__getattr__ = lazily(__name__, _OFFERED)
+__all__, __getattr__ = lazily(__name__, _OFFERED)

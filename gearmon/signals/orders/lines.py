@@ -263,7 +263,7 @@ class OrderBlocks:
 
         def power(number: int) -> FloatArray:
             block = self.signals.steps(number * self.steps, 2 * self.steps)
-            return window_powers(block - block.mean(axis=-1, keepdims=True), weights, length)
+            return window_powers(block, weights, length)
 
         powers = side_by_side(power, self.sampled, work)
         mean: FloatArray = sum(powers, np.zeros(1)) / len(powers)
@@ -301,8 +301,10 @@ class GriddedPlan:
         # the kernel acts on the spectrum of the half centred at zero: undo the shift on the grid
         away = base[:, None] + np.arange(width) - target[:, None]
         weight = self._KERNEL.at(away) * np.exp(0.5j * np.pi * away)
-        share = 0.25 * beside
-        both = np.concatenate([_with_neighbours(weight, sign * share) for sign in (-1, 1)])
+        # phases turn by a quarter from bin to bin on the way there and back: none is left
+        middle, below, above = (np.pad(weight, ((0, 0), (k, 2 - k))) for k in (1, 0, 2))
+        next_to = 0.25 * (beside[0][:, None] * below + beside[1][:, None] * above)
+        both = np.concatenate([0.5 * middle - next_to, 0.5 * middle + next_to])
         # bins from the lowest to the highest that is asked for, also below 0 and above the middle
         first = int(base.min(initial=1)) - 1
         wanted = first + np.arange(int(base.max(initial=1)) + width - first + 1)
@@ -320,15 +322,6 @@ class GriddedPlan:
         bins[:, self._mirrored] = np.conj(bins[:, self._mirrored])
         rising, falling = np.split((self._weights @ bins.T).T, 2, axis=1)
         return rising, falling
-
-
-def _with_neighbours(weight: ComplexArray, share: FloatArray) -> ComplexArray:
-    """Weights of the bins that give half of a transform and a share of both its neighbours.
-
-    Phases turn by a quarter from bin to bin on the way there and back: none is left.
-    """
-    middle, below, above = (np.pad(weight, ((0, 0), (k, 2 - k))) for k in (1, 0, 2))
-    return np.asarray(0.5 * middle + share[0][:, None] * below + share[1][:, None] * above)
 
 
 def variance_of_mean(blocks: ComplexArray) -> FloatArray:
@@ -359,8 +352,7 @@ def variance_of_mean(blocks: ComplexArray) -> FloatArray:
     if count < 2:
         return np.zeros(blocks.shape[1:])
     shared = 2 * _SHARED * (1 - 1 / count)
-    turns = np.arange(1, count) / count
-    shape = (1 + shared) / (1 + shared * np.cos(2 * np.pi * turns))
+    shape = (1 + shared) / (1 + shared * np.cos(2 * np.pi * np.arange(1, count) / count))
     power = np.abs(np.fft.fft(blocks, axis=0)[1:] / count) ** 2
     told: FloatArray = power * shape.reshape(-1, *[1] * (blocks.ndim - 1))
     if count < _FEW:
@@ -470,9 +462,7 @@ class OrderSums:
     """
 
     def __init__(self, samples: FloatArray, sampling_rate_hz: float, orders: FloatArray) -> None:
-        self.samples = samples
-        self.sampling_rate_hz = sampling_rate_hz
-        self.orders = orders
+        self.samples, self.sampling_rate_hz, self.orders = samples, sampling_rate_hz, orders
         self._read: Stretches | None = None
         self._noise: dict[float, FloatArray] = {}
 
@@ -550,8 +540,7 @@ def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csr_arr
     weight = (0.5 + 0.5 * np.cos(0.5 * np.pi * (place - number))) * steps
     inside = (number >= 0) & (number < count)
     stretch = np.broadcast_to(np.arange(len(place)), number.shape)
-    entries = weight[inside], (number[inside], stretch[inside])
-    return csr_array(entries, shape=(count, len(place)))
+    return csr_array((weight[inside], (number[inside], stretch[inside])), (count, len(place)))
 
 
 class Stretches:

@@ -44,7 +44,7 @@ from functools import cached_property
 
 import numpy as np
 
-from gearmon.arrays import ComplexArray, FloatArray, IntArray
+from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack, check_track, phasors
@@ -634,27 +634,17 @@ def _of_record(wave: AngularWaveform, per_turn: int) -> tuple[ComplexArray, Floa
     upper, lower = bins[:, : top + 1], bins[:, -np.arange(top + 1)]
     scale = np.full(top + 1, 2.0 / (turns * steps))
     scale[0] *= 0.5  # the mean is no peak amplitude
-    lines = upper[0] * scale
     power = 0.5 * (_squared(upper[1:]) + _squared(lower[1:])).mean(axis=0)
-    error: FloatArray = scale * np.sqrt(power)
-    return lines, error, _waveform_error(bins[1:], turns, top, per_turn, near)
-
-
-def _waveform_error(
-    bins: ComplexArray, turns: int, top: int, per_turn: int, near: IntArray
-) -> FloatArray:
-    """Return standard errors of the mean over turns at every angle."""
     # of the highest bin of an even count there is one, of the others one on either side
     weight = np.where(2 * near == turns, 1.0, 2.0)
     variance = np.zeros(per_turn)
-    for row, own in zip(bins, weight, strict=True):
+    for row, own in zip(bins[1:], weight, strict=True):
         # what lies beyond the lines that are kept is no part of the waveform
         kept = np.zeros(per_turn, dtype=complex)
-        kept[: top + 1] = row[: top + 1]
-        if top:
-            kept[-top:] = row[-top:]
+        kept[: top + 1], kept[per_turn - top :] = row[: top + 1], row[steps - top :]
         variance += own * _squared(np.fft.ifft(kept, norm="forward"))
-    return np.asarray(np.sqrt(variance / weight.sum()) / bins.shape[1] / turns)
+    error = np.sqrt(variance / weight.sum()) / (turns * steps)
+    return upper[0] * scale, scale * np.sqrt(power), error
 
 
 def _squared(values: ComplexArray) -> FloatArray:

@@ -261,15 +261,9 @@ def _of_pieces(
         raise ArgumentError(f"pieces={pieces}: each must hold 8 samples or more, got {block}")
     length = fast_length(2 * block)
     weights = window("hann", block)
-    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int))
-
-    def power_of(piece: int) -> FloatArray:
-        values = part(piece)
-        # an offset as large as the signal must not hide it behind its own side lobes
-        centred = values - values.mean(axis=-1, keepdims=True)
-        return window_powers(centred, weights, length)
-
-    powers = side_by_side(power_of, [int(piece) for piece in sampled], 2 * len(sampled) * block)
+    sampled = np.unique(np.linspace(0, pieces - 1, min(pieces, _MOST_PIECES)).astype(int)).tolist()
+    work = 2 * len(sampled) * block
+    powers = side_by_side(lambda k: window_powers(part(k), weights, length), sampled, work)
     power = np.asarray(sum(powers)) * ((2.0 / weights.sum()) ** 2 / len(sampled))
     step = rate / length
     if share is not None:
@@ -444,8 +438,7 @@ def order_map(
     block = min(grid.count, fast_length(max(16, int(turns * grid.per_turn))))
     # of every block its middle [s] and the mean speed of shaft 1 within it [Hz]
     length, hop = block / grid.per_turn, max(1, block // 2)
-    starts = np.arange(0, grid.count - block + 1, hop)
-    begin = grid.first_turn + starts / grid.per_turn
+    begin = grid.first_turn + np.arange(0, grid.count - block + 1, hop) / grid.per_turn
     ends = track.time_at(begin), track.time_at(begin + length)
     middle, speed = 0.5 * (ends[0] + ends[1]), length / (ends[1] - ends[0])
     row, low, high = _rows(middle if against == "time" else ratio * speed, against, most)
@@ -459,8 +452,7 @@ def order_map(
         ahead, count = turn + part.shape[1] / grid.per_turn, block - part.shape[1]
         fresh = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, ahead, count)
         part = np.hstack([part, fresh])
-        centred = part - part.mean(axis=-1, keepdims=True)
-        powers[number] += window_powers(centred, weights, block)[:, :bins]
+        powers[number] += window_powers(part, weights, block)[:, :bins]
     powers *= (2.0 / weights.sum()) ** 2
     powers[..., 0] *= 0.25  # the line at zero has no mirror image
     return OrderMap(

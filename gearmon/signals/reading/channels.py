@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import chain
-from typing import Any, NoReturn, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -113,7 +113,7 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
     RecordingError
         If the channels cannot be used.
     """
-    columns, notes = _told(table, wanted)
+    columns, notes, tacho_told = _told(table, wanted)
     hints = []
     timed = table.rate_hz is not None or any(column.kind == "time" for column in columns)
     for index, (column, values) in enumerate(zip(columns, table.values, strict=True)):
@@ -140,7 +140,7 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
         "columns": tuple(column.number for column in taken),
         "origin": table.path,
         "notes": tuple(_one_line(note) for note in notes if note),
-        "tacho_told": _tells_tacho(columns),
+        "tacho_told": tacho_told,
         "known_finite": all(scale == 1.0 for _, scale in scaled),
     }
 
@@ -150,8 +150,11 @@ def _one_line(note: str) -> str:
     return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
-def _told(table: Table, wanted: Wanted) -> tuple[list[Column], list[str]]:
-    """Let what the user says go before what the file says; note sensors that are not in it."""
+def _told(table: Table, wanted: Wanted) -> tuple[list[Column], list[str], bool]:
+    """Let what the user says go before what the file says; note sensors that are not in it.
+
+    Returns columns and notes, and whether the user said which column is the tacho.
+    """
     index = partial(find_columns, table.path, columns=table.columns)
     columns, absent = list(table.columns), []
 
@@ -170,17 +173,13 @@ def _told(table: Table, wanted: Wanted) -> tuple[list[Column], list[str]]:
         say(place, kind="vibration", told="named")
     if wanted.tacho is not None:
         say(index(wanted.tacho)[0], kind="tacho", told="named")
-    if _tells_tacho(columns):
+    tacho_told = any(column.told and column.kind == "tacho" for column in columns)
+    if tacho_told:
         # what the user calls a tacho goes before what is named like one
         for place, column in enumerate(columns):
             if column.kind == "tacho" and not column.told:
                 say(place, kind="other")
-    return columns, absent
-
-
-def _tells_tacho(columns: Sequence[Column]) -> bool:
-    """Tell whether the user said which column is the tacho."""
-    return any(column.told and column.kind == "tacho" for column in columns)
+    return columns, absent, tacho_told
 
 
 def _confirmed(column: Column, values: FloatArray, *, first: bool) -> tuple[str, str]:
@@ -289,7 +288,7 @@ class Spacing:
     coarse : bool
         Whether the stamps are rounded so much that neighbours are alike or nearly so.
     fault : str
-        What is irregular; "" if nothing.
+        What is wrong, as the rest of a sentence that begins with the time; "" if nothing.
     row : int
         Index of the stamp where that shows first.
     """
@@ -317,13 +316,17 @@ def spacing(stamps: FloatArray) -> Spacing:
     Parameters
     ----------
     stamps : ndarray of float64, shape (n,), n >= 2
-        Finite time stamps.
+        Time stamps.
 
     Examples
     --------
     >>> spacing(np.array([0.0, 0.001, 0.002, 0.004])).fault
-    'a step of 0.002 where 0.001 is usual: about 1 sample is missing'
+    'irregular: a step of 0.002 where 0.001 is usual: about 1 sample is missing'
     """
+    missing = np.flatnonzero(~np.isfinite(stamps))
+    if len(missing):
+        told = f"missing (in {len(missing)} of {len(stamps)} rows)"
+        return Spacing(step=0.0, fault=told, row=int(missing[0]))
     step = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
     usual, exact = _usual_step(stamps)
     resolution = _resolution(stamps)
@@ -340,6 +343,7 @@ def spacing(stamps: FloatArray) -> Spacing:
     if not fault and max(off.max(), -off.min()) > rounded + (_JITTER + drift) * step:
         row = int(np.abs(off).argmax())
         fault = f"{stamps[row]:.9g} is off the even spacing of {step:.6g}"
+    fault = fault and f"irregular: {fault}"
     found = Spacing(step=abs(step), coarse=coarse, fault=fault, row=row)
     if exact or fault:
         return found
@@ -348,10 +352,8 @@ def spacing(stamps: FloatArray) -> Spacing:
 
 def even_step(values: FloatArray) -> float:
     """Return by what values go up evenly, as time stamps and counters do; 0 if they do not."""
-    # the ends decide for nearly every channel; a NaN anywhere shows in the extremes
-    if len(values) < 3 or not (values[1] > values[0] and values[-1] > values[-2]):
-        return 0.0
-    if not np.isfinite(values.max() - values.min()) or values[-1] <= values[0]:
+    # the ends decide for nearly every channel
+    if len(values) < 3 or not values[1] > values[0] < values[-1] > values[-2]:
         return 0.0
     found = spacing(values)
     return 0.0 if found.fault or found.coarse else found.step
@@ -463,18 +465,12 @@ def _from_stamps(
     column, stamps = table.columns[index], table.values[index]
     where = f"{table.path}, {column.label}"
 
-    def refuse(row: int, what: str) -> NoReturn:
-        place = f"{table.path}, {table.locate(row, index)[0]}, {column.label}"
-        raise RecordingError(f"{place}: the time is {what}; {_REMEDY}")
-
-    missing = np.flatnonzero(~np.isfinite(stamps))
-    if len(missing):
-        refuse(int(missing[0]), f"missing (in {len(missing)} of {len(stamps)} rows)")
     if len(stamps) < 2:
         raise RecordingError(f"{where}: a single sample is no recording; it tells no sampling rate")
     found, known = spacing(stamps), time_factor(column.unit)
     if found.fault:
-        refuse(found.row, f"irregular: {found.fault}")
+        place = f"{table.path}, {table.locate(found.row, index)[0]}, {column.label}"
+        raise RecordingError(f"{place}: the time is {found.fault}; {_REMEDY}")
     derived_hz = float(f"{1.0 / (found.step * (known or 1.0)):.13g}")  # not 1000.0000000000001
     if given_hz is not None:
         if column.unit is None and found.step == 1.0:
@@ -503,10 +499,7 @@ def _from_stamps(
 
 def _refuse_another_rate(table: Table, index: int, rate_hz: float) -> None:
     """Refuse a further time column that tells another rate: the channels beside it have that."""
-    column, stamps = table.columns[index], table.values[index]
-    if not np.isfinite(stamps).all():
-        return
-    found = spacing(stamps)
+    column, found = table.columns[index], spacing(table.values[index])
     if found.step and not found.fault and not found.units(time_factor(column.unit), rate_hz):
         raise RecordingError(
             f"{table.path}, {column.label}: goes up by {found.step:.6g} {column.unit or ''} a row, "

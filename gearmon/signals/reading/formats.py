@@ -154,11 +154,10 @@ def _read_arrays(source: Source, found: Format, wanted: Wanted) -> Table:
         pipe = "cannot be read through a pipe; give the file itself"
         how = "packed with gzip; unpack it first" if source.zipped else pipe
         raise RecordingError(f"{source.path}: {found.what} {how}")
-    size = os.path.getsize(source.path)
     try:
         with warnings.catch_warnings(), contextmanager(found.loader)(source.path) as loaded:
             warnings.simplefilter("ignore")  # a library's remarks on a file that it can read
-            holding = replace(loaded, path=source.path, what=found.what, size=size)
+            holding = replace(loaded, path=source.path, what=found.what, size=source.size())
             return holding.table(wanted)
     except GearmonError:
         raise
@@ -478,8 +477,7 @@ def _tdms_array(name: str, channel: Any) -> Array | None:
     rate_hz = float(f"{1.0 / step:.13g}") if step > 0 and over in ("time", "zeit") else None
     begin = channel.properties.get("wf_start_time", None)
     start = 0.0 if begin is None else float(np.datetime64(begin, "us").astype(np.int64)) * 1e-6
-    unit = unit_in(channel.properties)
-    found = Array.of(name, channel, unit=unit, rate_hz=rate_hz)
+    found = Array.of(name, channel, unit=unit_in(channel.properties), rate_hz=rate_hz)
     return found and replace(found, start_s=start + told.get("wf_start_offset", 0.0))
 
 

@@ -231,8 +231,7 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect:
         )
     rows = [line for line in sample if dialect.fitting(line) is not None]
     first, above = _first_row(path, lines, dialect)
-    dialect = _decided(path, dialect, rows, above)
-    dialect = _widened(dialect, rows, above)
+    dialect = _widened(_decided(path, dialect, rows, above), rows, above)
     dialect = replace(dialect, first_line=first, rate_hint=_rate_hint(above))
     dialect = _with_names(path, dialect, above)
     return _with_counted_names(dialect, lines[first - 1], rows)

@@ -72,7 +72,6 @@ _MOST_THREADS = 4
 _KEPT_BYTES = 4 * 1024 * 1024  # with 16 MB 4 % faster, and 8 MB more held
 _MARGIN = 1.1  # reserved rows over estimated ones: memory that is not touched costs nothing
 _CUT_CHECK_BYTES = 64 * 1024
-_PLAIN = Wanted()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -389,7 +388,7 @@ def _check_end(path: str, before: bytes, block: Block, dialect: Dialect) -> None
         )
 
 
-def read_table(source: Source, wanted: Wanted = _PLAIN) -> Table:
+def read_table(source: Source, wanted: Wanted) -> Table:
     """Return all rows of numbers in a text file, with what the lines above them say.
 
     Parameters

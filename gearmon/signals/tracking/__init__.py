@@ -17,7 +17,7 @@ np.float64(5.0)
 from gearmon.lazy import lazily
 
 _OFFERED = {
-    "comb": ("Comb", "SpeedScan", "SpeedTrack", "find_path", "scan_speed"),
+    "comb": ("Comb", "SpeedScan", "SpeedTrack"),
     "mesh_detection": ("MeshComb", "MeshEvidence", "foreign_spacing", "mesh_evidence"),
     "phases": (
         *("SlipCheck", "check_slips", "coherent_share", "follow_lines", "integrate_speed"),
@@ -29,5 +29,4 @@ _OFFERED = {
     ),
 }
 
-__all__ = sorted(name for names in _OFFERED.values() for name in names)
-__getattr__ = lazily(__name__, _OFFERED)
+__all__, __getattr__ = lazily(__name__, _OFFERED)

@@ -19,13 +19,11 @@ from scipy.sparse import csr_array
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.orders.resampling import InAngle
-from gearmon.signals.spectra import fast_length, local_floor, window, window_powers
+from gearmon.signals.spectra import fast_length, local_floor, transform, window
 from gearmon.signals.threads import side_by_side
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
 _MAX_CANDIDATES, _PATH_CANDIDATES = 6000, 4000
-# Blocks in which a speed is followed that may change [turns at the nominal speed].
-_PATH_TURNS = 8.0
 # Fastest relative change of the speed that is followed [1/s], of a steady machine and of any: a
 # simulated engine that hunts by 3 % within 0.5 to 20 s reaches 19 % a second.
 _STEADY_SLOPE, _PATH_SLOPE = 0.02, 0.3
@@ -102,16 +100,23 @@ class SpeedScan:
 
     Parameters
     ----------
-    blocks : _Blocks
-        The recording.
+    samples : ndarray of float or InAngle, shape (channels, n)
+        Vibration; a channel's scale does not matter. What is spread is made block by block.
+    sampling_rate_hz : float
+        Sampling rate [Hz].
     comb : Comb
-        What is looked for.
+        Orders and weights; those above half the sampling rate are left out, and count nothing
+        where they leave the band at the speed of a block.
     nominal_hz : float
-        Rotation frequency about which it is searched [Hz].
-    ratio : ndarray of float, shape (candidates,)
-        Candidate speeds over that, evenly spaced, or in their logarithm.
-    reach : int, optional
-        Candidates that a path may move by from block to block; those of 2 % a second if not given.
+        Where to look [Hz], > 0.
+    tolerance : float
+        How far from nominal to look, as a fraction, in (0, 0.3]; in (0, 0.5] of a changing speed.
+    block_s : float
+        Duration of a Hann block [s], cut to the recording. Blocks overlap by half, but for those
+        of a recording that holds more than 400 so: they stand end to end.
+    changing : bool
+        Whether the speed may change fast: candidates are then evenly spaced in their logarithm, a
+        path may move far from block to block, and all blocks overlap.
 
     Attributes
     ----------
@@ -129,41 +134,63 @@ class SpeedScan:
         Their log(1 + signal-to-noise ratio), mean over channels.
     stride : int
         Blocks from one to the next that does not overlap it.
+
+    Raises
+    ------
+    ArgumentError
+        If the nominal speed, the tolerance or the block is out of range.
     """
 
     def __init__(
         self,
-        blocks: _Blocks,
+        samples: FloatArray | InAngle,
+        sampling_rate_hz: float,
         comb: Comb,
         nominal_hz: float,
-        ratio: FloatArray,
-        reach: int | None = None,
+        tolerance: float = 0.03,
+        block_s: float = 1.0,
+        *,
+        changing: bool = False,
     ) -> None:
-        self.centre_s, self.bin_hz = blocks.centre_s, blocks.bin_hz
-        self.nominal_hz, self.ratio, self.reach = nominal_hz, ratio, reach
-        top, count = float(comb.orders.max()), len(blocks.starts)
-        self.resolution_hz = blocks.bin_hz / top
+        check_positive("nominal_hz", nominal_hz, "Hz")
+        check_range("tolerance", tolerance, 1e-6, 0.5 if changing else 0.3)
+        check_positive("block_s", block_s, "s")
+        rate, (channels, total) = sampling_rate_hz, samples.shape
+        size = int(min(total, max(16.0, round(block_s * rate))))
+        hop = max(size // 2, 1)
+        overlapped = changing or (total - size) // hop < _MANY_BLOCKS
+        starts = _starts(total, size, hop if overlapped else size)
+        # a line is then two bins wide
+        length, count = fast_length(2 * size), len(starts)
+        middle = starts + np.float64(size / 2)
+        self.centre_s, self.bin_hz = middle / rate, rate / length
+        used = comb.below(0.49 * rate / (nominal_hz * (1.0 if changing else 1 + tolerance)))
+        self.nominal_hz, top = nominal_hz, float(used.orders.max())
+        self.resolution_hz = self.bin_hz / top
+        self.ratio, spacing = _candidates(tolerance, self.resolution_hz / nominal_hz, changing)
+        self.reach = max(1, round(_PATH_SLOPE * hop / rate / spacing)) if changing else None
         # some more than the highest line may reach, for the noise about it
-        highest = 1.1 * top * nominal_hz * float(ratio.max())
-        bins = min(blocks.length // 2 + 1, int(np.ceil(highest / blocks.bin_hz) + 64))
+        highest = 1.1 * top * nominal_hz * float(self.ratio.max())
+        bins = min(length // 2 + 1, int(np.ceil(highest / self.bin_hz) + 64))
         # of blocks that do not overlap, every other one or fewer is kept
-        self.stride = min(2 if blocks.overlapped else 1, count)
+        self.stride = min(2 if overlapped else 1, count)
         step = 2 * self.stride
         step = max(step, -(-count // _KEPT_BLOCKS) // step * step)
         self.kept = np.arange(self.stride if count >= 4 else 0, count, step)
-        self.scores = np.empty((count, len(ratio)))
+        self.scores = np.empty((count, len(self.ratio)))
         self.quality: NDArray[np.float32] = np.empty((len(self.kept), bins), dtype=np.float32)
         row_of = {number: row for row, number in enumerate(self.kept.tolist())}
-        places = nominal_hz / self.bin_hz * np.outer(ratio, comb.orders)
-        picked = _picking(places, comb.weights, bins)
+        places = nominal_hz / self.bin_hz * np.outer(self.ratio, used.orders)
+        picked = _picking(places, used.weights, bins)
 
         def scan_block(number: int) -> None:
-            own = line_quality(blocks.part(number), blocks.length, bins)
+            block = samples[:, starts[number] : starts[number] + size]
+            own = line_quality(block, length, bins)
             self.scores[number] = picked @ own
             if number in row_of:
                 self.quality[row_of[number]] = own
 
-        side_by_side(scan_block, range(count), count * blocks.samples.shape[0] * blocks.length)
+        side_by_side(scan_block, range(count), count * channels * length)
 
     def track(self, blocks: IntArray | None = None) -> SpeedTrack:
         """Return the best path of speeds through the blocks (all of them by default)."""
@@ -227,118 +254,22 @@ def clearest(scans: Sequence[tuple[SpeedScan, Comb]]) -> int:
     return first
 
 
-def scan_speed(
-    samples: FloatArray | InAngle,
-    sampling_rate_hz: float,
-    comb: Comb,
-    nominal_hz: float,
-    tolerance: float = 0.03,
-    block_s: float = 1.0,
-) -> SpeedScan:
-    """Try all speeds about the nominal one on every block of a recording.
+def _starts(total: int, size: int, hop: int) -> IntArray:
+    """Where blocks begin, of which the last one takes the recording to its end."""
+    starts = np.arange(0, total - size + 1, hop)
+    return starts if len(starts) <= 3 else np.union1d(starts, [total - size])
 
-    Parameters
-    ----------
-    samples : ndarray of float or InAngle, shape (channels, n)
-        Vibration; a channel's scale does not matter. What is spread is made block by block.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    comb : Comb
-        Orders and weights; those above half the sampling rate are left out, and count nothing
-        where they leave the band at the speed of a block.
-    nominal_hz : float
-        Where to look [Hz], > 0.
-    tolerance : float
-        How far from nominal to look, as a fraction, in (0, 0.3].
-    block_s : float
-        Duration of a Hann block [s], cut to the recording. Blocks overlap by half, but for those
-        of a recording that holds more than 400 so: they stand end to end.
 
-    Returns
-    -------
-    SpeedScan
+def _candidates(tolerance: float, resolution: float, changing: bool) -> tuple[FloatArray, float]:
+    """Speeds over the nominal one half a bin apart at the highest order, where nothing can hide.
 
-    Raises
-    ------
-    ArgumentError
-        If the nominal speed, the tolerance or the block is out of range.
+    Returns them with their spacing; of a changing speed even in the logarithm.
     """
-    check_positive("nominal_hz", nominal_hz, "Hz")
-    check_range("tolerance", tolerance, 1e-6, 0.3)
-    check_positive("block_s", block_s, "s")
-    blocks = _Blocks(samples, sampling_rate_hz, block_s, _MANY_BLOCKS)
-    used = comb.below(0.49 * sampling_rate_hz / (nominal_hz * (1 + tolerance)))
-    half = _half(tolerance, blocks.bin_hz / (nominal_hz * float(used.orders.max())))
-    ratio = 1 + tolerance * np.arange(-half, half + 1) / half
-    return SpeedScan(blocks, used, nominal_hz, ratio)
-
-
-def find_path(
-    samples: FloatArray, sampling_rate_hz: float, comb: Comb, nominal_hz: float, reach: float = 0.25
-) -> SpeedScan:
-    """Follow a comb whose speed may change, in short blocks and far about the nominal speed.
-
-    Parameters
-    ----------
-    samples : ndarray of float, shape (channels, n)
-        Vibration; a channel's scale does not matter.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    comb : Comb
-        Orders and weights; lines that leave the band at a speed count nothing there.
-    nominal_hz : float
-        Where to look [Hz], > 0.
-    reach : float
-        How far from nominal to look, as a fraction, in (0, 0.5].
-
-    Returns
-    -------
-    SpeedScan
-        Candidates evenly spaced in the logarithm.
-
-    Raises
-    ------
-    ArgumentError
-        If the nominal speed or the reach is out of range.
-    """
-    check_positive("nominal_hz", nominal_hz, "Hz")
-    check_range("reach", reach, 1e-6, 0.5)
-    blocks = _Blocks(samples, sampling_rate_hz, _PATH_TURNS / nominal_hz)
-    used = comb.below(0.49 * sampling_rate_hz / nominal_hz)
-    span = float(np.log1p(reach))
-    half = _half(span, blocks.bin_hz / (nominal_hz * float(used.orders.max())), _PATH_CANDIDATES)
-    moves = _PATH_SLOPE * max(blocks.size // 2, 1) / sampling_rate_hz / (span / half)
-    ratio = np.exp(span * np.arange(-half, half + 1) / half)
-    return SpeedScan(blocks, used, nominal_hz, ratio, max(1, round(moves)))
-
-
-def _half(span: float, bin_share: float, most: int = _MAX_CANDIDATES) -> int:
-    """Candidates to either side half a bin apart at the highest order: nothing hides between."""
-    return int(np.clip(np.ceil(span / (0.5 * bin_share)), 2, most // 2))
-
-
-class _Blocks:
-    """Hann blocks of a recording, half overlapped unless there are too many."""
-
-    def __init__(
-        self, samples: FloatArray | InAngle, rate: float, block_s: float, many: float = np.inf
-    ) -> None:
-        count = samples.shape[-1]
-        self.samples = samples
-        self.size = int(min(count, max(16.0, round(block_s * rate))))
-        hop = max(self.size // 2, 1)
-        self.overlapped = (count - self.size) // hop < many
-        starts = np.arange(0, count - self.size + 1, hop if self.overlapped else self.size)
-        if len(starts) > 3 and starts[-1] != count - self.size:
-            starts = np.append(starts, count - self.size)  # takes the recording to its end
-        self.starts, self.centre_s = starts, (starts + self.size / 2) / rate
-        # a line is then two bins wide
-        self.length = fast_length(2 * self.size)
-        self.bin_hz = rate / self.length
-
-    def part(self, number: int) -> FloatArray:
-        """Return the samples of a block."""
-        return self.samples[:, self.starts[number] : self.starts[number] + self.size]
+    span = float(np.log1p(tolerance)) if changing else tolerance
+    most = _PATH_CANDIDATES if changing else _MAX_CANDIDATES
+    half = int(np.clip(np.ceil(span / (0.5 * resolution)), 2, most // 2))
+    away = span * np.arange(-half, half + 1) / half
+    return np.exp(away) if changing else 1 + away, span / half
 
 
 def _picking(places: FloatArray, weights: FloatArray, bins: int) -> csr_array:
@@ -380,14 +311,15 @@ def line_quality(block: FloatArray, length: int, bins: int) -> FloatArray:
     -------
     ndarray of float, shape (bins,)
     """
-    quality = np.zeros(bins)
-    for power in window_powers(block, window("hann", block.shape[-1]), length)[:, :bins]:
+    quality, weights = np.zeros(bins), window("hann", block.shape[-1])
+    for signal in block:
+        lines = transform(signal, length, weights)[:bins]
+        power = lines.real**2 + lines.imag**2
         # 24 line widths: more than a group of sidebands, less than a resonance
         power /= local_floor(power, 96)
         power += 1.0
         quality += np.log(power, out=power)
-    quality /= len(block)
-    return quality
+    return quality / len(block)
 
 
 def best_path(scores: FloatArray, reach: int) -> IntArray:
@@ -457,7 +389,7 @@ def peak_refined(scores: FloatArray, path: IntArray, speeds: FloatArray) -> Floa
     rows = np.arange(len(path))
     left, here, right = (scores[rows, middle + shift] for shift in (-1, 0, 1))
     curvature = 2 * here - left - right
-    safe = np.where(curvature > 0, curvature, 1.0)
-    offset = np.where(curvature > 0, 0.5 * (right - left) / safe, 0.0)
+    flat = np.zeros(len(path))
+    offset = np.divide(0.5 * (right - left), curvature, out=flat, where=curvature > 0)
     spacing = 0.5 * (speeds[middle + 1] - speeds[middle - 1])
     return np.asarray(speeds[middle] + np.clip(offset, -0.5, 0.5) * spacing)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import lru_cache
 from math import gcd
 
 import numpy as np
@@ -159,31 +159,29 @@ def mesh_evidence(
         One a mesh.
     """
     judged = _JudgedSpectrum(scan, scan.track(_unseen(scan)))
-    evidence = partial(_evidence, judged, meshes, shaft_orders)
+
+    def evidence(index: int) -> MeshEvidence:
+        others = [mesh for i, mesh in enumerate(meshes) if i != index]
+        known = others or shaft_orders
+        shared = judged.comb_score(combined_comb(others, shaft_orders)) if known else 0
+        rivals = _rivals(meshes[index], tuple(meshes))
+        strengths = np.array([judged.best(*rival, shared) for rival in rivals])
+        seen = ~np.isnan(strengths)
+        decoys, common = int(seen[1:].any(axis=1).sum()), seen[0] & (seen[1:].sum(axis=0) >= 8)
+        if not common.any():
+            return MeshEvidence(decoys_above=decoys, decoys=decoys)
+        strengths = strengths[seen[:, common].any(axis=1)][:, common]
+        # quadratic mean: a mesh that shows in half of its harmonics is there
+        size = np.sqrt(np.nanmean(strengths**2, axis=1))
+        return MeshEvidence(
+            score=float(_above(size[0], size[1:])),
+            decoys_above=int(np.sum(size[1:] >= size[0])),
+            decoys=decoys,
+            clear=int(np.sum(_above(strengths[0], strengths[1:]) >= _CLEAR)),
+            visible=int(np.sum(common)),
+        )
+
     return tuple(side_by_side(evidence, range(len(meshes)), scan.scores.size))
-
-
-def _evidence(
-    judged: _JudgedSpectrum, meshes: Sequence[MeshComb], shaft_orders: Orders, index: int
-) -> MeshEvidence:
-    others = [mesh for i, mesh in enumerate(meshes) if i != index]
-    mesh = meshes[index]
-    shared = judged.comb_score(combined_comb(others, shaft_orders)) if others or shaft_orders else 0
-    strengths = np.array([judged.best(*rival, shared) for rival in _rivals(mesh, tuple(meshes))])
-    seen = ~np.isnan(strengths)
-    decoys, common = int(seen[1:].any(axis=1).sum()), seen[0] & (seen[1:].sum(axis=0) >= 8)
-    if not common.any():
-        return MeshEvidence(decoys_above=decoys, decoys=decoys)
-    strengths = strengths[seen[:, common].any(axis=1)][:, common]
-    # quadratic mean: a mesh that shows in half of its harmonics is there
-    size = np.sqrt(np.nanmean(strengths**2, axis=1))
-    return MeshEvidence(
-        score=float(_above(size[0], size[1:])),
-        decoys_above=int(np.sum(size[1:] >= size[0])),
-        decoys=decoys,
-        clear=int(np.sum(_above(strengths[0], strengths[1:]) >= _CLEAR)),
-        visible=int(np.sum(common)),
-    )
 
 
 def _above(values: FloatArray, others: FloatArray) -> FloatArray:
@@ -405,8 +403,7 @@ class _Lines:
         if averaged > 1:
             quality = np.log1p(uniform_filter1d(np.expm1(quality), averaged))
         self.step, self.width = spectrum.step, spectrum.width * max(1.0, averaged / 2)
-        reach = max(1, round(0.5 * self.width / self.step))
-        self.height = maximum_filter1d(quality, 2 * reach + 1)
+        self.height = maximum_filter1d(quality, 2 * max(1, round(0.5 * self.width / self.step)) + 1)
         self.usual = float(np.median(quality))
 
     def at(self, orders: FloatArray) -> FloatArray:

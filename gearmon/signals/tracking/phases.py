@@ -6,7 +6,7 @@ carries the track through blocks where no line is clear. Phases that are compare
 block would add up like a random walk; those compared with the line's own slowly varying mean do
 not. The blocks slide by a quarter of their length and are cut at the ends of the recording.
 
-A speed that changes is followed in short blocks first (`comb.find_path`). Read at equal steps of
+A speed that changes is followed in short blocks first (`comb.SpeedScan`). Read at equal steps of
 that path's angle the lines are nearly steady (`unwarp`), so that the comb and then the phases of
 the mesh lines tell the rest.
 
@@ -39,7 +39,7 @@ from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
 from gearmon.signals.orders.resampling import InAngle
-from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, scan_speed
+from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack
 
 # Thresholds divide what `test_phases` and `test_speed_tracking` hold apart: simulated gears whose
 # speed wanders, jumps and ramps, in noise.
@@ -242,7 +242,8 @@ def _unwound(lines: SlidingLines) -> FloatArray:
     total = float(weight.sum())
     if total <= 0:
         return np.zeros(len(lines.angle))
-    increment = _median(advance / lines.orders, weight)
+    told = advance / lines.orders
+    increment = np.quantile(told, 0.5, axis=1, weights=weight, method="inverted_cdf")
     for _ in range(3):
         rest = advance - increment[:, None] * lines.orders
         votes = weight * (np.abs(rest) < _SLIPPED_CYCLES)
@@ -250,14 +251,6 @@ def _unwound(lines: SlidingLines) -> FloatArray:
         mean = (votes * rest / lines.orders).sum(axis=1) / np.maximum(mass, 1e-300)
         increment = increment + np.where(mass > 0, mean, 0.0)
     return np.asarray(np.concatenate([[0.0], np.cumsum(increment)]))
-
-
-def _median(rows: FloatArray, weight: FloatArray) -> FloatArray:
-    """Weighted median along each row."""
-    place = np.argsort(rows, axis=1)
-    mass = np.cumsum(weight[place], axis=1)
-    middle = np.argmax(mass >= 0.5 * mass[:, -1:], axis=1)
-    return np.asarray(np.take_along_axis(rows, place, axis=1)[np.arange(len(rows)), middle])
 
 
 def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
@@ -303,8 +296,7 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
     """Weights of the blocks in overlapping classes of speed, shape (blocks, classes)."""
-    time = track.time_at(angle)
-    speed = np.gradient(angle, time)
+    speed = np.gradient(angle, track.time_at(angle))
     place = np.log(speed / speed.min()) / _SPEED_CLASS
     count = max(1, round(float(place.max())))
     if count == 1:
@@ -334,7 +326,7 @@ def scan_angle(vibration: InAngle, comb: Comb, reach: float, block_turns: float)
     """
     top = 0.45 * vibration.sampling_rate_hz / float(vibration.track.speed_hz.max())
     read = vibration.holding() if vibration.samples.size <= _HELD else vibration
-    return scan_speed(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
+    return SpeedScan(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
 
 
 def unwarp(sums: OrderSums, track: AngleTrack, comb: Comb, reach: float = 0.015) -> AngleTrack:
@@ -475,8 +467,7 @@ class SlipCheck:
             if not stretch.harmless:
                 turns = track.turns_at(np.array([stretch.start_s, stretch.end_s]))
                 ends[-1:-1] = track.time_at(turns + np.array([-_WIDER, _WIDER])).tolist()
-        parts = list(zip(ends[::2], ends[1::2], strict=True))
-        return max(parts, key=lambda part: part[1] - part[0])
+        return max(zip(ends[::2], ends[1::2], strict=True), key=lambda part: part[1] - part[0])
 
 
 def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
@@ -532,7 +523,7 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     sound = np.repeat(np.arange(len(cuts) - 1) % 2 == 0, np.diff(cuts))
     told = replace(lines, orders=lines.orders[clear], amplitude=lines.amplitude[:, clear])
     lost = tuple(_lost(told, time_s, cuts[k : k + 4]) for k in range(0, len(cuts) - 2, 2))
-    variance = _astray(cuts, lost) ** 2
+    variance = _astray(cuts, lost)
     if sound.any():
         weight = told.orders**2 / (scatter[clear] ** 2 + FLOOR_CYCLES**2)
         variance += _variance(told, phase[:, clear], weight, sound, time_s)
@@ -738,16 +729,16 @@ def _turned(lines: SlidingLines, cuts: Sequence[int]) -> tuple[FloatArray, Float
 
 
 def _astray(cuts: Sequence[int], lost: tuple[LostStretch, ...]) -> FloatArray:
-    """How far the angle may be off because it was lost [turns]."""
-    off = np.zeros(cuts[-1])
+    """Variance of the angle because it was lost [turns^2]."""
+    variance = np.zeros(cuts[-1])
     # the longest time that it is locked is what the rest is compared with
     home = int(np.argmax(np.diff(cuts)[::2]))
     for number, stretch in enumerate(lost):
         start, stop = cuts[2 * number + 1 : 2 * number + 3]
-        own = _ASTRAY * stretch.turns / np.sqrt(3)
-        off[start:stop] = np.hypot(off[start:stop], own)
+        own = (_ASTRAY * stretch.turns) ** 2 / 3
+        variance[start:stop] += own
         if not stretch.harmless:
             beyond = slice(stop, None) if number >= home else slice(0, start)
-            more = own if stretch.slipped_turns is None else abs(stretch.slipped_turns)
-            off[beyond] = np.hypot(off[beyond], more)
-    return off
+            slipped = stretch.slipped_turns
+            variance[beyond] += own if slipped is None else slipped**2
+    return variance

@@ -28,16 +28,15 @@ from scipy.ndimage import maximum_filter1d, median_filter
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import RecordingError, check_positive
-from gearmon.signals.angle import AngleTrack
+from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.tracking.phases import FLOOR_CYCLES, lock_track, roughness
 
 # Thresholds divide what `test_pulse_repair` and `test_uneven_pulses` (trains with pulses taken out,
 # put in and moved, at changing speeds) and `test_tacho_phases` (edges that jitter or are quantised)
 # hold apart.
-# Fewest pulses that are believed, the share of them that may be repaired, and the share from which
-# on a train is only counted.
-_FEWEST_PULSES, _REPAIRABLE, _HOPELESS = 4, 0.02, 0.1
+# Fewest pulses that are believed, and the share of them that may be repaired.
+_FEWEST_PULSES, _REPAIRABLE = 4, 0.02
 # Part of the distance between the extremes that a waveform must pass the threshold by.
 _HYSTERESIS = 0.1
 # How far a nominal speed may be off, and the rate of pulses from a whole number of them a turn.
@@ -55,7 +54,7 @@ _OFF, _DEVIATIONS = 0.08, 8.0
 # the shares of a turn may differ for pulses to be called even.
 _EARLY_OR_LATE, _EVEN = 0.35, 0.05
 
-# Repairs one after the other, the last of which must find nothing.
+# How often a train is followed, at last without a pulse that is off.
 _ROUNDS = 8
 # Repairs within so many intervals, more than which are too many.
 _CROWD, _WITHIN = 4, 8
@@ -189,39 +188,49 @@ def repair(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
     -----
     The spacing is first learned from the few consecutive turns whose intervals repeat best; each
     next pulse is then expected where the duration of the last turns puts it. One that comes within
-    0.35 of the smaller interval beside its place is taken for it. What is filled in, and what then
-    departs from the cubic through its neighbours by 0.08 of the smaller interval and eight robust
-    standard deviations, is put onto that cubic; the outermost pulses are left out if they depart
-    from the parabola of the next three. Where more than four repairs come within eight intervals,
-    or pulses are still off, it is unclear what is right.
+    0.35 of the smaller interval beside its place is taken for it. What is filled in stands on the
+    cubic through its neighbours. What departs from that by 0.08 of the smaller interval and eight
+    robust standard deviations, or at an end from the parabola of the next three, is left out and
+    the train followed again, until nothing does. Where more than four repairs come within eight
+    intervals, or pulses are still off, it is unclear what is right.
     """
     found = TachoPulses(time_s=np.asarray(time_s, dtype=np.float64))
     times = found.time_s
     per_turn = 1 if per_turn is None or is_even(times, per_turn) else per_turn
     if len(times) < 3 * per_turn + 1 or (per_turn == 1 and _sound(times)):
         return found
-    start, gaps = _repeating(times, per_turn)
-    ahead = _walk(times[start:], gaps, per_turn)
-    # the same backwards, for what lies before; it begins with the turns that begin the other
-    both = 3 * per_turn + 1
-    behind = _walk(-times[: start + both][::-1], gaps[::-1], per_turn)
-    ahead[2, 0] += behind[2, both - 1]
-    walked = np.hstack([behind[:, both:][:, ::-1] * [[-1], [1], [1]], ahead])
-    if per_turn > 1 and not walked[1:].any():
+    whole = _followed(times, per_turn)
+    if per_turn > 1 and np.array_equal(whole, times):
         return found
-    times, missing, extra, unclear_s = _settled(walked, per_turn)
-    if missing + extra > max(2, _REPAIRABLE * len(times)):
-        raise RecordingError(
-            f"tacho channel: {missing} pulses missing and {extra} too many among {len(times)}; at "
-            "most 2 % can be repaired. Check the sensor, or leave the tacho out"
-        )
+    # where repairs crowd, counted in pulses
+    repaired_s = np.setxor1d(whole, times)
+    number = np.searchsorted(whole, repaired_s, "right")
+    unclear_s = repaired_s[_CROWD:][number[_CROWD:] - number[:-_CROWD] <= _WITHIN]
+    kept = times
+    for _ in range(_ROUNDS):
+        filled = np.isin(whole, kept, invert=True)
+        whole[filled] = _expected(whole, per_turn)[filled]
+        rises = np.all(np.diff(whole) > 0)
+        off_s = whole[_misplaced(whole, _expected(whole, per_turn)) if rises else filled]
+        missing, extra = len(np.setdiff1d(whole, times)), len(np.setdiff1d(times, whole))
+        if missing + extra > max(2, _REPAIRABLE * len(whole)):
+            raise RecordingError(
+                f"tacho channel: {missing} pulses missing and {extra} too many among {len(whole)}; "
+                "at most 2 % can be repaired. Check the sensor, or leave the tacho out"
+            )
+        # the pulse that belongs there may be another one: what is off is left out from now on
+        kept = np.setdiff1d(kept, off_s)
+        if not len(off_s) or len(kept) <= 3 * per_turn:
+            break
+        whole = _followed(kept, per_turn)
+    unclear_s = np.append(unclear_s, off_s)
     if len(unclear_s):
         raise RecordingError(
             f"tacho channel: pulses about {unclear_s[0]:.4g} s come at times that fit no steady "
             "or slowly changing speed, and it is unclear which are missing or too many. Check the "
             "sensor, or leave the tacho out"
         )
-    return TachoPulses(time_s=times, missing=missing, extra=extra)
+    return TachoPulses(time_s=whole, missing=missing, extra=extra)
 
 
 def _sound(time_s: FloatArray) -> bool:
@@ -247,62 +256,39 @@ def _repeating(time_s: FloatArray, per_turn: int) -> tuple[int, FloatArray]:
     return start, shares / shares.sum()
 
 
-def _walk(time_s: FloatArray, gaps: FloatArray, per_turn: int) -> FloatArray:
+def _followed(time_s: FloatArray, per_turn: int) -> FloatArray:
+    """Follow a train forwards from the turns that repeat best, and backwards from their end."""
+    start, gaps = _repeating(time_s, per_turn)
+    both = start + 3 * per_turn + 1
+    behind = -_walk(-time_s[:both][::-1], gaps[::-1])[::-1]
+    return np.append(behind[: start - both], _walk(time_s[start:], gaps))
+
+
+def _walk(time_s: FloatArray, gaps: FloatArray) -> FloatArray:
     """Follow a train whose first three turns are sound; pulse 0 is followed by the first gap.
 
-    Returns the times of its pulses, whether each was filled in, and how many extra ones came
-    between it and the next, shape (3, pulses).
+    Returns the times of its pulses; a missing one has that at which it is expected.
     """
-    index, repairs = 3 * per_turn + 1, 0
-    found = time_s[:index].tolist()
-    filled, extra = [False] * index, [0] * index
-    limit = max(10, int(_HOPELESS * len(time_s)))
-    following = np.append(np.diff(time_s), np.inf)
-    while index < len(time_s) and repairs <= limit:
+    times, shares, per_turn = time_s.tolist(), gaps.tolist(), len(gaps)
+    index = 3 * per_turn + 1
+    found = times[:index]
+    # a train that is mostly filled in is refused however it goes on
+    while index < len(times) and len(found) < 2 * len(times):
         step = (len(found) - 1) % per_turn
         # the middle of three: one pulse at a wrong time does not count
         turn = sorted(found[-k] - found[-k - per_turn] for k in (1, 2, 3))[1]
-        reach = _EARLY_OR_LATE * turn * min(gaps[step], gaps[(step + 1) % per_turn])
-        late = time_s[index] - (found[-1] + gaps[step] * turn)
-        is_late = bool(late > reach)
-        if late < -reach or (not is_late and abs(late + following[index]) < abs(late)):
-            extra[-1] += 1
-            repairs += 1
+        reach = _EARLY_OR_LATE * turn * min(shares[step], shares[(step + 1) % per_turn])
+        place = found[-1] + shares[step] * turn
+        # those before the nearest one are too many
+        while index + 1 < len(times) and abs(times[index + 1] - place) < abs(times[index] - place):
             index += 1
-            continue
-        found.append(found[-1] + gaps[step] * turn if is_late else float(time_s[index]))
-        filled.append(is_late)
-        extra.append(0)
-        repairs += is_late
-        index += not is_late
-    return np.array([found, filled, extra], dtype=np.float64)
-
-
-def _settled(walked: FloatArray, per_turn: int) -> tuple[FloatArray, int, int, FloatArray]:
-    """Put pulses that were filled in or are off onto the cubic through their neighbours.
-
-    Returns the times, how many were missing and extra, and where it is unclear which.
-    """
-    filled = walked[1] > 0
-    missing, extra = (int(own) for own in walked[1:].sum(axis=1))
-    time_s = np.where(filled, _expected(walked[0], per_turn), walked[0])
-    crowded = np.convolve(walked[1] + walked[2], np.ones(_WITHIN + 1))[: len(time_s)] > _CROWD
-    unclear_s, wrong = walked[0, crowded], np.flatnonzero(filled)
-    for _ in range(_ROUNDS):
-        if np.any(np.diff(time_s) <= 0):
-            break
-        expected = _expected(time_s, per_turn)
-        wrong = _misplaced(time_s, expected)
-        if not len(wrong):
-            return time_s, missing, extra, unclear_s
-        extra += len(wrong)
-        if len(wrong) == 1 and wrong[0] in (0, len(time_s) - 1):
-            time_s = np.delete(time_s, wrong)
-            continue
-        missing += len(wrong)
-        time_s = time_s.copy()
-        time_s[wrong] = expected[wrong]
-    return time_s, missing, extra, np.append(unclear_s, time_s[min(wrong[0], len(time_s) - 1)])
+        late = times[index] - place
+        if abs(late) <= reach:
+            found.append(times[index])
+        elif late > 0:
+            found.append(place)
+        index += late <= reach
+    return np.array(found)
 
 
 def _expected(time_s: FloatArray, per_turn: int) -> FloatArray:
@@ -654,7 +640,10 @@ def join(sums: OrderSums, known: AngleTrack) -> tuple[AngleTrack, float]:
         track = lock_track(sums, track_through(course, turns, float(known.time_s[-1])))
         beside = turns - track.turns_at(time_s)
         drift = np.full(len(beside), beside.mean())
-        beats = jitter < sample and _beats(rate * course, max(1, round(a_turn)))
+        # whether edges fall at the same place between two samples turn after turn
+        place, lag = rate * course, max(1, round(a_turn))
+        alike = abs(phasors(place[lag:] - place[:-lag]).mean())
+        beats = jitter < sample and alike > _BEATING
         if not beats or departure(beside - drift) > 1.0:
             drift = _smoothed(turns, beside, 1)
         moved = track.turns + np.interp(track.turns, turns - beside, drift)
@@ -665,12 +654,6 @@ def join(sums: OrderSums, known: AngleTrack) -> tuple[AngleTrack, float]:
             beyond = departure(turns - joined.turns_at(time_s))
             return (joined if beyond <= 1.0 else known), beyond
     return known, 0.0
-
-
-def _beats(place: FloatArray, lag: int) -> bool:
-    """Whether edges fall at the same place between two samples turn after turn."""
-    steps = place[lag:] - place[:-lag]
-    return bool(abs(np.mean(np.exp(2j * np.pi * steps))) > _BEATING)
 
 
 def _coherence(sums: OrderSums, track: AngleTrack) -> float:

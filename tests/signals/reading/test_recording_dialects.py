@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from reference.slow_csv import read_slowly
 
 from gearmon.errors import RecordingError
+from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.layout import Dialect
 from gearmon.signals.reading.text import Block, Source, parse_rows, read_rows, read_table
 from gearmon.signals.recording import read_recording
@@ -21,7 +22,7 @@ ROWS = [[0.5, -1.25, 3.0], [1e-3, 2.75, -0.125], [-12.5, 0.0, 7.5], [4.25, 1.5, 
 
 def table(data: bytes | str, **source):
     content = data.encode() if isinstance(data, str) else data
-    return read_table(Source(path="f.csv", content=content, **source))
+    return read_table(Source(path="f.csv", content=content, **source), Wanted())
 
 
 def heads(found):

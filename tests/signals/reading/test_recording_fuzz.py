@@ -10,6 +10,7 @@ from reference.slow_csv import NotATableError, read_slowly
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import text
+from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.formats import identify
 from gearmon.signals.reading.text import Source, open_source, read_table
 from gearmon.signals.recording import read_recording
@@ -35,7 +36,7 @@ def test_damaged_files_give_the_slow_readers_numbers_or_an_error(
             source = open_source(path)
             if identify(source):
                 continue
-            rows = read_table(source).values.T.tolist()
+            rows = read_table(source, Wanted()).values.T.tolist()
         except RecordingError as error:
             messages.append(str(error))
             continue
@@ -56,7 +57,7 @@ def test_a_cut_last_number_is_told_below_a_header_too(tmp_path):
     path = tmp_path / "cut.csv"
     path.write_text("DATA\na\n[g]\n" + "".join(f"{k / 7:.6f}\n" for k in range(60)) + "5.24806")
     with pytest.raises(RecordingError, match="line 64: the file is cut off"):
-        read_table(open_source(path))
+        read_table(open_source(path), Wanted())
 
 
 def test_damaged_files_cause_no_other_exception(tmp_path):
@@ -80,4 +81,4 @@ def test_a_zero_byte_does_not_part_a_quoted_field(tmp_path):
     path = tmp_path / "zero.txt"
     path.write_bytes(b'a b c d\n"1.5" "2.5" . "4.\x004" "5.5"\n"1" "2" "3" "4"\n"5" "6" "7" "9"\n')
     with pytest.raises(RecordingError, match="line 2"):
-        read_table(open_source(path))
+        read_table(open_source(path), Wanted())

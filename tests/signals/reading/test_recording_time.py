@@ -264,4 +264,4 @@ def test_a_clock_that_was_set_back_is_told_before_the_leap_that_went_ahead():
     stamps = 0.001 * np.arange(30.0)
     stamps[10] += 0.5
     found = spacing(stamps)
-    assert (found.fault, found.row) == ("0.011 comes after 0.51", 11)
+    assert (found.fault, found.row) == ("irregular: 0.011 comes after 0.51", 11)

@@ -10,7 +10,7 @@ from reference.slow_orders import comb_score, hann_values, slow_floor
 from reference.synthetic_signals import lines_on, wandering_turns, white
 
 from gearmon.errors import ArgumentError
-from gearmon.signals.tracking import Comb, MeshComb, SpeedTrack, comb, scan_speed
+from gearmon.signals.tracking import Comb, MeshComb, SpeedScan, SpeedTrack, comb
 from gearmon.signals.tracking.mesh_detection import combined_comb
 
 RATE, NOMINAL = 4000.0, 25.0
@@ -59,7 +59,7 @@ def test_speed_is_linear_between_blocks_and_constant_outside():
 @pytest.mark.parametrize("error", [-0.03, -0.0123, 0.0, 0.008, 0.0299])
 def test_speed_is_found_though_the_nominal_one_is_wrong(error):
     true = NOMINAL * (1 + error)
-    scan = scan_speed(machine(steady(true)), RATE, COMB, NOMINAL)
+    scan = SpeedScan(machine(steady(true)), RATE, COMB, NOMINAL)
     assert scan.track().mean_hz == pytest.approx(true, rel=2e-4)
     np.testing.assert_allclose(scan.track().speed_hz, true, rtol=1e-3)
 
@@ -68,7 +68,7 @@ def test_speed_is_found_though_the_nominal_one_is_wrong(error):
 def test_drifting_speed_is_followed(seed):
     time = np.arange(int(10 * RATE)) / RATE
     turns = wandering_turns(time, 0.99 * NOMINAL, 0.005, seed, slowest_s=20.0)
-    track = scan_speed(machine(turns, noise=0.3, seed=seed), RATE, COMB, NOMINAL).track()
+    track = SpeedScan(machine(turns, noise=0.3, seed=seed), RATE, COMB, NOMINAL).track()
     half = 0.5  # mean speed over a block weighted like its window
     true = [
         np.interp(at + half / 2, time, turns) - np.interp(at - half / 2, time, turns)
@@ -80,7 +80,7 @@ def test_drifting_speed_is_followed(seed):
 def test_slow_ramp_of_five_per_cent_is_followed():
     time = np.arange(int(10 * RATE)) / RATE
     turns = NOMINAL * (0.975 * time + 0.0025 * time**2)
-    track = scan_speed(machine(turns, noise=0.3), RATE, COMB, NOMINAL, block_s=0.5).track()
+    track = SpeedScan(machine(turns, noise=0.3), RATE, COMB, NOMINAL, block_s=0.5).track()
     np.testing.assert_allclose(track.speed_hz, NOMINAL * (0.975 + 0.005 * track.time_s), rtol=2e-3)
 
 
@@ -91,21 +91,21 @@ def test_loud_lines_of_another_origin_do_not_decide(seed):
     samples = machine(steady(true), seed=seed)
     time = np.arange(samples.shape[1]) / RATE
     samples += lines_on(time, [100.0, 23 * 1.013 * NOMINAL, 741.3], 5.0, 0.1)
-    found = scan_speed(samples, RATE, COMB, NOMINAL).track()
+    found = SpeedScan(samples, RATE, COMB, NOMINAL).track()
     assert found.mean_hz == pytest.approx(true, rel=5e-4)
 
 
 @pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
 def test_scale_and_order_of_channels_do_not_matter(factor):
     samples = np.vstack([machine(steady(24.8), seed=1), machine(steady(24.8), seed=2)])
-    plain = scan_speed(samples, RATE, COMB, NOMINAL)
-    other = scan_speed(samples[::-1] * [[factor], [3.0]], RATE, COMB, NOMINAL)
+    plain = SpeedScan(samples, RATE, COMB, NOMINAL)
+    other = SpeedScan(samples[::-1] * [[factor], [3.0]], RATE, COMB, NOMINAL)
     np.testing.assert_allclose(other.scores, plain.scores, rtol=1e-9, atol=1e-9)
 
 
 def test_scores_equal_a_sum_over_lines_one_by_one():
     samples = np.vstack([machine(steady(24.8, 2.0), seed=1), white((1, 8000), seed=2)])
-    scan = scan_speed(samples, RATE, COMB, NOMINAL, tolerance=0.0107, block_s=0.5)
+    scan = SpeedScan(samples, RATE, COMB, NOMINAL, tolerance=0.0107, block_s=0.5)
     used = COMB.orders < 0.49 * RATE / (NOMINAL * 1.0107)
     bins = scan.quality.shape[1]
     for row in (0, 3):
@@ -123,7 +123,7 @@ def test_scores_equal_a_sum_over_lines_one_by_one():
 
 def test_kept_blocks_do_not_overlap_and_hold_their_own_spectra():
     samples = machine(steady(24.8))
-    scan = scan_speed(samples, RATE, COMB, NOMINAL)
+    scan = SpeedScan(samples, RATE, COMB, NOMINAL)
     assert np.all(np.diff(scan.kept) >= 2 * scan.stride)
     assert scan.quality.shape[0] == len(scan.kept)
     block = samples[:, scan.kept[0] * 2000 : scan.kept[0] * 2000 + 4000] * hann_values(4000)
@@ -135,12 +135,12 @@ def test_kept_blocks_do_not_overlap_and_hold_their_own_spectra():
 
 def test_right_one_of_several_nominal_speeds_scores_best():
     samples = machine(steady(24.6))
-    scores = [scan_speed(samples, RATE, COMB, at).best_score for at in (20.0, 25.0, 30.0)]
+    scores = [SpeedScan(samples, RATE, COMB, at).best_score for at in (20.0, 25.0, 30.0)]
     assert np.argmax(scores) == 1
 
 
 def test_recording_shorter_than_a_block_is_one_block():
-    scan = scan_speed(machine(steady(24.9, 0.7)), RATE, COMB, NOMINAL, block_s=5.0)
+    scan = SpeedScan(machine(steady(24.9, 0.7)), RATE, COMB, NOMINAL, block_s=5.0)
     assert scan.scores.shape[0] == 1
     assert scan.track().mean_hz == pytest.approx(24.9, rel=2e-3)
 
@@ -180,7 +180,7 @@ def test_best_path_equals_trying_all_paths():
 )
 def test_arguments_out_of_range_are_refused(changes, named):
     with pytest.raises(ArgumentError, match=named):
-        scan_speed(np.zeros((1, 4000)), RATE, COMB, **changes)
+        SpeedScan(np.zeros((1, 4000)), RATE, COMB, **changes)
 
 
 def test_path_of_many_moves_is_the_best_of_all_steps_one_by_one():
@@ -206,9 +206,9 @@ def test_blocks_of_a_long_recording_stand_end_to_end(monkeypatch):
     time = np.arange(int(20.0 * RATE)) / RATE
     turns = wandering_turns(time, 24.8, 0.004, 2)
     samples = machine(turns, seed=4)
-    plain = scan_speed(samples, RATE, COMB, NOMINAL)
+    plain = SpeedScan(samples, RATE, COMB, NOMINAL)
     monkeypatch.setattr(comb, "_MANY_BLOCKS", 30)
-    apart = scan_speed(samples, RATE, COMB, NOMINAL)
+    apart = SpeedScan(samples, RATE, COMB, NOMINAL)
     assert (plain.stride, apart.stride) == (2, 1)
     assert len(plain.centre_s) == 39
     np.testing.assert_allclose(np.diff(apart.centre_s), 1.0)

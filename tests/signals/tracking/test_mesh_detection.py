@@ -9,7 +9,7 @@ import pytest
 from reference.synthetic_signals import constant_track, lines_on, wandering_turns, white
 
 from gearmon.signals.orders import InAngle, fine_order_spectrum
-from gearmon.signals.tracking import MeshComb, MeshEvidence, mesh_evidence, scan_speed
+from gearmon.signals.tracking import MeshComb, MeshEvidence, SpeedScan, mesh_evidence
 from gearmon.signals.tracking.mesh_detection import combined_comb, sideband_spacing
 
 RATE, NOMINAL, DURATION = 4000.0, 25.0, 6.0
@@ -28,7 +28,7 @@ def parallel(pinion, gear, order=1.0, harmonics=8):
 
 def evidence(samples, meshes, shafts, nominal=NOMINAL):
     comb = combined_comb(meshes, shafts)
-    scan = scan_speed(samples, RATE, comb, nominal, block_s=30 / nominal)
+    scan = SpeedScan(samples, RATE, comb, nominal, block_s=30 / nominal)
     return mesh_evidence(scan, meshes, shafts)
 
 
@@ -216,7 +216,7 @@ def test_a_mesh_with_few_decoys_in_the_band_is_not_judged():
     # decoys of fewer teeth begin at order 3, those of more lie beyond the 11 orders of the band
     rate, mesh = 2 * 11.5 * NOMINAL, MeshComb(order=10.0, groups=((10.0,),), spacings=(1.0,))
     samples = lines_on(NOMINAL * np.arange(int(rate * DURATION)) / rate, 10.0, 1.0)
-    scan = scan_speed(samples, rate, combined_comb([mesh], [1.0]), NOMINAL)
+    scan = SpeedScan(samples, rate, combined_comb([mesh], [1.0]), NOMINAL)
     (found,) = mesh_evidence(scan, [mesh], [1.0])
     assert found.decoys < 8
     assert (found.visible, found.clear, found.decoys_above) == (0, 0, found.decoys)

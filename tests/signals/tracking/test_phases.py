@@ -18,11 +18,11 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import OrderSums
 from gearmon.signals.tracking import (
     MeshComb,
+    SpeedScan,
     SpeedTrack,
     coherent_share,
     integrate_speed,
     lock_track,
-    scan_speed,
 )
 from gearmon.signals.tracking.mesh_detection import combined_comb
 from gearmon.signatures.measured.measurement import measure_signature
@@ -64,7 +64,7 @@ def test_refined_track_follows_the_phase(wander, seed):
     comb = combined_comb(
         [MeshComb(order=23.0, groups=tuple((m,) for m in MESHES), spacings=(1.0,))], [1.0]
     )
-    first = integrate_speed(scan_speed(samples, RATE, comb, 25.3).track(), TIME[-1])
+    first = integrate_speed(SpeedScan(samples, RATE, comb, 25.3).track(), TIME[-1])
     refined = lock_track(OrderSums(samples, RATE, MESHES), first)
     inner = slice(int(0.4 * RATE), -int(0.4 * RATE))  # ten turns from the ends
     error = phase_error(refined, turns)

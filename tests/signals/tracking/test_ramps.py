@@ -16,7 +16,7 @@ from reference.synthetic_signals import (
 from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.signals.orders import InAngle, OrderSums
-from gearmon.signals.tracking import find_path, integrate_speed, lock_track, scan_speed
+from gearmon.signals.tracking import SpeedScan, integrate_speed, lock_track
 from gearmon.signals.tracking.comb import peak_refined
 from gearmon.signals.tracking.phases import scan_angle, unwarp
 from gearmon.signatures.tracking import machine_comb
@@ -49,10 +49,14 @@ def error_of(track, turns, rate=RATE):
     return error - error.mean()
 
 
+def path_of(samples):
+    return SpeedScan(samples, RATE, COMB, NOMINAL, 0.25, 8 / NOMINAL, changing=True)
+
+
 @pytest.mark.parametrize("share", [-0.3, 0.2])
 def test_path_follows_a_ramp(share):
     turns = ramp(share)
-    path = find_path(vibration(turns), RATE, COMB, NOMINAL).track()
+    path = path_of(vibration(turns)).track()
     true = NOMINAL * (1 + share * (path.time_s / DURATION - 0.5))
     np.testing.assert_allclose(path.speed_hz, true, rtol=2.5e-3)
 
@@ -61,7 +65,7 @@ def test_path_follows_a_ramp(share):
 def test_path_follows_an_engine_that_hunts(seed):
     """A speed that changes by up to 25 % a second."""
     turns = wandering_turns(TIME, NOMINAL, 0.03, seed, slowest_s=4.0)
-    path = find_path(vibration(turns), RATE, COMB, NOMINAL).track()
+    path = path_of(vibration(turns)).track()
     true = np.interp(path.time_s, TIME, np.gradient(turns, TIME))
     assert np.abs(path.speed_hz / true - 1).max() < 0.025
 
@@ -78,7 +82,7 @@ def test_lines_stand_still_in_the_angle_of_a_track_however_the_speed_changes():
     even = constant_track(NOMINAL, TIME[-1])
     even = InAngle.of(vibration(NOMINAL * TIME), RATE, even)
     steady = scan_angle(even, comb, 0.012, 20.0)
-    smeared = scan_speed(samples, RATE, comb, NOMINAL, 0.012, 20 / NOMINAL)
+    smeared = SpeedScan(samples, RATE, comb, NOMINAL, 0.012, 20 / NOMINAL)
     assert scan.best_score == pytest.approx(steady.best_score, rel=0.1)
     assert smeared.best_score < 0.6 * steady.best_score
 
@@ -103,23 +107,23 @@ def test_a_scan_in_the_angle_of_a_track_tells_by_what_its_speed_is_off(off):
 
 @pytest.mark.parametrize("off", [-0.15, 0.2])
 def test_path_finds_a_speed_far_from_nominal(off):
-    path = find_path(vibration(ramp(0.0, off)), RATE, COMB, NOMINAL).track()
+    path = path_of(vibration(ramp(0.0, off))).track()
     np.testing.assert_allclose(path.speed_hz, NOMINAL * (1 + off), rtol=1e-3)
 
 
 def test_path_does_not_hear_how_loud_a_channel_is():
     samples = vibration(ramp(0.1))
-    one = find_path(samples, RATE, COMB, NOMINAL)
-    other = find_path(1e5 * samples, RATE, COMB, NOMINAL)
+    one = path_of(samples)
+    other = path_of(1e5 * samples)
     np.testing.assert_allclose(other.track().speed_hz, one.track().speed_hz, rtol=1e-9)
     assert other.best_score == pytest.approx(one.best_score, rel=1e-9)
 
 
-@pytest.mark.parametrize("changes", [{"nominal_hz": 0.0}, {"reach": 0.0}, {"reach": 0.7}])
+@pytest.mark.parametrize("changes", [{"nominal_hz": 0.0}, {"tolerance": 0.0}, {"tolerance": 0.7}])
 def test_path_refuses_what_is_out_of_range(changes):
     known = {"comb": COMB, "nominal_hz": NOMINAL} | changes
-    with pytest.raises(ArgumentError, match=r"nominal_hz|reach"):
-        find_path(white((1, 8000)), RATE, **known)
+    with pytest.raises(ArgumentError, match=r"nominal_hz|tolerance"):
+        SpeedScan(white((1, 8000)), RATE, **known, changing=True)
 
 
 def test_peak_between_uneven_candidates_is_that_of_the_parabola():
@@ -140,7 +144,7 @@ def test_unwarping_sharpens_a_speed_that_is_slightly_wrong():
 
 def followed(samples):
     """Track by the path, the mesh lines and the comb, as a recording is tracked."""
-    path = find_path(samples, RATE, COMB, NOMINAL).track()
+    path = path_of(samples).track()
     track = integrate_speed(path, TIME[-1])
     within = MESHES[0.45 * RATE / path.speed_hz.max() > MESHES]
     sums = OrderSums(samples, RATE, within)
