@@ -327,7 +327,15 @@ class Tracking:
         """Sum it up as a speed with its uncertainty."""
         track = self.track
         # both ends of the track are uncertain
-        uncertainty = float(np.sqrt(2) * track.uncertainty_turns) / self.signal.duration_s
+        doubt = float(np.sqrt(2) * track.uncertainty_turns)
+        if track.method == "tacho":
+            # beyond the first and the last pulse the speed changes as it does between the others
+            steps, speeds = np.diff(track.turns), track.speed_hz[1:-1]
+            usual = float(np.median(steps))
+            ends = steps[[0, -1]] / usual
+            change = float(np.std(np.diff(np.log(speeds))))
+            doubt = float(np.hypot(doubt, 0.5 * usual * change * np.linalg.norm(ends + ends**2)))
+        uncertainty = doubt / self.signal.duration_s
         if not np.isfinite(uncertainty):
             relative = self.scan.resolution_hz / self.scan.nominal_hz
             uncertainty = 0.5 * relative * track.mean_hz
