@@ -42,6 +42,10 @@ _BELOW = 0.01
 # Drop of the broadband level [dB] from which a recording without a mesh is one of a machine that
 # stands still, or of a dead sensor: a hundredth of the power.
 _SILENT_DB = -20.0
+# The same of one that a broken tooth drowns: another gain alone would not hide the mesh. Of 66
+# recordings of six lumped machines in which a tooth has lost 95 to 100 %, 15 are louder by more in
+# all bands alike and show no mesh.
+_LOUD_DB = 20.0
 
 
 def judged_alone(
@@ -189,6 +193,8 @@ def mesh_lost(found: Analysis, deviation: MachineDeviation, references: int) -> 
     if broadband is None:
         return found
     strength, gain = broadband_strength(broadband), float(np.median(broadband.gain_db))
+    if gain > _LOUD_DB:
+        strength = max(strength, LIMITS.fault)
     probability = false_alarm_probability(comparable(strength), references, deviation.gap)
     flags: tuple[Flag, ...] = ()
     if gain < _SILENT_DB:
