@@ -121,6 +121,11 @@ def _doubts(signatures: Sequence[MeasuredSignature], machine: Machine) -> Iterat
     for number, own in enumerate(signatures):
         if own_teeth_flags(own_teeth(own)):
             yield f"{own.origin}: one tooth stands out of its gear already; is the machine sound?"
+        if own.angle_lost:
+            yield (
+                f"{own.origin}: its angle was lost on the way, so that it teaches little; record "
+                "at a steadier speed, or with a tachometer"
+            )
         others = [*signatures[:number], *signatures[number + 1 :]]
         # of two that differ nobody knows which is the odd one
         if len(others) < 2:

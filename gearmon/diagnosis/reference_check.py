@@ -147,19 +147,11 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
         CheckedGear(stage=stage, gear=gear, noticed_from=loss if math.isfinite(loss) else None)
         for (stage, gear), loss in heard.items()
     )
-    advice = (*_odd(recordings), *_missing_loads(recordings), *_deaf(gears))
+    # what was doubtful when it was learned comes first
+    advice = (*reference.notes, *_missing_loads(recordings), *_deaf(gears))
     return ReferenceCheck(
         machine=reference.machine, recordings=tuple(recordings), gears=gears, advice=advice
     )
-
-
-def _odd(recordings: list[CheckedRecording]) -> list[str]:
-    return [
-        f"{own.recording} departs from the others as a fault would (strength {own.strength:.1f}): "
-        "if the machine was not sound then, learn again without it."
-        for own in recordings
-        if own.strength is not None and own.strength >= LIMITS.fault
-    ]
 
 
 def _missing_loads(recordings: list[CheckedRecording]) -> list[str]:
