@@ -359,7 +359,8 @@ class _Compared:
         blocks = lines.amplitude[:, self.rows]
         swings = self.signature.speed_swings
         again, scatter = found.deviation.recurrence(found.tooth, blocks, wheel, swings)
-        knocked = scatter > LIMITS.knock_scatter or lines.knocked > LIMITS.knocks
+        # where the speed swings, knocks are not looked for
+        knocked = swings or scatter > LIMITS.knock_scatter or lines.knocked > LIMITS.knocks
         return again if knocked else np.inf
 
     def _families(self, deviation: MachineDeviation) -> list[Family]:

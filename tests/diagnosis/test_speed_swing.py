@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import oaconvolve
@@ -109,3 +111,16 @@ def test_recordings_whose_angle_was_lost_are_named_when_they_are_learned():
     # without a tachometer, behind modes of 0.5 to 2 per cent damping
     reference = learn([drive(0, 0.2, 1), drive(0, 0.2, 2)], machine())
     assert sum("its angle was lost on the way" in note for note in reference.notes) == 2
+
+
+@pytest.mark.parametrize("number", [0, 2])
+def test_knocks_are_no_tooth_while_the_speed_swings(number):
+    known = [drive(number, 0.3, seed, load, pulses=1) for seed, load in ((1, 0.7), (2, 1.0))]
+    sound = drive(number, 0.3, 4, 0.85, pulses=1)
+    samples, rng = sound.samples.copy(), np.random.default_rng(number)
+    ring = np.exp(-np.arange(1000) / 80) * np.sin(0.6 * np.arange(1000))
+    for start in rng.integers(0, samples.shape[1] - 1000, 5):
+        samples[0, start : start + 1000] += 20 * samples[0].std() * ring
+    found = analyse(replace(sound, samples=samples), machine(), learn(known, machine()))
+    assert not any(flag.gear for flag in found.flags)
+    assert found.verdict in ("healthy", "cannot tell")
