@@ -119,8 +119,8 @@ def test_knocks_are_no_tooth_while_the_speed_swings(number):
     sound = drive(number, 0.3, 4, 0.85, pulses=1)
     samples, rng = sound.samples.copy(), np.random.default_rng(number)
     ring = np.exp(-np.arange(1000) / 80) * np.sin(0.6 * np.arange(1000))
-    for start in rng.integers(0, samples.shape[1] - 1000, 5):
-        samples[0, start : start + 1000] += 20 * samples[0].std() * ring
+    for start in rng.integers(0, samples.shape[1] - 1000, 3):
+        samples[0, start : start + 1000] += 60 * sound.samples[0].std() * ring
     found = analyse(replace(sound, samples=samples), machine(), learn(known, machine()))
     assert not any(flag.gear for flag in found.flags)
     assert found.verdict in ("healthy", "cannot tell")
