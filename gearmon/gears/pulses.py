@@ -82,10 +82,8 @@ def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
     total = np.empty((count + 1, len(x)))
     total[-2:] = spherical_jn([[count - 1], [count]], x)
     told = np.abs(total[-2:]).max(axis=0) > LEAST_BESSEL
-    known, place = total[:, told], x[told]
     for n in range(count - 1, 0, -1):
-        known[n - 1] = (2 * n + 1) / place * known[n] - known[n + 1]
-    total[:, told] = known
+        total[n - 1, told] = (2 * n + 1) / x[told] * total[n, told] - total[n + 1, told]
     total[:-1, ~told] = spherical_jn(np.arange(count)[:, None], x[~told])
     return total[:-1]
 
