@@ -18,7 +18,7 @@ from itertools import pairwise, product
 import numpy as np
 from numpy.polynomial.legendre import legint, legvander
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import roots_legendre, spherical_jn
+from scipy.special import roots_legendre
 
 from gearmon.arrays import ComplexArray, FloatArray
 
@@ -28,8 +28,6 @@ IntArray = NDArray[np.integer]
 POINTS = 16
 #: Coefficients below this share of the greatest are left out.
 TRIM = 1e-14
-#: Spherical Bessel functions below this have lost digits, and others cannot follow from them.
-LEAST_BESSEL = 1e-290
 #: Numbers that a Fourier integral holds at a time; bounds the memory.
 BLOCK = 262_144
 #: Below this overlap ratio a helical mesh is a spur mesh within rounding error.
@@ -74,18 +72,39 @@ def distinct(edges: ArrayLike, apart: float) -> FloatArray:
 
 
 def spherical_bessel(count: int, x: FloatArray) -> FloatArray:
-    """Return the spherical Bessel functions j_0 ... j_{count-1} at `x`, shape (count, n).
+    """Return the spherical Bessel functions j_0 ... j_{count-1} at `x`, shape (count, *x.shape).
 
-    The two highest from SciPy, which begins anew for each order, and downwards by recurrence; it is
-    stable on either side of the order. Where those two vanish beside j_0, all are SciPy's.
+    Orders below |x| by recurrence upwards, those above by the ratio of neighbours; either is stable
+    there, and one run gives all orders, where SciPy begins anew for each.
     """
-    total = np.empty((count + 1, len(x)))
-    total[-2:] = spherical_jn([[count - 1], [count]], x)
-    told = np.abs(total[-2:]).max(axis=0) > LEAST_BESSEL
-    for n in range(count - 1, 0, -1):
-        total[n - 1, told] = (2 * n + 1) / x[told] * total[n, told] - total[n + 1, told]
-    total[:-1, ~told] = spherical_jn(np.arange(count)[:, None], x[~told])
-    return total[:-1]
+    size = np.abs(x)
+    ratios = _bessel_ratios(count, x)
+    total = np.empty((count, *x.shape))
+    total[0] = np.sinc(x / np.pi)
+    inverse = 1 / np.where(size < 1, 1.0, x)
+    before = np.cos(x) * inverse
+    for n in range(1, count):
+        upwards = (2 * n - 1) * inverse * total[n - 1] - before
+        total[n] = np.where(n < size, upwards, ratios[n] * total[n - 1])
+        before = total[n - 1]
+    return total
+
+
+def _bessel_ratios(count: int, x: FloatArray) -> FloatArray:
+    """Return j_n/j_{n-1} for the orders n from |x| on, shape (count, *x.shape).
+
+    A continued fraction, from an order downwards where its rest no longer matters: the rest is
+    forgotten within a number of orders that grows with the cube root of x.
+    """
+    size, ratios = np.abs(x), np.zeros((count, *x.shape))
+    if size.min(initial=np.inf) >= count:
+        return ratios
+    ratio = np.zeros(x.shape)
+    for n in range(count + math.ceil(7 * math.cbrt(count)), 0, -1):
+        ratio = np.where(n < size, 0.0, x / (2 * n + 1 - x * ratio))
+        if n < count:
+            ratios[n] = ratio
+    return ratios
 
 
 @dataclass(frozen=True, eq=False)
