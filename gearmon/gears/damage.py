@@ -605,9 +605,14 @@ def acting_faults(pair: MeshPair, faults: Iterable[_Wrong]) -> tuple[list[_Wrong
         if own.gear not in pair.names or (far and own.kind in ("crack", *BANDS)):
             why = ": there it is pressed shut" if far and own.kind == "crack" else ""
             notes.append(f"{own.word} {own} does not act in the {pair.name} mesh{why}")
-        else:
-            pair.check_tooth(f"{own.word} {own}", own.gear, own.tooth)
-            acting.append(own)
+            continue
+        teeth = pair.member(own.gear).teeth
+        if own.tooth is not None and own.tooth > teeth:
+            raise ArgumentError(
+                f"{own.word} {own}: tooth {own.tooth} does not exist, the {own.gear} of "
+                f"{pair.where} has {teeth} teeth"
+            )
+        acting.append(own)
     if pair.given("contact_ratio") is not None and _needs_pitch(acting):
         notes.append(
             "the pitch point is taken in the middle of the contact: contact_ratio is given"

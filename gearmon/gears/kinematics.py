@@ -244,14 +244,8 @@ class Line(Turning):
     shaft: int | None = None
 
 
-@dataclass(frozen=True)
-class Coincidence:
-    """Two mesh harmonics at exactly the same frequency: their lines cannot be told apart."""
-
-    stage: int
-    harmonic: int
-    other_stage: int
-    other_harmonic: int
+#: Mesh harmonics of two stages at exactly the same frequency, each as its stage and number.
+Coincidence = tuple[tuple[int, int], tuple[int, int]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -295,16 +289,23 @@ class Kinematics:
     def coincidences(self, highest_harmonic: int = 20) -> tuple[Coincidence, ...]:
         """Return the lowest common harmonic of every two stages that have one.
 
+        Their lines cannot be told apart.
+
         Parameters
         ----------
         highest_harmonic : int
             Harmonics above this do not count.
+
+        Returns
+        -------
+        tuple of ((int, int), (int, int))
+            Stage and number of the one mesh harmonic, and of the other.
         """
         found = []
         for low, high in combinations(self.meshes, 2):
             ratio = low.exact / high.exact
             if max(ratio.numerator, ratio.denominator) <= highest_harmonic:
-                found.append(Coincidence(low.stage, ratio.denominator, high.stage, ratio.numerator))
+                found.append(((low.stage, ratio.denominator), (high.stage, ratio.numerator)))
         return tuple(found)
 
 
@@ -391,9 +392,9 @@ def line_table(machine: Machine) -> LineTable:
     train = kinematics(machine)
     rows = tuple(_row(line, point) for point in machine.operating for line in train.lines)
     coinciding = tuple(
-        f"mesh harmonic {c.harmonic} of stage {c.stage} is exactly mesh harmonic "
-        f"{c.other_harmonic} of stage {c.other_stage}: these lines cannot be told apart"
-        for c in train.coincidences()
+        f"mesh harmonic {harmonic} of stage {stage} is exactly mesh harmonic "
+        f"{other_harmonic} of stage {other_stage}: these lines cannot be told apart"
+        for (stage, harmonic), (other_stage, other_harmonic) in train.coincidences()
     )
     return LineTable(machine=machine.name, rows=rows, notes=machine.notes + coinciding)
 

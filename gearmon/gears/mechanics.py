@@ -146,9 +146,8 @@ def stage_mechanics(
     """
     pair = pair_of(machine, number, mesh)
     running = machine.operating[0] if point is None else point
-    train = kinematics(machine)
     notes: list[str] = []
-    force = static_force(pair, running, train.shaft(number).order)
+    force = static_force(machine, pair, running)
     given = faults_of(faults, errors=True, stages=len(machine.stages))
     wrong = [own for own in given if own.stage == number]
     stiffness = mesh_stiffness(pair, wrong, form, force_n=force)
@@ -162,7 +161,7 @@ def stage_mechanics(
         damping_ns_per_m=damping,
         damping_ratio=ratio,
         force_n=force,
-        mesh_frequency_hz=train.mesh(number).order * running.shaft1_hz,
+        mesh_frequency_hz=kinematics(machine).mesh(number).order * running.shaft1_hz,
         excitation=displacement_excitation(pair, stiffness, wrong),
         assumptions=tuple(notes),
     )
@@ -210,12 +209,12 @@ def pair_of(machine: Machine, number: int, mesh: int = 0) -> MeshPair:
 def known_force(machine: Machine, pair: MeshPair, point: OperatingPoint) -> float | None:
     """Return the static force on the line of action [N]; None where data are missing."""
     try:
-        return static_force(pair, point, kinematics(machine).shaft(pair.number or 1).order)
+        return static_force(machine, pair, point)
     except ArgumentError:
         return None
 
 
-def static_force(pair: MeshPair, point: OperatingPoint, input_order: float) -> float:
+def static_force(machine: Machine, pair: MeshPair, point: OperatingPoint) -> float:
     """Return the static force on the line of action [N]."""
     # the forces of sun and ring on a planet balance, so one override serves both meshes
     if pair.stage.force_n is not None:
@@ -226,7 +225,7 @@ def static_force(pair: MeshPair, point: OperatingPoint, input_order: float) -> f
             f"{pair.where}: torque_nm of [operating] {shown}: the static tooth force needs it; "
             f"give torque_nm > 0 on shaft 1, or force_n in this stage"
         )
-    torque = point.torque_nm / input_order
+    torque = point.torque_nm / kinematics(machine).shaft(pair.number or 1).order
     main = pair if pair.inner is None else pair.inner
     if isinstance(pair.stage, PlanetaryStage):
         # loads on the members balance in the proportion of the weights of their speeds

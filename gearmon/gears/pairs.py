@@ -308,29 +308,6 @@ class MeshPair:
             raise ArgumentError(f"{self.where} has no {name}: the gears of this mesh are {known}")
         return self.members[self.names.index(name)]
 
-    def check_tooth(self, what: str, gear: str, tooth: int | None) -> None:
-        """Refuse what is said of a tooth that a gear of this mesh does not have.
-
-        Parameters
-        ----------
-        what : str
-            For the message: what is said of it.
-        gear : str
-        tooth : int or None
-            None for all teeth.
-
-        Raises
-        ------
-        ArgumentError
-            If the gear is not in the pair, or has fewer teeth.
-        """
-        teeth = self.member(gear).teeth
-        if tooth is not None and tooth > teeth:
-            raise ArgumentError(
-                f"{what}: tooth {tooth} does not exist, the {gear} of {self.where} has {teeth} "
-                f"teeth"
-            )
-
     def need(self, key: str, purpose: str, instead: str = "") -> float:
         """Return a value of the stage that must have been given.
 

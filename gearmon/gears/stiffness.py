@@ -423,11 +423,6 @@ class MeshStiffness:
             total[step - 1 :: step] += train.coefficients(np.arange(1, count // step + 1))
         return total / self.mean_n_per_m
 
-    def mesh_harmonics(self, count: int) -> ComplexArray:
-        """Return c_1 ... c_count of the healthy mesh relative to its own mean."""
-        orders = np.arange(1, count + 1)
-        return self.healthy.coefficients(orders) / self.healthy_mean_n_per_m
-
     def mesh_amplitudes(self, count: int) -> FloatArray:
         """Return the amplitudes [N/m] of the first mesh harmonics of the healthy mesh."""
         return 2 * np.abs(self.healthy.coefficients(np.arange(1, count + 1)))

@@ -97,12 +97,8 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
     phase = np.arange(2 * POINTS_PER_MESH + 1) / POINTS_PER_MESH
     heads = [f"{name.replace('-', '_')}_n_per_m" for name in FOUR_FORMS]
     table = channel_rows("mesh_phase", phase, [own.at(phase) for own in forms], heads)
-    amplitudes = np.transpose([own.mesh_amplitudes(HARMONICS) for own in forms]).tolist()
-    spectrum = [
-        {"stage": stage, "mesh_harmonic": n, "frequency_hz": n * hertz}
-        | dict(zip(heads, row, strict=True))
-        for n, row in enumerate(amplitudes, start=1)
-    ]
+    amplitudes = [own.mesh_amplitudes(HARMONICS) for own in forms]
+    lines = channel_rows("frequency_hz", hertz * np.arange(1, HARMONICS + 1), amplitudes, heads)
     return FormComparison(
         machine=machine.name,
         stage=stage,
@@ -111,7 +107,7 @@ def compare_forms(machine: Any, stage: int = 1) -> FormComparison:
         overlap_ratio=pair.overlap_ratio,
         forms=forms,
         table=[{"stage": stage} | row for row in table],
-        spectrum=spectrum,
+        spectrum=[{"stage": stage, "mesh_harmonic": n} | row for n, row in enumerate(lines, 1)],
     )
 
 

@@ -35,7 +35,7 @@ def test_all_forms_have_the_same_mean_and_their_own_lines():
     stiffness = {own.form.name: own for own in compare_forms(box()).forms}
     assert tuple(stiffness) == NAMES
     assert len({round(own.healthy_mean_n_per_m) for own in stiffness.values()}) == 1
-    lines = {form: 2 * np.abs(own.mesh_harmonics(30)) for form, own in stiffness.items()}
+    lines = {form: 2 * np.abs(own.harmonics(30)) for form, own in stiffness.items()}
     np.testing.assert_allclose(
         lines["parabolic"][:3], [2 * 0.1373112, 2 * 0.0505471, 2 * 0.0287304], atol=2e-7
     )
@@ -79,7 +79,7 @@ def test_curve_is_the_sum_of_its_lines():
     phase, n = np.arange(129) / 64, np.arange(1, 61)
     turned = np.exp(2j * np.pi * phase[:, None] * n)
     mean = stiffness.healthy_mean_n_per_m
-    total = mean * (1 + 2 * (turned @ stiffness.mesh_harmonics(60)).real)
+    total = mean * (1 + 2 * (turned @ stiffness.harmonics(60)).real)
     np.testing.assert_allclose(total, stiffness.at(phase), rtol=1e-10)
 
 
@@ -103,7 +103,7 @@ def test_published_coefficients_of_the_rounded_form():
     x = math.pi * 1.412 * np.arange(1, 4)
     rounded = 0.7 * np.sin(x) / x - 0.888 * (np.cos(x) / x**2 - np.sin(x) / x**3)
     np.testing.assert_allclose(rounded, [-0.14928, 0.05171, 0.03208], atol=6e-6)
-    lines = mesh_stiffness(STAGE, (), "parabolic-gu").mesh_harmonics(3)
+    lines = mesh_stiffness(STAGE, (), "parabolic-gu").harmonics(3)
     phase = np.exp(-1j * np.pi * np.arange(1, 4) * 1.412)
     exact = (lines / phase).real
     # what the rounding of both constants amounts to

@@ -219,7 +219,7 @@ def test_lines_of_both_gears_over_the_hunting_period(form):
 def test_pure_delay_is_a_bessel_sum(size):
     """Cumulative pitch error leaves the contact as long as it is: c_m J_s(2 pi m b)."""
     mesh = modulated(f"cumulative:1:pinion:all:{size}um", stage=HELICAL)
-    plain = mesh.mesh_harmonics(6) * mesh.healthy_mean_n_per_m
+    plain = mesh.healthy.coefficients(np.arange(1, 7))
     (pair,) = mesh_pairs(HELICAL)
     along = 1e-6 * size / pair.geometry.base_pitch_m * 26**2 / (26**2 + 53**2)
     lines = mesh.harmonics(26 * 6) * mesh.mean_n_per_m
