@@ -304,9 +304,12 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
         return BadStretch(max(0, first * length), min(end * length, len(values)), what)
 
     what = "goes over to another mean value at once, as by a connector or an amplifier"
-    for begin, end in _offset_steps(middle, high - low):
-        yield framed(begin, end, what)
-    level = 20 * np.log10(np.maximum(high - low, _finest_step(values)))
+    # by more than the samples spread
+    at_once, spread = _at_once(middle), high - low
+    least = max(float(np.median(spread)), _STEP_TIMES * _scatter(at_once))
+    for begin, end in _runs(np.abs(at_once) > least).tolist():
+        yield framed(begin + 2, end + 4, what)
+    level = 20 * np.log10(np.maximum(spread, _finest_step(values)))
     sound = np.ones(count, dtype=bool)
     for bad in still:
         sound[bad.start // length : bad.stop // length + 1] = False
@@ -327,13 +330,6 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     # somewhere within the frame at which it was seen
     edge = int(where[first])
     yield framed(0, edge + 1, what) if before_is_bad else framed(edge - 1, count + 1, what)
-
-
-def _offset_steps(middle: FloatArray, spread: FloatArray) -> list[tuple[int, int]]:
-    """First frame and end of where the middle steps by more than the samples spread."""
-    at_once = _at_once(middle)
-    least = max(float(np.median(spread)), _STEP_TIMES * _scatter(at_once))
-    return [(start + 2, stop + 4) for start, stop in _runs(np.abs(at_once) > least).tolist()]
 
 
 def _finest_step(values: FloatArray) -> float:
