@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gearmon.arrays import BoolArray, FloatArray, IntArray
+from gearmon.arrays import BoolArray, FloatArray, IntArray, runs_where
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording
@@ -235,7 +235,7 @@ def _clipped(values: FloatArray) -> BadStretch | None:
 
 def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
     """Find runs of equal samples that are far longer than rounding makes them."""
-    runs = _runs(values[1:] == values[:-1])
+    runs = runs_where(values[1:] == values[:-1])
     runs[:, 1] += 1
     length = runs[:, 1] - runs[:, 0]
     counts = np.bincount(np.minimum(length, _LONGEST_RUN), minlength=2)
@@ -307,7 +307,7 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     # by more than the samples spread
     at_once, spread = _at_once(middle), high - low
     least = max(float(np.median(spread)), _STEP_TIMES * _scatter(at_once))
-    for begin, end in _runs(np.abs(at_once) > least).tolist():
+    for begin, end in runs_where(np.abs(at_once) > least).tolist():
         yield framed(begin + 2, end + 4, what)
     level = 20 * np.log10(np.maximum(spread, _finest_step(values)))
     sound = np.ones(count, dtype=bool)
@@ -365,12 +365,7 @@ def _dropouts(level: FloatArray, sound: BoolArray) -> list[tuple[int, int]]:
     """First frame and end of stretches that are silent, if hardly any frame lies between."""
     below = level - np.median(level[sound])
     silent = (below < -_SILENT_DB) & sound
-    runs = _runs(silent).tolist()
+    runs = runs_where(silent).tolist()
     # levels that come and go with the work have all values between
     between = int(((below < -0.5 * _SILENT_DB) & ~silent & sound).sum())
     return [(start, stop) for start, stop in runs if between <= 2 * len(runs)]
-
-
-def _runs(held: BoolArray) -> IntArray:
-    """Begin and end of each stretch in which something holds, shape (stretches, 2)."""
-    return np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)

@@ -442,11 +442,11 @@ def _finer_comb(
     clear = np.flatnonzero(lines.at(harmonics) >= np.quantile(lines.height, 1 - _CLEAREST))
     if len(clear) == 0:
         return None
-    top = harmonics[clear[-1]] + 0.5 * mesh.order
+    # where a line is no more than rounded to the last bin
+    last = (len(lines.height) - 0.5) * lines.step * (1 - 1e-12)
+    top = min(harmonics[clear[-1]] + 0.5 * mesh.order, last)
     told_apart = [shaft for shaft in turning if shaft > 2.5 * lines.width]
     known = np.any([np.abs(tried - one) <= lines.width for one in (*turning, *meshing)], axis=0)
-    # where a line is no more than rounded to the last bin
-    top = min(top, (len(lines.height) - 0.5) * lines.step * (1 - 1e-12))
     tried = tried[(tried >= 4 * lines.width) & ~known & (tried <= top)]
     # the lines of all spacings, one after the other
     sizes = (top / tried).astype(int)
