@@ -85,10 +85,6 @@ class FineSpectrum:
         """Place of the last bin [orders or Hz]."""
         return float((self.power.shape[-1] - 1) * self.step)
 
-    def places(self, bins: NDArray[np.intp]) -> FloatArray:
-        """Places of bins [orders or Hz]."""
-        return np.asarray(bins * self.step, dtype=np.float64)
-
     def highest_near(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """Highest power between two places each, shape (channels, places).
 
