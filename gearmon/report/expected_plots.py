@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.contour import QuadContourSet
 from matplotlib.ticker import MaxNLocator
 
+from gearmon.arrays import runs_where
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.stability import StabilityMap, Tongue
 from gearmon.errors import ArgumentError
@@ -368,8 +369,7 @@ def _plot_boundary(
     """Draw both edges of each stretch of eps on which the tongue is open as one line."""
     left, right = ax.get_xlim()
     there = np.asarray(np.isfinite(edges).all(axis=1))
-    bounds = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]])))
-    for first, last in zip(bounds[::2], bounds[1::2], strict=True):
+    for first, last in runs_where(there).tolist():
         (low, high), eps = edges[first:last].T, tongue.variations[first:last]
         x, y = np.concatenate([low[::-1], high]), np.concatenate([eps[::-1], eps])
         if x.max() < left or x.min() > right:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gearmon.arrays import BoolArray, FloatArray, IntArray
+from gearmon.arrays import BoolArray, FloatArray, IntArray, runs_where
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording
@@ -235,7 +235,7 @@ def _clipped(values: FloatArray) -> BadStretch | None:
 
 def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
     """Find runs of equal samples that are far longer than rounding makes them."""
-    runs = _runs(values[1:] == values[:-1])
+    runs = runs_where(values[1:] == values[:-1])
     runs[:, 1] += 1
     length = runs[:, 1] - runs[:, 0]
     counts = np.bincount(np.minimum(length, _LONGEST_RUN), minlength=2)
@@ -304,9 +304,12 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
         return BadStretch(max(0, first * length), min(end * length, len(values)), what)
 
     what = "goes over to another mean value at once, as by a connector or an amplifier"
-    for begin, end in _offset_steps(middle, high - low):
-        yield framed(begin, end, what)
-    level = 20 * np.log10(np.maximum(high - low, _finest_step(values)))
+    # by more than the samples spread
+    at_once, spread = _at_once(middle), high - low
+    least = max(float(np.median(spread)), _STEP_TIMES * _scatter(at_once))
+    for begin, end in runs_where(np.abs(at_once) > least).tolist():
+        yield framed(begin + 2, end + 4, what)
+    level = 20 * np.log10(np.maximum(spread, _finest_step(values)))
     sound = np.ones(count, dtype=bool)
     for bad in still:
         sound[bad.start // length : bad.stop // length + 1] = False
@@ -327,13 +330,6 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     # somewhere within the frame at which it was seen
     edge = int(where[first])
     yield framed(0, edge + 1, what) if before_is_bad else framed(edge - 1, count + 1, what)
-
-
-def _offset_steps(middle: FloatArray, spread: FloatArray) -> list[tuple[int, int]]:
-    """First frame and end of where the middle steps by more than the samples spread."""
-    at_once = _at_once(middle)
-    least = max(float(np.median(spread)), _STEP_TIMES * _scatter(at_once))
-    return [(start + 2, stop + 4) for start, stop in _runs(np.abs(at_once) > least).tolist()]
 
 
 def _finest_step(values: FloatArray) -> float:
@@ -369,12 +365,7 @@ def _dropouts(level: FloatArray, sound: BoolArray) -> list[tuple[int, int]]:
     """First frame and end of stretches that are silent, if hardly any frame lies between."""
     below = level - np.median(level[sound])
     silent = (below < -_SILENT_DB) & sound
-    runs = _runs(silent).tolist()
+    runs = runs_where(silent).tolist()
     # levels that come and go with the work have all values between
     between = int(((below < -0.5 * _SILENT_DB) & ~silent & sound).sum())
     return [(start, stop) for start, stop in runs if between <= 2 * len(runs)]
-
-
-def _runs(held: BoolArray) -> IntArray:
-    """Begin and end of each stretch in which something holds, shape (stretches, 2)."""
-    return np.flatnonzero(np.diff(held, prepend=False, append=False)).reshape(-1, 2)

@@ -47,6 +47,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from operator import itemgetter
 from typing import Literal
 
 import numpy as np
@@ -129,12 +130,26 @@ def transform(signals: FloatArray, length: int, weights: FloatArray | float = 1.
     return np.asarray(rfft(signals * weights, length, axis=-1))
 
 
-def window_powers(signals: FloatArray, weights: FloatArray, length: int) -> FloatArray:
-    """Squared magnitudes of the `transform` of every signal less its mean, one after the other."""
+def window_powers(
+    signals: FloatArray, weights: FloatArray, length: int, centred: bool = True
+) -> FloatArray:
+    """Squared magnitudes of the `transform` of every signal, one after the other.
+
+    Parameters
+    ----------
+    signals, weights, length
+        As of `transform`, the signals of shape (channels, n).
+    centred : bool
+        Whether the signals are taken less their means.
+
+    Returns
+    -------
+    ndarray of float, shape (channels, length // 2 + 1)
+    """
     powers = np.empty((len(signals), length // 2 + 1))
     for row, signal in zip(powers, signals, strict=True):
         # an offset as large as the signal must not hide it behind its own side lobes
-        lines = transform(signal - signal.mean(), length, weights)
+        lines = transform(signal - signal.mean() if centred else signal, length, weights)
         np.add(np.square(lines.real, out=row), lines.imag**2, out=row)
     return powers
 
@@ -628,11 +643,8 @@ class Kurtogram:
     @property
     def best(self) -> tuple[float, float, float]:
         """Lower and upper edge [Hz] and kurtosis of the most impulsive band."""
-        tops = [float(level.max()) for level in self.kurtosis]
-        level = int(np.argmax(tops))
-        band = int(np.argmax(self.kurtosis[level]))
-        width = self.rate / 2 / self.bands[level]
-        return band * width, (band + 1) * width, tops[level]
+        band = max(self.rows(), key=itemgetter("kurtosis"))
+        return band["low_hz"], band["high_hz"], band["kurtosis"]
 
     def rows(self) -> list[dict[str, float]]:
         """Return level, bandwidth_hz, low_hz, high_hz and kurtosis of every band."""

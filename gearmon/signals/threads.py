@@ -10,8 +10,9 @@ from typing import Any, TypeVar
 
 from gearmon.errors import ArgumentError
 
-# Values handled from which on threads are worth starting, and how many at the most.
-_WORTH_THREADS, _MOST_THREADS = 1 << 19, 4
+# Values handled from which on threads are worth starting, and how many at the most: more than four
+# wait for the interpreter.
+_WORTH_THREADS, MOST_THREADS = 1 << 19, 4
 #: Variable of the environment that limits the cores that are used.
 THREADS = "GEARMON_THREADS"
 
@@ -36,7 +37,7 @@ def side_by_side(task: Callable[[Item], Found], items: Sequence[Item], work: int
     list
         What the tasks returned, in the order of the items.
     """
-    threads = min(cores(), _MOST_THREADS, len(items))
+    threads = min(cores(), MOST_THREADS, len(items))
     if threads < 2 or work < _WORTH_THREADS:
         return [task(item) for item in items]
     from concurrent.futures import ThreadPoolExecutor  # short recordings do without

@@ -135,7 +135,9 @@ def tone_error(share, away):
     samples = np.sin(2 * np.pi * share * RATE * time + 0.3)[None, :]
     per_turn, first = 137, away / RATE * speed_hz
     wanted = int((curve.turns[-1] - 2 * first) * per_turn)
-    found = resample_to_angle(samples, RATE, curve, per_turn, first, wanted)
+    found = resample_to_angle(
+        samples, RATE, curve, AngleGrid(per_turn=per_turn, first_turn=first, count=wanted)
+    )
     at = (first + np.arange(wanted) / per_turn) / speed_hz
     return np.abs(found[0] - np.sin(2 * np.pi * share * RATE * at + 0.3)).max()
 
@@ -144,16 +146,22 @@ def test_pieces_join_without_a_seam(monkeypatch):
     curve = wandering()[1]
     samples = band_limited(2, 20_000, seed=1)
     first, count = 20.0, 110 * 160
-    whole = resample_to_angle(samples, RATE, curve, 110, first, count)
+    whole = resample_to_angle(
+        samples, RATE, curve, AngleGrid(per_turn=110, first_turn=first, count=count)
+    )
     monkeypatch.setattr(resampling, "_CHUNK", 1000)
-    pieces = resample_to_angle(samples, RATE, curve, 110, first, count)
+    pieces = resample_to_angle(
+        samples, RATE, curve, AngleGrid(per_turn=110, first_turn=first, count=count)
+    )
     assert np.abs(whole - pieces).max() < 2e-3
 
 
 def test_line_locked_to_the_angle_stands_still_after_resampling():
     turns, curve = wandering()
     samples = lines_on(turns(np.arange(20_000) / RATE), [7.0], [2.0], 0.4)
-    found = resample_to_angle(samples, RATE, curve, 128, 1.0, 128 * 190)
+    found = resample_to_angle(
+        samples, RATE, curve, AngleGrid(per_turn=128, first_turn=1.0, count=128 * 190)
+    )
     expected = 2.0 * np.cos(2 * np.pi * 7 * np.arange(128 * 190) / 128 + 0.4)
     assert np.abs(found[0] - expected).max() < 5e-4
     assert np.sqrt(np.mean((found[0] - expected) ** 2)) < 5e-5
@@ -161,7 +169,9 @@ def test_line_locked_to_the_angle_stands_still_after_resampling():
 
 def test_constant_stays_constant_to_the_ends():
     curve = constant_track(20.0, 999 / RATE)
-    found = resample_to_angle(np.full((1, 1000), 9.81), RATE, curve, 100, 0.0, 999)
+    found = resample_to_angle(
+        np.full((1, 1000), 9.81), RATE, curve, AngleGrid(per_turn=100, first_turn=0.0, count=999)
+    )
     np.testing.assert_allclose(found, 9.81, rtol=1e-12)
 
 
@@ -169,9 +179,13 @@ def test_constant_stays_constant_to_the_ends():
 def test_resampling_is_linear_and_channels_stay_apart(factor, seed):
     curve = constant_track(20.0, 1.0)
     samples = white((2, 2001), seed=seed)
-    one, two = resample_to_angle(samples, RATE, curve, 100, 0.5, 1900)
+    one, two = resample_to_angle(
+        samples, RATE, curve, AngleGrid(per_turn=100, first_turn=0.5, count=1900)
+    )
     mixed = np.stack([samples[1], samples[0] + factor * samples[1]])
-    found = resample_to_angle(mixed, RATE, curve, 100, 0.5, 1900)
+    found = resample_to_angle(
+        mixed, RATE, curve, AngleGrid(per_turn=100, first_turn=0.5, count=1900)
+    )
     np.testing.assert_allclose(found, [two, one + factor * two], atol=1e-9 * (1 + abs(factor)))
 
 
@@ -179,7 +193,9 @@ def test_resampling_is_linear_and_channels_stay_apart(factor, seed):
 def test_angles_beyond_the_recording_are_refused(first, count):
     curve = constant_track(20.0, 1.0)
     with pytest.raises(ArgumentError, match="the recording from 0 to 2000"):
-        resample_to_angle(np.zeros((1, 2001)), RATE, curve, 100, first, count)
+        resample_to_angle(
+            np.zeros((1, 2001)), RATE, curve, AngleGrid(per_turn=100, first_turn=first, count=count)
+        )
 
 
 def test_grid_never_steps_further_than_the_samples():

@@ -18,7 +18,12 @@ from gearmon.gears.faults import parse_fault
 from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.indicators import describe_waveform
-from gearmon.signals.orders import angular_waveform, resample_to_angle, time_synchronous_average
+from gearmon.signals.orders import (
+    AngleGrid,
+    angular_waveform,
+    resample_to_angle,
+    time_synchronous_average,
+)
 from gearmon.signals.recording import open_recording, read_recording
 from gearmon.signals.spectra import amplitude_spectrum, band_envelope, line_amplitude
 from gearmon.signals.tracking import find_pulses, track_from_pulses
@@ -179,7 +184,9 @@ def test_12_fewer_samples_a_turn_do_not_fold_what_they_cannot_hold():
     order = np.fft.rfftfreq(found.values.shape[1] - 128, 1 / 32)
     assert spectrum[np.abs(order - 3) < 0.1].max() == pytest.approx(1.0, rel=0.01)
     assert spectrum[np.abs(order - 8) < 0.5].max() < 1e-3  # where order 40 would fold to
-    naive = resample_to_angle(samples, RATE, track, 32, 1.0, 32 * 190)
+    naive = resample_to_angle(
+        samples, RATE, track, AngleGrid(per_turn=32, first_turn=1.0, count=32 * 190)
+    )
     assert np.abs(np.fft.rfft(naive[0]) * 2 / (32 * 190))[8 * 190] > 0.9
 
 

@@ -82,21 +82,58 @@ _FEWEST_NEIGHBOURS = 8
 _SHARE_OF_GAP = 8
 
 
+@dataclass(frozen=True, kw_only=True)
+class AngleGrid:
+    """Equal steps of the angle of a shaft.
+
+    Parameters
+    ----------
+    per_turn : float
+        Samples a turn of shaft 1.
+    first_turn : float
+        Angle of the first sample [turns].
+    count : int
+        Samples in all.
+    """
+
+    per_turn: float
+    first_turn: float
+    count: int
+
+    @classmethod
+    def of(cls, samples: int, rate: float, track: AngleTrack, top_order: float) -> AngleGrid:
+        """Return steps over a recording of `samples` samples that lose no bandwidth.
+
+        There is room for `top_order`.
+
+        Raises
+        ------
+        ArgumentError
+            If the recording is shorter than 64 steps of angle.
+        """
+        last_s = (samples - 1) / rate
+        first, last = (float(v) for v in track.turns_at(np.array([0.0, last_s])))
+        slowest = float(track.speed_hz.min())
+        # a step of angle may nowhere last longer than a step of time: nothing then aliases
+        per_turn = int(np.ceil(max(2.2 * top_order, rate / slowest)))
+        count = int((last - first) * per_turn)
+        if count < 64:
+            raise ArgumentError(
+                f"recording of {last_s:.3g} s holds {last - first:.2g} turns of shaft 1: too short"
+            )
+        return cls(per_turn=per_turn, first_turn=first, count=count)
+
+
 def resample_to_angle(
-    samples: FloatArray,
-    sampling_rate_hz: float,
-    track: AngleTrack,
-    per_turn: float,
-    first_turn: float,
-    count: int,
+    samples: FloatArray, sampling_rate_hz: float, track: AngleTrack, grid: AngleGrid
 ) -> FloatArray:
     """Sample signals at equal steps of the angle of shaft 1.
 
     The rate is doubled by a low-pass of 80 samples before a quintic spline reads it at the wanted
     instants: relative error of a tone below 1e-6 at 0.1 and below 1e-4 at 0.3 of the
     sampling rate, 40 samples and more away from the ends; above 0.45 tones fade. Nothing else is
-    removed: choose `per_turn` so that no angular step exceeds the time step, or let
-    `angular_waveform` take out first what would alias.
+    removed: choose a grid whose steps nowhere exceed the time step, or let `angular_waveform` take
+    out first what would alias.
 
     Parameters
     ----------
@@ -106,16 +143,12 @@ def resample_to_angle(
         Sampling rate [Hz].
     track : AngleTrack
         Angle of shaft 1 against time.
-    per_turn : float
-        Samples a turn of shaft 1.
-    first_turn : float
-        Angle of the first sample [turns].
-    count : int
-        Samples wanted.
+    grid : AngleGrid
+        The steps wanted.
 
     Returns
     -------
-    ndarray of float, shape (channels, count)
+    ndarray of float, shape (channels, grid.count)
         The signals against angle.
 
     Raises
@@ -125,12 +158,12 @@ def resample_to_angle(
     """
     from scipy.ndimage import map_coordinates
 
-    check_positive("per_turn", per_turn)
+    check_positive("per_turn", grid.per_turn)
     last = samples.shape[-1] - 1
-    output = np.empty((samples.shape[0], count))
-    for start in range(0, count, _CHUNK):
-        stop = min(count, start + _CHUNK)
-        angle = first_turn + np.arange(start, stop) / per_turn
+    output = np.empty((samples.shape[0], grid.count))
+    for start in range(0, grid.count, _CHUNK):
+        stop = min(grid.count, start + _CHUNK)
+        angle = grid.first_turn + np.arange(start, stop) / grid.per_turn
         position = track.time_at(angle) * sampling_rate_hz
         if position[0] < -1e-6 or position[-1] > last + 1e-6:
             raise ArgumentError(
@@ -157,46 +190,6 @@ def _odd_stretch(channel: FloatArray, begin: int, end: int) -> FloatArray:
     beyond = max(0, -begin), max(0, end - len(channel))
     inside = channel[max(0, begin) : end]
     return np.pad(inside, beyond, "reflect", reflect_type="odd") if any(beyond) else inside
-
-
-@dataclass(frozen=True, kw_only=True)
-class AngleGrid:
-    """Equal steps of angle that cover a recording without losing bandwidth.
-
-    Parameters
-    ----------
-    per_turn : float
-        Samples a turn of shaft 1.
-    first_turn : float
-        Angle of the first sample [turns].
-    count : int
-        Samples in all.
-    """
-
-    per_turn: float
-    first_turn: float
-    count: int
-
-    @classmethod
-    def of(cls, samples: int, rate: float, track: AngleTrack, top_order: float) -> AngleGrid:
-        """Return the grid of a recording of `samples` samples, with room for `top_order`.
-
-        Raises
-        ------
-        ArgumentError
-            If the recording is shorter than 64 steps of angle.
-        """
-        last_s = (samples - 1) / rate
-        first, last = (float(v) for v in track.turns_at(np.array([0.0, last_s])))
-        slowest = float(track.speed_hz.min())
-        # a step of angle may nowhere last longer than a step of time: nothing then aliases
-        per_turn = int(np.ceil(max(2.2 * top_order, rate / slowest)))
-        count = int((last - first) * per_turn)
-        if count < 64:
-            raise ArgumentError(
-                f"recording of {last_s:.3g} s holds {last - first:.2g} turns of shaft 1: too short"
-            )
-        return cls(per_turn=per_turn, first_turn=first, count=count)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -296,10 +289,11 @@ def angular_waveform(
         highest = min(highest, PASSED * steps)
     # whole steps before and behind the turns that lie inside the recording
     before = max(0, math.floor((first - begin) * steps))
-    start, over = first - before / steps, (before + math.floor((end - first) * steps)) * factor + 1
+    over = (before + math.floor((end - first) * steps)) * factor + 1
+    grid = AngleGrid(per_turn=steps * factor, first_turn=first - before / steps, count=over)
     values = np.empty((len(samples), count))
     for row, channel in enumerate(samples):  # one by one: the fine grid takes memory
-        found = resample_to_angle(channel[None], rate, track, steps * factor, start, over)[0]
+        found = resample_to_angle(channel[None], rate, track, grid)[0]
         values[row] = _thinned(found, factor)[before:][:count]
     return AngularWaveform(values=values, per_turn=steps, first_turn=first, top_order=highest)
 

@@ -85,10 +85,6 @@ class FineSpectrum:
         """Place of the last bin [orders or Hz]."""
         return float((self.power.shape[-1] - 1) * self.step)
 
-    def places(self, bins: NDArray[np.intp]) -> FloatArray:
-        """Places of bins [orders or Hz]."""
-        return np.asarray(bins * self.step, dtype=np.float64)
-
     def highest_near(self, low: FloatArray, high: FloatArray) -> FloatArray:
         """Highest power between two places each, shape (channels, places).
 
@@ -137,15 +133,9 @@ def fine_order_spectrum(signals: InAngle, pieces: int = 1) -> FineSpectrum:
     FineSpectrum
         Over orders; Hann window, zero padding to twice the length.
     """
-    per_turn, block = signals.grid.per_turn, signals.grid.count // pieces
-    # it falls so smoothly that straight lines between these are right to 1e-6
-    places = np.linspace(0.0, 0.5, _SHARES)
-    shares = signals.kernel.transform(places) ** 2
-
-    def share(orders: FloatArray) -> FloatArray:
-        return np.interp(orders, places * per_turn, shares)
-
-    return _of_pieces(lambda k: signals.steps(k * block, block), block, pieces, per_turn, share)
+    grid, block = signals.grid, signals.grid.count // pieces
+    rate, kernel = grid.per_turn, signals.kernel.transform
+    return _of_pieces(lambda k: signals.steps(k * block, block), block, pieces, rate, kernel)
 
 
 def fine_spectrum(samples: FloatArray, sampling_rate_hz: float, pieces: int = 1) -> FineSpectrum:
@@ -254,9 +244,9 @@ def _of_pieces(
     block: int,
     pieces: int,
     rate: float,
-    share: Callable[[FloatArray], FloatArray] | None = None,
+    kernel: Callable[[FloatArray], FloatArray] | None = None,
 ) -> FineSpectrum:
-    """Average the powers of pieces; `share` tells what of them stands at each place."""
+    """Average the powers of pieces, less what a kernel, by its transform, took of them."""
     if pieces < 1 or block < 8:
         raise ArgumentError(f"pieces={pieces}: each must hold 8 samples or more, got {block}")
     length = fast_length(2 * block)
@@ -265,10 +255,12 @@ def _of_pieces(
     work = 2 * len(sampled) * block
     powers = side_by_side(lambda k: window_powers(part(k), weights, length), sampled, work)
     power = np.asarray(sum(powers)) * ((2.0 / weights.sum()) ** 2 / len(sampled))
-    step = rate / length
-    if share is not None:
-        power /= share(step * np.arange(power.shape[-1]))
-    floor, width = _floor(power), rate / block
+    if kernel is not None:
+        # it falls so smoothly that straight lines between these are right to 1e-6
+        places = np.linspace(0.0, 0.5, _SHARES)
+        shares = kernel(places) ** 2
+        power /= np.interp(np.arange(power.shape[-1]) / length, places, shares)
+    floor, step, width = _floor(power), rate / length, rate / block
     return FineSpectrum(power=power, floor=floor, step=step, width=width, pieces=len(sampled))
 
 
@@ -316,11 +308,11 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
 def _peaks(level: FloatArray, high: NDArray[np.intp], per_width: float) -> NDArray[np.intp]:
     """Those of the high bins that are no part and no side lobe of another one."""
     high = high[high > 2 * per_width]
-    value, kept = np.append(level[high], 0.0), np.ones(len(high), dtype=bool)
+    value, kept = level[high], np.ones(len(high), dtype=bool)
     for widths, share in _LOBES:
         reach = round(widths * per_width)
-        ends = np.searchsorted(high, [high - reach, high + reach + 1]).T.ravel()
-        kept &= value[:-1] >= share * np.maximum.reduceat(value, ends)[::2]
+        first, stop = np.searchsorted(high, [high - reach, high + reach + 1])
+        kept &= value >= share * highest_between(value, first, stop)
     return high[kept]
 
 
@@ -450,7 +442,8 @@ def order_map(
         # its first half is the second of the block before
         part = part[:, hop:]
         ahead, count = turn + part.shape[1] / grid.per_turn, block - part.shape[1]
-        fresh = resample_to_angle(samples, sampling_rate_hz, track, grid.per_turn, ahead, count)
+        missing = replace(grid, first_turn=ahead, count=count)
+        fresh = resample_to_angle(samples, sampling_rate_hz, track, missing)
         part = np.hstack([part, fresh])
         powers[number] += window_powers(part, weights, block)[:, :bins]
     powers *= (2.0 / weights.sum()) ** 2

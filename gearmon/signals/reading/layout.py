@@ -567,10 +567,8 @@ def split_fields(line: str, separator: str) -> list[str]:
 
 def without_empty_end(fields: Sequence[str]) -> Sequence[str]:
     """Return the fields up to the last one that is not empty."""
-    count = len(fields)
-    while count and not fields[count - 1]:
-        count -= 1
-    return fields[:count]
+    filled = [count for count, field in enumerate(fields, 1) if field]
+    return fields[: max(filled, default=0)]
 
 
 def _unquoted(field: str) -> str:

@@ -34,7 +34,7 @@ from gearmon.files import most_unpacked
 from gearmon.signals.reading.channels import Wanted
 from gearmon.signals.reading.columns import Table, shortened
 from gearmon.signals.reading.layout import MISSING, Dialect, find_layout, is_comment
-from gearmon.signals.threads import cores
+from gearmon.signals.threads import MOST_THREADS, cores
 
 # With 256 kB reading takes 65 % more time, with 512 kB 20 %, with 1 MB 0 to 2 %, with 2 MB 10 %
 # (2e6 rows of 4 columns, two cores); every MB takes some 20 MB of memory while it is parsed.
@@ -66,9 +66,8 @@ _NO_VALUES = [
 # Rows whose last fields are compared to see whether the very last one is cut off.
 _MOST_ROWS = 200
 _HEAD_BYTES = 768 * 1024  # tell the layout
-# Threads pay only where a file has many blocks; more than four wait for the interpreter.
+# Threads pay only where a file has many blocks.
 _THREADED_BYTES = 8 * 1024 * 1024
-_MOST_THREADS = 4
 _KEPT_BYTES = 4 * 1024 * 1024  # with 16 MB 4 % faster, and 8 MB more held
 _MARGIN = 1.1  # reserved rows over estimated ones: memory that is not touched costs nothing
 _CUT_CHECK_BYTES = 64 * 1024
@@ -444,7 +443,7 @@ def _located(source: Source, dialect: Dialect, row: int, index: int) -> tuple[st
 def _parsed_blocks(source: Source, dialect: Dialect) -> Iterator[tuple[Block, FloatArray]]:
     """Yield the blocks with their rows, in order; large files are parsed ahead by threads."""
     blocks = source.blocks(line=dialect.first_line)
-    threads = min(cores(), _MOST_THREADS) if source.size_hint() >= _THREADED_BYTES else 1
+    threads = min(cores(), MOST_THREADS) if source.size_hint() >= _THREADED_BYTES else 1
     # The C library keeps freed memory up to the largest piece it ever gave back, instead of handing
     # every array of every block to the system and asking for it again.
     np.empty(_KEPT_BYTES, np.uint8)

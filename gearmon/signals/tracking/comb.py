@@ -19,7 +19,7 @@ from scipy.sparse import csr_array
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.signals.orders.resampling import InAngle
-from gearmon.signals.spectra import fast_length, local_floor, transform, window
+from gearmon.signals.spectra import fast_length, local_floor, window, window_powers
 from gearmon.signals.threads import side_by_side
 
 # Most candidates of a scan, and of a path, whose search takes the longer the more blocks there are.
@@ -311,15 +311,10 @@ def line_quality(block: FloatArray, length: int, bins: int) -> FloatArray:
     -------
     ndarray of float, shape (bins,)
     """
-    quality, weights = np.zeros(bins), window("hann", block.shape[-1])
-    for signal in block:
-        lines = transform(signal, length, weights)[:bins]
-        power = lines.real**2 + lines.imag**2
-        # 24 line widths: more than a group of sidebands, less than a resonance
-        power /= local_floor(power, 96)
-        power += 1.0
-        quality += np.log(power, out=power)
-    return quality / len(block)
+    power = window_powers(block, window("hann", block.shape[-1]), length, centred=False)[:, :bins]
+    # 24 line widths: more than a group of sidebands, less than a resonance
+    power /= local_floor(power, 96)
+    return np.asarray(np.log1p(power, out=power).mean(axis=0))
 
 
 def best_path(scores: FloatArray, reach: int) -> IntArray:

@@ -392,7 +392,10 @@ def foreign_spacing(
     quality = spectrum.quality[: int((_HARMONICS + 1) * mesh.order / spectrum.step)]
     lines = (_Lines(quality, spectrum, averaged) for averaged in _AVERAGED)
     tried, least = (mesh.order * np.array(parts), 1) if parts else (mesh.order * _RATIOS, _LINES)
-    found = [_finer_comb(one, mesh, tried, least, (turning, meshing, own)) for one in lines]
+    for turns in own:
+        times = tried / turns
+        tried = tried[(np.abs(times - np.rint(times)) > 1e-6) | (times <= _SIDEBANDS + 0.5)]
+    found = [_finer_comb(one, mesh, tried, least, turning, meshing) for one in lines]
     return min((spacing for spacing in found if spacing is not None), default=None)
 
 
@@ -432,26 +435,18 @@ class _Lines:
 
 
 def _finer_comb(
-    lines: _Lines,
-    mesh: MeshComb,
-    tried: FloatArray,
-    least: int,
-    known_orders: tuple[Orders, Orders, Orders],
+    lines: _Lines, mesh: MeshComb, tried: FloatArray, least: int, turning: Orders, meshing: Orders
 ) -> float | None:
     """Coarsest spacing whose lines between those of the mesh are as clear as these."""
-    turning, meshing, own = known_orders
     harmonics = np.arange(1.0, _HARMONICS + 1) * mesh.order
     clear = np.flatnonzero(lines.at(harmonics) >= np.quantile(lines.height, 1 - _CLEAREST))
     if len(clear) == 0:
         return None
-    top = harmonics[clear[-1]] + 0.5 * mesh.order
+    # where a line is no more than rounded to the last bin
+    last = (len(lines.height) - 0.5) * lines.step * (1 - 1e-12)
+    top = min(harmonics[clear[-1]] + 0.5 * mesh.order, last)
     told_apart = [shaft for shaft in turning if shaft > 2.5 * lines.width]
     known = np.any([np.abs(tried - one) <= lines.width for one in (*turning, *meshing)], axis=0)
-    for turns in own:
-        times = tried / turns
-        known |= (np.abs(times - np.rint(times)) <= 1e-6) & (times > _SIDEBANDS + 0.5)
-    # where a line is no more than rounded to the last bin
-    top = min(top, (len(lines.height) - 0.5) * lines.step * (1 - 1e-12))
     tried = tried[(tried >= 4 * lines.width) & ~known & (tried <= top)]
     # the lines of all spacings, one after the other
     sizes = (top / tried).astype(int)

@@ -34,7 +34,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d, uniform_filter1d
 
-from gearmon.arrays import BoolArray, ComplexArray, FloatArray
+from gearmon.arrays import BoolArray, ComplexArray, FloatArray, runs_where
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.lines import OrderSums, SlidingLines
@@ -636,8 +636,8 @@ def _coherence(amplitude: ComplexArray, mean: ComplexArray) -> FloatArray:
 
 def _stretches(coherence: FloatArray, hop: float) -> list[tuple[int, int]]:
     """Where the coherence is lost, as far as it is not sound."""
-    edges = np.flatnonzero(np.diff(coherence < _SOUND, prepend=False, append=False))
-    lost = [(a, b) for a, b in edges.reshape(-1, 2).tolist() if coherence[a:b].min() < _LOST]
+    unsound = runs_where(coherence < _SOUND).tolist()
+    lost = [(a, b) for a, b in unsound if coherence[a:b].min() < _LOST]
     long = [(a, b) for a, b in lost if (b - a) * hop >= _FADING_TURNS]
     # a long stretch tells nothing of whether lines fade by themselves elsewhere
     beside = np.ones(len(coherence), dtype=bool)
@@ -737,8 +737,8 @@ def _astray(cuts: Sequence[int], lost: tuple[LostStretch, ...]) -> FloatArray:
         start, stop = cuts[2 * number + 1 : 2 * number + 3]
         own = (_ASTRAY * stretch.turns) ** 2 / 3
         variance[start:stop] += own
-        if not stretch.harmless:
-            beyond = slice(stop, None) if number >= home else slice(0, start)
-            slipped = stretch.slipped_turns
-            variance[beyond] += own if slipped is None else slipped**2
+        # nothing beyond one that is harmless: the angle has slipped by none after it
+        beyond = slice(stop, None) if number >= home else slice(0, start)
+        slipped = stretch.slipped_turns
+        variance[beyond] += own if slipped is None else slipped**2
     return variance

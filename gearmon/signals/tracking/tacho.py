@@ -364,8 +364,6 @@ def learn_spacing(time_s: FloatArray, per_turn: int) -> FloatArray:
     taken. A speed that pulsates once a turn is taken for spacing: no tachometer can tell them
     apart.
     """
-    if per_turn == 1:
-        return np.zeros(1)
     turns = len(time_s) // per_turn
     table = time_s[: turns * per_turn].reshape(turns, per_turn)
     # the angles -1, 0, 1, 2 of the same pulse; of few turns a straight line from 0 to 1 does

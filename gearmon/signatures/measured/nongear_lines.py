@@ -360,15 +360,15 @@ class _Standing:
         self.kind, self.spectrum, self.course = grid.kind, spectrum, course
         self.over_median = _mean_over_median(spectrum.pieces)
         peaks = clear_peaks(spectrum, self.over_median * 10 ** (grid.least_db / 10))
-        peaks = peaks[spectrum.places(peaks) > _PERIODS * spectrum.width]
+        places = np.asarray(spectrum.step * peaks, dtype=np.float64)
+        kept = places > _PERIODS * spectrum.width
         if train is not None:
             known = known_orders(train, spectrum.top, spectrum.width)
-            away = distance_to(known, spectrum.places(peaks))
-            peaks = peaks[away > OWN_WIDTHS * spectrum.width]
-        self.peaks, self.places = peaks, spectrum.places(peaks)
-        power = spectrum.power[:, peaks]
-        self.rows = np.argmax(power / spectrum.floor[:, peaks], axis=0)
-        self.power = power[self.rows, np.arange(len(peaks))]
+            kept &= distance_to(known, places) > OWN_WIDTHS * spectrum.width
+        self.peaks, self.places = peaks[kept], places[kept]
+        power = spectrum.power[:, self.peaks]
+        self.rows = np.argmax(power / spectrum.floor[:, self.peaks], axis=0)
+        self.power = power[self.rows, np.arange(len(self.peaks))]
 
     def highest(self, spectrum: FineSpectrum, low: FloatArray, high: FloatArray) -> FloatArray:
         """Highest power of a spectrum between two places a peak, in the peak's channel."""

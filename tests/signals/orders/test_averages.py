@@ -18,7 +18,7 @@ from reference.synthetic_signals import (
 )
 
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.signals.orders import one_turn, resample_to_angle, time_synchronous_average
+from gearmon.signals.orders import AngleGrid, one_turn, resample_to_angle, time_synchronous_average
 from gearmon.signals.tracking import find_pulses, track_from_pulses
 
 RATE = 10_000.0
@@ -130,7 +130,12 @@ class TestEqualsTheSlowVersion:
         shaft = track.of_shaft(order)
         found = average(samples, track, rate, rotation_order=order)
         values = resample_to_angle(
-            samples, rate, shaft, steps, float(found.first_turn), found.turns * steps
+            samples,
+            rate,
+            shaft,
+            AngleGrid(
+                per_turn=steps, first_turn=float(found.first_turn), count=found.turns * steps
+            ),
         )
         return found, values.reshape(len(samples), found.turns, steps)
 

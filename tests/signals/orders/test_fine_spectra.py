@@ -92,7 +92,7 @@ def test_peaks_are_the_lines_and_not_their_side_lobes(spectrum_of):
     else:
         samples = lines_on(angle(TIME), orders, sizes) + noise
         spectrum, scale = fine_order_spectrum(InAngle.of(samples, RATE, TRACK)), 1.0
-    peaks = spectrum.places(clear_peaks(spectrum, 40.0)) / scale
+    peaks = spectrum.step * clear_peaks(spectrum, 40.0) / scale
     np.testing.assert_allclose(peaks, orders, atol=spectrum.step / scale)
 
 

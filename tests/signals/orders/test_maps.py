@@ -102,7 +102,9 @@ def test_equals_blocks_taken_one_by_one(monkeypatch):
     powers = []
     for start in range(0, grid.count - block + 1, block // 2):
         turn = grid.first_turn + start / grid.per_turn
-        part = resample_to_angle(samples, RATE, track, grid.per_turn, turn, block)
+        part = resample_to_angle(
+            samples, RATE, track, AngleGrid(per_turn=grid.per_turn, first_turn=turn, count=block)
+        )
         centred = part - part.mean(axis=-1, keepdims=True)
         powers.append(amplitude_spectrum(centred, 1.0, length=block).values ** 2)
     bins = len(found.order)

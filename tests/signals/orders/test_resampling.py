@@ -10,7 +10,7 @@ from reference.synthetic_signals import constant_track, lines_on, track_of, wand
 
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.signals.orders import angular_waveform
-from gearmon.signals.orders.resampling import PASSED, resample_to_angle
+from gearmon.signals.orders.resampling import PASSED, AngleGrid, resample_to_angle
 
 RATE, COUNT = 2000.0, 40_000
 TIME = np.arange(COUNT) / RATE
@@ -49,7 +49,9 @@ def test_what_would_fold_is_taken_out(order):
     found = angular_waveform(samples, RATE, track, 100)
     inner = found.values[0, 400:-400]
     assert np.abs(inner).max() < 3.0 * 5e-5
-    naive = resample_to_angle(samples, RATE, track, 100, 1.0, 9_000)
+    naive = resample_to_angle(
+        samples, RATE, track, AngleGrid(per_turn=100, first_turn=1.0, count=9_000)
+    )
     assert np.abs(naive).max() > 2.9
 
 
