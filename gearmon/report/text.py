@@ -52,6 +52,8 @@ _RAREST = 1e-6
 _SURE = ((1e-5, "practically certain"), (1e-3, "very sure"), (1e-2, "sure"), (1.0, "likely"))
 # A slip of an induction motor is a few per cent; more is another speed than that of the file.
 _FAR_FROM_NOMINAL = 0.05
+# Range of the speed within a recording, over its mean, from which it is told.
+_CHANGES = 0.05
 #: Histories shorter than this are told by the minute, longer ones by the day.
 _BY_MINUTE_S = 10 * SECONDS_PER_DAY
 
@@ -191,7 +193,10 @@ def line_table_text(lines: LineTable) -> str:
 def running_text(speed: Speed) -> str:
     """Return a speed with its uncertainty, and how it was found."""
     running = with_uncertainty(speed.estimated_hz, speed.uncertainty_hz, "Hz")
-    return f"{running} ({60 * speed.estimated_hz:.1f} rpm), by {speed.method}"
+    told = f"{running} ({60 * speed.estimated_hz:.1f} rpm), by {speed.method}"
+    if speed.highest_hz - speed.lowest_hz < _CHANGES * speed.estimated_hz:
+        return told
+    return f"{told}, between {speed.lowest_hz:.4g} and {speed.highest_hz:.4g} Hz"
 
 
 def mesh_sentences(analysis: Analysis) -> list[str]:
@@ -378,8 +383,9 @@ def _caution(analysis: Analysis) -> str:
 
 
 def far_from_nominal(speed: Speed) -> bool:
-    """Tell whether a speed is so far from that of the machine file that a reader must know."""
-    return abs(speed.estimated_hz - speed.nominal_hz) > _FAR_FROM_NOMINAL * speed.nominal_hz
+    """Tell whether a speed never comes so near that of the machine file: a reader must know."""
+    nearest_hz = min(max(speed.nominal_hz, speed.lowest_hz), speed.highest_hz)
+    return abs(nearest_hz - speed.nominal_hz) > _FAR_FROM_NOMINAL * speed.nominal_hz
 
 
 def worst_first(analyses: Sequence[Analysis]) -> list[int]:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from gearmon.report.html import Failure, write_report
-from gearmon.report.text import overall, overview_lines, summary, worst_first
+from gearmon.report.text import overall, overview_lines, running_text, summary, worst_first
 
 
 def slowed(analysis, factor):
@@ -69,6 +69,16 @@ def test_a_speed_far_from_nominal_is_a_caution(healthy):
     told = summary(slowed(healthy.analysis, 0.8)).caution
     assert told.startswith("the speed found, 1194 rpm, is 20 % below the 1492 rpm")
     assert "above" in summary(slowed(healthy.analysis, 1.2)).caution
+
+
+def test_a_machine_that_is_run_up_through_its_nominal_speed_is_not_far_from_it(healthy):
+    slow = slowed(healthy.analysis, 0.8)
+    speed = replace(slow.signature.speed, highest_hz=1.01 * slow.signature.speed.nominal_hz)
+    told = replace(slow, signature=replace(slow.signature, speed=speed))
+    assert summary(told).caution == ""
+    wide = f", between {speed.lowest_hz:.4g} and {speed.highest_hz:.4g} Hz"
+    assert running_text(speed).endswith(wide)
+    assert "between" not in running_text(healthy.analysis.signature.speed)
 
 
 def test_of_several_the_worst_comes_first(faulty, healthy, alone, gearless):
