@@ -329,7 +329,8 @@ class Tracking:
         # both ends of the track are uncertain
         doubt = float(np.sqrt(2) * track.uncertainty_turns)
         if track.method == "tacho":
-            # beyond the first and the last pulse the speed changes as it does between the others
+            # beyond the first and the last pulse the speed changes as between the others: c a step
+            # comes to c (g + g^2)/2 steps over g of them
             steps, speeds = np.diff(track.turns), track.speed_hz[1:-1]
             usual = float(np.median(steps))
             ends = steps[[0, -1]] / usual
@@ -526,10 +527,13 @@ def _counted(
         except RecordingError as error:
             refused = refused or error
             continue
-        # most harmonics clear at the nominal speed: no other is asked
-        least = _PLAIN if alone and place == 0 else _SHOWN
+        if alone and place == 0:
+            # most harmonics clear at the nominal speed: no other is asked
+            if own.clear_share > _PLAIN:
+                return count, own
+            continue
         slower = [count / other for other in tried if other > count]
-        if own.clear_share > least and not own.finer(slower):
+        if own.clear_share > _SHOWN and not own.finer(slower):
             return count, own
     at_nominal = any(found[count].detected for count in near if count in found)
     if not at_nominal and tacholess.alone.detected:

@@ -386,6 +386,23 @@ def test_a_machine_may_run_far_from_its_nominal_speed_with_a_tachometer(count, s
     assert measured.found
 
 
+def test_teeth_that_alternate_are_no_second_pulse_a_turn():
+    # cutting with two starts: every other tooth alike, so that a comb stands at half the mesh order
+    orders = 12.0 * np.arange(1, 13)
+    levels = np.where(np.arange(1, 13) % 2, 0.6, 1.0)
+    clean = lines_on(TURNS, orders, levels, np.random.default_rng(7).uniform(0, 6.28, 12))
+    recording = Recording(
+        samples=np.vstack([clean + white(len(TIME), 0.1, seed=3), squared(TURNS, 1)]),
+        sampling_rate_hz=RATE,
+        channel_names=("a1", "tacho"),
+        channel_kinds=("vibration", "tacho"),
+        tacho_told=False,
+    )
+    measured = measure_signature(recording, one_pair(24, 61))
+    assert "tacho tacho: 1 pulse a turn" in measured.notes
+    assert measured.speed.estimated_hz == pytest.approx(SPEED, rel=1e-3)
+
+
 def run_up(slowest, fastest):
     """Angle of a shaft that is run up and down between two shares of the nominal 25 Hz."""
     last = TIME[-1]
