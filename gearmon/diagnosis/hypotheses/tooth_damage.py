@@ -1,20 +1,8 @@
-"""Damage of one tooth: which gear and which tooth, how much, and how much of it is believed.
+"""Damage of one tooth: which gear and which tooth, and how much of it is believed.
 
-A mesh harmonic is what the pulses of z equal teeth add up to, and damage changes one of these in
-proportion. At the mesh harmonic itself what it adds is loss / z of the healthy line there,
-whatever the form of the pulse, the resonances of the teeth and the path to the sensor: these are
-the same for both. It is told by the sidebands around, since an event that rings for a short while
-has a smooth spectrum. What the teeth's response adds at each loss is told by its own sidebands in
-the same way, so that neither the form of the pulse nor the smoothing biases the ratio. It corrects
-for what stiffness does in the square, and for load that the damaged pair sheds through the dynamics
-of the mesh. Where that correction is large, the line is not what the pulses make of it in the first
-place, and tells little.
-
-The size that the search finds most likely, which takes the path's mean power from the mesh lines,
-is the prior: it is all that is known where the path rings too long, where noise hides the
-sidebands, and in planetary sets.
-
-What could be measured, the depth of a crack, follows from the loss by the teeth's stiffness.
+Every gear is searched (`tooth_match`); the one is blamed whose mesh harmonics suit the event best,
+and they tell its size (`mesh_harmonics`). What could be measured, the depth of a crack, follows
+from the loss by the teeth's stiffness.
 """
 
 from __future__ import annotations
@@ -27,19 +15,16 @@ from functools import cached_property
 
 import numpy as np
 
-from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
-from gearmon.diagnosis.hypotheses.tooth_match import (
-    DECAY_S,
-    LOSSES,
-    SearchedGear,
-    event_delays,
+from gearmon.arrays import FloatArray
+from gearmon.diagnosis.hypotheses.mesh_harmonics import (
+    LossEstimate,
+    loss_estimate,
     most_likely,
-    ringing,
-    search_gear,
     share_lines,
 )
-from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, FULL_LOAD, BandDeviation, GearDeviation
+from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread, departure_spread
+from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear, search_gear
+from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, FULL_LOAD, GearDeviation
 from gearmon.diagnosis.law.machine import MachineDeviation
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.gears.damage import size_for_loss
@@ -48,12 +33,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.machine import Machine, PlanetaryStage
-from gearmon.signatures.expected.tooth_response import (
-    GROWN,
-    ToothResponse,
-    grown_lines,
-    tooth_response,
-)
+from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
 from gearmon.signatures.measured.reference import Profile
 
 # The likelihood takes the law at its word, line by line. What departs on a healthy machine, beyond
@@ -92,27 +72,6 @@ _COMPETES = 0.1
 _AS_LOUD = 0.5
 # Width of a 90 % interval in standard deviations.
 _NORMAL_90 = 3.29
-# Losses that are told apart; the last is the largest there is.
-_FINE = np.geomspace(LOSSES[0], 0.95, 200)
-# Standard deviations of the logarithm of a loss: by the search alone (0.34 and 0.42 on two kinds of
-# simulated machines); what all lines have in common, above all the load that this tooth carries by
-# its own pitch error; of a mesh harmonic, whose line flank errors make as well; of the response
-# over the logarithm of its correction (with droop and run-in of the pairs' stiffness drawn at
-# random 0.1 at the first harmonics, where that logarithm is 0.05, and 0.5 where it is 0.45; of a
-# Student's law a part); and over that of how far a harmonic grows unlike most others. Of losses of
-# 20 % on 80 machines of both kinds (288 analyses) intervals of a factor of 1.9 hold 91 %, on the 26
-# of them that were not used to set these 85 %; of 30 % 92 and 93 %. The medians of 10 to 40 % are
-# right within 6 % on each kind. A tooth's pitch error weighs the more the less it is loaded: of
-# teeth at 0.17 and 0.42 of full load intervals hold 26 of 35 losses of 15 and 30 % if what lines
-# have in common is taken as at full load, 29 if its square grows in inverse proportion. Of 210
-# losses of 10 and 20 % of a pinion at 127 N/mm (30 simulated machines of accuracy grade 6)
-# intervals hold 85 and 91 %; two thirds of the variance is how far the tooth stands off the mean of
-# its neighbours (correlation 0.8): 5 % of the loss for each micrometre.
-_SEARCHED, _COMMON, _LINE, _RESPONSE, _GROWTH = 0.35, 0.12, 0.2, 0.2, 0.5
-# Share of a departure's mean square that is noise at least: no event is all of it.
-_MISFIT = 0.03
-# Freedom of Student's law for a mesh harmonic: some are those of another cause.
-_FREEDOM = 4.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -309,7 +268,7 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
     searched = tuple(_searched(own, deviation, machine))
     if not searched:
         return None
-    best, rivals = _blamed(searched)
+    best, rivals = _blamed(searched, machine, own.speed_hz)
     return ToothFinding(
         best=best,
         machine=machine,
@@ -335,9 +294,10 @@ def _searched(
             power = own_mesh_power(gear, response, deviation.gears)
             # where planets cancel, neighbours do not tell the path: it falls below its resonances
             told = tuple(b for b in alone.bands if np.all(response.mesh[b.harmonic :][:1]))
-            found = search_gear(
-                replace(alone, bands=told, mesh_power=power), response, own.speed_hz
-            )
+            # mesh harmonics that all are another's, too, tell neither size nor gear
+            lines = None if any(_on_another(gear, deviation.gears)) else gear.mesh_lines
+            heard = replace(alone, bands=told, mesh_power=power, mesh_lines=lines)
+            found = search_gear(heard, response, own.speed_hz)
             alone = found.difference if found is not None else alone
         if found is not None or alone.meetings > 1:
             shown = mesh_shown(gear, deviation.gears, machine)
@@ -449,12 +409,9 @@ def mesh_shown(gear: GearDeviation, gears: Sequence[GearDeviation], machine: Mac
     On a rig of 32/96 and 32/80 teeth one of four sensors shows the first stage in all of ten
     recordings, two in none; with a broken tooth one of the two sounds as it did when healthy.
     """
-    for other in gears:
-        ratio = gear.order * gear.teeth / (other.order * other.teeth)
-        step = round(ratio)
+    for other, step in _on_another(gear, gears):
         # planets put their mesh harmonics, or cancel them, as their phases have it
-        of_set = isinstance(machine.stages[other.stage - 1], PlanetaryStage)
-        if other.stage == gear.stage or of_set or step < 2 or abs(ratio / step - 1) > 1e-9:
+        if step < 2 or isinstance(machine.stages[other.stage - 1], PlanetaryStage):
             continue
         top = other.mesh_power.shape[1] - 1
         response = tooth_response(machine, other.stage, other.gear, top * other.order * other.teeth)
@@ -466,6 +423,17 @@ def mesh_shown(gear: GearDeviation, gears: Sequence[GearDeviation], machine: Mac
     return True
 
 
+def _on_another(
+    gear: GearDeviation, gears: Sequence[GearDeviation]
+) -> Iterator[tuple[GearDeviation, int]]:
+    """Give gears of other stages of whose mesh harmonics every so many are those of a gear."""
+    for other in gears:
+        ratio = gear.order * gear.teeth / (other.order * other.teeth)
+        step = round(ratio)
+        if other.stage != gear.stage and step and abs(ratio / step - 1) <= 1e-9:
+            yield other, step
+
+
 def _by_neighbours(power: FloatArray, expected: FloatArray, harmonic: int) -> FloatArray:
     """Power of a mesh harmonic as those beside it, which stand alone, let expect it."""
     last = min(len(expected), power.shape[1]) - 1
@@ -475,11 +443,11 @@ def _by_neighbours(power: FloatArray, expected: FloatArray, harmonic: int) -> Fl
 
 
 def _blamed(
-    searched: Sequence[GearEvidence],
+    searched: Sequence[GearEvidence], machine: Machine, speed_hz: float
 ) -> tuple[GearEvidence, tuple[tuple[str, int, float], ...]]:
     """Choose the gear to blame; those with a template compete by what either should sound like."""
     first = max(searched, key=lambda one: one.believed)
-    if first.search is None:
+    if first.search is None or first.believed <= 0.0:
         return first, ()
     # a gear whose evidence is hardly believed does not compete, however loud it is, unless it has
     # its lines in common with the first: what stands out in the turn of one does in either's
@@ -495,7 +463,7 @@ def _blamed(
             )
         )
     ]
-    best, rivals = most_likely(competing or [first.search])
+    best, rivals = most_likely(competing or [first.search], machine, speed_hz)
     blamed = next(one for one in searched if one.search is best)
     return blamed, tuple(
         (gear.difference.gear, gear.difference.stage, lead) for gear, lead in rivals
@@ -547,124 +515,6 @@ def told_losses(
         sigma[search.best] = (finding.loss.high - finding.loss.low) / _NORMAL_90
     number = gear.place[0] - 1 - search.best
     return np.roll(loss, number), np.roll(sigma, number)
-
-
-@dataclass(frozen=True, kw_only=True)
-class LossEstimate:
-    """Loss of stiffness of a tooth pair.
-
-    Parameters
-    ----------
-    loss : float
-        Median of what the recording leaves possible.
-    low, high : float
-        5 and 95 per cent points of it.
-    """
-
-    loss: float
-    low: float
-    high: float
-
-
-def loss_estimate(gear: SearchedGear, machine: Machine, speed_hz: float) -> LossEstimate:
-    """Estimate the loss of the most likely tooth of a gear.
-
-    Parameters
-    ----------
-    gear : SearchedGear
-        The gear to blame.
-    machine : Machine
-        Its machine.
-    speed_hz : float
-        Speed of shaft 1 [Hz].
-
-    Returns
-    -------
-    LossEstimate
-        Of the likelihood over the logarithm of the loss.
-    """
-    steps, fine = np.log(LOSSES), np.log(_FINE)
-    likely = _blurred(gear.log_likelihood[:, gear.best], steps, _SEARCHED)
-    total = np.interp(fine, steps, np.log(likely))
-    # of a set, whose planets bring every line together, the search has to do
-    if gear.difference.mesh_lines is not None and gear.difference.gear in ("pinion", "gear"):
-        own = gear.response
-        expected = grown_lines(machine, own.stage, own.gear, len(own.lines) - 1)
-        grid = np.log(GROWN)
-        for apart, variance in _at_harmonics(gear, *expected, speed_hz):
-            # below what is told the logarithms of line and loss go together
-            off = np.interp(fine, grid, apart + grid) - fine
-            unsure = np.interp(fine, grid, variance)
-            misfit = 0.5 * (_FREEDOM + 1.0) * np.log1p(off**2 / (_FREEDOM * unsure))
-            total -= misfit + 0.5 * np.log(unsure)
-    loaded = min(1.0, gear.difference.load)
-    chance = _blurred(total, fine, _COMMON / np.sqrt(loaded))
-    share = np.cumsum(chance) - 0.5 * chance
-    low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], share / chance.sum(), fine)).tolist()
-    return LossEstimate(loss=middle, low=low, high=high)
-
-
-def _blurred(logarithm: FloatArray, steps: FloatArray, deviation: float) -> FloatArray:
-    """Likelihood by its logarithm over even steps, once the steps are that unsure."""
-    blur = np.exp(-0.5 * ((steps[:, None] - steps) / deviation) ** 2)
-    return np.asarray((blur / blur.sum(axis=0)) @ np.exp(logarithm - logarithm.max()))
-
-
-def _at_harmonics(
-    gear: SearchedGear, sound: ComplexArray, grown: ComplexArray, speed_hz: float
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Logarithm of the damage by each mesh harmonic over what `GROWN` losses add; its variance."""
-    difference = gear.difference
-    assert difference.mesh_lines is not None
-    last = min(len(sound), difference.mesh_lines.shape[1]) - 1
-    rotation_hz, teeth = difference.order * speed_hz, difference.teeth
-    entry_s = gear.best / (teeth * rotation_hz)
-    delay = np.concatenate([event_delays(gear.response, rotation_hz, t) for t in DECAY_S]) + entry_s
-    sizes = np.abs(grown[:, teeth::teeth])
-    sizes = sizes[:, sizes[0] > 0]
-    usual = np.median(np.log(sizes / sizes[0]), axis=1) if sizes.size else np.zeros(len(GROWN))
-    for band in difference.bands:
-        k = band.harmonic
-        if k > last or sound[k] * grown[0, k * teeth] == 0:
-            continue
-        mesh = difference.mesh_lines[:, k]
-        turned = grown[:, band.number] * np.exp(-2j * np.pi / teeth * gear.best * band.number)
-        value, expected, variance = _at_mesh(band, k * teeth, rotation_hz, delay, turned)
-        # more than `mesh_power` is heard where the mesh of another stage stands on the same line
-        alone = np.abs(mesh) ** 2 <= 1.001 * difference.mesh_power[:, k]
-        heard = alone & (np.abs(value * mesh) > 0)
-        if not heard.any():
-            continue
-        weight = np.abs(value[heard]) ** 2 / variance[heard]
-        ratio = value[heard] / mesh[heard] * sound[k] / expected[:, heard]
-        corrected = teeth * grown[0, k * teeth] / (GROWN[0] * sound[k])
-        unsure = _RESPONSE * float(np.abs(np.log(np.abs(corrected))))
-        told = np.average(np.log(np.abs(ratio)), axis=1, weights=weight)
-        odd = _GROWTH * (told[0] - told - usual)
-        yield told, 1.0 / weight.sum() + _LINE**2 + unsure**2 + odd**2
-
-
-def _at_mesh(
-    band: BandDeviation, number: int, rotation_hz: float, delay: FloatArray, grown: ComplexArray
-) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-    """Line that an event adds at a mesh harmonic in each channel, by its sidebands; its variance.
-
-    The event is a sum of random impulses at the given delays, of the power that the band has.
-    Between them what is told in the same way of the lines `grown`, shape (losses, channels).
-    """
-    lines = ringing(np.append(band.number, number)[None] * rotation_hz, delay)[0]
-    white = lines[:-1] / band.deviation[:, :, None]
-    energy = np.abs(band.rest) ** 2
-    power = np.maximum(np.mean((energy - 1.0) * band.deviation**2, axis=1), 0.0)
-    noise = np.maximum(1.0, _MISFIT * energy.mean(axis=1))
-    over = noise / np.maximum(power, 1e-9 * np.mean(band.deviation**2, axis=1))
-    turned = white.conj().swapaxes(1, 2)
-    inverse = np.linalg.inv(turned @ white + over[:, None, None] * np.eye(len(delay)))
-    weight = np.einsum("i,cij,cjl->cl", lines[-1], inverse, turned, optimize=True)
-    value = np.sum(weight * band.rest, axis=1)
-    expected = grown @ (weight / band.deviation).T
-    variance = noise * np.einsum("i,cij,j->c", lines[-1], inverse, lines[-1].conj()).real
-    return np.where(power > 0, value, 0.0), expected, variance
 
 
 def crack_depth_mm(machine: Machine, stage: int, gear: str, loss: float) -> float | None:

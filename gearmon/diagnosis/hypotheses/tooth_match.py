@@ -12,10 +12,6 @@ their likelihoods is a weighted energy: of the departure at this tooth and short
 and channels weighted by what they should hear of it. Averaged over decay times, losses and teeth
 (all held equally likely) it is a Bayes factor, which a healthy gear exceeds by a factor x with a
 probability of at most 1/x.
-
-Gears on one shaft turn together, and where one turns a whole number of times as often as another
-every line of the first is one of the second: damage of one then departs in the pattern of both.
-They are told apart on the same lines, by what either should sound like (`most_likely`).
 """
 
 from __future__ import annotations
@@ -29,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.law.gear_lines import NEAR, GearDeviation
+from gearmon.diagnosis.law.gear_lines import GearDeviation
 from gearmon.signatures.expected.tooth_response import ToothResponse
 
 # Decay times of the energy in a housing [s]: damping ratios of 1 to 6 per cent between 700 Hz and
@@ -58,6 +54,11 @@ _TOGETHER = 1 << 21
 _MOST_TEETH = 0.8
 # Share of the signal's energy in directions that are not worth looking at.
 _LEFT_OUT = 0.01
+
+# Probability that each tooth met by a damaged one of a faster gear stands out too, where one does:
+# of 12 cracks of 30 % of a pinion that meets three teeth (six lightly loaded machines, one or three
+# references) 20 of the 24 others do, of 8 such cracks of the gear none.
+_MEETS_AGAIN = 0.8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -446,126 +447,3 @@ def _beside(energy: FloatArray, spread: FloatArray, leak: FloatArray) -> FloatAr
     degrees = 1.0 / np.sum(weight[:, :, 0] ** 2, axis=1)
     expected = gammaincinv(degrees, _MOST_TEETH) / degrees
     return np.asarray(np.quantile(beside, _MOST_TEETH, axis=1) / expected)
-
-
-# A gear competes for the blame if damage explains its own pattern by this factor (logarithm).
-_COMPETES = 2.3
-# Weight of the logarithm of the ratio of two gears' log factors beside that of the cells. Of 96
-# pairs of gears on one shaft (17 simulated machines, one or three references) the cells alone blame
-# the right one 81 times, with a weight of 8 to 12 it is 89.
-_BY_FACTORS = 10.0
-# Lines of a cell in which gears are told apart, at least; standard deviation of the logarithm of
-# its amplitude about what is expected, and freedom of Student's law for it.
-_LEAST_CELL, _CELL_DEVIATION, _FREEDOM = 4, 0.6, 4.0
-# Probability that each tooth met by a damaged one of a faster gear stands out too, where one does:
-# of 12 cracks of 30 % of a pinion that meets three teeth (six lightly loaded machines, one or three
-# references) 20 of the 24 others do, of 8 such cracks of the gear none.
-_MEETS_AGAIN = 0.8
-# Sizes of the response that are tried there.
-_SIZES = np.geomspace(0.002, 20.0, 70)
-
-
-def most_likely(
-    gears: Sequence[SearchedGear],
-) -> tuple[SearchedGear, tuple[tuple[SearchedGear, float], ...]]:
-    """Choose the gear to blame.
-
-    Parameters
-    ----------
-    gears : sequence of SearchedGear
-        At least one.
-
-    Returns
-    -------
-    best : SearchedGear
-    rivals : tuple of (SearchedGear, float)
-        Gears whose patterns show the same event, with the logarithm of the factor by which the best
-        explains it better.
-    """
-    ranked = sorted(gears, key=lambda gear: -gear.log_gear)
-    best = ranked[0]
-    rivals: list[tuple[SearchedGear, float]] = []
-    for other in ranked[1:]:
-        if other.log_gear < _COMPETES:
-            break
-        lead = _lead(best, other)
-        if lead is None:
-            continue
-        if lead < 0:
-            rivals = [(gear, value - lead) for gear, value in rivals]
-            best, other, lead = other, best, -lead
-        rivals.append((other, lead))
-    return best, tuple(rivals)
-
-
-def share_lines(one: SearchedGear, other: SearchedGear) -> bool:
-    """Tell whether one gear turns a whole number of times as often as the other.
-
-    Damage of suns and planets stands beside the lines of their turn, which nobody shares.
-    """
-    if {one.difference.gear, other.difference.gear} & {"sun", "planet"}:
-        return False
-    slow, fast = sorted((one.difference.order, other.difference.order))
-    ratio = fast / slow
-    return abs(ratio - round(ratio)) <= 1e-9 * ratio
-
-
-def _lead(one: SearchedGear, other: SearchedGear) -> float | None:
-    """Logarithm of how much better one gear explains the lines that both have; None if none.
-
-    The departure's power in cells of half a mesh order is held against what either gear would add
-    there, up to one common factor, its loss. A cell where nothing is heard speaks against a gear
-    that should be heard in it. Where the cells hardly part them, that gear is blamed whose teeth
-    the event follows better: by the ratio of their log factors, which count every line of it as
-    independent. A damaged tooth of the faster gear meets the same teeth of the slower in every
-    turn, and they answer unequally as they are pressed together: where an event comes again at
-    those teeth it is the faster gear's, equal or not.
-    """
-    if not share_lines(one, other):
-        return None
-    base, faster = (one, other) if one.difference.order <= other.difference.order else (other, one)
-    times = round(faster.difference.order / base.difference.order)
-    again = base.log_again(times)
-    if again > 0:
-        return -again if base is one else again
-    lead = _by_cells(base, faster, times)
-    if lead is None:
-        return None
-    lead += _BY_FACTORS * float(np.log(base.log_gear / faster.log_gear))
-    return lead if base is one else -lead
-
-
-def _by_cells(base: SearchedGear, faster: SearchedGear, times: int) -> float | None:
-    """Logarithm of the likelihood of a departure's power by one gear over that by a faster one.
-
-    In cells of lines, noise taken off; None if none is far from the mesh of either.
-    """
-    bands = base.difference.bands
-    number = np.concatenate([band.number for band in bands])
-    period = faster.difference.teeth * times
-    away = np.abs(number - period * np.rint(number / period)) > NEAR * times
-    if not away.any():
-        return None
-    number = number[away]
-    rest = np.concatenate([band.rest for band in bands], axis=1)[:, away]
-    variance = np.concatenate([band.deviation for band in bands], axis=1)[:, away] ** 2
-    width = max(_LEAST_CELL, min(base.difference.teeth, period) // 2)
-    # lines that only the slower gear has stand in cells of their own
-    place = 2 * (number // width) + (number % times == 0)
-    _, cell, count = np.unique(place, return_inverse=True, return_counts=True)
-
-    def mean(lines: FloatArray) -> FloatArray:
-        return np.array([np.bincount(cell, row) / count for row in lines])
-
-    floor = mean(variance) / np.sqrt(count)
-    heard = np.maximum(mean((np.abs(rest) ** 2 - 1.0) * variance), 0.0) + floor
-
-    def log_likelihood(gear: SearchedGear, turns: int) -> float:
-        level = gear.expected_power(number / turns)
-        level[:, number % turns != 0] = 0.0
-        departure = 0.5 * np.log(heard / (_SIZES[:, None, None] ** 2 * mean(level) + floor))
-        # law of Student: the path may swallow a cell altogether
-        spread = np.log1p((departure / _CELL_DEVIATION) ** 2 / _FREEDOM)
-        return float((-0.5 * (_FREEDOM + 1.0) * spread.sum(axis=(1, 2))).max())
-
-    return log_likelihood(base, 1) - log_likelihood(faster, times)
