@@ -159,7 +159,7 @@ class Shooting:
             right[:, 1:] += driven[:, 0]
         bands = self._bands[: steps + 1].T
         found = dtbtrs(bands, right.T, uplo="L", diag="U", overwrite_b=1)[0].T
-        return found.reshape(*start.shape[:-2], steps + 1, 1)
+        return np.asarray(found).reshape(*start.shape[:-2], steps + 1, 1)
 
     def answer(self, still: Real) -> Real:
         """Return samples of the periodic u of u = u0 - (1/D) phi u; u0 are overwritten."""
