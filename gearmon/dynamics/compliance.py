@@ -73,7 +73,7 @@ class PairCompliance:
     def __init__(self, ratio: Real, zeta: Real, forces: Complex) -> None:
         self.ratio, self.zeta, self.forces = ratio, zeta, forces
         #: rms of the forces without their mean
-        self.swinging_forces = math.sqrt(2) * float(np.linalg.norm(forces[1:]))
+        self.swinging_forces = math.sqrt(2 * np.vdot(forces[1:], forces[1:]).real)
         self._stiffness: Complex = np.zeros(0, dtype=complex)
 
     def stiffness(self, highest: int) -> Complex:

@@ -429,13 +429,13 @@ def first_highest(equations: MeshEquations, tolerance: float) -> int:
     sizes = sizes / sizes.max()
     # lines at which an order may gain less than half, and those that resonate
     top = max(given, compliance.quiet_above(min(2.3, 0.5 / swing)))
-    orders = np.arange(1, len(sizes) + 1)
+    orders = np.arange(1.0, len(sizes) + 1)
     if shown is not None:
         # a line that is not handed out matters by what it gives to the others
         hidden = np.minimum(1, (compliance.quiet_above(2.3) / orders) ** 2)
         sizes = np.where(orders > shown, sizes * hidden, sizes)
     above = np.sqrt(np.cumsum((sizes**2)[::-1]))[::-1]
-    top = max(top, int(np.flatnonzero(above > 0.1 * tolerance * above[0])[-1]) + 1)
+    top = max(top, int((above > 0.1 * tolerance * above[0]).sum()))
     jump = max(1, round(float(orders @ sizes / sizes.sum())))
     share, gained = 1.0, 0.5
     for _ in range(400):
