@@ -245,7 +245,7 @@ class Shooting:
 
 def _norm(squares: Real) -> Real:
     """Rms over the period, or up to 41 % more for the mean, shape (B,)."""
-    return np.asarray(np.sqrt(2 * squares.sum(axis=0)))
+    return np.asarray(np.sqrt(2 * np.add.reduce(squares)))
 
 
 def _stencil(step: Real, zeta: Real) -> Real:
