@@ -35,8 +35,8 @@ FINENESS = 8.5
 MOST_ROUNDS = 8
 #: Share of the sets for which another round of all of them is not worth while.
 FEW = 0.1
-#: A free motion is followed until its exponent is so small, which leaves less than rounding, and
-#: to the end of the period if then it is not.
+#: A free motion is followed until its exponent leaves e^-40 of it; where by then it has not fallen
+#: to the second number, because phi feeds it, through the whole period.
 LASTING, DIED_OUT = 40.0, 1e-16
 #: A round that leaves more than this share of the bound before is the last.
 STALLED = 0.5
