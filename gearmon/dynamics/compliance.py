@@ -73,9 +73,8 @@ class PairCompliance:
     def __init__(self, ratio: Real, zeta: Real, forces: Complex) -> None:
         self.ratio, self.zeta, self.forces = ratio, zeta, forces
         #: rms of the forces without their mean
-        self.swinging_forces = math.sqrt(2) * float(np.linalg.norm(forces[1:]))
+        self.swinging_forces = math.sqrt(2 * np.vdot(forces[1:], forces[1:]).real)
         self._stiffness: Complex = np.zeros(0, dtype=complex)
-        self._weights: Real = np.zeros(0)
 
     def stiffness(self, highest: int) -> Complex:
         """D_n of the lines 0..highest, relative to k0, shape (..., highest+1)."""
@@ -85,9 +84,7 @@ class PairCompliance:
 
     def weights(self, highest: int) -> Real:
         """(n/R)^2, shape (..., highest+1)."""
-        if self._weights.shape[-1] <= highest:
-            self._weights = (np.arange(highest + 1) / self.ratio) ** 2
-        return self._weights[..., : highest + 1]
+        return np.asarray((np.arange(highest + 1) / self.ratio) ** 2)
 
     def answer(self, x: Complex, first: int = 0) -> Complex:
         """x/D of the lines from `first` on, 0 below."""

@@ -281,7 +281,8 @@ def solve(problem: HillProblem, tolerance: float, shown: int | None = None) -> S
         Harmonics 0..shown are handed out, others dropped; default all.
     """
     count = len(problem.stiffness_harmonics)
-    if not count or problem.damping_ns_per_m <= 0 or count > MOST_LINES:
+    # no fewer lines are solved than the stiffness has
+    if not count or problem.damping_ns_per_m <= 0 or count**3 > MOST_WORK:
         return None
     system = BandSystem(problem)
     if not system.scale:

@@ -214,35 +214,23 @@ def small_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> tuple[
     # (1 + b) times the operator of this stiffness and of the R and zeta that go with it
     rest = np.where(middle > -1, 1 + middle, 1.0)
     ratio, zeta, swing = ratio * np.sqrt(rest), zeta / np.sqrt(rest), swing / rest
-    bend = 1 - 2 * zeta**2
-    softest, response = np.zeros_like(ratio), np.ones_like(ratio)
-    # |D|^2 and |D|^2/x^4 are parabolas in x^2 and 1/x^2: least at a neighbour of their vertex
+    # |D|^2 and |D|^2/x^4 are parabolas in x^2 and 1/x^2: least at a neighbour of their vertex, or
+    # where there is none at the line 0 and far above
+    middles = 1 - 2 * zeta**2
+    vertices = ratio * np.sqrt([np.maximum(middles, 0), 1 / np.where(middles > 0, middles, 1)])
+    below = np.floor(vertices)
+    x = np.array([below, below + 1]) / ratio
     with np.errstate(divide="ignore"):
-        for side in (np.floor, np.ceil):
-            x = side(ratio * np.sqrt(np.maximum(bend, 0.0))) / ratio
-            softest = np.maximum(softest, 1 / np.abs(stiffness_at(x, zeta)))
-            x = side(ratio / np.sqrt(np.where(bend > 0, bend, 1.0))) / ratio
-            response = np.maximum(
-                response, np.where(bend > 0, x**2 / np.abs(stiffness_at(x, zeta)), 1.0)
-            )
+        compliance = 1 / np.abs(stiffness_at(x, zeta))
+        softest = compliance[:, 0].max(axis=0)
+        response = np.maximum(1.0, (x[:, 1] ** 2 * compliance[:, 1]).max(axis=0))
         # over the lines, and over all frequencies
-        loop, around = (np.where(swing > 0, swing * most, 0.0) for most in (softest, peak(zeta)))
+        inner = np.minimum(zeta, math.sqrt(0.5))
+        peak = 1 / (2 * inner * np.sqrt(1 - inner * inner))
+        loop, around = (np.where(swing > 0, swing * most, 0.0) for most in (softest, peak))
     proven = (middle > -1) & (loop < 1) & (around < 1)
     gain = np.where(proven, response / np.where(proven, 1 - loop, 1.0), np.inf)
     return gain, response
-
-
-def peak(zeta: Real | float) -> Real:
-    """Largest 1/|D|, and largest x^2/|D|, over all real frequencies.
-
-    Parameters
-    ----------
-    zeta : float or float ndarray
-        Damping ratio >= 0; without damping the peak is infinite.
-    """
-    inner = np.minimum(zeta, math.sqrt(0.5))
-    with np.errstate(divide="ignore"):
-        return np.asarray(1 / (2 * inner * np.sqrt(1 - inner * inner)))
 
 
 def energy_gain(ratio: Real, zeta: Real, scale: Real, pattern: Pattern) -> Real:

@@ -124,7 +124,7 @@ class HillProblem(Result):
 
     def static_forcing(self, highest: int) -> Complex:
         """(F, f_1, ..., f_highest)/k0 [m], shape (highest+1,)."""
-        forcing = cut(np.append(self.force_n, self.force_harmonics_n), highest)
+        forcing = cut(np.concatenate([[self.force_n], self.force_harmonics_n]), highest)
         return forcing / self.stiffness_n_per_m
 
 
@@ -185,7 +185,8 @@ def largest_responses(
     """
     middle = 1 - 2 * zeta * zeta
     lines = [line]
-    if middle > 0:
+    # the second vertex is the farther one
+    if middle > 0 and line * line * middle < ratio * ratio * (1 + power):
         for vertex in (middle, (1 + power) / middle):
             near = math.floor(ratio * math.sqrt(vertex))
             lines += [n for n in (near, near + 1) if n > line]

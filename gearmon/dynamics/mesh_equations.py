@@ -109,6 +109,7 @@ class MeshEquations:
         shown: int | None = None,
     ) -> None:
         self.compliance, self.pattern, self.shown = compliance, pattern, shown
+        self._products: dict[tuple[int, int], Modulation] = {}
 
     @cached_property
     def gain(self) -> Gain:
@@ -134,21 +135,12 @@ class MeshEquations:
         assert isinstance(self.compliance, SystemCompliance)
         return system_multipliers(self.compliance, self.pattern.harmonics)
 
-    @cached_property
-    def swing(self) -> float:
-        """Bound of max|phi|."""
-        return self.pattern.highest
-
     def modulate(self, half: Complex, outputs: int) -> Complex:
         """Harmonics 0..outputs of phi times a function."""
         key = half.shape[-1] - 1, outputs
         if key not in self._products:
             self._products[key] = Modulation(self.pattern.harmonics, *key)
         return self._products[key](half)
-
-    @cached_property
-    def _products(self) -> dict[tuple[int, int], Modulation]:
-        return {}
 
     def zeros(self, highest: int) -> Complex:
         """X = 0 of lines 0..highest."""
@@ -157,7 +149,7 @@ class MeshEquations:
     @cached_property
     def core(self) -> int:
         """Harmonic above which |G| max|phi| <= 1/10 and |G| <= 1/10: each order gains a digit."""
-        return self.compliance.quiet_above(0.1 / max(1.0, self.swing))
+        return self.compliance.quiet_above(0.1 / max(1.0, self.pattern.highest))
 
     def judge(self, x: Complex, orders: int = 0) -> Approximation:
         """Compute residual and bound of x, shape (..., N+1), that `orders` orders made."""
@@ -173,7 +165,8 @@ class MeshEquations:
         residual: Complex = np.negative(left, out=left)
         # rounding of x, of the forces and of a product by transforms
         depth = self.compliance.depth + math.log2(4 * count + 2 * c.shape[-1])
-        rounding = size(x) + self.compliance.swinging_forces + depth * self.swing * size(u)
+        rounding = size(x) + self.compliance.swinging_forces
+        rounding = rounding + depth * self.pattern.highest * size(u)
         rounding = rounding + size(np.asarray(mean * self.pattern.size, dtype=complex))
         u[..., :1] = mean
         bound = self._bound(motion, residual, UNIT_ROUNDOFF * rounding)
@@ -201,7 +194,8 @@ class MeshEquations:
         pair = isinstance(compliance, PairCompliance)
         direct = self.size(extra if pair else compliance.motion(residual, core + 1))
         inner = _times(gain, compliance.size(residual[..., : core + 1]))
-        spread = self.swing * compliance.size(extra)
+        swing = self.pattern.highest
+        spread = swing * compliance.size(extra)
         coupled = _times(gain, spread)
         if coupled <= 0.1 * (inner + direct):
             return inner, direct + coupled
@@ -209,7 +203,7 @@ class MeshEquations:
         back = self.modulate(extra, core)
         most, accelerated = compliance.most_from(core + 1)
         second = _times(gain, compliance.size(residual[..., : core + 1] - back))
-        beyond = direct + spread * accelerated + _times(gain, spread * self.swing * most)
+        beyond = direct + spread * accelerated + _times(gain, spread * swing * most)
         better = second + beyond < inner + direct + coupled
         return (second, beyond) if better else (inner, direct + coupled)
 
@@ -426,7 +420,7 @@ def first_highest(equations: MeshEquations, tolerance: float) -> int:
     a line is reached only by jumps of about the mean bandwidth of phi, each of which costs
     max|phi| |G|.
     """
-    compliance, shown, swing = equations.compliance, equations.shown, equations.swing
+    compliance, shown, swing = equations.compliance, equations.shown, equations.pattern.highest
     sizes = np.atleast_2d(np.abs(equations.pattern.harmonics)).sum(axis=0)
     given = max(2, len(compliance.forces) - 1, shown or 1)
     if not (swing and sizes.any()):
@@ -435,13 +429,13 @@ def first_highest(equations: MeshEquations, tolerance: float) -> int:
     sizes = sizes / sizes.max()
     # lines at which an order may gain less than half, and those that resonate
     top = max(given, compliance.quiet_above(min(2.3, 0.5 / swing)))
-    orders = np.arange(1, len(sizes) + 1)
+    orders = np.arange(1.0, len(sizes) + 1)
     if shown is not None:
         # a line that is not handed out matters by what it gives to the others
         hidden = np.minimum(1, (compliance.quiet_above(2.3) / orders) ** 2)
         sizes = np.where(orders > shown, sizes * hidden, sizes)
     above = np.sqrt(np.cumsum((sizes**2)[::-1]))[::-1]
-    top = max(top, int(np.flatnonzero(above > 0.1 * tolerance * above[0])[-1]) + 1)
+    top = max(top, int((above > 0.1 * tolerance * above[0]).sum()))
     jump = max(1, round(float(orders @ sizes / sizes.sum())))
     share, gained = 1.0, 0.5
     for _ in range(400):
@@ -495,7 +489,7 @@ def _larger(equations: MeshEquations, found: Approximation, tolerance: float) ->
     worth = weights * compliance.per_line(compliance.motion(left, first))
     if gain < math.inf:
         answer = compliance.answer(left, first)
-        worth = worth + gain * equations.swing * compliance.per_line(answer)
+        worth = worth + gain * equations.pattern.highest * compliance.per_line(answer)
     worth = worth / (tolerance * found.size)
     beyond = np.sqrt(2 * np.cumsum((worth**2)[::-1]))[::-1]
     if beyond[0] <= 0.4:

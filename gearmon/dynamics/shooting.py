@@ -35,6 +35,9 @@ FINENESS = 8.5
 MOST_ROUNDS = 8
 #: Share of the sets for which another round of all of them is not worth while.
 FEW = 0.1
+#: A free motion is followed until its exponent leaves e^-40 of it; where by then it has not fallen
+#: to the second number, because phi feeds it, through the whole period.
+LASTING, DIED_OUT = 40.0, 1e-16
 #: A round that leaves more than this share of the bound before is the last.
 STALLED = 0.5
 
@@ -92,37 +95,53 @@ class Shooting:
         self.weights = _squares(stiffness)
         self.compliance = stiffness.conj()
         self.compliance /= self.weights
-        self.forced = np.zeros_like(stiffness)
-        self.forced[: len(forces)] = self.compliance[: len(forces)] * forces[:, None]
-        self.phi = samples(pattern.half, self.length)[:, None] * scale
-        self.stencil = _stencil(2 * math.pi * ratio / self.length, zeta)
-        self._prepare()
+        #: answers to the forces alone, of the lines that they drive
+        self.forced = self.compliance[: len(forces)] * forces[:, None]
+        values, step = samples(pattern.half, self.length), 2 * math.pi * ratio / self.length
+        self.phi = values[:, None] * scale
+        self.stencil = _stencil(step, zeta)
+        self._prepare(values, scale)
+        self.free = self._march_freely(step)
 
-    def _prepare(self) -> None:
-        """Coefficients of u_{i+1} = c_1 u_i + c_0 u_{i-1} + ..., and motions from unit starts."""
+    def _prepare(self, values: Real, scale: Real) -> None:
+        """Coefficients of u_{i+1} = c_1 u_i + c_0 u_{i-1} + ..."""
         twice, product, after, middle, before = self.stencil
-        phi = np.concatenate([self.phi[-1:], self.phi, self.phi[:1]])
-        self.share = 1 / (1 + phi[2:] * after)
+        around = np.concatenate([values[-1:], values, values[:1]])[:, None]
+        share = around[2:] * (after * scale)
+        share += 1
+        self.share = np.divide(1, share, out=share)
         self.recursion = np.empty((self.length, 2, len(twice)))
         last, now = self.recursion[:, 0], self.recursion[:, 1]
-        np.multiply(phi[:-2], -before, out=last)
+        np.multiply(around[:-2], -before * scale, out=last)
         last -= product
         last *= self.share
-        np.multiply(phi[1:-1], -middle, out=now)
+        np.multiply(around[1:-1], -middle * scale, out=now)
         now += twice
         now *= self.share
-        self._bands: Real | None = None
-        start = np.zeros((2, 2, len(twice)))
-        start[0, 1] = start[1, 0] = 1.0
-        self.free = self._march(start)
+        if len(twice) == 1:
+            # of the march as a triangular matrix, transposed: products of its rows take LAPACK
+            # two thirds of the time of sums of its columns
+            self._bands = np.zeros((self.length + 1, 3))
+            self._bands[1:, 1:2], self._bands[2:, :1] = -now, -last[1:]
 
-    def _march(self, start: Real, driven: Real | None = None) -> Real:
-        """March from the samples at -1 and 0: samples 0..S, shape (..., S+1, B)."""
+    def _march_freely(self, step: Real) -> Real:
+        """Motions from unit starts, as long as they last, shape (2, up to S+1, B)."""
+        start = np.zeros((2, 2, len(step)))
+        start[0, 1] = start[1, 0] = 1.0
+        # what the slower exponent leaves of them, if phi does not feed them
+        slow = np.minimum(self.zeta, 0.5 / self.zeta)
+        lasting = math.ceil(min(LASTING / float((slow * step).min()), self.length))
+        free = self._march(start, lasting)
+        died_out = lasting == self.length or np.abs(free[:, -2:]).max() < DIED_OUT
+        return free if died_out else self._march(start, self.length)
+
+    def _march(self, start: Real, steps: int, driven: Real | None = None) -> Real:
+        """March from the samples at -1 and 0: samples 0..steps, shape (..., steps+1, B)."""
         if start.shape[-1] == 1:
-            return self._march_one(start, driven)
-        found = np.empty((*start.shape[:-2], self.length + 2, start.shape[-1]))
+            return self._march_one(start, steps, driven)
+        found = np.empty((*start.shape[:-2], steps + 2, start.shape[-1]))
         found[..., :2, :], moved = start, np.empty_like(start)
-        for i, coefficients in enumerate(self.recursion):
+        for i, coefficients in enumerate(self.recursion[:steps]):
             new = found[..., i + 2, :]
             np.multiply(coefficients, found[..., i : i + 2, :], out=moved)
             np.add(moved[..., 0, :], moved[..., 1, :], out=new)
@@ -130,56 +149,53 @@ class Shooting:
                 new += driven[i]
         return found[..., 1:, :]
 
-    def _march_one(self, start: Real, driven: Real | None) -> Real:
+    def _march_one(self, start: Real, steps: int, driven: Real | None) -> Real:
         """Do the same for one set, by LAPACK's band of a triangular matrix."""
         from scipy.linalg.lapack import dtbtrs
 
-        before, here = self.recursion[..., 0].T
-        if self._bands is None:
-            self._bands = np.zeros((self.length, 3))
-            self._bands[:-1, 1], self._bands[:-2, 2] = -here[1:], -before[2:]
-        rows = start[..., 0].reshape(-1, 2)
-        right = np.zeros((len(rows), self.length))
-        right[:, 0] = rows @ self.recursion[0, :, 0]
-        right[:, 1] = rows[:, 1] * before[1]
+        last, now = start[..., 0].reshape(-1, 2).T
+        right = np.zeros((len(now), steps + 1))
+        right[:, 0], right[:, 1] = now, self.recursion[0, 0, 0] * last
         if driven is not None:
-            right += driven[:, 0]
-        found = dtbtrs(self._bands.T, right.T, uplo="L", diag="U", overwrite_b=1)[0].T
-        whole = np.concatenate([rows[:, 1:], found], axis=1)
-        return whole.reshape(*start.shape[:-2], self.length + 1, 1)
+            right[:, 1:] += driven[:, 0]
+        bands = self._bands[: steps + 1].T
+        found = dtbtrs(bands, right.T, uplo="U", trans="T", diag="U", overwrite_b=1)[0].T
+        return np.asarray(found).reshape(*start.shape[:-2], steps + 1, 1)
 
     def answer(self, still: Real) -> Real:
         """Return samples of the periodic u of u = u0 - (1/D) phi u; u0 are overwritten."""
         twice, product = self.stencil[:2]
-        driven = np.roll(still, -1, axis=0)
-        before = np.roll(still, 1, axis=0)
-        before *= product
-        driven += before
-        still *= twice
-        driven -= still
+        driven = still * -twice
+        driven[:-1] += still[1:]
+        driven[-1] += still[0]
+        still *= product
+        driven[1:] += still[:-1]
+        driven[0] += still[-1]
         driven *= self.share
-        moved = self._march(np.zeros((2, still.shape[1])), driven)
+        moved = self._march(np.zeros((2, still.shape[1])), self.length, driven)
         # the motion begins so that it ends as it began
         (a, b), (c, d) = self.free[:, -1], self.free[:, -2]
         e, f = moved[-1], moved[-2]
         determinant = (1 - a) * (1 - d) - b * c
         now, last = ((1 - d) * e + b * f) / determinant, (c * e + (1 - a) * f) / determinant
-        found = moved[:-1]
-        found += np.multiply(self.free[0, :-1], now, out=driven)
-        found += np.multiply(self.free[1, :-1], last, out=driven)
+        found, lasting = moved[:-1], self.free.shape[1] - 1
+        spare = driven[:lasting]
+        found[:lasting] += np.multiply(self.free[0, :-1], now, out=spare)
+        found[:lasting] += np.multiply(self.free[1, :-1], last, out=spare)
         return found
 
     def solve(self, tolerance: float, shown: int | None = None) -> Shot:
         """Answer what is left until the bound meets the tolerance or no longer falls."""
-        still = self._samples(self.forced)
-        motion = self.answer(still.copy())
+        still = self._samples(self.forced) if len(self.forced) > 1 else self.forced.real
+        motion = self.answer(np.broadcast_to(still, self.phi.shape).copy())
         motion += self.answer(still - motion - self._samples(self._coupled(motion)))
         bound = np.array(math.inf)
         for _ in range(MOST_ROUNDS):
             lines = self._lines(motion)
             left = self._coupled(motion)
             left += lines
-            np.subtract(self.forced, left, out=left)
+            np.negative(left, out=left)
+            left[: len(self.forced)] += self.forced
             before, bound = bound, self._bound(lines, left, shown)
             missed = bound > tolerance
             if missed.mean() <= FEW or not (bound <= STALLED * before)[missed].any():
@@ -206,42 +222,42 @@ class Shooting:
         explicitly, by e = r/D, and only the others and phi e go through the gain.
         """
         sizes, asked = _squares(lines), _squares(left)
-        stiff = np.where(self.weights > self.swing**2, 1.0, 0.0)
-        inner = _norm(asked, (1 - stiff) * self.weights)
-        spread = _norm(asked, stiff)
-        direct = _norm(asked, stiff * self.squares**2)
+        stiff = np.where(self.weights > self.swing**2, asked, 0.0)
+        asked -= stiff
+        fourth, inner = self.squares**2, _norm(asked * self.weights)
+        spread, direct = _norm(stiff), _norm(stiff * fourth)
         # what the product by phi folds back, and what it would add above the last line
         edge = len(lines) - 1 - self.band
-        outer = 2 * self.swing * _norm(sizes[edge + 1 :], 1.0)
+        outer = 2 * self.swing * _norm(sizes[edge + 1 :])
         quiet = np.sqrt(self.weights[edge])
         direct += outer * np.maximum(1.16, self.squares[edge] / quiet)
         spread += outer / quiet
-        whole, depth = _norm(sizes, 1.0), 8 + 2 * math.log2(self.length)
-        size = moved = _norm(sizes, self.squares**2)
+        whole, depth = _norm(sizes), 8 + 2 * math.log2(self.length)
+        size = moved = _norm(sizes * fourth)
         # of products by phi, and of the forces of spring, mass and damper
         rounding = (2 + depth * self.swing) * whole + 8 * moved
         rounding = UNIT_ROUNDOFF * (rounding + 8 * self.zeta * np.sqrt(moved * whole))
         if shown is not None:
-            size = _norm(sizes[: shown + 1], self.squares[: shown + 1] ** 2)
+            size = _norm((sizes * fourth)[: shown + 1])
         error = direct + self.gain * (inner + self.swing * spread + rounding)
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(error < size, error / (size - error), np.inf)
 
 
-def _norm(squares: Real, weights: Real | float) -> Real:
+def _norm(squares: Real) -> Real:
     """Rms over the period, or up to 41 % more for the mean, shape (B,)."""
-    return np.asarray(np.sqrt(2 * (squares * weights).sum(axis=0)))
+    return np.asarray(np.sqrt(2 * np.add.reduce(squares)))
 
 
 def _stencil(step: Real, zeta: Real) -> Real:
     """m+ + m-, m+ m-, and b+, b, b- of steps of some length, shape (5, B)."""
     # both exponents without a difference that cancels, however large the damping
     fast = zeta + np.sqrt(zeta**2 - 1 + 0j)
-    exponents = -step * np.array([fast, 1 / fast])
-    twice, product = np.exp(exponents).sum(axis=0).real, np.exp(-2 * zeta * step)
+    less, more = np.expm1(-step / fast), np.expm1(-step * fast)
+    twice, product = 2 + (less + more).real, np.exp(-2 * zeta * step)
     turn = np.exp(1j * step)
     resonant = (turn - twice + product / turn) / (2j * zeta)
-    mean = np.expm1(exponents).prod(axis=0).real
+    mean = (less * more).real
     both = (mean - resonant.real) / (1 - turn.real)
     apart = resonant.imag / turn.imag
     return np.array([twice, product, (both + apart) / 2, mean - both, (both - apart) / 2])

@@ -45,7 +45,9 @@ from gearmon.result import Result
 #: Fewer sets of one pattern are solved faster by themselves.
 FEWEST_TOGETHER = 16
 #: Samples x sets whose arrays stay in the cache, and factor of the lines for sets that miss.
-VALUES_TOGETHER, MORE_LINES = 26_000, 1.5
+VALUES_TOGETHER, MORE_LINES = 100_000, 1.5
+#: Sets that the steps of a march are worth, and by what their lines may differ beyond that number.
+WORTH_A_MARCH, ALIKE = 250, 1.2
 SHOT, ONE_BY_ONE, REFUSED = "shooting", "one by one", "refused"
 #: Force of all sets: a unit of static deflection.
 UNIT = np.ones(1, dtype=complex)
@@ -242,7 +244,6 @@ class _Work:
         whole: Complex = np.zeros((len(self.bound), highest + 1), dtype=complex)
         for sets, half in self._parts:
             whole[sets, : half.shape[1]] = half
-            whole[sets, half.shape[1] :] = 0
         whole *= (self.values["force_n"] / self.values["stiffness_n_per_m"])[:, None]
         whole[self.method == REFUSED] = np.nan
         return whole
@@ -293,8 +294,10 @@ class _Work:
 
         first = 0
         while first < len(sets):
-            count = int(VALUES_TOGETHER / (2 * highest[first] + 2 * len(pattern.harmonics)))
-            part = slice(first, first + max(FEWEST_TOGETHER, count))
+            most = int(VALUES_TOGETHER / (2 * highest[first] + 2 * len(pattern.harmonics)))
+            alike = int(np.searchsorted(highest, ALIKE * highest[first])) - first
+            count = max(FEWEST_TOGETHER, min(most, max(alike, WORTH_A_MARCH)))
+            part = slice(first, first + count)
             pairs = PairCompliance(ratio[part], zeta[part], UNIT)
             known = scale[part], gain[part], pattern, math.ceil(highest[part][-1])
             lines, bound = Shooting(pairs, *known).solve(self.tolerance, self.shown)

@@ -15,8 +15,7 @@ from gearmon.dynamics import (
     floquet,
     steady_state,
 )
-from gearmon.dynamics.direct import BandSystem
-from gearmon.dynamics.error_bound import peak
+from gearmon.dynamics.direct import BandSystem, peak
 from gearmon.dynamics.hill import largest_responses
 from gearmon.dynamics.mesh_equations import equations_of
 from gearmon.errors import ArgumentError

@@ -48,8 +48,18 @@ def test_against_the_matrix():
     assert found.relative[0] < 1e-10
 
 
-def test_a_motion_closes_and_obeys_its_recursion():
-    shooting = shooting_of(published_pair(damping=150.0), 60)
+# free motions that last the period, that die out within it, and that phi feeds
+@pytest.mark.parametrize(
+    ("p", "died_out"),
+    [
+        (published_pair(damping=150.0), False),
+        (turn_with_a_weak_tooth(5), True),
+        (scaled_problem(90.0, 0.08, [0.0] * 179 + [0.12]), False),
+    ],
+)
+def test_a_motion_closes_and_obeys_its_recursion(p, died_out):
+    shooting = shooting_of(p, 60)
+    assert (shooting.free.shape[1] <= shooting.length) == died_out
     still = np.random.default_rng(0).normal(size=(shooting.length, 1))
     moved = shooting.answer(still.copy())
     twice, product, after, middle, before = shooting.stencil
