@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from importlib import resources
 from typing import Any
@@ -548,12 +548,13 @@ def heard_from(gear: GearEvidence) -> float | None:
     44 N/mm did not show 30 % of one tooth in 9 of 12 analyses, where 20 % would be stated; three
     times the load showed it. Such teeth depart by themselves as damage does, and of those that are
     loaded less than `FULL_LOAD` only what would be called a fault counts as heard: of 24 cracks of
-    30 % of a simulated drive at 102 N/mm four passed for healthy without it, none does. Of a mesh
-    that is not heard by itself nothing is.
+    30 % of a simulated drive at 102 N/mm four passed for healthy without it, none does. So of a set
+    whose sun may float: of 96 losses of 40 % of eight simulated sets with one 17 passed for healthy
+    beside what is heard if it is held, 7 do. Of a mesh that is not heard by itself nothing is.
     """
     if gear.search is None or not gear.shown:
         return None
-    if gear.deviation.load < FULL_LOAD:
+    if gear.deviation.load < FULL_LOAD or gear.instead is not None:
         return noticed_from(gear)
     return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
 
@@ -583,11 +584,17 @@ def noticed_from(gear: GearEvidence) -> float | None:
     """Find the loss of one tooth from which it would have been called a fault.
 
     The same as `heard_from`, but beside all that this machine departs by from one healthy recording
-    to the next, and with what is believed of it.
+    to the next, and with what is believed of it. Where a sun may float the larger of both losses.
     """
+    searches = [own for own in (gear.search, gear.instead) if own is not None]
+    losses = [_noticed_from(replace(gear, search=own)) for own in searches]
+    return max((own for own in losses if own), default=None) if all(losses) else None
+
+
+def _noticed_from(gear: GearEvidence) -> float | None:
+    """Do the same by one search."""
     deviation, search = gear.deviation, gear.search
-    if search is None:
-        return None
+    assert search is not None
     expected = search.expected - _prior(gear)
     lines = sum(band.rest.size for band in deviation.bands)
     beside = 2.0 * lines * deviation.meetings / deviation.teeth

@@ -468,6 +468,11 @@ def unheard(
             f"Even a loss of {100 * must_notice:.0f} % of a tooth's stiffness might have gone "
             f"unnoticed on {named}: record longer, under load, or nearer to it."
         )
+        told += [
+            f"A sun that floats hides damage in its set: if that of stage {stage} does not, give "
+            "its shaft a [[bearing]] with its stiffness_n_per_m in the machine file."
+            for stage in dict.fromkeys(g.key[0] for g in searched if g.instead is not None)
+        ]
     if silent:
         told.append(
             f"What {', '.join(silent)} hears is missing: check sensor, cable and name of the "

@@ -160,12 +160,13 @@ class _Harmonic:
     @cached_property
     def mean(self) -> FloatArray:
         """Mean over channels of the logarithm of its size."""
-        return np.average(np.log(np.abs(self.ratio)), axis=1, weights=1.0 / self.noise)
+        told = np.average(np.log(np.abs(self.ratio)), axis=1, weights=1.0 / self.noise)
+        return np.asarray(told)
 
     @property
     def turned(self) -> FloatArray:
         """Mean over channels of its phase [rad]."""
-        return np.angle(np.sum(self.ratio / (np.abs(self.ratio) * self.noise), axis=1))
+        return np.asarray(np.angle(np.sum(self.ratio / (np.abs(self.ratio) * self.noise), axis=1)))
 
     @property
     def unsure(self) -> FloatArray:

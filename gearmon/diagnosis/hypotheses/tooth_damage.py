@@ -33,7 +33,11 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.machine import Machine, PlanetaryStage
-from gearmon.signatures.expected.tooth_response import ToothResponse, tooth_response
+from gearmon.signatures.expected.tooth_response import (
+    ToothResponse,
+    tooth_response,
+    with_floating_sun,
+)
 from gearmon.signatures.measured.reference import Profile
 
 # The likelihood takes the law at its word, line by line. What departs on a healthy machine, beyond
@@ -87,11 +91,14 @@ class GearEvidence:
         planetary set whose file says too little.
     shown : bool
         Whether the gear's mesh is heard by itself (`mesh_shown`).
+    instead : SearchedGear, optional
+        The less likely search of a set of which nothing tells whether its sun floats.
     """
 
     deviation: GearDeviation
     search: SearchedGear | None
     shown: bool = True
+    instead: SearchedGear | None = None
 
     @property
     def key(self) -> tuple[int, str]:
@@ -286,22 +293,33 @@ def _searched(
         alone = as_heard(gear, machine)
         if not alone.bands:
             continue
-        top = max(int(band.number[-1]) for band in alone.bands) + gear.teeth
-        found = None
-        # of a set whose file says too little, only an event of unknown form is looked for
-        with suppress(ArgumentError):
-            response = tooth_response(machine, gear.stage, gear.gear, top * gear.order)
-            power = own_mesh_power(gear, response, deviation.gears)
-            # where planets cancel, neighbours do not tell the path: it falls below its resonances
-            told = tuple(b for b in alone.bands if np.all(response.mesh[b.harmonic :][:1]))
-            # mesh harmonics that all are another's, too, tell neither size nor gear
-            lines = None if any(_on_another(gear, deviation.gears)) else gear.mesh_lines
-            heard = replace(alone, bands=told, mesh_power=power, mesh_lines=lines)
-            found = search_gear(heard, response, own.speed_hz)
-            alone = found.difference if found is not None else alone
-        if found is not None or alone.meetings > 1:
+        # nothing may tell how a sun is held
+        seats = (machine, with_floating_sun(machine, gear.stage))
+        found = [_matched(own, alone, deviation, each) for each in seats if each is not None]
+        ranked = sorted(filter(None, found), key=lambda search: -search.log_gear)
+        if ranked or alone.meetings > 1:
             shown = mesh_shown(gear, deviation.gears, machine)
-            yield GearEvidence(deviation=alone, search=found, shown=shown)
+            best, instead = (*ranked, None, None)[:2]
+            alone = best.difference if best is not None else alone
+            yield GearEvidence(deviation=alone, search=best, shown=shown, instead=instead)
+
+
+def _matched(
+    own: Profile, gear: GearDeviation, deviation: MachineDeviation, machine: Machine
+) -> SearchedGear | None:
+    """Search a gear by the response of a machine's teeth; None without one."""
+    top = max(int(band.number[-1]) for band in gear.bands) + gear.teeth
+    # of a set whose file says too little, only an event of unknown form is looked for
+    with suppress(ArgumentError):
+        response = tooth_response(machine, gear.stage, gear.gear, top * gear.order)
+        power = own_mesh_power(gear, response, deviation.gears)
+        # where planets cancel, neighbours do not tell the path: it falls below its resonances
+        told = tuple(b for b in gear.bands if np.all(response.mesh[b.harmonic :][:1]))
+        # mesh harmonics that all are another's, too, tell neither size nor gear
+        lines = None if any(_on_another(gear, deviation.gears)) else gear.mesh_lines
+        heard = replace(gear, bands=told, mesh_power=power, mesh_lines=lines)
+        return search_gear(heard, response, own.speed_hz)
+    return None
 
 
 def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:

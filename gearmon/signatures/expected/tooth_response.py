@@ -28,7 +28,7 @@ from gearmon.errors import ArgumentError, GearmonError, check_positive, check_ra
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import Stage, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
-from gearmon.machine import Machine, MachineLike, PlanetaryStage, load_machine
+from gearmon.machine import Bearing, Machine, MachineLike, PlanetaryStage, load_machine
 from gearmon.result import Result
 from gearmon.signatures.expected.baseline import added_lines
 from gearmon.signatures.expected.mesh import MeshPlace, gear_places
@@ -38,6 +38,8 @@ SMALL_LOSS = 1e-6
 _POINTS = 512
 #: Losses at which `grown_lines` are told; at the first they still grow in proportion.
 GROWN = (0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.75, 0.95)
+# Radial stiffness of a sun on a spline: a hundredth of that of its meshes or less.
+_FREE_N_PER_M = 1e6
 # Face width over module where the file gives no geometry: it does not enter the ratio of lines.
 _STANDARD_WIDTH = 10.0
 # What a mesh harmonic of a set must have to tell of the path, over what one planet would bring if
@@ -312,6 +314,44 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
         contact_ratio=stiffness.total_contact_ratio,
         from_teeth_alone=standard,
     )
+
+
+def with_floating_sun(machine: Machine, stage: int) -> Machine | None:
+    """Return a machine whose sun is free across its axis, as on a spline.
+
+    Parameters
+    ----------
+    machine : Machine
+        The machine.
+    stage : int
+        Stage, from 1.
+
+    Returns
+    -------
+    Machine or None
+        None if the stage is no planetary one, or the file tells how its sun is held.
+
+    Notes
+    -----
+    Planets share the load of a sun that floats evenly, whatever the stiffness of their meshes: of
+    what a damaged tooth changes in the forces, only what the sun's inertia opposes is left.
+    """
+    own = machine.stages[stage - 1]
+    if not isinstance(own, PlanetaryStage):
+        return None
+    if own.fixed == "sun":
+        if own.fixed_support_n_per_m is not None:
+            return None
+        freed = replace(own, fixed_support_n_per_m=_FREE_N_PER_M)
+        return replace(
+            machine, stages=(*machine.stages[: stage - 1], freed, *machine.stages[stage:])
+        )
+    shaft = stage + own.on_shafts.index("sun")
+    held = {each.shaft for each in machine.bearings} | {each.shaft for each in machine.sections}
+    if shaft in held:
+        return None
+    spline = Bearing(name="spline", shaft=shaft, stiffness_n_per_m=_FREE_N_PER_M)
+    return replace(machine, bearings=(*machine.bearings, spline))
 
 
 # recordings of a machine blame the same gear

@@ -12,8 +12,8 @@ from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard, lo
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation, GearDeviation
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
-from gearmon.signatures.expected.tooth_response import tooth_response
+from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
+from gearmon.signatures.expected.tooth_response import tooth_response, with_floating_sun
 from gearmon.signatures.measured.line_plan import line_plan
 
 SUN, PLANET, RING, PLANETS, BANDS = 18, 27, 72, 3, 8
@@ -152,9 +152,14 @@ def test_damage_of_sun_and_planet_is_found_in_a_simulated_set():
         )
     )
     reference = gearmon.learn(healthy, train)
-    assert gearmon.analyse(sound, train, reference).verdict == "healthy"
+    loose = gearmon.analyse(sound, train, reference)
+    assert loose.verdict == "cannot tell"
+    assert "give its shaft a [[bearing]]" in loose.reason
+    seat = Bearing(name="sun", shaft=1, stiffness_n_per_m=1e12)
+    firm = replace(train, bearings=(*train.bearings, seat))
+    assert gearmon.analyse(sound, firm, reference).verdict == "healthy"
     for gear, recording in (("planet", hurt), ("sun", sun)):
-        told = gearmon.analyse(recording, train, reference)
+        told = gearmon.analyse(recording, firm, reference)
         assert told.verdict == "fault"
         assert (told.flags[0].kind, told.flags[0].gear) == ("tooth damage", gear)
         assert 0.1 < told.flags[0].stiffness_loss < 0.5
@@ -215,3 +220,57 @@ def test_a_tooth_of_the_ring_is_found_with_its_loss():
         assert loss_estimate(heard, machine(), 10.0).loss == losses[-1]
         assert ring_with(0.0, 20, stage, seed).believed < 5.0
     assert np.median(losses) == pytest.approx(0.3, rel=0.35)
+
+
+def told(planets=3, **held):
+    """A set whose file bears a baseline; `held` is the bearing of the sun's shaft."""
+    stage = PlanetaryStage(
+        sun_teeth=18,
+        planet_teeth=27,
+        ring_teeth=72,
+        planets=planets,
+        fixed="ring",
+        module_mm=3.0,
+        face_width_mm=36.0,
+    )
+    point = OperatingPoint(speed_rpm=900.0, torque_nm=400.0)
+    bearings = (Bearing(name="sun", shaft=1, **held),) if held else ()
+    return Machine(name="set", operating=(point,), stages=(stage,), bearings=bearings)
+
+
+@pytest.mark.parametrize("gear", ["sun", "planet", "ring"])
+def test_a_sun_that_floats_lets_next_to_nothing_of_three_planets_be_heard(gear):
+    """Below its resonances; one that is held as firmly as can be is that of the file."""
+    free = with_floating_sun(told(), 1)
+    firm = told(stiffness_n_per_m=1e13)
+    held, loose, known = (
+        np.linalg.norm(gearmon.loss_response(own, 1, gear, max_order=30.0).acceleration)
+        for own in (told(), free, firm)
+    )
+    assert loose < 0.1 * held
+    assert known == pytest.approx(held, rel=0.01)
+
+
+def test_a_sun_floats_only_where_the_file_does_not_tell_how_it_is_held():
+    assert with_floating_sun(told(stiffness_n_per_m=1e8), 1) is None
+    fixed = replace(told().stages[0], fixed="sun", driving="carrier")
+    own = with_floating_sun(replace(told(), stages=(fixed,)), 1)
+    assert 0 < own.stages[0].fixed_support_n_per_m < 1e7
+    seated = replace(fixed, fixed_support_n_per_m=1e9)
+    assert with_floating_sun(replace(told(), stages=(seated,)), 1) is None
+    pair = ParallelStage(pinion_teeth=20, gear_teeth=60)
+    assert with_floating_sun(replace(told(), stages=(pair,)), 1) is None
+
+
+def test_what_a_sun_that_may_float_hides_has_to_be_larger_to_be_noticed():
+    own = as_heard(deviation("planet", None, 1), machine())
+    held, free = (
+        search_gear(own, tooth_response(each, 1, "planet", 400.0), 10.0)
+        for each in (told(), with_floating_sun(told(), 1))
+    )
+    sure, unsure = (
+        noticed_from(GearEvidence(deviation=own, search=s)) or 1.0 for s in (held, free)
+    )
+    either = GearEvidence(deviation=own, search=held, instead=free)
+    assert sure < unsure
+    assert (noticed_from(either) or 1.0) == unsure
