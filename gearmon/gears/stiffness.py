@@ -18,13 +18,13 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.errors import ArgumentError, check_range, check_word
+from gearmon.errors import ArgumentError, check_word
 from gearmon.gears.damage import CurvePairs, PairsInMesh, TeethInMesh, acting_faults, gear_losses
 from gearmon.gears.excitation import ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
@@ -32,18 +32,19 @@ from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
 from gearmon.gears.pulses import POINTS, Pulse, PulseTrain
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, teeth_of
+from gearmon.machine.fields import Checked, Choice, Count, held, within
 
 #: Loss of stiffness of a pair from the middle of its contact to its ends, Cai & Hayashi (1994).
 CURVATURE_CAI = 0.45
 #: The same from the closed form of Gu, Velex, Sainsot & Bruyere (2015).
 CURVATURE_GU = 0.391
 
-Normalisation = Literal["mean", "maximum"]
-Duty = Literal["true", "half"]
+#: How long the high level of a rectangle may last, see `Rectangular`.
+DUTY = Choice(options=("true", "half"))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parabolic:
+class Parabolic(Checked):
     """Parabola of one pair: ``K_max [1 - q (2 t/(eps_a T) - 1)^2]`` over its contact.
 
     Parameters
@@ -55,14 +56,8 @@ class Parabolic:
         is then ``eps_a (1 - q/3) c' b``).
     """
 
-    curvature: float = CURVATURE_CAI
-    normalisation: Normalisation = "mean"
-
-    def __post_init__(self) -> None:
-        q = self.curvature
-        if not 0 <= q < 1:
-            raise ArgumentError(f"curvature={q} must lie in [0, 1); usual values 0.45 and 0.391")
-        check_word("normalisation=", self.normalisation, ("mean", "maximum"))
+    curvature: float = within(0, 1, default=CURVATURE_CAI, open_high=True)
+    normalisation: str = held(Choice(options=("mean", "maximum")), "mean")
 
     @property
     def name(self) -> str:
@@ -130,11 +125,7 @@ class Rectangular(Parabolic):
         Of the parabola whose zone means are the levels.
     """
 
-    duty: Duty = "true"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_word("duty=", self.duty, ("true", "half"))
+    duty: str = held(DUTY, "true")
 
     @property
     def name(self) -> str:
@@ -173,14 +164,8 @@ class FourierSum(Rectangular):
     high part. The sum overshoots the levels by up to 8.95 % of the jump at any number of terms.
     """
 
-    terms: int = 30
-    duty: Duty = "half"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.terms != int(self.terms):
-            raise ArgumentError(f"terms={self.terms} must be a whole number in [1, 400]")
-        check_range("terms", self.terms, 1, 400)
+    terms: int = held(Count(1, 400), 30)
+    duty: str = held(DUTY, "half")
 
     @property
     def name(self) -> str:

@@ -51,8 +51,7 @@ Curve = Callable[[FloatArray], ComplexArray]
 #: Tangent angle of the critical section of a ring's fillet, ISO 6336-3 [rad].
 RING_TANGENT = math.radians(60)
 #: Which curve joins the involute and the root circle; see `Tooth`.
-Root = Literal["fillet", "straight", "base"]
-ROOTS: tuple[Root, ...] = ("fillet", "straight", "base")
+ROOTS = ("fillet", "straight", "base")
 #: Where the involute is split for its integrals: 1/h^3 is steep towards the tip.
 SPLITS = (0.6, 0.87)
 #: Shear factor of a rectangular section.
@@ -115,7 +114,7 @@ class Tooth(RackTooth):
     bore_radius_m: float
     face_width_m: float
     poisson_ratio: float = 0.3
-    root: Root = "fillet"
+    root: str = "fillet"
 
     def __post_init__(self) -> None:
         thickness = self.bore_radius_m - self.root_radius_m
