@@ -14,6 +14,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -426,14 +427,12 @@ class PairGeometry:
         ArgumentError
             If the gears are helical and the face width is not known.
         """
-        if self.helix_angle_rad == 0:
-            return 0.0
-        if self.face_width_m is None:
+        if self.helix_angle_rad and self.face_width_m is None:
             raise ArgumentError(
                 "face_width_m is missing: the overlap ratio of helical gears needs it"
             )
-        axial_pitch = math.pi * self.gears[0].module_m / math.sin(self.helix_angle_rad)
-        return self.face_width_m / axial_pitch
+        width = (self.face_width_m or 0.0) * math.sin(self.helix_angle_rad)
+        return width / (math.pi * self.gears[0].module_m)
 
     @property
     def total_contact_ratio(self) -> float:
@@ -592,7 +591,7 @@ def check_pair(pair: PairGeometry) -> PairGeometry:
         If the pair cannot run, with the number that offends and what would cure it.
     """
     warnings = [*pair.warnings, *_check_backlash(pair)]
-    warnings += [*_check_tip(pair, 0), *_check_tip(pair, 1)]
+    warnings += chain(*map(_check_tip, pair.gears))
     _check_contact_ratio(pair)
     _check_clearance(pair, 0)
     _check_clearance(pair, 1)
@@ -651,8 +650,7 @@ def _check_backlash(pair: PairGeometry) -> Iterator[str]:
         )
 
 
-def _check_tip(pair: PairGeometry, index: int) -> Iterator[str]:
-    gear = pair.gears[index]
+def _check_tip(gear: RackTooth) -> Iterator[str]:
     if gear.tip_radius_m < gear.base_radius_m:
         raise ArgumentError(
             f"tip_factor_{gear.name}={gear.tip_factor:g} puts the tips of the {gear.name} at "

@@ -198,12 +198,17 @@ def load_share(machine: Machine, number: int) -> float:
 
 def pair_of(machine: Machine, number: int, mesh: int = 0) -> MeshPair:
     """Return a pair of a stage, counted from 1; of a planetary stage 0 is sun-planet."""
-    check_range("stage", number, 1, len(machine.stages))
-    pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
+    pairs = pairs_of(machine, number)
     if mesh not in range(len(pairs)):
         names = ", ".join(f"{i} ({pair.name})" for i, pair in enumerate(pairs))
         raise ArgumentError(f"mesh={mesh} of stage {number} must be one of {names}")
     return pairs[mesh]
+
+
+def pairs_of(machine: Machine, number: int) -> tuple[MeshPair, ...]:
+    """Return the pairs of a stage, counted from 1."""
+    check_range("stage", number, 1, len(machine.stages))
+    return mesh_pairs(machine.stages[number - 1], number, machine.path)
 
 
 def known_force(machine: Machine, pair: MeshPair, point: OperatingPoint) -> float | None:

@@ -194,14 +194,9 @@ def method_b(
 def _ordered(one: GearTeeth, other: GearTeeth) -> tuple[GearTeeth, GearTeeth]:
     if one.internal and other.internal:
         raise ArgumentError("internal gears do not mesh with each other: one must be external")
-
-    def rank(own: GearTeeth) -> tuple[float, ...]:
-        # equal teeth: the standard's range has x1 >= x2
-        shift, dedendum = -own.profile_shift, own.root_factor
-        return own.internal, own.teeth, shift, dedendum, own.elastic_modulus_pa
-
-    first, second = sorted((one, other), key=rank)
-    return first, second
+    # of equal teeth: the standard's range has x1 >= x2
+    both = sorted((one, other), key=lambda own: (own.internal, own.teeth, -own.profile_shift))
+    return both[0], both[1]
 
 
 def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, float]) -> float:

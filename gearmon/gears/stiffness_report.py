@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
 from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import known_force, pair_of
-from gearmon.gears.pairs import MeshPair, mesh_pairs
+from gearmon.gears.mechanics import known_force, pair_of, pairs_of
+from gearmon.gears.pairs import MeshPair
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
@@ -300,10 +300,8 @@ def stiffness_report(
     """
     last = len(machine.stages)
     known = faults_of(faults, errors=False, stages=last)
-    if stage is not None:
-        check_range("stage", stage, 1, last)
     numbers = range(1, last + 1) if stage is None else [stage]
-    pairs = [p for n in numbers for p in mesh_pairs(machine.stages[n - 1], n, machine.path)]
+    pairs = [pair for number in numbers for pair in pairs_of(machine, number)]
     # overrides of a planetary stage are meant for sun and planet
     able = [pair for pair in pairs if pair.is_main or pair.stage.module_mm is not None]
     stages = tuple(_mesh(machine, pair, known, form) for pair in able)
@@ -321,8 +319,6 @@ def size_curve(fault: Fault, pair: ToothPair, index: int) -> SizeCurve:
     index : {0, 1}
         Gear of the damaged tooth.
     """
-    if fault.unit == "level":
-        raise ArgumentError(f"fault {fault}: a level is no size to draw; give a share of the flank")
     sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), CURVE_POINTS)
     losses = [stiffness_loss(replace(fault, size=size), pair, index) for size in sizes.tolist()]
     mean, greatest = np.array([(loss.mean, loss.greatest) for loss in losses]).T
