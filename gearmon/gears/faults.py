@@ -126,6 +126,10 @@ class _OnGear:
         except FieldError as error:
             key = "from" if error.key == "start" else error.key
             raise ArgumentError(error.message(f"{self.word} {key}")) from None
+        is_whole = self.kind in ("wear", *WHOLE_KINDS)
+        if (self.tooth is None) != is_whole and self.kind != "profile":
+            wanted = "'all'" if is_whole else "one tooth number"
+            raise ArgumentError(f"{self.word} {self.kind}: TOOTH must be {wanted}")
 
     @property
     def _place(self) -> str:
@@ -201,9 +205,6 @@ class Fault(_OnGear):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if (self.tooth is None) != (self.kind == "wear"):
-            wanted = "'all'" if self.kind == "wear" else "one tooth number"
-            raise ArgumentError(f"fault {self.kind}: TOOTH must be {wanted}")
         units = KIND_UNITS[self.kind]
         if self.unit not in (*LOSS_UNITS, *units):
             own = [unit for unit in units if unit != "tooth"]
@@ -417,13 +418,6 @@ class GearError(_OnGear):
     kind: str = held(Choice(options=tuple(ERROR_KINDS)))
     size_m: float = held(Number(-20, 20, "m"))
     phase_rad: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.kind in WHOLE_KINDS and self.tooth is not None:
-            raise ArgumentError(f"error {self.kind} is of the whole gear: TOOTH must be 'all'")
-        if self.kind == "pitch" and self.tooth is None:
-            raise ArgumentError("error pitch is of one tooth: TOOTH must be its number")
 
     def __str__(self) -> str:
         """Return the error in the form that `parse_error` reads."""

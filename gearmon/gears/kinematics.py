@@ -256,7 +256,7 @@ class Kinematics:
         ArgumentError
             If there is no such shaft.
         """
-        return _numbered("shaft", self.shafts, number)
+        return numbered("shaft", self.shafts, number)
 
     def mesh(self, stage: int) -> Mesh:
         """Return the mesh of this stage, counted from 1.
@@ -266,7 +266,7 @@ class Kinematics:
         ArgumentError
             If there is no such stage.
         """
-        return _numbered("stage", self.meshes, stage)
+        return numbered("stage", self.meshes, stage)
 
     def coincidences(self, highest_harmonic: int = 20) -> tuple[Coincidence, ...]:
         """Return the lowest common harmonic of every two stages that have one.
@@ -311,7 +311,14 @@ class LineTable(Result):
     notes: tuple[str, ...] = ()
 
 
-def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
+def numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
+    """Return the item with this number, counted from 1.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none.
+    """
     if number not in range(1, len(items) + 1):
         raise ArgumentError(f"{what}={number} must lie in [1, {len(items)}], a whole number")
     return items[int(number) - 1]

@@ -24,11 +24,11 @@ import numpy.typing as npt
 from scipy.linalg import eigh
 
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError
 from gearmon.gears.excitation import Excitation, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.geometry import USUAL_RIM
-from gearmon.gears.kinematics import kinematics
+from gearmon.gears.kinematics import kinematics, numbered
 from gearmon.gears.pairs import LOW_LOAD_N_PER_MM, MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
@@ -207,8 +207,7 @@ def pair_of(machine: Machine, number: int, mesh: int = 0) -> MeshPair:
 
 def pairs_of(machine: Machine, number: int) -> tuple[MeshPair, ...]:
     """Return the pairs of a stage, counted from 1."""
-    check_range("stage", number, 1, len(machine.stages))
-    return mesh_pairs(machine.stages[number - 1], number, machine.path)
+    return mesh_pairs(numbered("stage", machine.stages, number), number, machine.path)
 
 
 def known_force(machine: Machine, pair: MeshPair, point: OperatingPoint) -> float | None:
