@@ -166,27 +166,16 @@ class PairsInMesh(ABC):
     def _lost(self, states: Sequence[PairState]) -> Pulse:
         """Return the loss near damage; near that of both gears, less that near either."""
         edges = self._edges(states)
-        lost = self._missing(edges, states)
+        phase = panel_nodes(edges, self.points)
+        sound = self.healthy.value(phase)
+        lost = sound - self.loads(phase, states)[self.reach]
         apart = [(own, ()) for own, _ in states], [((), own) for _, own in states]
         if all(any(map(any, alone)) for alone in apart):
-            lost -= sum(self._missing(edges, alone) for alone in apart)
-        # nothing is lost in the pieces at its ends
-        used = np.flatnonzero(np.abs(lost).max(axis=1) > 1e-12 * self.healthy.area)
+            lost -= sum(sound - self.loads(phase, alone)[self.reach] for alone in apart)
+        # in the pieces at its ends nothing is lost but for rounding
+        used = np.flatnonzero(np.abs(lost).max(axis=1) > 1e-11 * self.healthy.area)
         first, last = (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 0)
         return Pulse.through(edges[first : last + 1], lost[first:last], self.healthy.fastest)
-
-    def _missing(self, edges: FloatArray, states: Sequence[PairState]) -> FloatArray:
-        """Return what the middle pair carries less than among sound ones, at the panel nodes."""
-        # where no damaged tooth is in contact nothing changes
-        middle = 0.5 * (edges[:-1] + edges[1:])
-        here = np.zeros(len(middle), dtype=bool)
-        for n, state in zip(self._places, states, strict=True):
-            here |= any(state) & (middle > n) & (middle < n + self.length)
-        phase = panel_nodes(edges, self.points)
-        lost = np.zeros(phase.shape)
-        carried = self.loads(phase[here], states)[self.reach]
-        lost[here] = self.healthy.value(phase[here]) - carried
-        return lost
 
     @property
     def _places(self) -> range:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -174,7 +175,6 @@ class StageStiffness:
     healthy, damaged : MeshStiffness
         The same object where there is no fault.
     faults : tuple of FaultLoss
-    curve : SizeCurve or None
     teeth : ToothPair or None
         Where they are known, to be drawn.
     warnings : tuple of str
@@ -185,7 +185,6 @@ class StageStiffness:
     healthy: MeshStiffness
     damaged: MeshStiffness
     faults: tuple[FaultLoss, ...]
-    curve: SizeCurve | None
     teeth: ToothPair | None
     warnings: tuple[str, ...]
 
@@ -222,6 +221,18 @@ class StageStiffness:
         drawn = [f for f in told if f and teeth.setdefault(f.gear, f.tooth) == f.tooth]
         cracks = {f.gear: f for f in reversed(drawn) if f.kind == "crack"}
         return tuple(f for f in drawn if f.kind != "crack" or f is cracks[f.gear])
+
+    @cached_property
+    def curve(self) -> SizeCurve | None:
+        """Loss against the size of the first fault that has one; without faults of a root crack."""
+        if self.teeth is None:
+            return None
+        names = [tooth.name for tooth in self.teeth.teeth]
+        sized = [entry.sized for entry in self.faults if entry.sized is not None]
+        if not self.faults:
+            place: dict[str, Any] = {"stage": self.stage, "gear": names[0], "tooth": 1}
+            sized = [Fault(kind="crack", size=0.0, unit="mm", **place)]
+        return size_curve(sized[0], self.teeth, names.index(sized[0].gear)) if sized else None
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the table: one row a phase, stiffness in N/m."""
@@ -340,7 +351,6 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
         healthy=healthy,
         damaged=damaged,
         faults=losses,
-        curve=_curve(losses, pair, teeth) if teeth else None,
         teeth=teeth,
         warnings=tuple(dict.fromkeys(notes)),
     )
@@ -372,12 +382,3 @@ def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultL
     except ArgumentError:
         return FaultLoss(fault, loss, "out of reach")
     return FaultLoss(fault, loss, f"{found.size:.3g}{found.unit}", found)
-
-
-def _curve(losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair) -> SizeCurve | None:
-    """Return the curve of the first fault that has a size; without faults that of a root crack."""
-    sized = [entry.sized for entry in losses if entry.sized is not None]
-    if not losses:
-        gear, stage = pair.first.name, pair.number or 1
-        sized = [Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.0, unit="mm")]
-    return size_curve(sized[0], teeth, pair.names.index(sized[0].gear)) if sized else None
