@@ -101,11 +101,9 @@ class Wave(Parabolic):
         """Return the stiffness of one pair over its contact, in units of its maximum."""
         edges, pairs = contact_zones(contact_ratio)
         width = np.diff(edges)
-        at = np.stack([edges[:-1], edges[:-1] + 0.5 * width], axis=1) % 1.0
-        # summed without the contact test, so that the zone ends give their one-sided limits
-        whole, zones = super().pulse(contact_ratio), zip(at, pairs, strict=True)
-        levels = np.array([whole.at(x[:, None] + np.arange(n)).sum(axis=1) for x, n in zones])
-        end, rise = (levels[:, 0] / pairs)[:, None], (np.diff(levels)[:, 0] / pairs)[:, None]
+        own = super().pulse(contact_ratio).at(edges[:-1, None] + np.outer(width, [0.0, 0.5]))
+        levels = over_pairs(own, contact_ratio) / pairs[:, None]
+        end, rise = levels[:, :1], np.diff(levels)
 
         def arches(t: FloatArray) -> FloatArray:
             return np.asarray(end + rise * np.sin(np.pi * (t - edges[:-1, None]) / width[:, None]))
@@ -196,6 +194,20 @@ class FourierSum(Rectangular):
         return Pulse(found.edges, found.series, fastest=float(rates[-1]))
 
 
+def over_pairs(values: FloatArray, length: float) -> FloatArray:
+    """Return what all pairs in contact have together, zone by zone.
+
+    Parameters
+    ----------
+    values : ndarray, shape (zones, ...)
+        What one pair has at the same place in each of the zones that it passes.
+    length : float
+        Of its contact, see `contact_zones`: every second zone has as many pairs.
+    """
+    step = 2 if length % 1 > 1e-12 else 1
+    return np.array([values[zone % step :: step].sum(axis=0) for zone in range(len(values))])
+
+
 def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[float, float]:
     """Mean of the parabolic form while n + 1 pairs carry, and while n do, in units of K_max.
 
@@ -204,12 +216,11 @@ def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[
     >>> [round(level, 6) for level in zone_means(1.412)]
     [1.523046, 0.973988]
     """
-    few, (edges, pairs) = math.floor(contact_ratio), contact_zones(contact_ratio)
-    part = contact_ratio - few
+    few, (edges, _) = math.floor(contact_ratio), contact_zones(contact_ratio)
     areas = np.diff(Parabolic(curvature=curvature).pulse(contact_ratio).integral(edges))
-    low = float(areas[pairs == few].sum()) / (1 - part)
+    means = over_pairs(areas, contact_ratio) / np.diff(edges)
     # without a zone of n + 1 pairs both levels are the mean of the one zone
-    return (low if part < 1e-12 else float(areas[pairs > few].sum()) / part), low
+    return float(means[0]), float(means[:2][-1]) if few else 0.0
 
 
 @lru_cache(maxsize=64)
@@ -273,9 +284,7 @@ def _stretched(pulse: Pulse, factor: float) -> Pulse:
     """
     zones, pairs = contact_zones(pulse.length)
     parts = pulse * Pulse(zones, np.ones((len(pairs), 1)))
-    kinds = np.arange(len(parts.series)) % (2 if pulse.length % 1 > 1e-12 else 1)
-    sums = np.array([parts.limits[kinds == kind].sum(axis=0) for kind in range(kinds.max() + 1)])
-    share = parts.limits / sums[kinds]
+    share = parts.limits / over_pairs(parts.limits, pulse.length)
     series = factor * parts.series
     series = np.pad(series, ((0, 0), (0, max(0, 2 - series.shape[1]))))
     series[:, 0] += (1 - factor) * share.mean(axis=1)
