@@ -23,7 +23,7 @@ from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
-from gearmon.gears.faults import BANDS, Fault, GearError
+from gearmon.gears.faults import BANDS, SIZES, Fault, GearError
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import (
@@ -456,8 +456,7 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
         fault = replace(fault, unit="flank", size=0.1)
     if fault.is_loss or fault.unit == "tooth":
         raise ArgumentError(f"fault {fault} has no size to be found; give one in mm or as share")
-    if not 0 <= loss < 1:
-        raise ArgumentError(f"loss={loss:g} must lie in [0, 1)")
+    SIZES[""].checked("loss", loss)
     most_size = largest_size(fault, pair.teeth[index])
     most = stiffness_loss(replace(fault, size=most_size), pair, index).mean
     if loss > most:

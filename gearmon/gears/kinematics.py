@@ -20,7 +20,7 @@ from functools import lru_cache
 from itertools import combinations, pairwise
 from typing import Any, TypeVar
 
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, check_word
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.result import Result
 
@@ -163,9 +163,7 @@ class Mesh(Turning):
             If the stage has no such gear.
         """
         known = {wheel.gear: wheel for wheel in self.wheels}
-        if gear not in known:
-            names = ", ".join(known)
-            raise ArgumentError(f"gear={gear!r} is not in stage {self.stage}; it has {names}")
+        check_word(f"gear of stage {self.stage}: ", gear, known)
         return known[gear]
 
     def brought_alike(self, gear: str, side: int) -> tuple[int, int]:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 
-from gearmon.errors import ArgumentError, check_positive
+from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
 from gearmon.machine import ParallelStage, PlanetaryStage
 
@@ -298,9 +298,7 @@ class MeshPair:
         ArgumentError
             If the pair has no such gear.
         """
-        if name not in self.names:
-            known = " and ".join(self.names)
-            raise ArgumentError(f"{self.where} has no {name}: the gears of this mesh are {known}")
+        check_word(f"{self.where}: gear of this mesh ", name, self.names)
         return self.members[self.names.index(name)]
 
     def need(self, key: str, purpose: str, instead: str = "") -> float:

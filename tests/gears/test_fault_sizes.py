@@ -232,7 +232,7 @@ def test_no_loss_is_size_zero():
     [
         ("spall:1:pinion:5:1x1x0.3mm", 0.9, r"a spall costs at most .* out of its reach"),
         ("crack:1:pinion:5:20%", 0.2, "has no size to be found"),
-        ("crack:1:pinion:5:1mm", 1.5, r"loss=1.5 must lie in \[0, 1\)"),
+        ("crack:1:pinion:5:1mm", 1.5, r"loss = 1.5 must lie in \[0, 1\)"),
     ],
 )
 def test_losses_out_of_reach_are_refused(text, loss, match):
