@@ -22,7 +22,7 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError
+from gearmon.errors import ArgumentError, check_word
 from gearmon.gears.faults import BANDS, SIZES, Fault, GearError
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair, mesh_pairs
@@ -512,14 +512,11 @@ def _bridged(pair: ToothPair, length: float) -> Pulse:
     part, few = length % 1.0, math.floor(length)
     factor = pair.contact_ratio / length
     ends = pair.compliances(pair.roll(np.array([0.0, pair.contact_ratio]))).stiffness.mean()
-
-    def share(phase: FloatArray) -> FloatArray:
-        own = pair.compliances(pair.roll(factor * phase)).stiffness
-        alone = (few == 1) & (phase >= part) & (phase < 1)
-        return np.where(alone, 1 - np.minimum(ends / own, 1.0), 1.0)
-
     edges = distinct([0.0, *(x for x in (part, 1.0) if 0 < x < length), length], 1e-12)
-    return Pulse.of(edges, share, LOSS_POINTS)
+    phase = panel_nodes(edges, LOSS_POINTS)
+    own = pair.compliances(pair.roll(factor * phase)).stiffness
+    alone = (few == 1) & (phase >= part) & (phase < 1)
+    return Pulse.through(edges, np.where(alone, 1 - np.minimum(ends / own, 1.0), 1.0))
 
 
 def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helical: bool) -> Losses:
@@ -535,13 +532,10 @@ def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helica
 
 def _weaker(damage: ToothDamage, pair: ToothPair, index: int) -> Pulse:
     beams = pair.beams(*((damage, SOUND) if index == 0 else (SOUND, damage)))
-
-    def share(phase: FloatArray) -> FloatArray:
-        roll = pair.roll(phase)
-        return 1 - pair.compliances(roll).total / pair.compliances(roll, beams).total
-
     edges = distinct([0.0, *pair.corners(beams), pair.contact_ratio], 1e-12)
-    return Pulse.of(edges, share, LOSS_POINTS)
+    roll = pair.roll(panel_nodes(edges, LOSS_POINTS))
+    sound, hurt = pair.compliances(roll).total, pair.compliances(roll, beams).total
+    return Pulse.through(edges, 1 - sound / hurt)
 
 
 def _face_edges(damage: ToothDamage, pair: ToothPair) -> list[float]:
@@ -584,10 +578,9 @@ def acting_faults(pair: MeshPair, faults: Iterable[_Wrong]) -> tuple[list[_Wrong
         If the stage has no such gear or the gear no such tooth.
     """
     acting, notes = [], []
-    stage_gears = {name for other in mesh_pairs(pair.stage, pair.number) for name in other.names}
+    known = [name for other in mesh_pairs(pair.stage, pair.number) for name in other.names]
     for own in faults:
-        if own.gear not in stage_gears:
-            pair.member(own.gear)  # refuses it
+        check_word(f"{pair.where}: gear ", own.gear, known)
         # the flank of a planet that meets the ring is not the one that is hurt
         far = own.gear == "planet" and pair.second.internal
         if own.gear not in pair.names or (far and own.kind in ("crack", *BANDS)):

@@ -61,6 +61,7 @@ from gearmon.gears.pulses import (
     PulseTerm,
     PulseTrain,
     distinct,
+    panel_nodes,
 )
 from gearmon.gears.tooth_damage import tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
@@ -550,10 +551,6 @@ def _bridge(pair: ToothPair) -> Pulse | None:
         beyond = phase - part if leaving else 1 - phase
         return tip_corner_gap(pair, beyond * pair.base_pitch_m, leaving=leaving)
 
-    def gap(phase: FloatArray) -> FloatArray:
-        # a gap between the flanks of helical teeth is closed by more along the line of action
-        return np.asarray(pair.oblique * np.minimum(apart(phase, True), apart(phase, False)))
-
     def difference(phase: float) -> float:
         return float(apart(np.array(phase), True) - apart(np.array(phase), False))
 
@@ -561,7 +558,10 @@ def _bridge(pair: ToothPair) -> Pulse | None:
     if difference(edges[0]) * difference(1.0) < 0:
         # here the neighbour behind takes over from the one ahead
         edges.insert(1, brentq(difference, *edges, xtol=1e-14))
-    return Pulse.of(edges, gap, GAP_POINTS)
+    phase = panel_nodes(np.array(edges), GAP_POINTS)
+    # a gap between the flanks of helical teeth is closed by more along the line of action
+    gap = pair.oblique * np.minimum(apart(phase, True), apart(phase, False))
+    return Pulse.through(np.array(edges), gap)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -30,7 +30,7 @@ from gearmon.gears.excitation import ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
-from gearmon.gears.pulses import POINTS, Pulse, PulseTrain
+from gearmon.gears.pulses import POINTS, Pulse, PulseTrain, panel_nodes
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, teeth_of
 from gearmon.machine.fields import Checked, Choice, Count, held, within
 
@@ -104,11 +104,8 @@ class Wave(Parabolic):
         own = super().pulse(contact_ratio).at(edges[:-1, None] + np.outer(width, [0.0, 0.5]))
         levels = over_pairs(own, contact_ratio) / pairs[:, None]
         end, rise = levels[:, :1], np.diff(levels)
-
-        def arches(t: FloatArray) -> FloatArray:
-            return np.asarray(end + rise * np.sin(np.pi * (t - edges[:-1, None]) / width[:, None]))
-
-        return Pulse.of(edges, arches)
+        turned = np.pi * (panel_nodes(edges) - edges[:-1, None]) / width[:, None]
+        return Pulse.through(edges, end + rise * np.sin(turned))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,15 +180,11 @@ class FourierSum(Rectangular):
         mean, amplitudes = rectangle.area, 2 * rectangle.transform(orders)
         edges, pairs = contact_zones(self.length(contact_ratio))
         rates = 2 * np.pi * orders
-
-        def terms(t: FloatArray) -> FloatArray:
-            turned = np.exp(1j * rates * t[..., None]) @ amplitudes
-            return np.asarray((mean + turned.real) / pairs[:, None])
-
         # over half a piece the fastest term turns by w: beyond w + 36 coefficients vanish
         reach = 0.5 * float(rates[-1] * np.diff(edges).max())
-        found = Pulse.of(edges, terms, POINTS + math.ceil(1.05 * reach) + 20)
-        return Pulse(found.edges, found.series, fastest=float(rates[-1]))
+        phase = panel_nodes(edges, POINTS + math.ceil(1.05 * reach) + 20)
+        turned = np.exp(1j * rates * phase[..., None]) @ amplitudes
+        return Pulse.through(edges, (mean + turned.real) / pairs[:, None], float(rates[-1]))
 
 
 def over_pairs(values: FloatArray, length: float) -> FloatArray:

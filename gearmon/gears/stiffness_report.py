@@ -341,8 +341,11 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
     faults = [own for own in known if own.stage == pair.number]
     healthy = mesh_stiffness(pair, (), form, force_n=force)
     damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
-    notes = list(damaged.warnings)
-    teeth = _teeth(pair, notes)
+    notes, teeth = list(damaged.warnings), None
+    try:
+        teeth = teeth_of(pair)
+    except ArgumentError as error:
+        notes.append(f"no picture and no sizes: {error}")
     acting = acting_faults(pair, faults)[0]
     losses = tuple(_fault_loss(fault, pair, teeth) for fault in acting)
     return StageStiffness(
@@ -354,14 +357,6 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
         teeth=teeth,
         warnings=tuple(dict.fromkeys(notes)),
     )
-
-
-def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
-    try:
-        return teeth_of(pair)
-    except ArgumentError as error:
-        notes.append(f"no picture and no sizes: {error}")
-        return None
 
 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:

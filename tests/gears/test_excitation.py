@@ -187,7 +187,7 @@ def test_errors_without_meaning_are_refused(text, match):
 def test_errors_that_do_not_fit_the_mesh():
     with pytest.raises(ArgumentError, match="tooth 27 does not exist"):
         excite("pitch:1:pinion:27:5um")
-    with pytest.raises(ArgumentError, match="gear of this mesh 'sun' is not one of pinion, gear"):
+    with pytest.raises(ArgumentError, match="gear 'sun' is not one of pinion, gear"):
         excite("pitch:1:sun:2:5um")
     inner, outer = mesh_pairs(PLANETARY, 1)
     wrong = [parse_error("pitch:1:sun:2:5um"), parse_fault("spall:1:planet:3:10x2x0.5mm")]
