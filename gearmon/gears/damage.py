@@ -402,8 +402,7 @@ def measured_losses(
     losses: Losses = reduce(union, parts, ())
     nominal = pair.contact_ratio if length is None else length
     factor = nominal / pair.contact_ratio
-    if abs(factor - 1) > 1e-9:
-        losses = tuple(replace(p, pulse=p.pulse.stretched(factor)) for p in losses)
+    losses = tuple(replace(part, pulse=part.pulse.stretched(factor)) for part in losses)
     if any(fault.kind == "missing" for fault in faults):
         losses = union(losses, (PulseTerm(_bridged(pair, nominal)),))
     return losses

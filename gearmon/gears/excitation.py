@@ -76,8 +76,6 @@ NODES = (3, 5, 9, 17)
 CONVERGED = 1e-10
 #: Phases evaluated together; bounds the memory.
 PHASES_PER_BLOCK = 16_384
-#: Of what does not move.
-NONE = 0j, 0j, 0j
 #: Gauss points on either side of where the neighbours of a missing tooth change over.
 GAP_POINTS = 32
 #: Most contacts of faulty teeth, each computed by itself, in a true period.
@@ -119,7 +117,7 @@ def contact_offsets(pair: MeshPair, errors: Sequence[GearError]) -> tuple[Contac
     found = []
     for index, member in enumerate(pair.members):
         own = [_moved(error, pair, index) for error in errors if error.gear == member.name]
-        moved = np.sum([NONE, *own], axis=0).tolist()
+        moved = np.sum(own, axis=0).tolist() if own else []
         if any(moved):
             found.append(ContactOffset(member.name, pair.teeth[index], *moved))
     return tuple(found)
@@ -558,10 +556,10 @@ def _bridge(pair: ToothPair) -> Pulse | None:
     if difference(edges[0]) * difference(1.0) < 0:
         # here the neighbour behind takes over from the one ahead
         edges.insert(1, brentq(difference, *edges, xtol=1e-14))
-    phase = panel_nodes(np.array(edges), GAP_POINTS)
+    limits = np.array(edges)
+    phase = panel_nodes(limits, GAP_POINTS)
     # a gap between the flanks of helical teeth is closed by more along the line of action
-    gap = pair.oblique * np.minimum(apart(phase, True), apart(phase, False))
-    return Pulse.through(np.array(edges), gap)
+    return Pulse.through(limits, pair.oblique * np.minimum(apart(phase, True), apart(phase, False)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -618,9 +616,8 @@ class Excitation:
             )
         for train in self.stiffness.trains:
             for term in train.terms:
-                # a term without pieces takes nothing
-                if len(term.pulse.series):
-                    closed = term.pulse * gap
+                closed = term.pulse * gap
+                if len(closed.series):
                     for entry in entries:
                         if (entry - round(term.offset)) % train.period_mesh == 0:
                             yield replace(term, pulse=closed, offset=float(entry))

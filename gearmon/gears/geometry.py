@@ -590,11 +590,9 @@ def check_pair(pair: PairGeometry) -> PairGeometry:
     ArgumentError
         If the pair cannot run, with the number that offends and what would cure it.
     """
-    warnings = [*pair.warnings, *_check_backlash(pair)]
-    warnings += chain(*map(_check_tip, pair.gears))
+    warnings = [*pair.warnings, *_check_backlash(pair), *chain(*map(_check_tip, pair.gears))]
     _check_contact_ratio(pair)
-    _check_clearance(pair, 0)
-    _check_clearance(pair, 1)
+    _check_clearance(pair)
     warnings += _check_root(pair, 0)
     warnings += _check_ring(pair) if pair.gears[1].internal else _check_root(pair, 1)
     return replace(pair, warnings=tuple(warnings))
@@ -685,16 +683,16 @@ def _check_contact_ratio(pair: PairGeometry) -> None:
         )
 
 
-def _check_clearance(pair: PairGeometry, index: int) -> None:
-    gear, mate = pair.gears[index], pair.gears[1 - index]
-    gap = pair.gears[1].sign * pair.centre_distance_m
-    gap -= gear.sign * gear.tip_radius_m + mate.sign * mate.root_radius_m
-    if gap <= 0:
-        raise ArgumentError(
-            f"the tips of the {gear.name} run {-1e3 * gap:.4g} mm into the roots of the "
-            f"{mate.name}; reduce tip_factor_{gear.name} or raise root_factor_{mate.name} or the "
-            f"centre distance"
-        )
+def _check_clearance(pair: PairGeometry) -> None:
+    for gear, mate in (pair.gears, pair.gears[::-1]):
+        gap = pair.gears[1].sign * pair.centre_distance_m
+        gap -= gear.sign * gear.tip_radius_m + mate.sign * mate.root_radius_m
+        if gap <= 0:
+            raise ArgumentError(
+                f"the tips of the {gear.name} run {-1e3 * gap:.4g} mm into the roots of the "
+                f"{mate.name}; reduce tip_factor_{gear.name} or raise root_factor_{mate.name} or "
+                f"the centre distance"
+            )
 
 
 def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:

@@ -29,7 +29,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Literal
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legval
@@ -72,8 +71,6 @@ RADIUS_RATIOS = (1.4, 7.0)
 ROOT_ANGLES = (0.01, 0.12)
 #: Fit of the coupling to finite elements: E b C = torsion + slope ln(z) + bore r/R + constant.
 COUPLING_SLOPE, COUPLING_BORE, COUPLING_CONSTANT = 0.69, -2.03, -0.43
-#: From where the arm u of the force is measured to the root circle.
-Arm = Literal["axis", "contact"]
 #: Tangent of the fillet against the middle of the tooth where the loaded arc ends: there it ends
 #: in the fillet foundation of external gears with the standard rack.
 ARC_TANGENT = math.radians(75)
@@ -470,7 +467,7 @@ class Foundation:
     """
 
     tooth: Tooth
-    arm: Arm = "axis"
+    arm: str = "axis"
 
     @cached_property
     def root_angle_rad(self) -> float:
