@@ -224,10 +224,6 @@ class Mesh(Turning):
         return tuple(float(order) for order in sorted(orders))
 
 
-#: Mesh harmonics of two stages at exactly the same frequency, each as its stage and number.
-Coincidence = tuple[tuple[int, int], tuple[int, int]]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Kinematics:
     """Shafts, meshes and lines of a machine.
@@ -266,8 +262,8 @@ class Kinematics:
         """
         return numbered("stage", self.meshes, stage)
 
-    def coincidences(self, highest_harmonic: int = 20) -> tuple[Coincidence, ...]:
-        """Return the lowest common harmonic of every two stages that have one.
+    def coincidences(self, highest_harmonic: int = 20) -> tuple[tuple[tuple[int, int], ...], ...]:
+        """Return the lowest common harmonic of every two stages that have one, exactly.
 
         Their lines cannot be told apart.
 

@@ -61,7 +61,6 @@ class StageMechanics:
         Number of the stage, counted from 1.
     mesh : str
         Name of the mesh: "pinion-gear", "sun-planet" or "planet-ring".
-    stiffness : MeshStiffness
     equivalent_mass_kg : float
         Mass of both gears reduced to the line of action.
     damping_ns_per_m : float
@@ -71,7 +70,7 @@ class StageMechanics:
         Static force on the line of action.
     mesh_frequency_hz : float
     excitation : Excitation
-        What moves the flanks, if anything does.
+        What moves the flanks, if anything does, and the stiffness that shares it.
     lead : float
         By how much it is ahead of the first one of its stage [mesh periods].
     assumptions : tuple of str
@@ -80,7 +79,6 @@ class StageMechanics:
 
     stage: int
     mesh: str
-    stiffness: MeshStiffness
     equivalent_mass_kg: float
     damping_ns_per_m: float
     damping_ratio: float
@@ -89,6 +87,11 @@ class StageMechanics:
     excitation: Excitation
     lead: float = 0.0
     assumptions: tuple[str, ...] = ()
+
+    @property
+    def stiffness(self) -> MeshStiffness:
+        """Stiffness of the mesh, with its faults."""
+        return self.excitation.stiffness
 
     @property
     def natural_frequency_hz(self) -> float:
@@ -156,7 +159,6 @@ def stage_mechanics(
     return StageMechanics(
         stage=number,
         mesh=pair.name,
-        stiffness=stiffness,
         equivalent_mass_kg=mass,
         damping_ns_per_m=damping,
         damping_ratio=ratio,

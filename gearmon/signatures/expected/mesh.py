@@ -140,9 +140,8 @@ class PosedStage:
     def _with(self, changed: Callable[[MeshStiffness], MeshStiffness], **moved: Any) -> PosedStage:
         members = []
         for mesh in self.members:
-            stiffness = changed(mesh.stiffness)
-            excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
-            members.append(replace(mesh, stiffness=stiffness, excitation=excitation))
+            own = replace(mesh.excitation, stiffness=changed(mesh.stiffness), **moved)
+            members.append(replace(mesh, excitation=own))
         return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:
