@@ -471,21 +471,15 @@ class FlankError:
     ----------
     wrong : GearError or Fault
         What is wrong with the gear.
-    teeth : int
-        Teeth of the gear.
+    period_mesh : int
+        Mesh periods after which it repeats: the teeth of the gear, or 1.
     gap : Pulse or None
         Missing material [m] over the contact of a pair; None where all pairs miss it alike.
     """
 
     wrong: GearError | Fault
-    teeth: int
+    period_mesh: int
     gap: Pulse | None = None
-
-    @property
-    def period_mesh(self) -> int:
-        """Mesh periods after which it repeats."""
-        is_turning = self.wrong.tooth is not None or self.wrong.kind in WHOLE_KINDS
-        return self.teeth if is_turning else 1
 
     def at(self, phase: FloatArray, free_gap_m: float) -> FloatArray:
         """Return what all pairs miss alike [m] at mesh phases.
@@ -501,7 +495,7 @@ class FlankError:
         if isinstance(self.wrong, Fault):
             # even wear, which shifts the mean and makes no line
             return np.full(phase.shape, 1e-3 * self.wrong.size)
-        turned = np.cos(2 * math.pi * phase / self.teeth + self.wrong.phase_rad)
+        turned = np.cos(2 * math.pi * phase / self.period_mesh + self.wrong.phase_rad)
         if self.wrong.kind != "misalignment":
             return np.asarray(self.wrong.size_m * turned)
         # whichever end of the face stands out carries: twice per turn
@@ -523,7 +517,9 @@ def _moved_by(wrong: GearError | Fault, pair: MeshPair) -> FlankError | None:
             # a contact that is nominal, as that of the half-duty forms, may be longer
             edges = [0.0, math.ceil(length) + 1.0]
             gap = Pulse.of(edges, lambda phase: size * (2 * phase / length - 1) ** power, 3)
-    return FlankError(wrong, pair.teeth[index], gap) if is_moving else None
+    is_turning = wrong.tooth is not None or wrong.kind in WHOLE_KINDS
+    period = pair.teeth[index] if is_turning else 1
+    return FlankError(wrong, period, gap) if is_moving else None
 
 
 def _lost_profile(fault: Fault, teeth: ToothPair, index: int) -> Pulse | None:

@@ -149,11 +149,6 @@ class Mesh(Turning):
     carrier: Fraction = Fraction(0)
     equally_spaced: bool = True
 
-    @property
-    def teeth(self) -> tuple[int, ...]:
-        """Tooth counts, in the order of `wheels`."""
-        return tuple(wheel.teeth for wheel in self.wheels)
-
     def wheel(self, gear: str) -> Wheel:
         """Return the wheel called `gear`.
 
