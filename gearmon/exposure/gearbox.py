@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from gearmon.arrays import BoolArray, FloatArray
 from gearmon.errors import ArgumentError, check_type
 from gearmon.exposure.measures import Exposure, vibration_exposure
-from gearmon.exposure.weighting import WEIGHTINGS
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
@@ -240,9 +239,7 @@ class _Heard:
 
     def weight(self, frequency_hz: FloatArray) -> FloatArray:
         """Return k^2 |W|^2 of every axis, shape (axes, lines)."""
-        own = self.exposure.axes
-        found = [a.factor * np.abs(WEIGHTINGS[a.weighting].response(frequency_hz)) for a in own]
-        return np.asarray(np.square(found))
+        return np.square([axis.gain(frequency_hz) for axis in self.exposure.axes])
 
     def shares(self) -> tuple[LineShare, ...]:
         """Return the weighted lines of each shaft and mesh."""

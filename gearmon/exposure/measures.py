@@ -138,6 +138,11 @@ class AxisExposure(Result):
     fourth_scatter: float | None
     filter_error: float
 
+    def gain(self, frequency_hz: FloatArray) -> FloatArray:
+        """Return k |W|, as how strong vibration at a frequency is felt."""
+        response = WEIGHTINGS[self.weighting].response(frequency_hz)
+        return np.asarray(self.factor * np.abs(response))
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Exposure(Result):
@@ -200,8 +205,7 @@ class Exposure(Result):
     @property
     def weighted_band_ms2(self) -> FloatArray:
         """Third octaves times k and the weighting at their centres, shape (axes, bands)."""
-        own = [a.factor * np.abs(WEIGHTINGS[a.weighting].response(self.band_hz)) for a in self.axes]
-        return np.asarray(self.band_ms2 * np.array(own))
+        return np.asarray(self.band_ms2 * np.array([a.gain(self.band_hz) for a in self.axes]))
 
     def time_to(self, value: float | None, *, vdv: bool = False) -> float | None:
         """Return after how many seconds a day like this reaches a value; None if never.
@@ -467,11 +471,8 @@ def _weighed(
 
 def _largest_mean(squares: FloatArray, window: int) -> float:
     """Largest mean over a window that lies wholly within the samples; 0 without one."""
-    if len(squares) < window:
-        return 0.0
-    total = np.cumsum(squares)
-    first, later = float(total[window - 1]), total[window:] - total[:-window]
-    return max(0.0, first, float(later.max(initial=0.0))) / window
+    total = np.append(0.0, np.cumsum(squares))
+    return float((total[window:] - total[:-window]).max(initial=0.0)) / window
 
 
 def _scatter(seconds: FloatArray) -> float | None:

@@ -44,8 +44,9 @@ from gearmon.gears.mechanics import (
     gear_disc,
     known_force,
     mesh_damping,
+    pairs_of,
 )
-from gearmon.gears.pairs import MeshPair, mesh_pairs
+from gearmon.gears.pairs import MeshPair
 from gearmon.gears.stiffness import mesh_stiffness
 from gearmon.machine import (
     Bearing,
@@ -151,7 +152,7 @@ class _Assembly:
 
     def __init__(self, machine: Machine, point: OperatingPoint, form: str) -> None:
         self.machine, self.form, self.notes = machine, form, [_LEFT_OUT, _DAMPED]
-        self.pairs = [mesh_pairs(s, i, machine.path) for i, s in enumerate(machine.stages, 1)]
+        self.pairs = [pairs_of(machine, number) for number in range(1, machine.shaft_count)]
         found = [self.shaft(number) for number in range(1, machine.shaft_count + 1)]
         planets = sum(getattr(stage, "planets", 0) for stage in machine.stages)
         width = 3 * (sum(len(own.at) + 2 for own in found) + planets)

@@ -22,8 +22,8 @@ import numpy.typing as npt
 from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError
-from gearmon.gears.faults import BANDS, Fault, GearError
+from gearmon.errors import ArgumentError, check_word
+from gearmon.gears.faults import BANDS, SIZES, Fault, GearError
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.gears.pulses import (
@@ -166,27 +166,16 @@ class PairsInMesh(ABC):
     def _lost(self, states: Sequence[PairState]) -> Pulse:
         """Return the loss near damage; near that of both gears, less that near either."""
         edges = self._edges(states)
-        lost = self._missing(edges, states)
+        phase = panel_nodes(edges, self.points)
+        sound = self.healthy.value(phase)
+        lost = sound - self.loads(phase, states)[self.reach]
         apart = [(own, ()) for own, _ in states], [((), own) for _, own in states]
         if all(any(map(any, alone)) for alone in apart):
-            lost -= sum(self._missing(edges, alone) for alone in apart)
-        # nothing is lost in the pieces at its ends
-        used = np.flatnonzero(np.abs(lost).max(axis=1) > 1e-12 * self.healthy.area)
+            lost -= sum(sound - self.loads(phase, alone)[self.reach] for alone in apart)
+        # in the pieces at its ends nothing is lost but for rounding
+        used = np.flatnonzero(np.abs(lost).max(axis=1) > 1e-11 * self.healthy.area)
         first, last = (int(used[0]), int(used[-1]) + 1) if len(used) else (0, 0)
         return Pulse.through(edges[first : last + 1], lost[first:last], self.healthy.fastest)
-
-    def _missing(self, edges: FloatArray, states: Sequence[PairState]) -> FloatArray:
-        """Return what the middle pair carries less than among sound ones, at the panel nodes."""
-        # where no damaged tooth is in contact nothing changes
-        middle = 0.5 * (edges[:-1] + edges[1:])
-        here = np.zeros(len(middle), dtype=bool)
-        for n, state in zip(self._places, states, strict=True):
-            here |= any(state) & (middle > n) & (middle < n + self.length)
-        phase = panel_nodes(edges, self.points)
-        lost = np.zeros(phase.shape)
-        carried = self.loads(phase[here], states)[self.reach]
-        lost[here] = self.healthy.value(phase[here]) - carried
-        return lost
 
     @property
     def _places(self) -> range:
@@ -413,8 +402,7 @@ def measured_losses(
     losses: Losses = reduce(union, parts, ())
     nominal = pair.contact_ratio if length is None else length
     factor = nominal / pair.contact_ratio
-    if abs(factor - 1) > 1e-9:
-        losses = tuple(replace(p, pulse=p.pulse.stretched(factor)) for p in losses)
+    losses = tuple(replace(part, pulse=part.pulse.stretched(factor)) for part in losses)
     if any(fault.kind == "missing" for fault in faults):
         losses = union(losses, (PulseTerm(_bridged(pair, nominal)),))
     return losses
@@ -467,8 +455,7 @@ def size_for_loss(fault: Fault, loss: float, pair: ToothPair, index: int) -> Fau
         fault = replace(fault, unit="flank", size=0.1)
     if fault.is_loss or fault.unit == "tooth":
         raise ArgumentError(f"fault {fault} has no size to be found; give one in mm or as share")
-    if not 0 <= loss < 1:
-        raise ArgumentError(f"loss={loss:g} must lie in [0, 1)")
+    SIZES[""].checked("loss", loss)
     most_size = largest_size(fault, pair.teeth[index])
     most = stiffness_loss(replace(fault, size=most_size), pair, index).mean
     if loss > most:
@@ -524,14 +511,11 @@ def _bridged(pair: ToothPair, length: float) -> Pulse:
     part, few = length % 1.0, math.floor(length)
     factor = pair.contact_ratio / length
     ends = pair.compliances(pair.roll(np.array([0.0, pair.contact_ratio]))).stiffness.mean()
-
-    def share(phase: FloatArray) -> FloatArray:
-        own = pair.compliances(pair.roll(factor * phase)).stiffness
-        alone = (few == 1) & (phase >= part) & (phase < 1)
-        return np.where(alone, 1 - np.minimum(ends / own, 1.0), 1.0)
-
     edges = distinct([0.0, *(x for x in (part, 1.0) if 0 < x < length), length], 1e-12)
-    return Pulse.of(edges, share, LOSS_POINTS)
+    phase = panel_nodes(edges, LOSS_POINTS)
+    own = pair.compliances(pair.roll(factor * phase)).stiffness
+    alone = (few == 1) & (phase >= part) & (phase < 1)
+    return Pulse.through(edges, np.where(alone, 1 - np.minimum(ends / own, 1.0), 1.0))
 
 
 def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helical: bool) -> Losses:
@@ -547,13 +531,10 @@ def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helica
 
 def _weaker(damage: ToothDamage, pair: ToothPair, index: int) -> Pulse:
     beams = pair.beams(*((damage, SOUND) if index == 0 else (SOUND, damage)))
-
-    def share(phase: FloatArray) -> FloatArray:
-        roll = pair.roll(phase)
-        return 1 - pair.compliances(roll).total / pair.compliances(roll, beams).total
-
     edges = distinct([0.0, *pair.corners(beams), pair.contact_ratio], 1e-12)
-    return Pulse.of(edges, share, LOSS_POINTS)
+    roll = pair.roll(panel_nodes(edges, LOSS_POINTS))
+    sound, hurt = pair.compliances(roll).total, pair.compliances(roll, beams).total
+    return Pulse.through(edges, 1 - sound / hurt)
 
 
 def _face_edges(damage: ToothDamage, pair: ToothPair) -> list[float]:
@@ -596,10 +577,9 @@ def acting_faults(pair: MeshPair, faults: Iterable[_Wrong]) -> tuple[list[_Wrong
         If the stage has no such gear or the gear no such tooth.
     """
     acting, notes = [], []
-    stage_gears = {name for other in mesh_pairs(pair.stage, pair.number) for name in other.names}
+    known = [name for other in mesh_pairs(pair.stage, pair.number) for name in other.names]
     for own in faults:
-        if own.gear not in stage_gears:
-            pair.member(own.gear)  # refuses it
+        check_word(f"{pair.where}: gear ", own.gear, known)
         # the flank of a planet that meets the ring is not the one that is hurt
         far = own.gear == "planet" and pair.second.internal
         if own.gear not in pair.names or (far and own.kind in ("crack", *BANDS)):

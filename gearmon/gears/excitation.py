@@ -61,6 +61,7 @@ from gearmon.gears.pulses import (
     PulseTerm,
     PulseTrain,
     distinct,
+    panel_nodes,
 )
 from gearmon.gears.tooth_damage import tooth_damage
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
@@ -75,8 +76,6 @@ NODES = (3, 5, 9, 17)
 CONVERGED = 1e-10
 #: Phases evaluated together; bounds the memory.
 PHASES_PER_BLOCK = 16_384
-#: Of what does not move.
-NONE = 0j, 0j, 0j
 #: Gauss points on either side of where the neighbours of a missing tooth change over.
 GAP_POINTS = 32
 #: Most contacts of faulty teeth, each computed by itself, in a true period.
@@ -118,7 +117,7 @@ def contact_offsets(pair: MeshPair, errors: Sequence[GearError]) -> tuple[Contac
     found = []
     for index, member in enumerate(pair.members):
         own = [_moved(error, pair, index) for error in errors if error.gear == member.name]
-        moved = np.sum([NONE, *own], axis=0).tolist()
+        moved = np.sum(own, axis=0).tolist() if own else []
         if any(moved):
             found.append(ContactOffset(member.name, pair.teeth[index], *moved))
     return tuple(found)
@@ -472,21 +471,15 @@ class FlankError:
     ----------
     wrong : GearError or Fault
         What is wrong with the gear.
-    teeth : int
-        Teeth of the gear.
+    period_mesh : int
+        Mesh periods after which it repeats: the teeth of the gear, or 1.
     gap : Pulse or None
         Missing material [m] over the contact of a pair; None where all pairs miss it alike.
     """
 
     wrong: GearError | Fault
-    teeth: int
+    period_mesh: int
     gap: Pulse | None = None
-
-    @property
-    def period_mesh(self) -> int:
-        """Mesh periods after which it repeats."""
-        is_turning = self.wrong.tooth is not None or self.wrong.kind in WHOLE_KINDS
-        return self.teeth if is_turning else 1
 
     def at(self, phase: FloatArray, free_gap_m: float) -> FloatArray:
         """Return what all pairs miss alike [m] at mesh phases.
@@ -502,7 +495,7 @@ class FlankError:
         if isinstance(self.wrong, Fault):
             # even wear, which shifts the mean and makes no line
             return np.full(phase.shape, 1e-3 * self.wrong.size)
-        turned = np.cos(2 * math.pi * phase / self.teeth + self.wrong.phase_rad)
+        turned = np.cos(2 * math.pi * phase / self.period_mesh + self.wrong.phase_rad)
         if self.wrong.kind != "misalignment":
             return np.asarray(self.wrong.size_m * turned)
         # whichever end of the face stands out carries: twice per turn
@@ -524,7 +517,9 @@ def _moved_by(wrong: GearError | Fault, pair: MeshPair) -> FlankError | None:
             # a contact that is nominal, as that of the half-duty forms, may be longer
             edges = [0.0, math.ceil(length) + 1.0]
             gap = Pulse.of(edges, lambda phase: size * (2 * phase / length - 1) ** power, 3)
-    return FlankError(wrong, pair.teeth[index], gap) if is_moving else None
+    is_turning = wrong.tooth is not None or wrong.kind in WHOLE_KINDS
+    period = pair.teeth[index] if is_turning else 1
+    return FlankError(wrong, period, gap) if is_moving else None
 
 
 def _lost_profile(fault: Fault, teeth: ToothPair, index: int) -> Pulse | None:
@@ -550,10 +545,6 @@ def _bridge(pair: ToothPair) -> Pulse | None:
         beyond = phase - part if leaving else 1 - phase
         return tip_corner_gap(pair, beyond * pair.base_pitch_m, leaving=leaving)
 
-    def gap(phase: FloatArray) -> FloatArray:
-        # a gap between the flanks of helical teeth is closed by more along the line of action
-        return np.asarray(pair.oblique * np.minimum(apart(phase, True), apart(phase, False)))
-
     def difference(phase: float) -> float:
         return float(apart(np.array(phase), True) - apart(np.array(phase), False))
 
@@ -561,7 +552,10 @@ def _bridge(pair: ToothPair) -> Pulse | None:
     if difference(edges[0]) * difference(1.0) < 0:
         # here the neighbour behind takes over from the one ahead
         edges.insert(1, brentq(difference, *edges, xtol=1e-14))
-    return Pulse.of(edges, gap, GAP_POINTS)
+    limits = np.array(edges)
+    phase = panel_nodes(limits, GAP_POINTS)
+    # a gap between the flanks of helical teeth is closed by more along the line of action
+    return Pulse.through(limits, pair.oblique * np.minimum(apart(phase, True), apart(phase, False)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -618,9 +612,8 @@ class Excitation:
             )
         for train in self.stiffness.trains:
             for term in train.terms:
-                # a term without pieces takes nothing
-                if len(term.pulse.series):
-                    closed = term.pulse * gap
+                closed = term.pulse * gap
+                if len(closed.series):
                     for entry in entries:
                         if (entry - round(term.offset)) % train.period_mesh == 0:
                             yield replace(term, pulse=closed, offset=float(entry))

@@ -10,13 +10,12 @@ A size is written as a number and its unit, and further dimensions after commas:
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from gearmon.errors import ArgumentError, check_finite, check_word
+from gearmon.errors import ArgumentError, check_word
 from gearmon.machine.fields import Choice, Count, FieldError, Number, check_fields, held, optional
 
 #: What material a crack leaves without load, by name.
@@ -50,8 +49,18 @@ KIND_OPTIONS: dict[str, tuple[str, ...]] = {
 DIMENSIONS = ("angle", "limit", "far", "from", "at", "width", "length", "depth", "radius", "height")
 #: Rules of dimensions: none is longer than the largest gears are wide.
 _PLACE, _LENGTH = Number(0, 20_000, "mm"), Number(0, 20_000, "mm", open_low=True)
-
-
+_LOSS = "it is the loss of stiffness of the tooth pair, as a fraction or with % in per cent"
+_PITS = "beyond, the pits run into one another; give the loss of stiffness instead"
+#: What a size may be, by its unit.
+SIZES: dict[str, Number] = {
+    "": Number(0, 1, why=_LOSS, open_high=True),
+    "%": Number(0, 100, "%", _LOSS, open_high=True),
+    "mm": _PLACE,
+    "flank": Number(0, 0.5, "flank", _PITS),
+    "%flank": Number(0, 50, "%flank", _PITS),
+    "level": Number(1, 3, why=", ".join(f"{n} is {name}" for n, (name, _, _) in LEVELS.items())),
+    "tooth": Number(1, 1),
+}
 #: What each kind means, for help texts.
 KINDS: dict[str, str] = {
     "stiffness": "uniform loss over the whole contact of the tooth",
@@ -117,6 +126,10 @@ class _OnGear:
         except FieldError as error:
             key = "from" if error.key == "start" else error.key
             raise ArgumentError(error.message(f"{self.word} {key}")) from None
+        is_whole = self.kind in ("wear", *WHOLE_KINDS)
+        if (self.tooth is None) != is_whole and self.kind != "profile":
+            wanted = "'all'" if is_whole else "one tooth number"
+            raise ArgumentError(f"{self.word} {self.kind}: TOOTH must be {wanted}")
 
     @property
     def _place(self) -> str:
@@ -192,19 +205,26 @@ class Fault(_OnGear):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if (self.tooth is None) != (self.kind == "wear"):
-            wanted = "'all'" if self.kind == "wear" else "one tooth number"
-            raise ArgumentError(f"fault {self.kind}: TOOTH must be {wanted}")
-        if self.unit in LOSS_UNITS:
-            self._check_loss()
-        elif self.unit in KIND_UNITS[self.kind]:
-            self._check_measured()
-        else:
-            own = [unit for unit in KIND_UNITS[self.kind] if unit != "tooth"]
+        units = KIND_UNITS[self.kind]
+        if self.unit not in (*LOSS_UNITS, *units):
+            own = [unit for unit in units if unit != "tooth"]
             others = f", or its size in {' or '.join(own)}" if own else ""
             raise ArgumentError(
                 f"fault unit {self.unit!r} is not known for {self.kind}; give the loss of "
                 f"stiffness of the tooth pair as a fraction (0.2) or in per cent (20%){others}"
+            )
+        size = SIZES[self.unit].checked("fault size", self.size)
+        if self.unit == "level" and size not in LEVELS:
+            raise ArgumentError(f"pitting level={size:g} must be a whole number")
+        if self.is_loss and self._dimensions:
+            raise ArgumentError(
+                f"fault size={size:g}{self.unit} is a loss of stiffness, which has no dimensions; "
+                f"give the size in {' or '.join(units) or 'no unit'} or leave them out"
+            )
+        if self.kind == "spall" and not self.is_loss and not (self.length and self.depth):
+            raise ArgumentError(
+                f"a spall of {size:g} mm needs its width along the face, its length along the "
+                f"profile and its depth: 4x1.5x0.5mm"
             )
 
     @property
@@ -212,41 +232,6 @@ class Fault(_OnGear):
         """Further dimensions that are given, by the words that name them."""
         every = {key: getattr(self, _field(key)) for key in DIMENSIONS}
         return {key: value for key, value in every.items() if value is not None}
-
-    def _check_loss(self) -> None:
-        told = f"fault size={self.size:g}{self.unit}"
-        if not (math.isfinite(self.size) and 0 <= self.loss < 1):
-            top = "100 %" if self.unit == "%" else "1"
-            meant = not self.unit and 1 <= self.size < 100
-            raise ArgumentError(
-                f"{told} must lie in [0, {top}): it is the loss of stiffness of the tooth pair"
-                f"{f'; did you mean {self.size:g}%?' if meant else ''}"
-            )
-        if self._dimensions:
-            raise ArgumentError(
-                f"{told} is a loss of stiffness, which has no dimensions; give the size in "
-                f"{' or '.join(KIND_UNITS[self.kind]) or 'no unit'} or leave them out"
-            )
-
-    def _check_measured(self) -> None:
-        check_finite("fault size", self.size, self.unit)
-        told = f"fault size={self.size:g}{self.unit}"
-        if self.unit == "level" and self.size not in LEVELS:
-            names = ", ".join(f"{number} ({name})" for number, (name, _, _) in LEVELS.items())
-            raise ArgumentError(f"pitting level={self.size:g} must be one of {names}")
-        if self.size < 0:
-            raise ArgumentError(f"{told} must be >= 0")
-        if self.kind == "pitting" and flank_share(self.size, self.unit) > 0.5:
-            top = "50%flank" if self.unit == "%flank" else "0.5flank"
-            raise ArgumentError(
-                f"{told} must be at most {top}: beyond half of the flank the pits run into one "
-                f"another; give the loss of stiffness instead"
-            )
-        if self.kind == "spall" and (self.length is None or self.depth is None):
-            raise ArgumentError(
-                f"a spall of {self.size:g} mm needs its width along the face, its length along the "
-                f"profile and its depth: 4x1.5x0.5mm"
-            )
 
     @property
     def is_loss(self) -> bool:
@@ -431,16 +416,8 @@ class GearError(_OnGear):
 
     word: ClassVar[str] = "error"
     kind: str = held(Choice(options=tuple(ERROR_KINDS)))
-    size_m: float
+    size_m: float = held(Number(-20, 20, "m"))
     phase_rad: float = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_finite("size_m", self.size_m, "m")
-        if self.kind in WHOLE_KINDS and self.tooth is not None:
-            raise ArgumentError(f"error {self.kind} is of the whole gear: TOOTH must be 'all'")
-        if self.kind == "pitch" and self.tooth is None:
-            raise ArgumentError("error pitch is of one tooth: TOOTH must be its number")
 
     def __str__(self) -> str:
         """Return the error in the form that `parse_error` reads."""

@@ -14,6 +14,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, cast
 
 import numpy as np
@@ -426,14 +427,12 @@ class PairGeometry:
         ArgumentError
             If the gears are helical and the face width is not known.
         """
-        if self.helix_angle_rad == 0:
-            return 0.0
-        if self.face_width_m is None:
+        if self.helix_angle_rad and self.face_width_m is None:
             raise ArgumentError(
                 "face_width_m is missing: the overlap ratio of helical gears needs it"
             )
-        axial_pitch = math.pi * self.gears[0].module_m / math.sin(self.helix_angle_rad)
-        return self.face_width_m / axial_pitch
+        width = (self.face_width_m or 0.0) * math.sin(self.helix_angle_rad)
+        return width / (math.pi * self.gears[0].module_m)
 
     @property
     def total_contact_ratio(self) -> float:
@@ -591,11 +590,9 @@ def check_pair(pair: PairGeometry) -> PairGeometry:
     ArgumentError
         If the pair cannot run, with the number that offends and what would cure it.
     """
-    warnings = [*pair.warnings, *_check_backlash(pair)]
-    warnings += [*_check_tip(pair, 0), *_check_tip(pair, 1)]
+    warnings = [*pair.warnings, *_check_backlash(pair), *chain(*map(_check_tip, pair.gears))]
     _check_contact_ratio(pair)
-    _check_clearance(pair, 0)
-    _check_clearance(pair, 1)
+    _check_clearance(pair)
     warnings += _check_root(pair, 0)
     warnings += _check_ring(pair) if pair.gears[1].internal else _check_root(pair, 1)
     return replace(pair, warnings=tuple(warnings))
@@ -651,8 +648,7 @@ def _check_backlash(pair: PairGeometry) -> Iterator[str]:
         )
 
 
-def _check_tip(pair: PairGeometry, index: int) -> Iterator[str]:
-    gear = pair.gears[index]
+def _check_tip(gear: RackTooth) -> Iterator[str]:
     if gear.tip_radius_m < gear.base_radius_m:
         raise ArgumentError(
             f"tip_factor_{gear.name}={gear.tip_factor:g} puts the tips of the {gear.name} at "
@@ -687,16 +683,16 @@ def _check_contact_ratio(pair: PairGeometry) -> None:
         )
 
 
-def _check_clearance(pair: PairGeometry, index: int) -> None:
-    gear, mate = pair.gears[index], pair.gears[1 - index]
-    gap = pair.gears[1].sign * pair.centre_distance_m
-    gap -= gear.sign * gear.tip_radius_m + mate.sign * mate.root_radius_m
-    if gap <= 0:
-        raise ArgumentError(
-            f"the tips of the {gear.name} run {-1e3 * gap:.4g} mm into the roots of the "
-            f"{mate.name}; reduce tip_factor_{gear.name} or raise root_factor_{mate.name} or the "
-            f"centre distance"
-        )
+def _check_clearance(pair: PairGeometry) -> None:
+    for gear, mate in (pair.gears, pair.gears[::-1]):
+        gap = pair.gears[1].sign * pair.centre_distance_m
+        gap -= gear.sign * gear.tip_radius_m + mate.sign * mate.root_radius_m
+        if gap <= 0:
+            raise ArgumentError(
+                f"the tips of the {gear.name} run {-1e3 * gap:.4g} mm into the roots of the "
+                f"{mate.name}; reduce tip_factor_{gear.name} or raise root_factor_{mate.name} or "
+                f"the centre distance"
+            )
 
 
 def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:

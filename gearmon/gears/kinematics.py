@@ -20,7 +20,7 @@ from functools import lru_cache
 from itertools import combinations, pairwise
 from typing import Any, TypeVar
 
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError, check_word
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.result import Result
 
@@ -94,24 +94,27 @@ class Wheel(Turning):
 
 
 @dataclass(frozen=True)
-class Modulation(Turning):
-    """The spacing of one family of sidebands about the harmonics of a mesh.
+class Line(Turning):
+    """A frequency that the machine can show, or the spacing of a family of sidebands.
 
     Parameters
     ----------
     exact : Fraction
-        Spacing as an order of shaft 1.
+        Order, in turns of shaft 1; where angles enter (bearings) that of a rounded number.
+    kind : str
+        "shaft", "mesh", "assembly phase", "hunting tooth", "rotation", "planet pass",
+        "local fault" or "bearing".
     name : str
-        What modulates, in words.
-    gear : {"pinion", "gear", "sun", "planet", "ring", "carrier"}
-        The member to blame.
-    shaft : int or None
-        Shaft that turns at this order, if any.
+    stage, shaft : int or None
+    gear : {"pinion", "gear", "sun", "planet", "ring", "carrier", ""}
+        The member to blame for sidebands.
     """
 
+    kind: str
     name: str
-    gear: str
+    stage: int | None = None
     shaft: int | None = None
+    gear: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,8 +130,8 @@ class Mesh(Turning):
         Tooth pairs per turn of shaft 1.
     wheels : tuple of Wheel
         Pinion and gear, or sun, planet and ring.
-    modulations : tuple of Modulation
-        The families of sidebands to look for.
+    modulations : tuple of Line
+        The families of sidebands to look for about its harmonics, by what modulates.
     planets : int
         Planets; 0 in a parallel stage.
     carrier : Fraction
@@ -141,15 +144,10 @@ class Mesh(Turning):
     stage: int
     name: str
     wheels: tuple[Wheel, ...]
-    modulations: tuple[Modulation, ...]
+    modulations: tuple[Line, ...]
     planets: int = 0
     carrier: Fraction = Fraction(0)
     equally_spaced: bool = True
-
-    @property
-    def teeth(self) -> tuple[int, ...]:
-        """Tooth counts, in the order of `wheels`."""
-        return tuple(wheel.teeth for wheel in self.wheels)
 
     def wheel(self, gear: str) -> Wheel:
         """Return the wheel called `gear`.
@@ -160,9 +158,7 @@ class Mesh(Turning):
             If the stage has no such gear.
         """
         known = {wheel.gear: wheel for wheel in self.wheels}
-        if gear not in known:
-            names = ", ".join(known)
-            raise ArgumentError(f"gear={gear!r} is not in stage {self.stage}; it has {names}")
+        check_word(f"gear of stage {self.stage}: ", gear, known)
         return known[gear]
 
     def brought_alike(self, gear: str, side: int) -> tuple[int, int]:
@@ -223,31 +219,6 @@ class Mesh(Turning):
         return tuple(float(order) for order in sorted(orders))
 
 
-@dataclass(frozen=True)
-class Line(Turning):
-    """A frequency that the machine can show.
-
-    Parameters
-    ----------
-    exact : Fraction
-        Order, in turns of shaft 1; where angles enter (bearings) that of a rounded number.
-    kind : str
-        "shaft", "mesh", "assembly phase", "hunting tooth", "rotation", "planet pass",
-        "local fault" or "bearing".
-    name : str
-    stage, shaft : int or None
-    """
-
-    kind: str
-    name: str
-    stage: int | None = None
-    shaft: int | None = None
-
-
-#: Mesh harmonics of two stages at exactly the same frequency, each as its stage and number.
-Coincidence = tuple[tuple[int, int], tuple[int, int]]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Kinematics:
     """Shafts, meshes and lines of a machine.
@@ -274,7 +245,7 @@ class Kinematics:
         ArgumentError
             If there is no such shaft.
         """
-        return _numbered("shaft", self.shafts, number)
+        return numbered("shaft", self.shafts, number)
 
     def mesh(self, stage: int) -> Mesh:
         """Return the mesh of this stage, counted from 1.
@@ -284,10 +255,10 @@ class Kinematics:
         ArgumentError
             If there is no such stage.
         """
-        return _numbered("stage", self.meshes, stage)
+        return numbered("stage", self.meshes, stage)
 
-    def coincidences(self, highest_harmonic: int = 20) -> tuple[Coincidence, ...]:
-        """Return the lowest common harmonic of every two stages that have one.
+    def coincidences(self, highest_harmonic: int = 20) -> tuple[tuple[tuple[int, int], ...], ...]:
+        """Return the lowest common harmonic of every two stages that have one, exactly.
 
         Their lines cannot be told apart.
 
@@ -329,10 +300,16 @@ class LineTable(Result):
     notes: tuple[str, ...] = ()
 
 
-def _numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
-    check_range(what, number, 1, len(items))
-    if number != int(number):
-        raise ArgumentError(f"{what}={number} must be a whole number")
+def numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
+    """Return the item with this number, counted from 1.
+
+    Raises
+    ------
+    ArgumentError
+        If there is none.
+    """
+    if number not in range(1, len(items) + 1):
+        raise ArgumentError(f"{what}={number} must lie in [1, {len(items)}], a whole number")
     return items[int(number) - 1]
 
 
@@ -432,8 +409,8 @@ def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
     return speeds
 
 
-def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, Fraction]) -> Mesh:
-    shafts = dict(zip(stage.on_shafts, (number, number + 1), strict=True))
+def _mesh(i: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, Fraction]) -> Mesh:
+    shafts = dict(zip(stage.on_shafts, (i, i + 1), strict=True))
     carrier, planets = speeds.get("carrier", Fraction(0)), getattr(stage, "planets", 0)
     gears = ("sun", "planet", "ring") if planets else ("pinion", "gear")
     counts = {gear: getattr(stage, f"{gear}_teeth") for gear in gears}
@@ -443,11 +420,11 @@ def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, 
     )
     forwards = (carrier - speeds.get("ring", 0)) * carrier > 0
     teeth = "/".join(map(str, counts.values()))
-    families = [Modulation(w.exact, f"{w.gear} rotation", w.gear, w.shaft) for w in wheels]
+    families = [Line(w.exact, "rotation", f"{w.gear} rotation", i, w.shaft, w.gear) for w in wheels]
     if planets:
-        families = _planetary_families(wheels, planets, abs(carrier), shafts.get("carrier"))
+        families = _planetary_families(wheels, planets, abs(carrier), i, shafts.get("carrier"))
     return Mesh(
-        stage=number,
+        stage=i,
         name=f"{stage.name}, {teeth}" if stage.name else teeth,
         exact=wheels[0].teeth * wheels[0].exact_relative,
         wheels=wheels,
@@ -459,8 +436,8 @@ def _mesh(number: int, stage: ParallelStage | PlanetaryStage, speeds: dict[str, 
 
 
 def _planetary_families(
-    wheels: tuple[Wheel, ...], planets: int, carrier: Fraction, carrier_shaft: int | None
-) -> list[Modulation]:
+    wheels: tuple[Wheel, ...], planets: int, carrier: Fraction, stage: int, shaft: int | None
+) -> list[Line]:
     """Return the sideband families of a planetary set.
 
     A local fault is met once for every planet that passes (sun, ring), a planet's twice in a turn
@@ -469,47 +446,37 @@ def _planetary_families(
     have the order 0, for they are the turns seen from the housing.
     """
     sun, planet, ring = wheels
-    relative = 1 if carrier else 0
+    past_sun, past_ring = (bool(carrier) * own.exact_relative for own in (sun, ring))
     return [
-        Modulation(carrier, "carrier rotation", "carrier", carrier_shaft),
-        Modulation(planets * carrier, "planet pass", "carrier"),
-        Modulation(sun.exact, "sun rotation", "sun", sun.shaft),
-        Modulation(relative * sun.exact_relative, "sun relative to carrier", "sun"),
-        Modulation(planets * sun.exact_relative, "sun fault", "sun"),
-        Modulation(planet.exact_relative, "planet spin", "planet"),
-        Modulation(2 * planet.exact_relative, "planet fault", "planet"),
-        Modulation(ring.exact, "ring rotation", "ring", ring.shaft),
-        Modulation(relative * ring.exact_relative, "ring relative to carrier", "ring"),
-        Modulation(planets * ring.exact_relative, "ring fault", "ring"),
+        Line(carrier, "rotation", "carrier rotation", stage, shaft, "carrier"),
+        Line(planets * carrier, "planet pass", "planet pass", stage, gear="carrier"),
+        Line(sun.exact, "rotation", "sun rotation", stage, sun.shaft, "sun"),
+        Line(past_sun, "rotation", "sun relative to carrier", stage, gear="sun"),
+        Line(planets * sun.exact_relative, "local fault", "sun fault", stage, gear="sun"),
+        Line(planet.exact_relative, "rotation", "planet spin", stage, gear="planet"),
+        Line(2 * planet.exact_relative, "local fault", "planet fault", stage, gear="planet"),
+        Line(ring.exact, "rotation", "ring rotation", stage, ring.shaft, "ring"),
+        Line(past_ring, "rotation", "ring relative to carrier", stage, gear="ring"),
+        Line(planets * ring.exact_relative, "local fault", "ring fault", stage, gear="ring"),
     ]
 
 
-def _mesh_lines(mesh: Mesh) -> list[Line]:
-    lines = [Line(mesh.exact, "mesh", mesh.name, mesh.stage)]
-    if not mesh.planets:
-        return [*lines, *_pair_lines(mesh, mesh.name, *mesh.teeth)]
-    for one, two in pairwise(mesh.wheels):
-        name = f"{one.gear}-{two.gear}, {one.teeth}/{two.teeth}"
-        lines += _pair_lines(mesh, name, one.teeth, two.teeth)
-    kinds = {"fault": "local fault", "pass": "planet pass"}
-    if turning := mesh.wheel("planet").exact:
-        lines.append(Line(turning, "rotation", "planet, seen from the housing", mesh.stage))
-    for family in mesh.modulations:
-        if family.shaft is None:  # the others are shafts and stand among them
-            kind = kinds.get(family.name.split()[-1], "rotation")
-            lines.append(Line(family.exact, kind, family.name, mesh.stage))
-    return lines
-
-
-def _pair_lines(mesh: Mesh, name: str, teeth: int, other_teeth: int) -> list[Line]:
-    """Return the assembly phase and the hunting tooth of two wheels.
+def _mesh_lines(mesh: Mesh) -> Iterator[Line]:
+    """Yield the lines of a mesh, of its pairs, and of what turns in it and is no shaft.
 
     With a common factor g of the tooth counts a tooth meets only every g-th tooth of the other
     wheel: f_mesh / g. The same two teeth meet again after lcm(z1, z2) mesh periods.
     """
-    common, least = math.gcd(teeth, other_teeth), math.lcm(teeth, other_teeth)
-    periods = (("assembly phase", common), ("hunting tooth", least))
-    return [Line(mesh.exact / count, kind, name, mesh.stage) for kind, count in periods]
+    yield Line(mesh.exact, "mesh", mesh.name, mesh.stage)
+    for one, two in pairwise(mesh.wheels):
+        name = f"{one.gear}-{two.gear}, {one.teeth}/{two.teeth}" if mesh.planets else mesh.name
+        common, least = math.gcd(one.teeth, two.teeth), math.lcm(one.teeth, two.teeth)
+        yield Line(mesh.exact / common, "assembly phase", name, mesh.stage)
+        yield Line(mesh.exact / least, "hunting tooth", name, mesh.stage)
+    for wheel in mesh.wheels:
+        if wheel.gear == "planet" and wheel.exact:
+            yield Line(wheel.exact, "rotation", "planet, seen from the housing", mesh.stage)
+    yield from (family for family in mesh.modulations if family.shaft is None)
 
 
 def _bearing_lines(

@@ -24,11 +24,11 @@ import numpy.typing as npt
 from scipy.linalg import eigh
 
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError
 from gearmon.gears.excitation import Excitation, displacement_excitation
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.geometry import USUAL_RIM
-from gearmon.gears.kinematics import kinematics
+from gearmon.gears.kinematics import kinematics, numbered
 from gearmon.gears.pairs import LOW_LOAD_N_PER_MM, MeshPair, mesh_pairs
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
@@ -61,7 +61,6 @@ class StageMechanics:
         Number of the stage, counted from 1.
     mesh : str
         Name of the mesh: "pinion-gear", "sun-planet" or "planet-ring".
-    stiffness : MeshStiffness
     equivalent_mass_kg : float
         Mass of both gears reduced to the line of action.
     damping_ns_per_m : float
@@ -71,7 +70,7 @@ class StageMechanics:
         Static force on the line of action.
     mesh_frequency_hz : float
     excitation : Excitation
-        What moves the flanks, if anything does.
+        What moves the flanks, if anything does, and the stiffness that shares it.
     lead : float
         By how much it is ahead of the first one of its stage [mesh periods].
     assumptions : tuple of str
@@ -80,7 +79,6 @@ class StageMechanics:
 
     stage: int
     mesh: str
-    stiffness: MeshStiffness
     equivalent_mass_kg: float
     damping_ns_per_m: float
     damping_ratio: float
@@ -89,6 +87,11 @@ class StageMechanics:
     excitation: Excitation
     lead: float = 0.0
     assumptions: tuple[str, ...] = ()
+
+    @property
+    def stiffness(self) -> MeshStiffness:
+        """Stiffness of the mesh, with its faults."""
+        return self.excitation.stiffness
 
     @property
     def natural_frequency_hz(self) -> float:
@@ -156,7 +159,6 @@ def stage_mechanics(
     return StageMechanics(
         stage=number,
         mesh=pair.name,
-        stiffness=stiffness,
         equivalent_mass_kg=mass,
         damping_ns_per_m=damping,
         damping_ratio=ratio,
@@ -198,12 +200,16 @@ def load_share(machine: Machine, number: int) -> float:
 
 def pair_of(machine: Machine, number: int, mesh: int = 0) -> MeshPair:
     """Return a pair of a stage, counted from 1; of a planetary stage 0 is sun-planet."""
-    check_range("stage", number, 1, len(machine.stages))
-    pairs = mesh_pairs(machine.stages[number - 1], number, machine.path)
+    pairs = pairs_of(machine, number)
     if mesh not in range(len(pairs)):
         names = ", ".join(f"{i} ({pair.name})" for i, pair in enumerate(pairs))
         raise ArgumentError(f"mesh={mesh} of stage {number} must be one of {names}")
     return pairs[mesh]
+
+
+def pairs_of(machine: Machine, number: int) -> tuple[MeshPair, ...]:
+    """Return the pairs of a stage, counted from 1."""
+    return mesh_pairs(numbered("stage", machine.stages, number), number, machine.path)
 
 
 def known_force(machine: Machine, pair: MeshPair, point: OperatingPoint) -> float | None:

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 
-from gearmon.errors import ArgumentError, check_positive
+from gearmon.errors import ArgumentError, check_positive, check_word
 from gearmon.gears.geometry import GearTeeth, PairGeometry, pair_geometry
 from gearmon.machine import ParallelStage, PlanetaryStage
 
@@ -194,14 +194,9 @@ def method_b(
 def _ordered(one: GearTeeth, other: GearTeeth) -> tuple[GearTeeth, GearTeeth]:
     if one.internal and other.internal:
         raise ArgumentError("internal gears do not mesh with each other: one must be external")
-
-    def rank(own: GearTeeth) -> tuple[float, ...]:
-        # equal teeth: the standard's range has x1 >= x2
-        shift, dedendum = -own.profile_shift, own.root_factor
-        return own.internal, own.teeth, shift, dedendum, own.elastic_modulus_pa
-
-    first, second = sorted((one, other), key=rank)
-    return first, second
+    # of equal teeth: the standard's range has x1 >= x2
+    both = sorted((one, other), key=lambda own: (own.internal, own.teeth, -own.profile_shift))
+    return both[0], both[1]
 
 
 def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, float]) -> float:
@@ -303,9 +298,7 @@ class MeshPair:
         ArgumentError
             If the pair has no such gear.
         """
-        if name not in self.names:
-            known = " and ".join(self.names)
-            raise ArgumentError(f"{self.where} has no {name}: the gears of this mesh are {known}")
+        check_word(f"{self.where}: gear of this mesh ", name, self.names)
         return self.members[self.names.index(name)]
 
     def need(self, key: str, purpose: str, instead: str = "") -> float:

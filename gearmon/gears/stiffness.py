@@ -18,32 +18,33 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.errors import ArgumentError, check_range, check_word
+from gearmon.errors import ArgumentError, check_word
 from gearmon.gears.damage import CurvePairs, PairsInMesh, TeethInMesh, acting_faults, gear_losses
 from gearmon.gears.excitation import ModulationTrain, modulation_trains
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import contact_zones
 from gearmon.gears.pairs import MeshPair, Stage, mesh_pairs
-from gearmon.gears.pulses import POINTS, Pulse, PulseTrain
+from gearmon.gears.pulses import POINTS, Pulse, PulseTrain, panel_nodes
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY, PotentialEnergy, teeth_of
+from gearmon.machine.fields import Checked, Choice, Count, held, within
 
 #: Loss of stiffness of a pair from the middle of its contact to its ends, Cai & Hayashi (1994).
 CURVATURE_CAI = 0.45
 #: The same from the closed form of Gu, Velex, Sainsot & Bruyere (2015).
 CURVATURE_GU = 0.391
 
-Normalisation = Literal["mean", "maximum"]
-Duty = Literal["true", "half"]
+#: How long the high level of a rectangle may last, see `Rectangular`.
+DUTY = Choice(options=("true", "half"))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Parabolic:
+class Parabolic(Checked):
     """Parabola of one pair: ``K_max [1 - q (2 t/(eps_a T) - 1)^2]`` over its contact.
 
     Parameters
@@ -55,14 +56,8 @@ class Parabolic:
         is then ``eps_a (1 - q/3) c' b``).
     """
 
-    curvature: float = CURVATURE_CAI
-    normalisation: Normalisation = "mean"
-
-    def __post_init__(self) -> None:
-        q = self.curvature
-        if not 0 <= q < 1:
-            raise ArgumentError(f"curvature={q} must lie in [0, 1); usual values 0.45 and 0.391")
-        check_word("normalisation=", self.normalisation, ("mean", "maximum"))
+    curvature: float = within(0, 1, default=CURVATURE_CAI, open_high=True)
+    normalisation: str = held(Choice(options=("mean", "maximum")), "mean")
 
     @property
     def name(self) -> str:
@@ -106,16 +101,11 @@ class Wave(Parabolic):
         """Return the stiffness of one pair over its contact, in units of its maximum."""
         edges, pairs = contact_zones(contact_ratio)
         width = np.diff(edges)
-        at = np.stack([edges[:-1], edges[:-1] + 0.5 * width], axis=1) % 1.0
-        # summed without the contact test, so that the zone ends give their one-sided limits
-        whole, zones = super().pulse(contact_ratio), zip(at, pairs, strict=True)
-        levels = np.array([whole.at(x[:, None] + np.arange(n)).sum(axis=1) for x, n in zones])
-        end, rise = (levels[:, 0] / pairs)[:, None], (np.diff(levels)[:, 0] / pairs)[:, None]
-
-        def arches(t: FloatArray) -> FloatArray:
-            return np.asarray(end + rise * np.sin(np.pi * (t - edges[:-1, None]) / width[:, None]))
-
-        return Pulse.of(edges, arches)
+        own = super().pulse(contact_ratio).at(edges[:-1, None] + np.outer(width, [0.0, 0.5]))
+        levels = over_pairs(own, contact_ratio) / pairs[:, None]
+        end, rise = levels[:, :1], np.diff(levels)
+        turned = np.pi * (panel_nodes(edges) - edges[:-1, None]) / width[:, None]
+        return Pulse.through(edges, end + rise * np.sin(turned))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,11 +120,7 @@ class Rectangular(Parabolic):
         Of the parabola whose zone means are the levels.
     """
 
-    duty: Duty = "true"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_word("duty=", self.duty, ("true", "half"))
+    duty: str = held(DUTY, "true")
 
     @property
     def name(self) -> str:
@@ -173,14 +159,8 @@ class FourierSum(Rectangular):
     high part. The sum overshoots the levels by up to 8.95 % of the jump at any number of terms.
     """
 
-    terms: int = 30
-    duty: Duty = "half"
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.terms != int(self.terms):
-            raise ArgumentError(f"terms={self.terms} must be a whole number in [1, 400]")
-        check_range("terms", self.terms, 1, 400)
+    terms: int = held(Count(1, 400), 30)
+    duty: str = held(DUTY, "half")
 
     @property
     def name(self) -> str:
@@ -200,15 +180,25 @@ class FourierSum(Rectangular):
         mean, amplitudes = rectangle.area, 2 * rectangle.transform(orders)
         edges, pairs = contact_zones(self.length(contact_ratio))
         rates = 2 * np.pi * orders
-
-        def terms(t: FloatArray) -> FloatArray:
-            turned = np.exp(1j * rates * t[..., None]) @ amplitudes
-            return np.asarray((mean + turned.real) / pairs[:, None])
-
         # over half a piece the fastest term turns by w: beyond w + 36 coefficients vanish
         reach = 0.5 * float(rates[-1] * np.diff(edges).max())
-        found = Pulse.of(edges, terms, POINTS + math.ceil(1.05 * reach) + 20)
-        return Pulse(found.edges, found.series, fastest=float(rates[-1]))
+        phase = panel_nodes(edges, POINTS + math.ceil(1.05 * reach) + 20)
+        turned = np.exp(1j * rates * phase[..., None]) @ amplitudes
+        return Pulse.through(edges, (mean + turned.real) / pairs[:, None], float(rates[-1]))
+
+
+def over_pairs(values: FloatArray, length: float) -> FloatArray:
+    """Return what all pairs in contact have together, zone by zone.
+
+    Parameters
+    ----------
+    values : ndarray, shape (zones, ...)
+        What one pair has at the same place in each of the zones that it passes.
+    length : float
+        Of its contact, see `contact_zones`: every second zone has as many pairs.
+    """
+    step = 2 if length % 1 > 1e-12 else 1
+    return np.array([values[zone % step :: step].sum(axis=0) for zone in range(len(values))])
 
 
 def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[float, float]:
@@ -219,12 +209,11 @@ def zone_means(contact_ratio: float, curvature: float = CURVATURE_CAI) -> tuple[
     >>> [round(level, 6) for level in zone_means(1.412)]
     [1.523046, 0.973988]
     """
-    few, (edges, pairs) = math.floor(contact_ratio), contact_zones(contact_ratio)
-    part = contact_ratio - few
+    few, (edges, _) = math.floor(contact_ratio), contact_zones(contact_ratio)
     areas = np.diff(Parabolic(curvature=curvature).pulse(contact_ratio).integral(edges))
-    low = float(areas[pairs == few].sum()) / (1 - part)
+    means = over_pairs(areas, contact_ratio) / np.diff(edges)
     # without a zone of n + 1 pairs both levels are the mean of the one zone
-    return (low if part < 1e-12 else float(areas[pairs > few].sum()) / part), low
+    return float(means[0]), float(means[:2][-1]) if few else 0.0
 
 
 @lru_cache(maxsize=64)
@@ -288,9 +277,7 @@ def _stretched(pulse: Pulse, factor: float) -> Pulse:
     """
     zones, pairs = contact_zones(pulse.length)
     parts = pulse * Pulse(zones, np.ones((len(pairs), 1)))
-    kinds = np.arange(len(parts.series)) % (2 if pulse.length % 1 > 1e-12 else 1)
-    sums = np.array([parts.limits[kinds == kind].sum(axis=0) for kind in range(kinds.max() + 1)])
-    share = parts.limits / sums[kinds]
+    share = parts.limits / over_pairs(parts.limits, pulse.length)
     series = factor * parts.series
     series = np.pad(series, ((0, 0), (0, max(0, 2 - series.shape[1]))))
     series[:, 0] += (1 - factor) * share.mean(axis=1)

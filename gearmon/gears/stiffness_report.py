@@ -9,18 +9,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError
 from gearmon.gears.damage import PairLoss, acting_faults, size_for_loss, stiffness_loss
 from gearmon.gears.faults import LEVELS, Fault, faults_of, flank_level, flank_share
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import known_force, pair_of
-from gearmon.gears.pairs import MeshPair, mesh_pairs
+from gearmon.gears.mechanics import known_force, pair_of, pairs_of
+from gearmon.gears.pairs import MeshPair
 from gearmon.gears.stiffness import AnyForm, MeshStiffness, mesh_stiffness
 from gearmon.gears.tooth_damage import largest_size
 from gearmon.gears.tooth_pairs import ToothPair, teeth_of
@@ -174,7 +175,6 @@ class StageStiffness:
     healthy, damaged : MeshStiffness
         The same object where there is no fault.
     faults : tuple of FaultLoss
-    curve : SizeCurve or None
     teeth : ToothPair or None
         Where they are known, to be drawn.
     warnings : tuple of str
@@ -185,7 +185,6 @@ class StageStiffness:
     healthy: MeshStiffness
     damaged: MeshStiffness
     faults: tuple[FaultLoss, ...]
-    curve: SizeCurve | None
     teeth: ToothPair | None
     warnings: tuple[str, ...]
 
@@ -222,6 +221,18 @@ class StageStiffness:
         drawn = [f for f in told if f and teeth.setdefault(f.gear, f.tooth) == f.tooth]
         cracks = {f.gear: f for f in reversed(drawn) if f.kind == "crack"}
         return tuple(f for f in drawn if f.kind != "crack" or f is cracks[f.gear])
+
+    @cached_property
+    def curve(self) -> SizeCurve | None:
+        """Loss against the size of the first fault that has one; without faults of a root crack."""
+        if self.teeth is None:
+            return None
+        names = [tooth.name for tooth in self.teeth.teeth]
+        sized = [entry.sized for entry in self.faults if entry.sized is not None]
+        if not self.faults:
+            place: dict[str, Any] = {"stage": self.stage, "gear": names[0], "tooth": 1}
+            sized = [Fault(kind="crack", size=0.0, unit="mm", **place)]
+        return size_curve(sized[0], self.teeth, names.index(sized[0].gear)) if sized else None
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the table: one row a phase, stiffness in N/m."""
@@ -300,10 +311,8 @@ def stiffness_report(
     """
     last = len(machine.stages)
     known = faults_of(faults, errors=False, stages=last)
-    if stage is not None:
-        check_range("stage", stage, 1, last)
     numbers = range(1, last + 1) if stage is None else [stage]
-    pairs = [p for n in numbers for p in mesh_pairs(machine.stages[n - 1], n, machine.path)]
+    pairs = [pair for number in numbers for pair in pairs_of(machine, number)]
     # overrides of a planetary stage are meant for sun and planet
     able = [pair for pair in pairs if pair.is_main or pair.stage.module_mm is not None]
     stages = tuple(_mesh(machine, pair, known, form) for pair in able)
@@ -321,8 +330,6 @@ def size_curve(fault: Fault, pair: ToothPair, index: int) -> SizeCurve:
     index : {0, 1}
         Gear of the damaged tooth.
     """
-    if fault.unit == "level":
-        raise ArgumentError(f"fault {fault}: a level is no size to draw; give a share of the flank")
     sizes = np.linspace(0.0, largest_size(fault, pair.teeth[index]), CURVE_POINTS)
     losses = [stiffness_loss(replace(fault, size=size), pair, index) for size in sizes.tolist()]
     mean, greatest = np.array([(loss.mean, loss.greatest) for loss in losses]).T
@@ -334,8 +341,11 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
     faults = [own for own in known if own.stage == pair.number]
     healthy = mesh_stiffness(pair, (), form, force_n=force)
     damaged = mesh_stiffness(pair, faults, form, force_n=force) if faults else healthy
-    notes = list(damaged.warnings)
-    teeth = _teeth(pair, notes)
+    notes, teeth = list(damaged.warnings), None
+    try:
+        teeth = teeth_of(pair)
+    except ArgumentError as error:
+        notes.append(f"no picture and no sizes: {error}")
     acting = acting_faults(pair, faults)[0]
     losses = tuple(_fault_loss(fault, pair, teeth) for fault in acting)
     return StageStiffness(
@@ -344,18 +354,9 @@ def _mesh(machine: Any, pair: MeshPair, known: Sequence[Fault], form: AnyForm) -
         healthy=healthy,
         damaged=damaged,
         faults=losses,
-        curve=_curve(losses, pair, teeth) if teeth else None,
         teeth=teeth,
         warnings=tuple(dict.fromkeys(notes)),
     )
-
-
-def _teeth(pair: MeshPair, notes: list[str]) -> ToothPair | None:
-    try:
-        return teeth_of(pair)
-    except ArgumentError as error:
-        notes.append(f"no picture and no sizes: {error}")
-        return None
 
 
 def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultLoss:
@@ -376,12 +377,3 @@ def _fault_loss(fault: Fault, pair: MeshPair, teeth: ToothPair | None) -> FaultL
     except ArgumentError:
         return FaultLoss(fault, loss, "out of reach")
     return FaultLoss(fault, loss, f"{found.size:.3g}{found.unit}", found)
-
-
-def _curve(losses: tuple[FaultLoss, ...], pair: MeshPair, teeth: ToothPair) -> SizeCurve | None:
-    """Return the curve of the first fault that has a size; without faults that of a root crack."""
-    sized = [entry.sized for entry in losses if entry.sized is not None]
-    if not losses:
-        gear, stage = pair.first.name, pair.number or 1
-        sized = [Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.0, unit="mm")]
-    return size_curve(sized[0], teeth, pair.names.index(sized[0].gear)) if sized else None

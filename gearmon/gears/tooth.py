@@ -29,7 +29,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Literal
 
 import numpy as np
 from numpy.polynomial.legendre import legder, legval
@@ -51,8 +50,7 @@ Curve = Callable[[FloatArray], ComplexArray]
 #: Tangent angle of the critical section of a ring's fillet, ISO 6336-3 [rad].
 RING_TANGENT = math.radians(60)
 #: Which curve joins the involute and the root circle; see `Tooth`.
-Root = Literal["fillet", "straight", "base"]
-ROOTS: tuple[Root, ...] = ("fillet", "straight", "base")
+ROOTS = ("fillet", "straight", "base")
 #: Where the involute is split for its integrals: 1/h^3 is steep towards the tip.
 SPLITS = (0.6, 0.87)
 #: Shear factor of a rectangular section.
@@ -73,8 +71,6 @@ RADIUS_RATIOS = (1.4, 7.0)
 ROOT_ANGLES = (0.01, 0.12)
 #: Fit of the coupling to finite elements: E b C = torsion + slope ln(z) + bore r/R + constant.
 COUPLING_SLOPE, COUPLING_BORE, COUPLING_CONSTANT = 0.69, -2.03, -0.43
-#: From where the arm u of the force is measured to the root circle.
-Arm = Literal["axis", "contact"]
 #: Tangent of the fillet against the middle of the tooth where the loaded arc ends: there it ends
 #: in the fillet foundation of external gears with the standard rack.
 ARC_TANGENT = math.radians(75)
@@ -115,7 +111,7 @@ class Tooth(RackTooth):
     bore_radius_m: float
     face_width_m: float
     poisson_ratio: float = 0.3
-    root: Root = "fillet"
+    root: str = "fillet"
 
     def __post_init__(self) -> None:
         thickness = self.bore_radius_m - self.root_radius_m
@@ -471,7 +467,7 @@ class Foundation:
     """
 
     tooth: Tooth
-    arm: Arm = "axis"
+    arm: str = "axis"
 
     @cached_property
     def root_angle_rad(self) -> float:

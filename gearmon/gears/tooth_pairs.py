@@ -14,22 +14,18 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError, check_word
+from gearmon.errors import ArgumentError
 from gearmon.gears.geometry import USUAL_RIM, PairGeometry, RackTooth, normal_section, told_of
 from gearmon.gears.pairs import MeshPair
-from gearmon.gears.tooth import ROOTS, Foundation, RingBody, Root, Tooth, ToothBeam
+from gearmon.gears.tooth import ROOTS, Foundation, RingBody, Tooth, ToothBeam
 from gearmon.gears.tooth_damage import LARGEST_WIDTH, ToothDamage
-
-#: How flanks give way; see `hertz_compliance` and `weber_banaschek_compliance`.
-Contact = Literal["constant", "load-dependent"]
-CONTACTS: tuple[Contact, ...] = ("constant", "load-dependent")
-
+from gearmon.machine.fields import Checked, Choice, held
 
 Beams = tuple[ToothBeam, ToothBeam]
 Body = Foundation | RingBody
@@ -108,7 +104,7 @@ def weber_banaschek_compliance(
 
 
 @dataclass(frozen=True, kw_only=True)
-class PotentialEnergy:
+class PotentialEnergy(Checked):
     """Energy of both teeth, of their contact and of the bodies that carry them.
 
     Parameters
@@ -129,17 +125,13 @@ class PotentialEnergy:
     ``k = C^-1 (1, 1, ...)`` per unit of deflection; the mesh stiffness is the sum of k.
     """
 
-    root: Root = "fillet"
-    contact: Contact = "constant"
+    root: str = held(Choice(options=ROOTS), "fillet")
+    contact: str = held(Choice(options=("constant", "load-dependent")), "constant")
     has_foundation: bool = True
     is_coupled: bool = True
 
     #: Name under which the form is chosen.
     name: ClassVar[str] = POTENTIAL_ENERGY
-
-    def __post_init__(self) -> None:
-        check_word("root=", self.root, ROOTS)
-        check_word("contact=", self.contact, CONTACTS)
 
 
 #: The form with its usual choices.

@@ -159,10 +159,10 @@ def test_true_periods():
         ("crack:1:ring:4:9mm", r"its depth must lie in \[0, "),
         ("spall:1:ring:4:25x1x0.2mm", "over the face width of 20 mm"),
         ("spall:1:gear:4:5x1x9mm", "it must be below"),
-        ("pitting:1:planet:4:60%flank", "must be at most 50%flank"),
+        ("pitting:1:planet:4:60%flank", r"must lie in \[0, 50\] %flank"),
         ("breakage:1:sun:4:21mm", "over the face width of 20 mm"),
         ("wear:1:pinion:all:5mm", "it must be below"),
-        ("crack:1:pinion:4:100%", r"must lie in \[0, 100 %\)"),
+        ("crack:1:pinion:4:100%", r"must lie in \[0, 100\) %"),
         ("crack:1:pinion:27:1mm", "the pinion of .* has 26 teeth"),
     ],
 )

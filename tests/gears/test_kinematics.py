@@ -329,7 +329,7 @@ def test_no_such_shaft(number):
 
 def test_no_such_gear():
     mesh = kinematics(machine(pair(8, 42))).mesh(1)
-    with pytest.raises(ArgumentError, match="gear='sun' is not in stage 1; it has pinion, gear"):
+    with pytest.raises(ArgumentError, match="gear of stage 1: 'sun' is not one of pinion, gear"):
         mesh.wheel("sun")
 
 

@@ -493,7 +493,7 @@ def test_missing_data_are_asked_for(change, match):
     ("fault", "match"),
     [
         (crack(27), "tooth 27 does not exist, the pinion of .* has 26 teeth"),
-        (crack(1, gear="sun"), "has no sun: the gears of this mesh are pinion and gear"),
+        (crack(1, gear="sun"), "gear 'sun' is not one of pinion, gear"),
     ],
 )
 def test_faults_that_do_not_fit_are_refused(fault, match):

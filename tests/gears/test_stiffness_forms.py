@@ -211,11 +211,11 @@ def test_zones_of_a_short_helical_contact():
 @pytest.mark.parametrize(
     ("make", "match"),
     [
-        (lambda: Parabolic(curvature=1.0), r"curvature=1.0 must lie in \[0, 1\)"),
-        (lambda: Parabolic(normalisation="peak"), "normalisation='peak' is not one of"),
-        (lambda: Rectangular(duty="quarter"), "duty='quarter' is not one of true, half"),
-        (lambda: FourierSum(terms=0), r"terms=0 must lie in \[1, 400\]"),
-        (lambda: FourierSum(terms=2.5), "terms=2.5 must be a whole number"),
+        (lambda: Parabolic(curvature=1.0), r"curvature = 1.0 must lie in \[0, 1\)"),
+        (lambda: Parabolic(normalisation="peak"), 'normalisation = "peak" must be one of'),
+        (lambda: Rectangular(duty="quarter"), 'duty = "quarter" must be one of "true", "half"'),
+        (lambda: FourierSum(terms=0), r"terms = 0 must lie in \[1, 400\]"),
+        (lambda: FourierSum(terms=2.5), "terms = 2.5 must be a whole number"),
     ],
 )
 def test_refusals(make, match):

@@ -148,5 +148,5 @@ def test_size_curve_rises():
     assert (np.diff(curve.mean_loss) > 0).all()
     assert (curve.greatest_loss >= curve.mean_loss).all()
     level = parse_fault("pitting:1:gear:5:2level")
-    with pytest.raises(ArgumentError, match="a level is no size to draw"):
+    with pytest.raises(ArgumentError, match=r"size = 0.0 must lie in \[1, 3\]"):
         size_curve(level, pair, 1)

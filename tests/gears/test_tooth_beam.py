@@ -402,9 +402,11 @@ def test_bores_that_do_not_fit_are_refused(bore):
 
 
 def test_unknown_choices_are_refused():
-    with pytest.raises(ArgumentError, match="root='round' is not one of fillet, straight, base"):
+    with pytest.raises(
+        ArgumentError, match='root = "round" must be one of "fillet", "straight", "base"'
+    ):
         PotentialEnergy(root="round")
-    with pytest.raises(ArgumentError, match="contact='hard' is not one of"):
+    with pytest.raises(ArgumentError, match='contact = "hard" must be one of'):
         PotentialEnergy(contact="hard")
 
 

@@ -176,7 +176,7 @@ def test_same_seed_same_gears_with_and_without_a_fault():
     [
         ("crack:3:pinion:2:10%", "stage 3 does not exist, the machine has 2"),
         ("crack:1:pinion:27:10%", "tooth 27 does not exist"),
-        ("crack:1:sun:2:10%", "no sun"),
+        ("crack:1:sun:2:10%", "gear 'sun' is not one of pinion, gear"),
     ],
 )
 def test_fault_that_does_not_fit_is_refused(fault, match):

@@ -106,7 +106,7 @@ class PosedStage:
         trains = (train for mesh in self.members for train in mesh.stiffness.pulses)
         damaged = {t.gear: t.period_mesh for t in trains if " and " not in t.gear}
         # an error that modulates the stiffness moves the flanks too
-        return damaged | {e.wrong.gear: e.teeth for e in self.errors if e.period_mesh > 1}
+        return damaged | {e.wrong.gear: e.period_mesh for e in self.errors if e.period_mesh > 1}
 
     @property
     def errors(self) -> list[FlankError]:
@@ -140,9 +140,8 @@ class PosedStage:
     def _with(self, changed: Callable[[MeshStiffness], MeshStiffness], **moved: Any) -> PosedStage:
         members = []
         for mesh in self.members:
-            stiffness = changed(mesh.stiffness)
-            excitation = replace(mesh.excitation, stiffness=stiffness, **moved)
-            members.append(replace(mesh, stiffness=stiffness, excitation=excitation))
+            own = replace(mesh.excitation, stiffness=changed(mesh.stiffness), **moved)
+            members.append(replace(mesh, excitation=own))
         return replace(self, members=tuple(members))
 
     def loss(self, whole: PosedStage) -> float:

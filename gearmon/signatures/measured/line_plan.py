@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from gearmon.arrays import BoolArray, FloatArray, IntArray
-from gearmon.gears.kinematics import Kinematics, Mesh, Modulation, Wheel, kinematics
+from gearmon.gears.kinematics import Kinematics, Line, Mesh, Wheel, kinematics
 from gearmon.machine import Machine
 
 MESH_HARMONICS = 8
@@ -273,9 +273,7 @@ class _Planning:
                         if n % step == first:
                             yield n * turning + aside, 10**6, None
 
-    def _sidebands(
-        self, mesh: Mesh, modulation: Modulation
-    ) -> Iterator[tuple[int, int, Family | None]]:
+    def _sidebands(self, mesh: Mesh, modulation: Line) -> Iterator[tuple[int, int, Family | None]]:
         teeth = {wheel.gear: wheel.teeth for wheel in mesh.wheels}.get(modulation.gear, 0)
         centre, apart = self.units(mesh.exact), self.units(modulation.exact)
         reach = min(max(NEAR_SIDEBANDS, teeth // 2), centre // (2 * apart))
