@@ -213,6 +213,9 @@ class Fault(_OnGear):
                 f"fault unit {self.unit!r} is not known for {self.kind}; give the loss of "
                 f"stiffness of the tooth pair as a fraction (0.2) or in per cent (20%){others}"
             )
+        if not self.unit and 1 <= self.size < 100:
+            told = f"fault size = {self.size} must lie in [0, 1): {_LOSS}"
+            raise ArgumentError(f"{told}; did you mean {self.size:g}%?")
         size = SIZES[self.unit].checked("fault size", self.size)
         if self.unit == "level" and size not in LEVELS:
             raise ArgumentError(f"pitting level={size:g} must be a whole number")
