@@ -293,12 +293,15 @@ def _searched(
         alone = as_heard(gear, machine)
         if not alone.bands:
             continue
+        shown = mesh_shown(gear, deviation.gears, machine)
+        if not shown:
+            # what drowns in another mesh on the same lines tells neither size nor gear
+            alone = replace(alone, mesh_lines=None)
         # nothing may tell how a sun is held
         seats = (machine, with_floating_sun(machine, gear.stage))
         found = [_matched(own, alone, deviation, each) for each in seats if each is not None]
         ranked = sorted(filter(None, found), key=lambda search: -search.log_gear)
         if ranked or alone.meetings > 1:
-            shown = mesh_shown(gear, deviation.gears, machine)
             best, instead = (*ranked, None, None)[:2]
             alone = best.difference if best is not None else alone
             yield GearEvidence(deviation=alone, search=best, shown=shown, instead=instead)
@@ -315,9 +318,7 @@ def _matched(
         power = own_mesh_power(gear, response, deviation.gears)
         # where planets cancel, neighbours do not tell the path: it falls below its resonances
         told = tuple(b for b in gear.bands if np.all(response.mesh[b.harmonic :][:1]))
-        # mesh harmonics that all are another's, too, tell neither size nor gear
-        lines = None if any(_on_another(gear, deviation.gears)) else gear.mesh_lines
-        heard = replace(gear, bands=told, mesh_power=power, mesh_lines=lines)
+        heard = replace(gear, bands=told, mesh_power=power)
         return search_gear(heard, response, own.speed_hz)
     return None
 
