@@ -10,6 +10,7 @@ import pytest
 from reference.small_gearbox import MACHINE_FILE, simulated
 
 import gearmon
+from gearmon.signals.recording import read_recordings
 
 RATE = float(simulated(tacho=False).sampling_rate_hz)
 MACHINE = tomllib.loads(MACHINE_FILE)
@@ -62,6 +63,14 @@ def test_what_was_simulated_is_a_recording(samples):
     assert found.channel_names == simulated(tacho=False).channel_names
     np.testing.assert_array_equal(found.samples, samples)
     assert gearmon.read_recording(found) is found
+
+
+def test_a_recording_without_a_name_is_told_by_its_number(samples):
+    made = gearmon.read_recording(samples, sampling_rate_hz=10_000.0, unit="m/s2")
+    known = {name: getattr(made, name) for name in ("samples", "sampling_rate_hz", "units")}
+    named = {name: getattr(made, name) for name in ("channel_names", "channel_kinds")}
+    one, two = read_recordings([gearmon.Recording(**known, **named)] * 2)
+    assert (one.origin, two.origin) == ("unnamed 1", "unnamed 2")
 
 
 def test_units_are_told_or_unknown_and_never_guessed(samples):

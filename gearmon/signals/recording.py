@@ -293,8 +293,8 @@ def read_recordings(
     several = sources if isinstance(sources, list | tuple) else [sources]
     found = [read_recording(source, **options) for source in several]
     for k, one in enumerate(found):
-        if one.origin in ("array", "DataFrame", "simulated"):
-            found[k] = replace(one, origin=f"{one.origin} {k + 1}", known_finite=True)
+        if one.origin in ("", "array", "DataFrame", "simulated"):
+            found[k] = replace(one, origin=f"{one.origin or 'unnamed'} {k + 1}", known_finite=True)
     return found
 
 

@@ -428,9 +428,12 @@ def mesh_shown(gear: GearDeviation, gears: Sequence[GearDeviation], machine: Mac
     On a rig of 32/96 and 32/80 teeth one of four sensors shows the first stage in all of ten
     recordings, two in none; with a broken tooth one of the two sounds as it did when healthy.
     """
-    for other, step in _on_another(gear, gears):
+    for other in gears:
+        ratio = gear.order * gear.teeth / (other.order * other.teeth)
+        step = round(ratio)
         # planets put their mesh harmonics, or cancel them, as their phases have it
-        if step < 2 or isinstance(machine.stages[other.stage - 1], PlanetaryStage):
+        of_set = isinstance(machine.stages[other.stage - 1], PlanetaryStage)
+        if other.stage == gear.stage or of_set or step < 2 or abs(ratio / step - 1) > 1e-9:
             continue
         top = other.mesh_power.shape[1] - 1
         response = tooth_response(machine, other.stage, other.gear, top * other.order * other.teeth)
@@ -440,17 +443,6 @@ def mesh_shown(gear: GearDeviation, gears: Sequence[GearDeviation], machine: Mac
         if not np.any(louder):
             return False
     return True
-
-
-def _on_another(
-    gear: GearDeviation, gears: Sequence[GearDeviation]
-) -> Iterator[tuple[GearDeviation, int]]:
-    """Give gears of other stages of whose mesh harmonics every so many are those of a gear."""
-    for other in gears:
-        ratio = gear.order * gear.teeth / (other.order * other.teeth)
-        step = round(ratio)
-        if other.stage != gear.stage and step and abs(ratio / step - 1) <= 1e-9:
-            yield other, step
 
 
 def _by_neighbours(power: FloatArray, expected: FloatArray, harmonic: int) -> FloatArray:
