@@ -68,10 +68,10 @@ _EVENT_OF_TURN = 0.25
 # Share of the lines that the fit must leave to tell of anything beside the event: one in N lines of
 # a sun that meets N planets are too few.
 _LEAST_LEFT = 0.1
-# Quantile of the energy around the turn that tells of it there: a healthy sun of four planets, of
-# which one line in four is heard, departs at every place by 4.4 to 5.6 times the noise at another
-# load (3.1 to 5.3 and one place at 7 to 180 on twelve sets with a damaged one), and was called
-# damaged in three of twelve recordings.
+# Quantile of the energy around the turn that tells how much departs everywhere: of a healthy sun of
+# four planets, of which one line in four is heard, at another load 0.8 of the largest, and it was
+# called damaged in three of twelve recordings; of a damaged one 0.17 to 0.63 on thirteen of sixteen
+# simulated sets.
 _QUIET = 0.25
 # Mean square of the rest that noise leaves at least: of 1,500 healthy gears one in a thousand has
 # left less than 0.12.
