@@ -43,7 +43,7 @@ _ONE_TOOTH, _ONE_TOOTH_AND_RUNOUT, _RUNOUT_DB = 0.5, 0.99, 12.0
 _UNCLEAR = "changed residual"
 _SENTENCES = 4
 # Lead (logarithm of a factor) below which another gear may be the cause as well: of 287 findings on
-# one of two gears with the same lines (51 machines of two simulators, 15 to 60 %) the right one is
+# one of two gears with the same lines (47 machines of two simulators, 15 to 60 %) the right one is
 # blamed in 24 of 32 below it, in 254 of 255 beyond.
 _SURE_LEAD = 4.0
 _RESONANCES = "resonances may change levels, so that levels alone call no fault"

@@ -70,7 +70,7 @@ _COMPETES = 2.3
 # another cause; nepers over which the ratio of those is spread, at any phase. Weight of the
 # logarithm of the ratio of two gears' log factors, which count every line of the event as
 # independent, beside it. Of 241 analyses called faults of a gear that shares its lines with another
-# (39 machines of two simulators; 15, 30 and 60 %; one and three references) the right one of the
+# (41 machines of two simulators; 15, 30 and 60 %; one and three references) the right one of the
 # two is blamed in 240, by the power of lines alone in 215. Deviations of 0.35 to 0.6, shares of 0.1
 # to 0.4, 6 to 8 nepers and weights of 5 to 10 make it 236 to 240.
 _WIDER, _ASTRAY, _NEPERS, _BY_FACTORS = 3.0, 0.2, 8.0, 7.0
