@@ -470,7 +470,7 @@ def unheard(
         )
         told += [
             f"A sun that floats hides damage in its set: if that of stage {stage} does not, give "
-            "its shaft a [[bearing]] with its stiffness_n_per_m in the machine file."
+            f"{_sun_held(machine, stage)} in the machine file."
             for stage in dict.fromkeys(g.key[0] for g in searched if g.instead is not None)
         ]
     if silent:
@@ -479,6 +479,15 @@ def unheard(
             "channel, and record again."
         )
     return " ".join(told)
+
+
+def _sun_held(machine: Machine, number: int) -> str:
+    """Say by what a machine file tells how the sun of a stage is held."""
+    stage = machine.stages[number - 1]
+    if "sun" not in stage.on_shafts:
+        return "the stage its fixed_support_n_per_m"
+    shaft = number + stage.on_shafts.index("sun")
+    return f"its shaft a [[bearing]] (shaft = {shaft}) with its stiffness_n_per_m"
 
 
 def reason(

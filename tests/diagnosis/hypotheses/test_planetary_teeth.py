@@ -11,6 +11,7 @@ from gearmon.diagnosis.evidence import noticed_from
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, as_heard, loss_estimate
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE, BandDeviation, GearDeviation
+from gearmon.diagnosis.verdict import _sun_held
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.signatures.expected.tooth_response import tooth_response, with_floating_sun
@@ -155,6 +156,7 @@ def test_damage_of_sun_and_planet_is_found_in_a_simulated_set():
     loose = gearmon.analyse(sound, train, reference)
     assert loose.verdict == "cannot tell"
     assert "give its shaft a [[bearing]]" in loose.reason
+    assert "(shaft = 1)" in loose.reason
     seat = Bearing(name="sun", shaft=1, stiffness_n_per_m=1e12)
     firm = replace(train, bearings=(*train.bearings, seat))
     assert gearmon.analyse(sound, firm, reference).verdict == "healthy"
@@ -260,6 +262,14 @@ def test_a_sun_floats_only_where_the_file_does_not_tell_how_it_is_held():
     assert with_floating_sun(replace(told(), stages=(seated,)), 1) is None
     pair = ParallelStage(pinion_teeth=20, gear_teeth=60)
     assert with_floating_sun(replace(told(), stages=(pair,)), 1) is None
+
+
+def test_the_key_that_tells_how_a_sun_is_held_is_named():
+    assert _sun_held(told(), 1) == (
+        "its shaft a [[bearing]] (shaft = 1) with its stiffness_n_per_m"
+    )
+    fixed = replace(told().stages[0], fixed="sun", driving="carrier")
+    assert "fixed_support_n_per_m" in _sun_held(replace(told(), stages=(fixed,)), 1)
 
 
 def test_what_a_sun_that_may_float_hides_has_to_be_larger_to_be_noticed():
