@@ -118,6 +118,20 @@ def test_the_final_drive_of_the_catalogue_sounds_as_expected(monkeypatch):
     assert recorded(machine, others, stage=2).max() < 0.01 * force.max()
 
 
+@pytest.mark.parametrize("seed", [3, 8])
+def test_a_final_drive_is_heard_where_its_housing_rings(seed):
+    """Nearly all power stands about one mode at 2 to 3 kHz: at mesh harmonics 40 to 60."""
+    machine = gearmon.load_machine(FOLDER / "planetary_final_drive.toml")
+    recording = gearmon.simulate(
+        machine, machine_seed=seed, recording_seed=seed + 50, load=0.6, channels=1
+    )
+    vibration = gearmon.read_recording(
+        recording.samples, sampling_rate_hz=recording.sampling_rate_hz, unit="m/s2"
+    )
+    heard = gearmon.measure_signature(vibration, machine)
+    assert heard.found and heard.meshes[1].score > 5.0
+
+
 def stepped(machine, fault, gear_teeth, highest, steps):
     """Lines of the forces of each planet, in steps of constant stiffness from drive train alone."""
     train, posed = drive_train(machine), MeshPlace(machine, 1).as_set(fault)
