@@ -600,8 +600,9 @@ def _noticed_from(gear: GearEvidence) -> float | None:
     lines = sum(band.rest.size for band in deviation.bands)
     beside = 2.0 * lines * deviation.meetings / deviation.teeth
     peak = 1.0 + np.maximum(search.stands_out - _prior(gear), 0.0) / max(1.0, beside)
-    believed = [gear.believes(*each) for each in zip(expected.tolist(), peak.tolist(), strict=True)]
-    return _first(gear, np.array(believed), LIMITS.fault)
+    told = np.transpose([expected, peak, search.matched_peak, search.directions]).tolist()
+    believed = np.array([gear.believes(*each) for each in told])
+    return _first(gear, believed, LIMITS.fault)
 
 
 def _prior(gear: GearEvidence) -> float:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.law.gear_lines import GearDeviation
+from gearmon.diagnosis.law.gear_lines import LEAST_MISFIT, GearDeviation
 from gearmon.signatures.expected.tooth_response import ToothResponse
 
 # Decay times of the energy in a housing [s]: damping ratios of 1 to 6 per cent between 700 Hz and
@@ -80,6 +80,12 @@ class SearchedGear:
         What the first would be on average at a tooth that has lost as much.
     stands_out : ndarray of float, shape (losses,)
         The same if nothing of the damage itself counted as noise: as its energy grows.
+    matched : ndarray of float, shape (losses, teeth)
+        Energy of the departure about each tooth along what each of `LOSSES` would add, over what is
+        expected there.
+    matched_peak, directions : ndarray of float, shape (losses,)
+        What that would be over the one at sound teeth, on average, at a tooth that has lost as
+        much, and the directions that tell of it: 1 / sum of squares of their shares.
     """
 
     difference: GearDeviation
@@ -88,6 +94,17 @@ class SearchedGear:
     log_place: FloatArray
     expected: FloatArray
     stands_out: FloatArray
+    matched: FloatArray
+    matched_peak: FloatArray
+    directions: FloatArray
+
+    @property
+    def matched_event(self) -> tuple[float, float]:
+        """Matched energy at the best tooth over that of the median, and its directions."""
+        likeliest = int(np.argmax(self.log_likelihood.max(axis=1)))
+        energy = self.matched[likeliest]
+        usual = max(float(np.median(energy)), np.finfo(float).tiny)
+        return float(energy[self.best]) / usual, float(self.directions[likeliest])
 
     @property
     def log_tooth(self) -> FloatArray:
@@ -177,14 +194,15 @@ def search_gear(
     size = response.amplitude(LOSSES)
     around = difference.expected_by_tooth
     total = np.zeros((2, len(LOSSES), difference.teeth))
-    expected = np.zeros((2, len(LOSSES)))
+    expected = np.zeros((5, len(LOSSES)))
+    matched = np.zeros(total.shape[1:])
     heard = list(_heard(difference, response, path))
     if not heard:
         return None
-    for number, rest, signal in _alike(heard, len(LOSSES) * difference.teeth):
+    for number, rest, signal, noise in _alike(heard, len(LOSSES) * difference.teeth):
         place = turns[np.arange(difference.teeth)[:, None] * number[:, None] % difference.teeth]
         turned = place * rest[:, None]
-        told, mean = zip(
+        told, mean, energy = zip(
             *[
                 _log_likelihood(
                     turned,
@@ -192,6 +210,7 @@ def search_gear(
                     signal[:, :, None] * ringing(number * rotation_hz, delay),
                     size,
                     around,
+                    noise,
                 )
                 for delay in delays
             ],
@@ -199,6 +218,8 @@ def search_gear(
         )
         total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)
         expected += np.mean(mean, axis=0)
+        matched += np.mean(energy, axis=0)
+    ratio, weight, squares = expected[2:]
     return SearchedGear(
         difference=difference,
         response=response,
@@ -206,16 +227,22 @@ def search_gear(
         log_place=_any_loss(total[1]),
         expected=expected[0],
         stands_out=expected[1],
+        matched=matched,
+        matched_peak=ratio / np.maximum(weight, np.finfo(float).tiny),
+        directions=weight**2 / np.maximum(squares, np.finfo(float).tiny),
     )
 
 
-_Lines = tuple[NDArray[Any], NDArray[Any], NDArray[Any]]
+_Lines = tuple[NDArray[Any], ...]
 
 
 def _heard(
     difference: GearDeviation, response: ToothResponse, path: FloatArray
 ) -> Iterator[_Lines]:
-    """Numbers of the lines of each band and channel, what departs, and what a unit loss adds."""
+    """Numbers of the lines of each band and channel, what departs, and what a unit loss adds.
+
+    Last the share of noise in the variance of what departs.
+    """
     for band in difference.bands:
         inside = band.number < len(response.lines)
         if band.harmonic >= path.shape[1] or not inside.any():
@@ -224,19 +251,18 @@ def _heard(
         level = np.sqrt(response.band_power(number.astype(np.float64)))
         for channel in np.flatnonzero(path[:, band.harmonic] > 0):
             signal = level * np.sqrt(path[channel, band.harmonic])
-            yield number, band.rest[channel, inside], signal / band.deviation[channel, inside]
+            deviation = band.deviation[channel, inside]
+            noise = np.mean((band.noise[channel, inside] / deviation) ** 2)
+            yield number, band.rest[channel, inside], signal / deviation, np.asarray(noise)
 
 
 def _alike(heard: Sequence[_Lines], places: int) -> Iterator[_Lines]:
     """Stack those of equally many lines, some at a time; `places` are tried in each."""
-    for lines in sorted({len(number) for number, _, _ in heard}):
+    for lines in sorted({len(number) for number, *_ in heard}):
         same = [one for one in heard if len(one[0]) == lines]
         some = max(1, _TOGETHER // (places * lines))
         for first in range(0, len(same), some):
-            number, rest, signal = (
-                np.array(a) for a in zip(*same[first : first + some], strict=True)
-            )
-            yield number, rest, signal
+            yield tuple(np.array(a) for a in zip(*same[first : first + some], strict=True))
 
 
 def path_power(measured: FloatArray, expected: ComplexArray, *, mean: bool = False) -> FloatArray:
@@ -324,12 +350,14 @@ def _log_likelihood(
     root: ComplexArray,
     size: FloatArray,
     around: FloatArray,
-) -> tuple[FloatArray, FloatArray]:
+    noise: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Logarithm of the likelihood ratio of each band, shape (bands, 2, losses, teeth).
 
-    The first to tell whether there is damage or how much, the second to tell where. With it the
-    mean of the first at a tooth that has lost as much, all bands together, as far as it counts and
-    in full, shape (2, losses).
+    The first to tell whether there is damage or how much, the second to tell where. With it, all
+    bands together, shape (5, losses): the mean of the first at a tooth that has lost as much, as
+    far as it counts and in full, and sums over the directions of the power that it adds over that
+    of the noise, of their weights and of the squares of these. Last `SearchedGear.matched`.
 
     Parameters
     ----------
@@ -343,28 +371,38 @@ def _log_likelihood(
         Size of the response to each loss.
     around : ndarray of float, shape (teeth,)
         Mean square of healthy departures at each tooth over that of the median.
+    noise : ndarray of float, shape (bands,)
+        Share of noise in the variance of departures. What else is expected to depart may not: that
+        is told by the teeth beside the event.
     """
     spread, projection = _directions(root)
     energy = np.abs(turned @ projection) ** 2
     whole = np.mean(np.abs(turned[:, 0]) ** 2, axis=1)
     leak = _leak(projection, spread, number, turned.shape[1])
-    beside = np.maximum(_beside(energy / around[:, None], spread, leak), 1.0)
+    beside = np.maximum(
+        _beside(energy / around[:, None], spread, leak), np.maximum(noise, LEAST_MISFIT)
+    )
     least = np.maximum(beside, SEARCH_MISFIT * whole)
     power = size[:, None] ** 2 * spread[:, None]
     told = _beside_noise(power, energy, least)
-    noise = beside[:, None] * around
+    less = np.log1p(power / least[:, None, None]).sum(axis=(0, 2))
+    matched = (told.sum(axis=0) + less[:, None]) / around
+    expected = beside[:, None] * around
     # most places are as quiet as the quietest
-    band, tooth = np.nonzero(noise > least[:, None])
-    there = _beside_noise(power[band], energy[band, tooth, None], noise[band, tooth])
+    band, tooth = np.nonzero(expected > least[:, None])
+    there = _beside_noise(power[band], energy[band, tooth, None], expected[band, tooth])
     told[band, :, tooth] = there[:, :, 0]
-    mostly = 1.0 / np.mean(1.0 / np.maximum(noise, least[:, None]), axis=1)
+    mostly = 1.0 / np.mean(1.0 / np.maximum(expected, least[:, None]), axis=1)
     # beside the tooth that speaks, its neighbours are held against each other on equal terms
     place = _beside_noise(power, energy, np.maximum(least, PLACE_MISFIT * whole))
     # a share of what the damage itself adds will count as noise
     added = whole[:, None] + power.sum(axis=2) / turned.shape[2]
     counted = np.maximum(mostly[:, None], SEARCH_MISFIT * added)
     ratio = power / np.stack(np.broadcast_arrays(counted, mostly[:, None]))[..., None]
-    return np.stack([told, place], axis=1), np.sum(ratio - np.log1p(ratio), axis=3).sum(axis=1)
+    mean = np.sum(ratio - np.log1p(ratio), axis=3).sum(axis=1)
+    weight = ratio[1] / (1.0 + ratio[1])
+    sums = [each.sum(axis=(0, 2)) for each in (ratio[1], weight, weight**2)]
+    return np.stack([told, place], axis=1), np.vstack([mean, sums]), matched
 
 
 def _directions(root: ComplexArray) -> tuple[FloatArray, ComplexArray]:

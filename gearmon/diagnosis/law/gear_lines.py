@@ -73,9 +73,9 @@ _LEAST_LEFT = 0.1
 # called damaged in three of twelve recordings; of a damaged one 0.17 to 0.63 on thirteen of sixteen
 # simulated sets.
 _QUIET = 0.25
-# Mean square of the rest that noise leaves at least: of 1,500 healthy gears one in a thousand has
-# left less than 0.12.
-_LEAST_MISFIT = 0.1
+#: Mean square of the rest that noise leaves at least: of 1,500 healthy gears one in a thousand has
+#: left less than 0.12.
+LEAST_MISFIT = 0.1
 # Share of an event's energy that is left at every other tooth when all that can be followed of it
 # is taken off: a crack that grows from 10 to 60 % raises the rest by 0.006 to 0.01 of its own.
 _LEFT_BY_EVENT = 0.01
@@ -271,7 +271,7 @@ class GearDeviation:
             return self._beside_event if self.meetings > 1 else 1.0
         left /= max(freedom, 1.0)
         leaked = _LEFT_BY_EVENT * float(self._energy.max()) / lines
-        return max(left - leaked, min(left, 1.0), _LEAST_MISFIT)
+        return max(left - leaked, min(left, 1.0), LEAST_MISFIT)
 
     @cached_property
     def peak(self) -> float:

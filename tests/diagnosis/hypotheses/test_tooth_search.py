@@ -192,6 +192,39 @@ def test_noise_that_is_stated_too_large_makes_no_loss_too_small():
     assert np.median([one.loss for one in told]) == pytest.approx(loss, rel=0.15)
 
 
+def stating(bands, size):
+    """The same lines, departures stated so many times as large, and next to no noise."""
+    told = [(b, size * b.deviation) for b in bands]
+    return tuple(replace(b, deviation=d, rest=b.rest / size, noise=1e-3 * d) for b, d in told)
+
+
+@pytest.mark.parametrize("gear", ["pinion", "gear"])
+def test_departures_that_are_stated_too_large_hide_no_loss(gear):
+    """Twice the deviation of every line, where noise is next to none: the recording tells it."""
+    for seed in range(4):
+        healthy, new = patterns(gear, seed, loss=0.1, tooth=9)
+        own = held_against(new, [healthy], same_zero=True)
+        usual = np.median(np.abs(np.concatenate([b.rest.ravel() for b in own.bands])))
+        narrow, stated = (
+            search_gear(replace(own, bands=stating(own.bands, size)), response(gear), SPEED_HZ)
+            for size in (usual, 2 * usual)
+        )
+        assert stated.best == narrow.best == 8
+        assert stated.log_gear == pytest.approx(narrow.log_gear, rel=1e-6)
+
+
+def test_matched_energy_at_a_tooth_is_what_its_loss_lets_expect():
+    told = {loss: [searched("gear", s, loss=loss, tooth=9) for s in range(12)] for loss in (0, 0.2)}
+    events = {loss: np.array([one.matched_event for one in own]) for loss, own in told.items()}
+    at = int(np.argmin(np.abs(LOSSES - 0.2)))
+    expected = np.median([one.matched_peak[at] for one in told[0.2]])
+    # the path about the lines is known to a factor of 1.6: 2.5 of power
+    assert 0.4 < np.median(events[0.2][:, 0]) / expected < 2.5
+    assert events[0][:, 0].max() < 4.0
+    assert events[0.2][:, 0].min() > 10.0
+    assert (events[0.2][:, 1] > 2.0).all()
+
+
 def test_a_recording_held_against_itself_has_lost_nothing():
     healthy = patterns("gear", 3)[0]
     difference = held_against(healthy, [healthy], same_zero=True)

@@ -153,6 +153,10 @@ def test_a_machine_that_changes_with_its_load_is_as_sure_beside_a_reference_of_t
     assert between > away * learned
 
 
+# along what damage would add nothing stands out
+NOTHING = (1.0, 40.0)
+
+
 def evidence(deviation: GearDeviation) -> GearEvidence:
     return GearEvidence(deviation=deviation, search=None)
 
@@ -162,20 +166,36 @@ def test_what_departs_by_teeth_bounds_what_is_believed_of_a_likelihood():
     flat = gear(np.zeros(31), seed=3, noise=0.0)
     noisy, departing = (evidence(of(changed, flat, share)) for share in (0.999, 0.3))
     # a peak four times the median: proof among teeth that are alike, chance among such as depart
-    assert noisy.believes(60.0, 4.0) > 3.0 * departing.believes(60.0, 4.0)
+    assert noisy.believes(60.0, 4.0, *NOTHING) > 3.0 * departing.believes(60.0, 4.0, *NOTHING)
     # gamma variables of shape two: 2 (r - 1 - ln r) - ln z
     r = 1.0 + 3.0 / departing.deviation.departs
     most = 2.0 * (r - 1.0 - np.log(r)) - np.log(31)
     quiet = replace(departing.deviation, bands=departing.deviation.bands)
-    assert evidence(quiet).believes(1e9, 4.0) == pytest.approx(most)
+    assert evidence(quiet).believes(1e9, 4.0, *NOTHING) == pytest.approx(most)
     # evidence against damage is believed as it is
-    assert departing.believes(-7.0, 4.0) == -7.0
+    assert departing.believes(-7.0, 4.0, *NOTHING) == -7.0
 
 
 def test_more_is_believed_of_a_higher_peak_and_of_a_larger_factor():
     _, changed = uneven(4)
     one = evidence(of(changed, gear(np.zeros(31), seed=4, noise=0.0), 0.5))
-    peaks = [one.believes(200.0, peak) for peak in np.geomspace(1.0, 100.0, 25)]
-    factors = [one.believes(factor, 6.0) for factor in np.geomspace(0.1, 1e4, 25)]
+    peaks = [one.believes(200.0, peak, *NOTHING) for peak in np.geomspace(1.0, 100.0, 25)]
+    factors = [one.believes(factor, 6.0, *NOTHING) for factor in np.geomspace(0.1, 1e4, 25)]
     assert np.all(np.diff(peaks) >= 0)
     assert np.all(np.diff(factors) >= 0)
+
+
+def test_what_departs_along_what_damage_adds_is_believed_by_the_directions_that_tell_it():
+    _, changed = uneven(3)
+    own = of(changed, gear(np.zeros(31), seed=3, noise=0.0), 0.3)
+    lines = np.ones((1, 4), dtype=complex)
+    alone = evidence(replace(own, mesh_lines=lines))
+    # gamma variables of a shape of one sixth for each direction: 40/6 (r - 1 - ln r) - ln z
+    most = 40.0 / 6.0 * (5.0 - 1.0 - np.log(5.0)) - np.log(31)
+    assert alone.believes(1e9, 1.0, 5.0, 40.0) == pytest.approx(most)
+    assert alone.believes(3.0, 1.0, 5.0, 40.0) == 3.0
+    # at another load than all learned teeth scatter more, and of planets less is known
+    lighter = evidence(replace(own, mesh_lines=lines, light=0.4))
+    assert lighter.believes(1e9, 1.0, 5.0, 40.0) < 0.5 * most
+    planets = evidence(replace(own, mesh_lines=None))
+    assert planets.believes(1e9, 1.0, 5.0, 40.0) == planets.believes(1e9, 1.0, *NOTHING)
