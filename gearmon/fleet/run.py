@@ -23,7 +23,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import lru_cache
+from functools import lru_cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,7 +69,9 @@ def analysed(job: Job) -> Outcome:
     file = job.path
     try:
         with at_hand(job.path) as file:
-            digest = _hash(file)
+            with open(file, "rb") as content:
+                short = partial(hashlib.blake2b, digest_size=16)
+                digest = hashlib.file_digest(content, short).hexdigest()
             analysis, *_ = judged(job.machine, file, job.path)
             growing = not is_remote(job.path) and _state(file) != job.state
         entry = entry_of(analysis, datetime.fromtimestamp(job.time_s, UTC), "name")
@@ -111,11 +113,6 @@ def at_hand(path: str) -> Iterator[str]:
 def _state(file: str) -> tuple[int, str]:
     told = os.stat(file)
     return told.st_size, str(told.st_mtime_ns)
-
-
-def _hash(file: str) -> str:
-    with open(file, "rb") as content:
-        return hashlib.file_digest(content, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
 
 
 def judged(
