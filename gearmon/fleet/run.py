@@ -132,12 +132,11 @@ def judged(
 
 
 @lru_cache(maxsize=8)
-def _read(files: tuple[str, ...], states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
+def _read(files: tuple[str, ...], _states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
     """Read machine file and reference, again only if they were written to."""
     from gearmon.machine import load_machine
     from gearmon.signatures.measured.reference import read_reference
 
-    assert len(states) == len(files)
     return load_machine(files[0]), read_reference(files[1]) if len(files) > 1 else None
 
 
