@@ -500,24 +500,23 @@ def _advice(axes: Iterable[AxisExposure], duration_s: float) -> Iterator[str]:
             yield f"{name} above {most:g} ({', '.join(above)}): shocks; rms understates, judge VDV"
 
 
-def _warnings(found: Recording, position: str, axes: tuple[AxisExposure, ...]) -> list[str]:
+def _warnings(found: Recording, position: str, axes: tuple[AxisExposure, ...]) -> Iterator[str]:
     weighting, rate = WEIGHTINGS[axes[0].weighting], found.sampling_rate_hz
-    told, have = [], [own.axis for own in axes]
+    have = [own.axis for own in axes]
     missing = [axis for axis in POSITIONS[position] if axis not in have]
     if missing:
-        told.append(f"axes not measured: {', '.join(missing)}; the value may be too low")
+        yield f"axes not measured: {', '.join(missing)}; the value may be too low"
     if rate < 2 * weighting.tolerances_hz[3]:
-        told.append(
+        yield (
             f"sampled at {rate:.6g} Hz: nothing above {rate / 2:.4g} Hz is counted, and aliases "
             f"are; the filter is within {100 * max(a.filter_error for a in axes):.2g} %"
         )
     least = LEAST_S.get(weighting.band_hz[0])
     if least is not None and found.duration_s < least:
-        told.append(
+        yield (
             f"{found.duration_s:.4g} s are too short for the statistics of VDV and of bands from "
             f"{weighting.band_hz[0]:g} Hz; record {least:g} s at least (ISO 2631-1, 5.5)"
         )
-    return told
 
 
 @dataclass(frozen=True, kw_only=True)
