@@ -11,14 +11,7 @@ import tempfile
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    CancelledError,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -181,9 +174,9 @@ def in_processes(jobs: Sequence[Job], task: Task = analysed) -> Iterator[Outcome
 
 def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcome, None, list[Job]]:
     """Work through a queue; return what was at work when a process died."""
-    running: dict[Future[Outcome], Job] = {}
+    running: dict[futures.Future[Outcome], Job] = {}
     # not forked: threads that deliver alarms may run
-    pool = ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core)
+    pool = futures.ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core)
     try:
         if width == 1:
             # a process that is killed as it begins says nothing of the recording
@@ -193,7 +186,7 @@ def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcom
             while queue and len(running) < width + (width > 1):
                 future = pool.submit(task, queue[0])
                 running[future] = queue.popleft()
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
                 yield future.result()
                 del running[future]
     except BrokenProcessPool:
@@ -266,7 +259,7 @@ def on_dask(
     except TimeoutError:
         told = f"--scheduler {scheduler}: does not answer, or did nothing for {patience_s:g} s"
         raise ArgumentError(f"{told}; run again to go on") from None
-    except (OSError, CancelledError) as error:
+    except (OSError, futures.CancelledError) as error:
         told = f"--scheduler {scheduler}: was lost ({' '.join(str(error).split())[:80]})"
         raise ArgumentError(f"{told}; run again to go on") from None
 
@@ -440,8 +433,8 @@ def watch_fleet(
         Looks after which to stop, dimensionless; without end by default.
     """
     before: dict[str, Any] = {}
-    delivery: Future[list[str]] | None = None
-    with ThreadPoolExecutor(1, "alarms") as thread:
+    delivery: futures.Future[list[str]] | None = None
+    with futures.ThreadPoolExecutor(1, "alarms") as thread:
         while rounds > 0:
             rounds -= 1
             seen = _seen(arrived(fleet)[0])
