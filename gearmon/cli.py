@@ -53,7 +53,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = argparse.Namespace(debug=False)
     try:
         try:
-            return _run(argv, arguments)
+            parsed(argv, arguments)
+            if arguments.command is None:
+                _parser().print_help()
+                return DONE
+            return perform(arguments)
         finally:
             flushed()
     except GearmonError as error:
@@ -81,28 +85,15 @@ def parsed(
     parser, words = _parser(), sys.argv[1:] if argv is None else argv
     names = [command.name for command in COMMANDS]
     word = words[0] if words else "-"
-    _completed(parser)
-    near = None if word.startswith("-") or word in names else nearest_name(word.lower(), names)
-    if near is not None:
-        parser.error(f"there is no command {word!r}; did you mean {near}?")
-    return parser.parse_args(argv, arguments)
-
-
-def _run(argv: Sequence[str] | None, arguments: argparse.Namespace) -> int:
-    parsed(argv, arguments)
-    if arguments.command is None:
-        _parser().print_help()
-        return DONE
-    return perform(arguments)
-
-
-def _completed(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell that asks how a line may go on, where argcomplete is there to do it."""
-    if "_ARGCOMPLETE" in os.environ:
+    if "_ARGCOMPLETE" in os.environ:  # the shell asks how a line may go on
         with suppress(ImportError):
             import argcomplete
 
             argcomplete.autocomplete(parser)
+    near = None if word.startswith("-") or word in names else nearest_name(word.lower(), names)
+    if near is not None:
+        parser.error(f"there is no command {word!r}; did you mean {near}?")
+    return parser.parse_args(argv, arguments)
 
 
 def _open_streams() -> None:

@@ -110,12 +110,8 @@ def check_output(path: str | Path) -> Path:
     if not os.access(target.parent, os.W_OK | os.X_OK):
         raise ArgumentError(f"{given}: cannot write there (no permission to write in its folder)")
     writer = _WRITER.get()
-    if writer is not None:
-        _check_owner(given, target, writer)
-    return target
-
-
-def _check_owner(given: Path, target: Path, writer: _Writer) -> None:
+    if writer is None:
+        return target
     if _identity(target) in writer.read:
         raise ArgumentError(f"{given}: is read as well; give another name to write to")
     known = target in writer.kept or not target.exists() or not target.stat().st_size
@@ -124,6 +120,7 @@ def _check_owner(given: Path, target: Path, writer: _Writer) -> None:
             f"{given}: exists, and gearmon {writer.command} did not write it, or it was changed "
             "since; remove it, or give another name"
         )
+    return target
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
@@ -291,10 +288,11 @@ def reading_archive(
         with Path(path).open("rb") as file:
             if file.read(2) != b"PK":
                 raise ValueError("another kind of file")
-        with Path(path).open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            if archive_swells(archive):
-                raise ValueError("it unpacks to more than any")
-            arrays = {name: archive[name] for name in archive.files}
+            file.seek(0)
+            with np.load(file, allow_pickle=False) as archive:
+                if archive_swells(archive):
+                    raise ValueError("it unpacks to more than any")
+                arrays = {name: archive[name] for name in archive.files}
         header = json.loads(bytes(arrays.pop("header")).decode("utf-8"))
         if header.get("format") not in formats:
             raise SignatureError(

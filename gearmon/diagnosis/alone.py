@@ -66,7 +66,12 @@ def judged_alone(
     log10 = min((p.log10_probability for p in profiles), default=0.0)
     log10 = min(0.0, log10 + _looked_at(profiles))
     flags = own_teeth_flags(profiles)
-    expected, notes = _expected(signature, machine)
+    expected: Signature | None = None
+    notes: tuple[str, ...] = ()
+    try:
+        expected = expected_signature(machine, max_hz=0.5 * signature.sampling_rate_hz)
+    except GearmonError as error:
+        notes = (f"no expected signature: {error}",)
     return Analysis(
         recording=signature.origin,
         machine=machine.name,
@@ -149,16 +154,6 @@ def own_teeth_reason(profiles: Sequence[ToothProfile], why: str) -> str:
         "damage of one tooth can be found: on simulated machines two of three losses of 40 % "
         f"of a pair's stiffness, one of four of 20 %. {most_striking(profiles)} {UNKNOWABLE}"
     )
-
-
-def _expected(
-    signature: MeasuredSignature, machine: Machine
-) -> tuple[Signature | None, tuple[str, ...]]:
-    """Return the expected signature up to half the sampling rate, or why there is none."""
-    try:
-        return expected_signature(machine, max_hz=0.5 * signature.sampling_rate_hz), ()
-    except GearmonError as error:
-        return None, (f"no expected signature: {error}",)
 
 
 def without_mesh(signature: MeasuredSignature, machine: Machine) -> Analysis:

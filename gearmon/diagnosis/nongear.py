@@ -589,19 +589,15 @@ class _Naming(NamedTuple):
         slips = (orders - sideband * modulating) / (harmonic * wanted.order) - 1
         usual = (slips >= _SLIP_LOW) & (slips <= _SLIP_HIGH)
         swing = np.maximum(self.width, _SLIP_SWING * orders) / (harmonic * wanted.order)
-
-        def agreeing(slip: float) -> dict[int, tuple[int, int]]:
-            near = usual & (np.abs(slips - slip) <= swing)
-            pairs = zip(left, near, strict=True)
-            return {i: series[int(np.argmax(row))] for i, row in pairs if row.any()}
-
-        def rank(slip: float) -> tuple[int, bool]:
-            near = agreeing(slip)
-            return len(near), (1, 0) in near.values()
-
-        # the slip that most lines agree on is that of one of them
-        slip = max(slips.T[usual.T].tolist(), key=rank, default=0.0)
-        best = agreeing(slip)
+        if not usual.any():
+            return None
+        # the slip that most lines agree on is that of one of them; the fundamental stands first
+        tried = slips.T[usual.T]
+        near = usual & (np.abs(slips - tried[:, None, None]) <= swing)
+        agree, first = near.any(axis=2).sum(axis=1), near[..., 0].any(axis=1)
+        chosen = int(np.argmax(2 * agree + first))
+        slip, pairs = float(tried[chosen]), zip(left, near[chosen], strict=True)
+        best = {i: series[int(np.argmax(row))] for i, row in pairs if row.any()}
         known = [one.slip for one in found if _bearing_of(one) == _bearing_of(wanted)]
         agrees = bool(known) and abs(slip - known[0]) <= _SLIP_ALIKE
         if len(set(best.values())) < 2 and (1, 0) not in best.values() and not agrees:

@@ -324,12 +324,16 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
     ArgumentError
         If recordings show different axes.
     """
-    known = {tuple(axis.axis for axis in e.axes) for job in felt for e in job}
+    every = [exposure for job in felt for exposure in job]
+    known = {tuple(axis.axis for axis in e.axes) for e in every}
     if len(known) > 1:
         told = " and ".join("".join(axes) for axes in sorted(known))
         raise ArgumentError(f"day: recordings with axes {told}; all must show the same axes")
-    grown, warnings = [_Growth.of(plan, felt, 2)], _warned(felt)
-    short = [e for job in felt for e in job if e.duration_s < LEAST_S[0.5]]
+    told_of = ((e.recording, told) for e in every for told in (*e.advice, *e.warnings))
+    # that on the statistics of VDV is said once for the day
+    warnings = [f"{name}: {told}" for name, told in told_of if "statistics of VDV" not in told]
+    grown = [_Growth.of(plan, felt, 2)]
+    short = [e for e in every if e.duration_s < LEAST_S[0.5]]
     if plan.position != "hand" and not short:
         grown.append(_Growth.of(plan, felt, 4))
     elif plan.position != "hand":
@@ -352,16 +356,6 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
         course_h=tuple(at.tolist()),
         course={own.measure: tuple(own.dose_at(at).tolist()) for own in grown},
     )
-
-
-def _warned(felt: Sequence[Sequence[Exposure]]) -> list[str]:
-    return [
-        f"{e.recording}: {told}"
-        for job in felt
-        for e in job
-        for told in (*e.advice, *e.warnings)
-        if "statistics of VDV" not in told  # said once for the day
-    ]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,9 +10,9 @@ is straight on logarithmic scales, beyond them constant; all that is no mesh lin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,82 +177,75 @@ def gear_share(
     )
     if not signature.found or signature.speed.estimated_hz is None:
         return found
-    heard = _Heard.of(part, exposure, kinematics(machine), signature)
-    points, notes = _points(machine, heard, named)
-    lines = heard.shares()
+    shaft1_hz = float(signature.speed.estimated_hz)
+    heard = _heard(part, exposure, kinematics(machine), signature, shaft1_hz)
+    points, notes = _points(machine, heard, shaft1_hz, named)
+    lines = tuple(_shares(heard))
     share = tuple(np.sum([own.share for own in lines], axis=0).tolist())
     told: dict[str, Any] = {"share": share, "lines": lines, "points": points, "warnings": notes}
-    return replace(found, speed_hz=heard.shaft1_hz, **told)
+    return replace(found, speed_hz=shaft1_hz, **told)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Heard:
-    """Lines as they were recorded.
+class _Heard(NamedTuple):
+    """Lines as they were recorded, arrays of the shape (lines,), with axes (axes, lines).
 
-    Arrays have the shape (lines,), with axes (axes, lines); mean squares are of the acceleration
-    as recorded, without those of noise, and `felt` those of each axis, weighted.
+    Mean squares are without those of noise: of the acceleration as recorded, and as felt.
     """
 
     exposure: Exposure
-    shaft1_hz: float
     names: NDArray[np.str_]
     order: FloatArray
+    frequency_hz: FloatArray
     square: FloatArray
+    weighted: FloatArray
     above_noise: FloatArray
-    felt: FloatArray
-
-    @classmethod
-    def of(
-        cls, part: Recording, exposure: Exposure, train: Kinematics, signature: MeasuredSignature
-    ) -> _Heard:
-        shaft1_hz = float(signature.speed.estimated_hz or math.nan)
-        block_turns = signature.lines.block_turns
-        named = _orders(train, _TOP * part.sampling_rate_hz / shaft1_hz, _APART / block_turns)
-        orders = np.array(sorted(named))
-        samples = part.select([axis.channel for axis in exposure.axes]).samples
-        found = OrderBlocks(
-            samples, part.sampling_rate_hz, signature.track, orders, block_turns, error=_LEAKAGE
-        ).lines()
-        power = np.maximum(found.cross_power(), 0.0)
-        return cls(
-            exposure=exposure,
-            shaft1_hz=shaft1_hz,
-            names=np.array([named[order] for order in orders]),
-            order=orders,
-            square=power / 2,
-            above_noise=power / found.noise,
-            felt=np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes]),
-        )
-
-    @property
-    def frequency_hz(self) -> FloatArray:
-        return self.order * self.shaft1_hz
 
     @property
     def on_mesh(self) -> BoolArray:
         return np.char.startswith(self.names, "mesh")
 
-    @property
-    def weighted(self) -> FloatArray:
-        """Mean squares as they are felt."""
-        return self.square * self.weight(self.frequency_hz)
 
-    def weight(self, frequency_hz: FloatArray) -> FloatArray:
-        """Return k^2 |W|^2 of every axis, shape (axes, lines)."""
-        return np.square([axis.gain(frequency_hz) for axis in self.exposure.axes])
+def _heard(
+    part: Recording,
+    exposure: Exposure,
+    train: Kinematics,
+    signature: MeasuredSignature,
+    shaft1_hz: float,
+) -> _Heard:
+    """Measure the lines of shafts and meshes in the channels of the axes."""
+    rate, block_turns = part.sampling_rate_hz, signature.lines.block_turns
+    named = _orders(train, _TOP * rate / shaft1_hz, _APART / block_turns)
+    order = np.array(sorted(named))
+    names, hertz = np.array([named[own] for own in order]), order * shaft1_hz
+    samples = part.select([axis.channel for axis in exposure.axes]).samples
+    blocks = OrderBlocks(samples, rate, signature.track, order, block_turns, error=_LEAKAGE)
+    lines = blocks.lines()
+    power = np.maximum(lines.cross_power(), 0.0)
+    weighted = power / 2 * _weight(exposure, hertz)
+    return _Heard(exposure, names, order, hertz, power / 2, weighted, power / lines.noise)
 
-    def shares(self) -> tuple[LineShare, ...]:
-        """Return the weighted lines of each shaft and mesh."""
-        names = list(dict.fromkeys(self.names.tolist()))
-        totals = [self.weighted[:, self.names == name].sum(axis=1) for name in names]
-        return tuple(
-            LineShare(
-                name=name,
-                frequency_hz=float(self.frequency_hz[self.names == name][0]),
-                weighted_ms2=tuple(np.sqrt(total).tolist()),
-                share=tuple((total / np.maximum(self.felt, np.finfo(float).tiny)).tolist()),
-            )
-            for name, total in zip(names, totals, strict=True)
+
+def _weight(exposure: Exposure, frequency_hz: FloatArray) -> FloatArray:
+    """Return k^2 |W|^2 of every axis, shape (axes, lines)."""
+    return np.square([axis.gain(frequency_hz) for axis in exposure.axes])
+
+
+def _felt(exposure: Exposure) -> FloatArray:
+    """Return the weighted mean square of every axis."""
+    return np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes])
+
+
+def _shares(heard: _Heard) -> Iterator[LineShare]:
+    """Give the weighted lines of each shaft and mesh."""
+    felt = np.maximum(_felt(heard.exposure), np.finfo(float).tiny)
+    for name in dict.fromkeys(heard.names.tolist()):
+        own = heard.names == name
+        total = heard.weighted[:, own].sum(axis=1)
+        yield LineShare(
+            name=name,
+            frequency_hz=float(heard.frequency_hz[own][0]),
+            weighted_ms2=tuple(np.sqrt(total).tolist()),
+            share=tuple((total / felt).tolist()),
         )
 
 
@@ -278,7 +271,7 @@ def _orders(train: Kinematics, top: float, apart: float) -> dict[float, str]:
 
 
 def _points(
-    machine: Machine, heard: _Heard, faults: tuple[str, ...]
+    machine: Machine, heard: _Heard, shaft1_hz: float, faults: tuple[str, ...]
 ) -> tuple[tuple[PointExposure, ...], tuple[str, ...]]:
     """Foretell every operating point, healthy and damaged."""
     numbers = range(len(machine.operating))
@@ -289,12 +282,13 @@ def _points(
             raise
         return (), (f"operating points are not foretold: {error}",)
     speeds = [point.shaft1_hz for point in machine.operating]
-    here = min(numbers, key=lambda number: abs(speeds[number] - heard.shaft1_hz))
+    here = min(numbers, key=lambda number: abs(speeds[number] - shaft1_hz))
     path = _path(heard, healthy[here])
     if path is None:
         told = "no mesh line stands clear on all axes: what damage and other speeds do is not told"
         return (), (told,)
-    rest = np.maximum(heard.felt - heard.weighted[:, heard.on_mesh].sum(axis=1), 0.0)
+    on_mesh = heard.weighted[:, heard.on_mesh].sum(axis=1)
+    rest = np.maximum(_felt(heard.exposure) - on_mesh, 0.0)
     points = []
     for number, point in enumerate(machine.operating):
         gears, damaged = _through(path, heard, healthy[number]), None
@@ -338,4 +332,4 @@ def _through(path: tuple[FloatArray, FloatArray], heard: _Heard, lines: Signatur
     logarithm, known = np.log(frequency), np.log(known)
     gain = np.array([np.exp(np.interp(logarithm, known, np.log(own))) for own in gains])
     square = np.square(lines["acceleration_ms2"]) / 2
-    return np.asarray((gain * heard.weight(frequency) * square).sum(axis=1))
+    return np.asarray((gain * _weight(heard.exposure, frequency) * square).sum(axis=1))

@@ -292,7 +292,11 @@ def vibration_exposure(
     ('vector sum', 3.0)
     """
     check_word("position=", position, POSITIONS)
-    told = _axes_told(axes, position)
+    told = dict(axes or {})
+    for axis in told:
+        check_word("axes: axis ", axis, POSITIONS[position])
+    if len(set(told.values())) < len(told):
+        raise ArgumentError(f"axes: {told} name one channel for two axes; each needs its own")
     found = read_recording(
         recording,
         sampling_rate_hz,
@@ -308,50 +312,28 @@ def vibration_exposure(
         list(rows),
         found.samples.size,
     )
-    values, seconds = zip(*weighed, strict=True)
-    return _judged(found, position, values, np.array(seconds), rows, limits)
-
-
-def _judged(
-    found: Recording,
-    position: str,
-    axes: tuple[AxisExposure, ...],
-    running: FloatArray,
-    rows: Mapping[str, int],
-    limits: Limits | None,
-) -> Exposure:
-    counted = {axis.axis: axis.factor * axis.rms_ms2 for axis in axes}
-    total = math.hypot(*counted.values())
-    worst = max(counted, key=lambda axis: counted[axis])
+    felt, seconds = zip(*weighed, strict=True)
+    counted = {own.axis: own.factor * own.rms_ms2 for own in felt}
+    worst, total = max(counted, key=lambda axis: counted[axis]), math.hypot(*counted.values())
     by_sum = position == "hand"
-    centres, bands = _third_octaves(found, rows, WEIGHTINGS[axes[0].weighting])
+    centres, bands = _third_octaves(found, rows, WEIGHTINGS[felt[0].weighting])
     return Exposure(
         recording=found.origin,
         position=position,
         duration_s=found.duration_s,
         sampling_rate_hz=found.sampling_rate_hz,
-        axes=axes,
+        axes=felt,
         value_ms2=total if by_sum else counted[worst],
         value_axis="vector sum" if by_sum else worst,
         vector_sum_ms2=total,
-        vdv=None if by_sum else max(axis.factor * axis.vdv for axis in axes),
+        vdv=None if by_sum else max(own.factor * own.vdv for own in felt),
         limits=limits or LIMITS.get(position),
-        advice=tuple(_advice(axes, found.duration_s)),
-        warnings=(*found.notes, *_warnings(found, position, axes)),
-        running_ms2=running,
+        advice=tuple(_advice(felt, found.duration_s)),
+        warnings=(*found.notes, *_warnings(found, position, felt)),
+        running_ms2=np.array(seconds),
         band_hz=centres,
         band_ms2=bands,
     )
-
-
-def _axes_told(axes: Mapping[str, str | int] | None, position: str) -> dict[str, str | int]:
-    """Return the channels that somebody named, after a check of the axes' names."""
-    told = dict(axes or {})
-    for axis in told:
-        check_word("axes: axis ", axis, POSITIONS[position])
-    if len(set(told.values())) < len(told):
-        raise ArgumentError(f"axes: {told} name one channel for two axes; each needs its own")
-    return told
 
 
 def _rows(found: Recording, told: Mapping[str, str | int], position: str) -> dict[str, int]:
@@ -445,7 +427,10 @@ def _weighed(
         squares = np.square(weighted, out=weighted)
         highest = max(highest, float(squares.max()))
         joined = np.concatenate([last, squares])
-        most, last = max(most, _largest_mean(joined, window)), joined[len(joined) - window + 1 :]
+        # the largest mean over a window that lies wholly within the samples
+        total = np.append(0.0, np.cumsum(joined))
+        most = max(most, float((total[window:] - total[:-window]).max(initial=0.0)) / window)
+        last = joined[len(joined) - window + 1 :]
         sums += squares.sum(), squares @ squares
         whole = squares[: len(squares) // window * window].reshape(-1, window)
         seconds.append(np.array([whole.mean(axis=1), np.einsum("ij,ij->i", whole, whole) / window]))
@@ -467,12 +452,6 @@ def _weighed(
         filter_error=weighting.error(rate),
     )
     return values, factor * np.sqrt(square)
-
-
-def _largest_mean(squares: FloatArray, window: int) -> float:
-    """Largest mean over a window that lies wholly within the samples; 0 without one."""
-    total = np.append(0.0, np.cumsum(squares))
-    return float((total[window:] - total[:-window]).max(initial=0.0)) / window
 
 
 def _scatter(seconds: FloatArray) -> float | None:
@@ -521,24 +500,23 @@ def _advice(axes: Iterable[AxisExposure], duration_s: float) -> Iterator[str]:
             yield f"{name} above {most:g} ({', '.join(above)}): shocks; rms understates, judge VDV"
 
 
-def _warnings(found: Recording, position: str, axes: tuple[AxisExposure, ...]) -> list[str]:
+def _warnings(found: Recording, position: str, axes: tuple[AxisExposure, ...]) -> Iterator[str]:
     weighting, rate = WEIGHTINGS[axes[0].weighting], found.sampling_rate_hz
-    told, have = [], [own.axis for own in axes]
+    have = [own.axis for own in axes]
     missing = [axis for axis in POSITIONS[position] if axis not in have]
     if missing:
-        told.append(f"axes not measured: {', '.join(missing)}; the value may be too low")
+        yield f"axes not measured: {', '.join(missing)}; the value may be too low"
     if rate < 2 * weighting.tolerances_hz[3]:
-        told.append(
+        yield (
             f"sampled at {rate:.6g} Hz: nothing above {rate / 2:.4g} Hz is counted, and aliases "
             f"are; the filter is within {100 * max(a.filter_error for a in axes):.2g} %"
         )
     least = LEAST_S.get(weighting.band_hz[0])
     if least is not None and found.duration_s < least:
-        told.append(
+        yield (
             f"{found.duration_s:.4g} s are too short for the statistics of VDV and of bands from "
             f"{weighting.band_hz[0]:g} Hz; record {least:g} s at least (ISO 2631-1, 5.5)"
         )
-    return told
 
 
 @dataclass(frozen=True, kw_only=True)

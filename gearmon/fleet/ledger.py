@@ -450,8 +450,7 @@ def _run(words: tuple[str, ...], content: bytes) -> None:
 
 def _post(url: str, content: bytes) -> None:
     request = urllib.request.Request(url, content, {"Content-Type": "application/json"})
-    with urllib.request.urlopen(request, timeout=_PATIENCE_S):
-        pass
+    urllib.request.urlopen(request, timeout=_PATIENCE_S).close()
 
 
 def rank(fleet: Fleet) -> list[dict[str, Any]]:

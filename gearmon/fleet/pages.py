@@ -284,16 +284,14 @@ def _points(scores: Sequence[float]) -> str:
 
 
 @lru_cache(maxsize=32)
-def _trends(fleet: Fleet, machine: FleetMachine, recordings: int) -> HistoryTrends:
+def _trends(fleet: Fleet, machine: FleetMachine, _recordings: int) -> HistoryTrends:
     """Follow a machine through its history; anew once there are other recordings."""
-    assert recordings >= 0
     return history_trends(read_history(fleet.store, machine.name), limit=machine.limit)
 
 
 @lru_cache(maxsize=32)
-def _beside(fleet: Fleet, machine: FleetMachine, recordings: int) -> list[dict[str, Any]]:
+def _beside(fleet: Fleet, machine: FleetMachine, _recordings: int) -> list[dict[str, Any]]:
     """Return where a machine differs most from others of its kind; anew as it is heard again."""
-    assert recordings >= 0
     try:
         rows = [row for row in compare(fleet, machine) if row["machine"] == machine.name]
     except ArgumentError:  # it has too few of them
@@ -303,19 +301,17 @@ def _beside(fleet: Fleet, machine: FleetMachine, recordings: int) -> list[dict[s
 
 @lru_cache(maxsize=16)
 def _drawn(found: HistoryTrends) -> bytes:
-    from gearmon.report.analysis_plots import history_figure
     from gearmon.report.plots import as_png
 
     with _DRAWING:
-        return as_png(history_figure(found))
+        return as_png(found.figures()[""])
 
 
 @lru_cache(maxsize=16)
-def _report(fleet: Fleet, machine: FleetMachine, path: str, content: str) -> str:
+def _report(fleet: Fleet, machine: FleetMachine, path: str, _content: str) -> str:
     """Make the interactive report of a recording, anew once its content is another."""
     from gearmon.report.html import write_report
 
-    assert content is not None
     history = history_trends(read_history(fleet.store, machine.name), limit=machine.limit)
     with at_hand(path) as file, tempfile.TemporaryDirectory() as folder, _DRAWING:
         analysis, recording, reference, own = judged(machine, file, path)

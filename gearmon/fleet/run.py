@@ -11,19 +11,12 @@ import tempfile
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    CancelledError,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
+from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from functools import lru_cache
+from functools import lru_cache, partial
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -69,7 +62,9 @@ def analysed(job: Job) -> Outcome:
     file = job.path
     try:
         with at_hand(job.path) as file:
-            digest = _hash(file)
+            with open(file, "rb") as content:
+                short = partial(hashlib.blake2b, digest_size=16)
+                digest = hashlib.file_digest(content, short).hexdigest()
             analysis, *_ = judged(job.machine, file, job.path)
             growing = not is_remote(job.path) and _state(file) != job.state
         entry = entry_of(analysis, datetime.fromtimestamp(job.time_s, UTC), "name")
@@ -113,11 +108,6 @@ def _state(file: str) -> tuple[int, str]:
     return told.st_size, str(told.st_mtime_ns)
 
 
-def _hash(file: str) -> str:
-    with open(file, "rb") as content:
-        return hashlib.file_digest(content, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
-
-
 def judged(
     own: FleetMachine, file: str, path: str
 ) -> tuple[Analysis, Recording, Reference | None, Machine]:
@@ -135,12 +125,11 @@ def judged(
 
 
 @lru_cache(maxsize=8)
-def _read(files: tuple[str, ...], states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
+def _read(files: tuple[str, ...], _states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
     """Read machine file and reference, again only if they were written to."""
     from gearmon.machine import load_machine
     from gearmon.signatures.measured.reference import read_reference
 
-    assert len(states) == len(files)
     return load_machine(files[0]), read_reference(files[1]) if len(files) > 1 else None
 
 
@@ -185,9 +174,9 @@ def in_processes(jobs: Sequence[Job], task: Task = analysed) -> Iterator[Outcome
 
 def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcome, None, list[Job]]:
     """Work through a queue; return what was at work when a process died."""
-    running: dict[Future[Outcome], Job] = {}
+    running: dict[futures.Future[Outcome], Job] = {}
     # not forked: threads that deliver alarms may run
-    pool = ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core)
+    pool = futures.ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core)
     try:
         if width == 1:
             # a process that is killed as it begins says nothing of the recording
@@ -197,7 +186,7 @@ def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcom
             while queue and len(running) < width + (width > 1):
                 future = pool.submit(task, queue[0])
                 running[future] = queue.popleft()
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
+            for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
                 yield future.result()
                 del running[future]
     except BrokenProcessPool:
@@ -270,7 +259,7 @@ def on_dask(
     except TimeoutError:
         told = f"--scheduler {scheduler}: does not answer, or did nothing for {patience_s:g} s"
         raise ArgumentError(f"{told}; run again to go on") from None
-    except (OSError, CancelledError) as error:
+    except (OSError, futures.CancelledError) as error:
         told = f"--scheduler {scheduler}: was lost ({' '.join(str(error).split())[:80]})"
         raise ArgumentError(f"{told}; run again to go on") from None
 
@@ -444,8 +433,8 @@ def watch_fleet(
         Looks after which to stop, dimensionless; without end by default.
     """
     before: dict[str, Any] = {}
-    delivery: Future[list[str]] | None = None
-    with ThreadPoolExecutor(1, "alarms") as thread:
+    delivery: futures.Future[list[str]] | None = None
+    with futures.ThreadPoolExecutor(1, "alarms") as thread:
         while rounds > 0:
             rounds -= 1
             seen = _seen(arrived(fleet)[0])

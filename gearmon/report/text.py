@@ -13,16 +13,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
-from gearmon.diagnosis.history.changes import FEWEST, STRAIGHT, ChangePoint
-from gearmon.diagnosis.history.entries import Entry
-from gearmon.diagnosis.history.trends import (
-    NEVER_S,
-    SECONDS_PER_DAY,
-    Crossing,
-    HistoryTrends,
-    ToothTrend,
-)
 from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.diagnosis.verdict import fault_sentence, left_open
 from gearmon.gears.kinematics import LineTable
@@ -41,6 +33,11 @@ from gearmon.report.wording import (
 from gearmon.signatures.measured.reference import Reference
 from gearmon.signatures.tracking import Speed
 
+if TYPE_CHECKING:  # an analysis without a history does without these
+    from gearmon.diagnosis.history.changes import ChangePoint
+    from gearmon.diagnosis.history.entries import Entry
+    from gearmon.diagnosis.history.trends import Crossing, HistoryTrends, ToothTrend
+
 # Changes of more than this many standard deviations are highlighted in pictures and tables.
 BEYOND = 3.0
 # Sentences of evidence that a terminal shows of each flag; the report has them all.
@@ -54,8 +51,8 @@ _SURE = ((1e-5, "practically certain"), (1e-3, "very sure"), (1e-2, "sure"), (1.
 _FAR_FROM_NOMINAL = 0.05
 # Range of the speed within a recording, over its mean, from which it is told.
 _CHANGES = 0.05
-#: Histories shorter than this are told by the minute, longer ones by the day.
-_BY_MINUTE_S = 10 * SECONDS_PER_DAY
+#: Histories shorter than this are told by the minute, longer ones by the day: ten days.
+_BY_MINUTE_S = 864_000.0
 
 
 @lru_cache(maxsize=1)
@@ -528,6 +525,8 @@ def _others_lines(found: HistoryTrends, told: int) -> Iterator[str]:
 
 def began_line(found: HistoryTrends) -> str:
     """Tell when the evidence began to rise."""
+    from gearmon.diagnosis.history.changes import FEWEST
+
     if len(found.evidence.series) < FEWEST:
         return "evidence: too few recordings to say whether it changed"
     if not found.evidence.changes:
@@ -551,6 +550,8 @@ def tooth_lines(tooth: ToothTrend, *, fine: bool) -> Iterator[str]:
     ------
     str
     """
+    from gearmon.diagnosis.history.trends import SECONDS_PER_DAY
+
     place = gear_text(tooth.stage, tooth.gear, tooth.tooth)
     yield f"{place}: loss of pair stiffness now {_interval(*tooth.now)}"
     changes, unseen = tooth.trend.changes, tooth.low[0] <= 0
@@ -581,9 +582,9 @@ def change_text(change: ChangePoint, *, fine: bool, growth: tuple[str, str]) -> 
         (growth, "since") if change.kind == "growth" else (("jumped up", "fell"), "at")
     )
     low = "before the first recording" if change.open_before else moment_text(change.low_s, fine)
-    course = change.growth if change.kind == "growth" else STRAIGHT
+    course = change.growth
     bent = ", at once and then on" if course.jump else ""
-    if not course.straight:
+    if change.kind == "growth" and not course.straight:
         slower = course.folds < 0 or (course.exponent < 1 and not course.folds)
         bent += ", slower and slower" if slower else ", faster and faster"
     return (
@@ -613,6 +614,8 @@ def moment_text(time_s: float, fine: bool = True) -> str:
     >>> moment_text(0.0), moment_text(0.0, fine=False)
     ('1970-01-01 00:00', '1970-01-01')
     """
+    from gearmon.diagnosis.history.trends import NEVER_S
+
     if not -6e10 < time_s < NEVER_S:
         return "beyond the calendar"
     form = "%Y-%m-%d %H:%M" if fine else "%Y-%m-%d"

@@ -194,7 +194,13 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
     generator : numpy.random.Generator
     """
     errors, spread = _errors(lines, generator)
-    wrong = _wrong(lines, kind, spread, generator)
+    wrong = []
+    if kind == "looseness":
+        wrong = _loose(lines, spread, generator)
+    elif kind != NONE:
+        index = int(generator.integers(len(lines.gears)))
+        gear = lines.gears[index]
+        wrong = [(gear.wheel, _DRAWN[kind](gear, float(spread[index]), generator))]
     noise_db = float(generator.uniform(0, 8)) if kind == "looseness" else 0.0
     load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
     moved = load * lines.healthy + errors
@@ -408,23 +414,6 @@ class _Added(NamedTuple):
     size: float
     displacement: ComplexArray
     stiffness: ComplexArray | float = 0.0
-
-
-def _wrong(
-    lines: MachineLines, kind: str, spread: FloatArray, rng: np.random.Generator
-) -> list[tuple[WheelLines, _Added]]:
-    """Draw a fault of one kind: what it adds to each gear that has it.
-
-    `spread` is the effect of the errors of manufacture of each gear; an eccentricity is as many
-    times that of a sound gear.
-    """
-    if kind == NONE:
-        return []
-    if kind == "looseness":
-        return _loose(lines, spread, rng)
-    index = int(rng.integers(len(lines.gears)))
-    gear = lines.gears[index]
-    return [(gear.wheel, _DRAWN[kind](gear, float(spread[index]), rng))]
 
 
 def log_uniform(generator: np.random.Generator, low: float, high: float) -> float:
