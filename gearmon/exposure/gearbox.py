@@ -173,7 +173,8 @@ def gear_share(
         machine=machine.name,
         axes=tuple(axis.axis for axis in exposure.axes),
         faults=named,
-        warnings=signature.notes,
+        # those of the recording stand with what is felt
+        warnings=tuple(own for own in signature.notes if own not in exposure.warnings),
     )
     if not signature.found or signature.speed.estimated_hz is None:
         return found
@@ -182,8 +183,8 @@ def gear_share(
     points, notes = _points(machine, heard, shaft1_hz, named)
     lines = tuple(_shares(heard))
     share = tuple(np.sum([own.share for own in lines], axis=0).tolist())
-    told: dict[str, Any] = {"share": share, "lines": lines, "points": points, "warnings": notes}
-    return replace(found, speed_hz=shaft1_hz, **told)
+    told: dict[str, Any] = {"share": share, "lines": lines, "points": points}
+    return replace(found, speed_hz=shaft1_hz, warnings=(*found.warnings, *notes), **told)
 
 
 class _Heard(NamedTuple):

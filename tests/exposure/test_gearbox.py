@@ -190,8 +190,19 @@ def test_without_gear_data_shares_are_told_and_damage_is_refused():
     assert told.share == pytest.approx(found().share)
     assert told.points == ()
     assert any("operating points are not foretold" in own for own in told.warnings)
+    assert len(told.warnings) == 1
     with pytest.raises(GearmonError, match=r"torque_nm of .* is missing"):
         gearmon.gear_share(recording(), exposure(), bare, ["wear:1:pinion:all:20%"])
+
+
+def test_what_the_recording_lets_say_of_itself_is_passed_on():
+    """Its file's notes stand beside those of the operating points."""
+    noted = replace(recording(), notes=("channel x: an hour of it was left out",))
+    bare = {**machine().to_dict(), "operating": {"speed_rpm": 2960.0}}
+    told = gearmon.gear_share(noted, exposure(), bare)
+    assert told.share
+    assert any("an hour of it" in own for own in told.warnings)
+    assert any("not foretold" in own for own in told.warnings)
 
 
 def test_a_recording_without_a_mesh_has_no_share():

@@ -424,7 +424,7 @@ def order_map(
     limit = READ_UP_TO * sampling_rate_hz / float(track.speed_hz.max())
     highest = limit if top is None else top * ratio
     if not 0 < highest <= limit * (1 + 1e-9):
-        raise ArgumentError(f"top={top} orders must lie in (0, {limit / ratio:.4g}]")
+        raise ArgumentError(f"highest order {top} must lie in (0, {limit / ratio:.4g}]")
     grid = AngleGrid.of(samples.shape[-1], sampling_rate_hz, track, highest)
     turns = min(wanted, grid.count / grid.per_turn / 4)
     block = min(grid.count, fast_length(max(16, int(turns * grid.per_turn))))

@@ -129,8 +129,8 @@ def test_level_of_noise_follows_the_resolution():
     [
         ({"against": "load"}, "against='load'"),
         ({"rows": 0}, "rows=0"),
-        ({"top": 1e4}, "top=10000.0 orders"),
-        ({"top": -1.0}, "top=-1.0 orders"),
+        ({"top": 1e4}, "highest order 10000.0 must"),
+        ({"top": -1.0}, "highest order -1.0 must"),
         ({"block_turns": 0.0}, "block_turns"),
         ({"shaft_order": 0.0}, "shaft_order"),
         ({"window_name": "hamming"}, "hamming"),
