@@ -431,7 +431,7 @@ def _weighed(
         total = np.append(0.0, np.cumsum(joined))
         most = max(most, float((total[window:] - total[:-window]).max(initial=0.0)) / window)
         last = joined[len(joined) - window + 1 :]
-        sums += squares.sum(), squares @ squares
+        sums += squares.sum(), np.square(squares).sum()
         whole = squares[: len(squares) // window * window].reshape(-1, window)
         seconds.append(np.array([whole.mean(axis=1), np.einsum("ij,ij->i", whole, whole) / window]))
     square, fourth = np.concatenate(seconds, axis=1)

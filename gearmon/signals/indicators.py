@@ -158,7 +158,9 @@ def describe_waveform(signal: FloatArray) -> dict[str, float]:
         square *= scale
         square *= square
         second += float(square.sum())
-        fourth += float(square @ square)
+        # no product of vectors: BLAS would wake its threads for each piece
+        square *= square
+        fourth += float(square.sum())
     size = float(np.sqrt(second / len(signal))) / scale
     return {
         "rms": size,
