@@ -25,6 +25,7 @@ import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, GearmonError, check_positive, check_range, check_word
+from gearmon.gears.assembly import drive_train, of_told_bearings
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import Stage, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
@@ -390,9 +391,11 @@ def grown_lines(
     wheel = kinematics(machine).mesh(stage).wheel(gear)
     try:
         place = MeshPlace(machine, stage)
-        healthy = place.in_train()
+        # bearings that tell only their balls are rigid, as in `gearmon.simulate`
+        train = drive_train(of_told_bearings(machine), place.point)
+        healthy = replace(place.alone(), train=train)
         # the same pulse, more or less of it
-        half = replace(place.alone([f"crack:{stage}:{gear}:1:0.5"]), train=healthy.train)
+        half = replace(place.alone([f"crack:{stage}:{gear}:1:0.5"]), train=train)
         hurt = [half.scaled(2 * loss) for loss in GROWN]
         rotation_hz = wheel.relative_order * place.point.shaft1_hz
         even, added = added_lines(healthy, hurt, (top + 0.5) * rotation_hz)
