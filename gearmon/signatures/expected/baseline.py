@@ -22,7 +22,7 @@ import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import Method, steady_state
-from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import MachineLike, load_machine
@@ -114,16 +114,13 @@ def expected_signature(
     (567.3333333333334, [1, 2, 3])
     """
     machine = load_machine(machine)
-    check_range("operating", operating, 0, len(machine.operating) - 1)
-    point = machine.operating[operating]
     known = faults_of(faults, errors=True, stages=len(machine.stages))
-    if max_hz is not None:
-        check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-13, 1.0)
     tables, stages = [], []
     for number in range(1, len(machine.stages) + 1):
         ring = any(fault.stage == number and fault.gear == "ring" for fault in known)
-        posed = MeshPlace(machine, number, operating, form, int(ring)).posed(known)
+        place = MeshPlace(machine, number, operating, form, int(ring))
+        posed = place.posed(known)
         limit = posed.limit_hz(max_hz)
         lines, told, warnings = _stage_lines(posed, limit, tolerance, method, order)
         columns = lines.columns()
@@ -137,9 +134,9 @@ def expected_signature(
     if max_hz is not None and not any(len(table["stage"]) for table in tables):
         refuse_no_lines((own["mesh_frequency_hz"] for own in stages), max_hz)
     header = {key: value for key, value in stages[0].items() if key != "stage"} | {
-        "speed_rpm": point.speed_rpm,
-        "torque_nm": point.torque_nm,
-        "operating": point.name,
+        "speed_rpm": place.point.speed_rpm,
+        "torque_nm": place.point.torque_nm,
+        "operating": place.point.name,
         "faults": [str(one) for one in known],
         "amplitudes": AMPLITUDES,
         "stages": stages,

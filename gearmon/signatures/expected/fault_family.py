@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, check_positive, check_range, check_word
+from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.faults import ERROR_KINDS, KINDS, WHOLE_KINDS, Fault, parse_fault_or_error
 from gearmon.gears.pulses import LEAST_OVERLAP
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
@@ -267,8 +267,6 @@ def fault_family(
     ['gear', 'pinion']
     """
     machine = load_machine(machine)
-    if max_hz is not None:
-        check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-10, 1.0)
     texts = _sizes(kinds, sizes)
     every = range(len(machine.operating)) if operating is None else operating

@@ -39,7 +39,7 @@ import numpy.typing as npt
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
-from gearmon.errors import ArgumentError, check_range
+from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.assembly import drive_train
 from gearmon.gears.excitation import FlankError
 from gearmon.gears.faults import Fault, GearError, faults_of
@@ -192,7 +192,7 @@ class PosedStage:
     def limit_hz(self, max_hz: float | None) -> float:
         """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
         if max_hz is not None:
-            return max_hz
+            return check_positive("max_hz", max_hz, "Hz")
         own = self.mechanics
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 

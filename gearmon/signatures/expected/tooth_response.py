@@ -159,10 +159,8 @@ def loss_response(
     text = f"{kind}:{stage}:{gear}:1:{float(loss) or SMALL_LOSS!r}"
     place = MeshPlace(machine, stage, operating, form, places[gear])
     healthy, faulty = place.posed(), place.posed([text])
-    highest_hz = healthy.limit_hz(None)
-    if max_order is not None:
-        check_positive("max_order", max_order)
-        highest_hz = max_order * machine.operating[operating].shaft1_hz
+    top = None if max_order is None else check_positive("max_order", max_order)
+    highest_hz = healthy.limit_hz(top and top * place.point.shaft1_hz)
     if highest_hz * faulty.period < healthy.mechanics.mesh_frequency_hz * (1 - 1e-12):
         raise ArgumentError(f"max_order={max_order} lies below the first line: nothing is left")
     even, (added,) = added_lines(healthy, [faulty], highest_hz)
