@@ -237,8 +237,7 @@ def measure_signature(
     piece = samples[:, start:stop]
     turns, slowest = float(part.turns[-1] - part.turns[0]), min(own.order for own in train.shafts)
     # five turns of the slowest shaft where the recording has room
-    most = max(turns / 2.5, min(turns, 2.0 / slowest))
-    block_turns = min(max(5.0 / slowest, 20.0), most)
+    block_turns = min(max(5.0 / slowest, 20.0), max(turns / 2.5, min(turns, 2.0 / slowest)))
     # from the nominal speed, so that recordings at one rate and speed have the same families
     top = 0.48 * rate / tracking.plan_hz / (1 + SPEED_TOLERANCE)
     # a Hann block tells lines apart that are two over its length away from each other
