@@ -22,13 +22,12 @@ Decker, NASA TM-105950 (1993).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from cmath import phase
 from dataclasses import dataclass
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, RecordingError
@@ -64,8 +63,9 @@ class GearSignals:
         Peak amplitudes of the lines -1 and +1 of the first mesh harmonic; 0 where not measured.
     near_sidebands : ndarray of float, shape (channels, 12)
         The same of -6 to +6.
-    part : ndarray of str, shape (lines,)
-        What each line of the wheel counts as: "mesh", "shaft", "first sideband" or "difference".
+    part : tuple of str
+        What each multiple of the rotation, from 0, counts as: "mesh", "shaft", "first sideband" or
+        "difference".
     band : (int, int)
         Lowest and highest multiple of the envelope's band.
     """
@@ -80,7 +80,7 @@ class GearSignals:
     fundamental: FloatArray
     first_sidebands: FloatArray
     near_sidebands: FloatArray
-    part: NDArray[np.str_]
+    part: tuple[str, ...]
     band: tuple[int, int]
 
     @property
@@ -92,7 +92,7 @@ class GearSignals:
 
     def multiples(self, *parts: str) -> tuple[int, ...]:
         """Return the multiples of the rotation that count as one of these parts."""
-        return tuple(self.wheel.number[np.isin(self.part, parts)].tolist())
+        return tuple(number for number, part in enumerate(self.part) if part in parts)
 
 
 def gear_signals(
@@ -131,20 +131,17 @@ def gear_signals(
     spectrum[:, number] = mean[:, wheel.lines]
     beside = np.isin(number, np.add.outer([-1, 1], number[wheel.mesh]))
     chosen = (wheel.mesh, number <= SHAFT_HARMONICS, beside)
-    part = np.select(chosen, ("mesh", "shaft", "first sideband"), "difference")
+    part = np.full(top + 1, "difference", dtype="U16")
+    part[number] = np.select(chosen, ("mesh", "shaft", "first sideband"), "difference")
     near = [teeth + r for r in range(-NEAR_SIDEBANDS, NEAR_SIDEBANDS + 1) if r and teeth + r > 0]
-    size = np.abs(spectrum)
+    known, size = spectrum[:, : top + 1], np.abs(spectrum)
     reach = max(1, min(teeth // 2, teeth - 1))
-    band = (teeth - reach, teeth + reach)
 
     def without(*left_out: str) -> FloatArray:
         """Return a turn of all lines but those of some parts."""
-        kept = spectrum[:, : top + 1].copy()
-        kept[:, number[np.isin(part, left_out)]] = 0.0
-        return one_turn(kept, per_turn)
+        return one_turn(np.where(np.isin(part, left_out), 0.0, known), per_turn)
 
-    within = spectrum[:, : min(band[1], top) + 1].copy()
-    within[:, : band[0]] = 0.0
+    within = np.where(np.abs(np.arange(top + 1) - teeth) <= reach, known, 0.0)
     return GearSignals(
         wheel=wheel,
         average=without(),
@@ -156,8 +153,8 @@ def gear_signals(
         fundamental=size[:, teeth],
         first_sidebands=size[:, [teeth - 1, teeth + 1]],
         near_sidebands=size[:, near],
-        part=part,
-        band=band,
+        part=tuple(part.tolist()),
+        band=(teeth - reach, teeth + reach),
     )
 
 
@@ -247,26 +244,21 @@ class GearAverages(Result):
 
     def line_rows(self) -> list[dict[str, Any]]:
         """Return all lines as rows, with their standard errors and what they count as."""
-        return [row for own in self.gears for row in self._line_rows(own)]
+        return [
+            self._place(own, row)
+            | {"multiple": number, "order": number * own.average.rotation_order}
+            | {"amplitude": _short(abs(value)), "phase_deg": _short(math.degrees(phase(value)))}
+            | {"standard_error": _short(own.average.line_error[row, number])}
+            | {"part": own.signals.part[number]}
+            for own in self.gears
+            for row, lines in enumerate(own.average.lines.tolist())
+            for number, value in enumerate(lines)
+            if number
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Return what was averaged and taken out, and how large it is, in built-in types."""
         return {"averages": [self._brief(own) for own in self.gears], "warnings": list(self.notes)}
-
-    def _line_rows(self, own: GearAverage) -> Iterator[dict[str, Any]]:
-        lines, signals = own.average.lines, own.signals
-        parts = dict(zip(signals.wheel.number.tolist(), signals.part.tolist(), strict=True))
-        for row in range(len(self.channel_names)):
-            for number in range(1, own.average.top + 1):
-                value = complex(lines[row, number])
-                yield self._place(own, row) | {
-                    "multiple": number,
-                    "order": number * own.average.rotation_order,
-                    "amplitude": _short(abs(value)),
-                    "phase_deg": _short(math.degrees(math.atan2(value.imag, value.real))),
-                    "standard_error": _short(own.average.line_error[row, number]),
-                    "part": parts.get(number, "difference"),
-                }
 
     def _place(self, own: GearAverage, row: int) -> dict[str, Any]:
         channel, unit = self.channel_names[row], self.units[row] or ""

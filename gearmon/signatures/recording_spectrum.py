@@ -17,20 +17,10 @@ from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result, channel_rows, with_units
+from gearmon.signals import spectra
 from gearmon.signals.orders.resampling import READ_UP_TO
 from gearmon.signals.orders.spectra import OrderMap, order_map
 from gearmon.signals.recording import Recording, RecordingLike
-from gearmon.signals.spectra import (
-    Kurtogram,
-    amplitude_spectrum,
-    envelope_spectrum,
-    fast_length,
-    half_lobe,
-    kurtogram,
-    line_amplitude,
-    power_density,
-    real_cepstrum,
-)
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, Mark, machine_marks, mark_near
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature, opened
 
@@ -86,7 +76,7 @@ class RecordingSpectrum(Result):
     axis: str = "frequency_hz"
     peaks: tuple[dict[str, Any], ...] = ()
     marks: tuple[Mark, ...] = ()
-    kurtograms: tuple[Kurtogram, ...] = ()
+    kurtograms: tuple[spectra.Kurtogram, ...] = ()
     wander: float = 0.0
     notes: tuple[str, ...] = ()
 
@@ -130,7 +120,7 @@ def _amplitudes(
     vibration: Recording, band: Band, name: str, kind: Literal["amplitude", "rms", "energy"]
 ) -> _Made:
     samples, rate = vibration.samples, vibration.sampling_rate_hz
-    found = amplitude_spectrum(samples, rate, window_name=name, quantity=kind)
+    found = spectra.amplitude_spectrum(samples, rate, window_name=name, quantity=kind)
     note = f"{name} window, noise bandwidth {found.resolution_hz:.3g} Hz"
     return _cut(found.frequency_hz, found.values, band) | {"notes": (note,)}
 
@@ -138,9 +128,9 @@ def _amplitudes(
 def _density(vibration: Recording, band: Band, window_name: str) -> _Made:
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     count = samples.shape[-1]
-    wanted = fast_length(max(16, count // _DENSITY_BLOCKS))
+    wanted = spectra.fast_length(max(16, count // _DENSITY_BLOCKS))
     block = min(count, _DENSITY_LONGEST, wanted)
-    found = power_density(samples, rate, block, window_name=window_name)
+    found = spectra.power_density(samples, rate, block, window_name=window_name)
     note = f"Welch, blocks of {block} samples, half overlap, {window_name} window"
     return _cut(found.frequency_hz, found.values, band) | {"notes": (note,)}
 
@@ -153,7 +143,7 @@ def _envelope(vibration: Recording, band: Band, _window_name: str) -> _Made:
         name, low, high, height = max(maps, key=lambda own: own[3])
         by = f"by the kurtogram of {name} (kurtosis {height:.3g})"
         band, notes = (low, high), (f"band {low:.6g} to {high:.6g} Hz {by}",)
-    found = envelope_spectrum(vibration.samples, vibration.sampling_rate_hz, *band)
+    found = spectra.envelope_spectrum(vibration.samples, vibration.sampling_rate_hz, *band)
     return {
         "place": found.frequency_hz[1:],
         "values": found.values[:, 1:],
@@ -164,7 +154,7 @@ def _envelope(vibration: Recording, band: Band, _window_name: str) -> _Made:
 
 def _cepstrum(vibration: Recording, band: Band, _window_name: str) -> _Made:
     rate = vibration.sampling_rate_hz
-    quefrency_s, values = real_cepstrum(vibration.samples, rate)
+    quefrency_s, values = spectra.real_cepstrum(vibration.samples, rate)
     # the first quefrencies hold the coarse shape of the spectrum, many times higher than the rest
     chosen = band or (16 / rate, min(0.5, float(quefrency_s[-1])))
     return _cut(quefrency_s, values, chosen) | {"axis": "quefrency_s"}
@@ -181,10 +171,10 @@ def _kurtogram(vibration: Recording, band: Band, _window_name: str) -> _Made:
     return empty | {"kurtograms": maps, "peaks": peaks}
 
 
-def _kurtograms(vibration: Recording, most: int) -> list[tuple[str, Kurtogram]]:
+def _kurtograms(vibration: Recording, most: int) -> list[tuple[str, spectra.Kurtogram]]:
     """Return the kurtogram of every channel by its name."""
     rate, channels = vibration.sampling_rate_hz, vibration.samples
-    maps = [kurtogram(channel, rate, most) for channel in channels]
+    maps = [spectra.kurtogram(channel, rate, most) for channel in channels]
     return list(zip(vibration.channel_names, maps, strict=True))
 
 
@@ -254,7 +244,16 @@ def recording_spectrum(
     machine = None if machine is None else load_machine(machine)
     recording = opened(recording, machine, sampling_rate_hz, unit)
     vibration = recording.vibration()
-    _check_band(band, vibration, kind)
+    if band is not None:
+        unit_of_band = "s" if kind == "cepstrum" else "Hz"
+        longest = vibration.duration_s if kind == "cepstrum" else vibration.sampling_rate_hz
+        if not isinstance(band, Sequence) or len(band) != 2:
+            raise ArgumentError(f"band={band!r} must be two {unit_of_band}: low and high")
+        for name, value in zip(("low", "high"), band, strict=True):
+            check_range(f"band {name}", value, 0.0, longest / 2, unit_of_band)
+        if band[0] >= band[1]:
+            told = f"band {band[0]:g} to {band[1]:g} {unit_of_band}"
+            raise ArgumentError(f"{told}: low must be below high")
     value_name, unit_of, compute = COMPUTE[kind]
     made: _Made = {"value_name": value_name, "notes": ()} | compute(vibration, band, window_name)
     units = (unit_of.format(own) if own or unit_of == "1" else "" for own in vibration.units)
@@ -265,7 +264,7 @@ def recording_spectrum(
         result = _marked(result, recording, machine)
     if result.kurtograms:
         return result
-    reach = half_lobe(window_name) if kind in ("amplitude", "rms", "energy") else 2
+    reach = spectra.half_lobe(window_name) if kind in ("amplitude", "rms", "energy") else 2
     read = partial(_between_bins, result, vibration, window_name)
     return replace(result, peaks=_peaks(result, most_peaks, reach, read))
 
@@ -279,22 +278,9 @@ def _between_bins(
     bin_hz = rate / len(samples)
     inner = (place > 0.6 * bin_hz) & (place < rate / 2 - 0.6 * bin_hz)
     if found.kind in ("amplitude", "rms") and inner.any() and len(samples) >= 16:
-        own = line_amplitude(samples, rate, place[inner], window_name=window_name)
+        own = spectra.line_amplitude(samples, rate, place[inner], window_name=window_name)
         place[inner], value[inner] = own.frequency_hz[0], own.amplitude[0]
     return place, value / np.sqrt(2) if found.kind == "rms" else value
-
-
-def _check_band(band: Band, vibration: Recording, kind: str) -> None:
-    if band is None:
-        return
-    tops = {"s": vibration.duration_s / 2, "Hz": vibration.sampling_rate_hz / 2}
-    unit = "s" if kind == "cepstrum" else "Hz"
-    if not isinstance(band, Sequence) or len(band) != 2:
-        raise ArgumentError(f"band={band!r} must be two {unit}: low and high")
-    for name, value in zip(("low", "high"), band, strict=True):
-        check_range(f"band {name}", value, 0.0, tops[unit], unit)
-    if band[0] >= band[1]:
-        raise ArgumentError(f"band {band[0]:g} to {band[1]:g} {unit}: low must be below high")
 
 
 def _marked(result: RecordingSpectrum, recording: Recording, machine: Machine) -> RecordingSpectrum:
@@ -513,6 +499,16 @@ def order_spectra(
     blocks = _MAP_BLOCKS.get(map_against, 1)
     turns = float(np.clip(2 * turned / blocks, _MAP_TURNS, _TURNS))
     along = found(block_turns=turns, against=map_against)
+    blocks_of = "{}: {} half-overlapped blocks of {:.4g} turns of shaft {}"
+    notes = [
+        blocks_of.format(name, own.blocks.sum(), own.block_turns, shaft)
+        for name, own in (("spectrum", whole), ("map", along))
+    ]
+    if map_against == "speed":
+        low, high = float(along.speed_hz.min()), float(along.speed_hz.max())
+        notes.append(f"map: {len(along.speed_hz)} rows from {low:.5g} to {high:.5g} Hz")
+    if not signature.found:
+        notes.append("no mesh found: the speed, and with it every order, is not to be relied on")
     result = OrderSpectra(
         recording=recording.origin,
         shaft=shaft,
@@ -524,7 +520,7 @@ def order_spectra(
         map=along,
         marks=machine_marks(machine, 1.0 / ratio, float(whole.order[-1])),
         signature=signature,
-        notes=_order_notes(signature, whole, along, shaft),
+        notes=(*signature.notes, *notes),
     )
     read = partial(_parabola, result)
     return replace(result, peaks=_peaks(result, most_peaks, 2, read, "amplitude", widths=1.5))
@@ -541,19 +537,3 @@ def _parabola(found: RecordingSpectrum, row: int, bins: IntArray) -> Peaks:
     shift = 0.5 * (before - after) / np.minimum(before - 2.0 * here + after, -1e-12)
     step = float(found.place[1] - found.place[0])
     return found.place[bins] + shift * step, np.exp(here - 0.25 * (before - after) * shift)
-
-
-def _order_notes(
-    signature: MeasuredSignature, whole: OrderMap, along: OrderMap, shaft: int
-) -> tuple[str, ...]:
-    blocks = "{}: {} half-overlapped blocks of {:.4g} turns of shaft {}"
-    notes = [
-        blocks.format(name, own.blocks.sum(), own.block_turns, shaft)
-        for name, own in (("spectrum", whole), ("map", along))
-    ]
-    if along.against == "speed":
-        low, high = float(along.speed_hz.min()), float(along.speed_hz.max())
-        notes.append(f"map: {len(along.speed_hz)} rows from {low:.5g} to {high:.5g} Hz")
-    if not signature.found:
-        notes.append("no mesh found: the speed, and with it every order, is not to be relied on")
-    return (*signature.notes, *notes)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from gearmon.errors import ArgumentError, SignatureError, check_type, check_word
-from gearmon.files import replacing, write_atomically
+from gearmon.files import write_atomically
 from gearmon.result import Result
 
 INTEGER_COLUMNS = ("stage", "mesh_harmonic", "sideband")
@@ -125,23 +125,18 @@ def _column(name: str, values: npt.ArrayLike) -> Array:
     if array.ndim != 1:
         raise ArgumentError(f"signature: column {name} has shape {array.shape}, must be one row")
     if array.dtype.kind in "iuf":
-        array = _numbers(name, array.astype(float))
+        array = array.astype(float)
+        if name in COLUMNS and not np.isfinite(array).all():
+            line = int(np.flatnonzero(~np.isfinite(array))[0]) + 1
+            raise ArgumentError(f"signature: {name} of line {line} is not a finite number")
+        if name in INTEGER_COLUMNS:
+            if (array % 1).any():
+                raise ArgumentError(f"signature: column {name} must hold whole numbers")
+            array = array.astype(int)
     elif array.dtype.kind != "U" or (name in COLUMNS and name not in TEXT_COLUMNS):
         raise ArgumentError(f"signature: column {name} must hold numbers")
     array.flags.writeable = False
     return array
-
-
-def _numbers(name: str, array: Array) -> Array:
-    if name in COLUMNS and not np.isfinite(array).all():
-        line = int(np.flatnonzero(~np.isfinite(array))[0]) + 1
-        raise ArgumentError(f"signature: {name} of line {line} is not a finite number")
-    if name not in INTEGER_COLUMNS:
-        return array
-    whole = array.astype(int)
-    if (whole != array).any():
-        raise ArgumentError(f"signature: column {name} must hold whole numbers")
-    return whole
 
 
 def _plain(value: Any) -> Any:
@@ -180,11 +175,9 @@ def write_signature(signature: Signature, path: str | Path) -> None:
     >>> gearmon.write_signature(gearmon.expected_signature(machine, max_hz=2000.0), "healthy.csv")
     """
     check_type("signature", signature, Signature, "what gearmon.expected_signature returns")
-    suffix = _suffix(Path(path))
-    if suffix == ".parquet":
-        _write_parquet(signature, Path(path))
-    else:
-        write_atomically(path, _to_csv(signature) if suffix == ".csv" else _to_json(signature))
+    writers: dict[str, Callable[[Signature], bytes | str]]
+    writers = {".csv": _to_csv, ".json": _to_json, ".parquet": _to_parquet}
+    write_atomically(path, writers[_suffix(Path(path))](signature))
 
 
 def read_signature(path: str | Path) -> Signature:
@@ -309,13 +302,12 @@ def _parquet() -> Any:
     return pyarrow
 
 
-def _write_parquet(signature: Signature, path: Path) -> None:
-    pyarrow = _parquet()
-    table = pyarrow.table(dict(signature.columns))
+def _to_parquet(signature: Signature) -> bytes:
+    pyarrow, file = _parquet(), io.BytesIO()
     about = json.dumps(_about(signature), allow_nan=False)
-    table = table.replace_schema_metadata({"gearmon": about})
-    with replacing(path) as temporary:
-        pyarrow.parquet.write_table(table, temporary)
+    table = pyarrow.table(dict(signature.columns)).replace_schema_metadata({"gearmon": about})
+    pyarrow.parquet.write_table(table, file)
+    return file.getvalue()
 
 
 def _from_parquet(data: bytes) -> Signature:

@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from gearmon import read_recording, simulate
 from gearmon.cli import main
 from gearmon.errors import ArgumentError
+from gearmon.gears.assembly import drive_train
 from gearmon.machine import load_machine
 from gearmon.signatures.expected.baseline import contact_grid, expected_signature, faulty_lines
 from gearmon.signatures.expected.fault_family import FAMILY_KINDS, fault_family
@@ -252,7 +253,8 @@ def test_grown_lines_of_a_train_are_those_of_marching():
 def test_a_pair_without_shafts_is_its_own_train():
     place = MeshPlace(PAIR, 1)
     for wrong in ((), ("crack:1:gear:3:20%",)):
-        alone, train = (pose(wrong) for pose in (place.alone, place.in_train))
+        alone = place.alone(wrong)
+        train = replace(alone, train=drive_train(PAIR, place.point))
         same = [faulty_lines(place.alone(), [own], 2e4, 1e-9)[0] for own in (alone, train)]
         assert same[1].displacement == pytest.approx(same[0].displacement, rel=1e-6, abs=1e-18)
 

@@ -102,7 +102,7 @@ def test_orders_of_any_shaft():
 
 
 @pytest.mark.parametrize(
-    ("given", "words"), [({"shaft": 3}, "shaft"), ({"top": 1e6}, "top=1000000.0 orders")]
+    ("given", "words"), [({"shaft": 3}, "shaft"), ({"top": 1e6}, "highest order 1000000.0")]
 )
 def test_impossible_orders_are_refused(given, words):
     with pytest.raises(ArgumentError, match=words):

@@ -19,14 +19,12 @@ from functools import lru_cache, partial
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.dynamics import Method, steady_state
-from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
-from gearmon.gears.pulses import PulseTrain
 from gearmon.machine import MachineLike, load_machine
 from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, PhaseGrid
 from gearmon.signatures.expected.mesh import (
@@ -37,11 +35,10 @@ from gearmon.signatures.expected.mesh import (
     Wrong,
     joined,
     refuse_no_lines,
+    rms,
 )
 from gearmon.signatures.signature import Signature
 
-#: Lines, how they were solved, and what to warn of.
-Solved = tuple[MeshLines, dict[str, Any], list[str]]
 #: Most stiffness harmonics of one problem.
 MOST_HARMONICS = 200_000
 # What is told of a stage that is solved from corner to corner, besides its error.
@@ -117,28 +114,29 @@ def expected_signature(
     (567.3333333333334, [1, 2, 3])
     """
     machine = load_machine(machine)
-    check_range("operating", operating, 0, len(machine.operating) - 1)
-    point = machine.operating[operating]
     known = faults_of(faults, errors=True, stages=len(machine.stages))
-    if max_hz is not None:
-        check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-13, 1.0)
     tables, stages = [], []
     for number in range(1, len(machine.stages) + 1):
         ring = any(fault.stage == number and fault.gear == "ring" for fault in known)
-        posed = MeshPlace(machine, number, operating, form, int(ring)).posed(known)
+        place = MeshPlace(machine, number, operating, form, int(ring))
+        posed = place.posed(known)
         limit = posed.limit_hz(max_hz)
         lines, told, warnings = _stage_lines(posed, limit, tolerance, method, order)
-        columns, share = _listed(lines, limit)
-        tables.append(columns)
+        columns = lines.columns()
+        cross = columns["sideband_of"] == "?"
+        listed = ~cross & (columns["frequency_hz"] <= limit * (1 + 1e-12))
+        tables.append({name: column[listed] for name, column in columns.items()})
+        sizes = columns["acceleration_ms2"]
+        share = rms(sizes[cross]) / rms(sizes) if sizes.any() else 0.0
         told |= {"max_hz": limit, "cross_lines_share": share}
         stages.append(lines.header() | told | {"warnings": [*posed.warnings, *warnings]})
     if max_hz is not None and not any(len(table["stage"]) for table in tables):
         refuse_no_lines((own["mesh_frequency_hz"] for own in stages), max_hz)
     header = {key: value for key, value in stages[0].items() if key != "stage"} | {
-        "speed_rpm": point.speed_rpm,
-        "torque_nm": point.torque_nm,
-        "operating": point.name,
+        "speed_rpm": place.point.speed_rpm,
+        "torque_nm": place.point.torque_nm,
+        "operating": place.point.name,
         "faults": [str(one) for one in known],
         "amplitudes": AMPLITUDES,
         "stages": stages,
@@ -147,20 +145,13 @@ def expected_signature(
     return Signature(machine=machine.name, origin="expected", header=header, columns=joined(tables))
 
 
-def _listed(lines: MeshLines, max_hz: float) -> tuple[dict[str, npt.NDArray[Any]], float]:
-    """Columns of the lines to list, and the share of acceleration in lines of no gear."""
-    columns = lines.columns()
-    strange = columns["sideband_of"] == "?"
-    known = ~strange & (columns["frequency_hz"] <= max_hz * (1 + 1e-12))
-    energy = columns["acceleration_ms2"] ** 2
-    share = math.sqrt(float(energy[strange].sum() / energy.sum())) if energy.any() else 0.0
-    return {name: column[known] for name, column in columns.items()}, share
-
-
 def _stage_lines(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
-) -> Solved:
-    """Solve one stage with all that is wrong with it: with a bound, or from corner to corner."""
+) -> tuple[MeshLines, dict[str, Any], list[str]]:
+    """Solve one stage with all that is wrong with it: with a bound, or from corner to corner.
+
+    Returns its lines, how they were solved, and what to warn of.
+    """
     alone = posed.train is None
     if alone and not posed.errors and (method != "auto" or len(posed.marked) < 2):
         lines, told = _steady(posed, max_hz, tolerance, method, order)
@@ -192,9 +183,9 @@ def _steady(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> tuple[MeshLines, dict[str, Any]]:
     """Solve a mesh over its true period, with a bound of the error."""
-    mechanics, period = posed.mechanics, posed.period
-    shown = max(1, math.floor(max_hz * period / mechanics.mesh_frequency_hz * (1 + 1e-12)))
-    harmonics, cut = _stiffness_harmonics(mechanics, shown, tolerance)
+    period = posed.period
+    shown = max(1, _count(posed, max_hz, period))
+    harmonics, cut = _stiffness_harmonics(posed.mechanics, shown, tolerance)
     problem, least = posed.hill_problem(harmonics), max(0.6 * tolerance, 1e-13)
     response = steady_state(problem, least, method=method, order=order, harmonics=shown)
     angle = response.contact_loss_angle_rad
@@ -317,20 +308,23 @@ def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) ->
         np.add.outer(np.arange(0, period, repeats), own).ravel() - mesh.lead
         for posed in cases
         for mesh in posed.members
-        for repeats, own in _all_corners(mesh)
+        for repeats, own in _corners(mesh, changed=False)
     ]
-    return PhaseGrid.between(np.concatenate(corners), _cycles(cases, max_hz), period)
+    # panels follow motion times highest line, the motion itself with a margin, and the ripple of
+    # a Fourier sum
+    natural, mesh_hz = cases[0].modes.fastest_hz, cases[0].mechanics.mesh_frequency_hz
+    trains = (train for posed in cases for train in posed.mechanics.stiffness.trains)
+    ripple = max(term.pulse.fastest for train in trains for term in train.terms) / (2 * math.pi)
+    cycles = max(max(2 * natural, natural + max_hz) / mesh_hz, ripple)
+    return PhaseGrid.between(np.concatenate(corners), cycles, period)
 
 
 def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
     """Solve a mesh or a set on panels of its whole period."""
     kappa = [own.stiffness.at(grid.phase + own.lead) for own in posed.members]
-    return PeriodicMotion(
-        grid=grid,
-        around=posed.around,
-        kappa=posed.scale * np.array(kappa),
-        excitation=_moved(posed, grid.phase),
-    )
+    moved = [own.excitation.at(grid.phase + own.lead) for own in posed.members]
+    stiffness, excitation = posed.scale * np.array(kappa), np.array(moved)
+    return PeriodicMotion(grid=grid, around=posed.around, kappa=stiffness, excitation=excitation)
 
 
 # panels of several gears may be alike
@@ -372,13 +366,13 @@ def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage])
                         alone = replace(train, terms=(replace(term, weight=1.0),))
                         known[key] = alone.at(phases + mesh.lead)
                     lost += term.weight * known[key]
-    moved = np.array([_moved(posed, phases) for posed in faulty])
+    moved = [[own.excitation.at(phases + own.lead) for own in posed.members] for posed in faulty]
     return Deviations(
         mesh=_even(healthy, grid),
         period=faulty[0].period,
         where=where,
         delta=healthy.scale * delta.swapaxes(1, 2),
-        excitation=moved.swapaxes(1, 2),
+        excitation=np.array(moved).swapaxes(1, 2),
     )
 
 
@@ -407,20 +401,11 @@ def _count(posed: PosedStage, max_hz: float, period: int) -> int:
     return math.floor(max_hz / posed.mechanics.mesh_frequency_hz * period * (1 + 1e-12))
 
 
-def _moved(posed: PosedStage, phases: FloatArray) -> FloatArray:
-    """Return e [m] of every mesh at some phases, (meshes, *phases.shape)."""
-    found = np.zeros((len(posed.members), *phases.shape))
-    for own, moved in zip(posed.members, found, strict=True):
-        if own.excitation.errors:
-            moved[:] = own.excitation.at(phases + own.lead)
-    return found
-
-
 def _changed(posed: PosedStage) -> set[int]:
     """Mesh periods of a turn in which a mesh differs."""
     found, period = set[int](), posed.period
     for mesh in posed.members:
-        for repeats, corners in _corners(mesh, mesh.stiffness.pulses):
+        for repeats, corners in _corners(mesh, changed=True):
             first = math.floor(corners.min() - mesh.lead + 1e-9)
             last = max(math.ceil(corners.max() - mesh.lead - 1e-9), first + 1)
             turns = range(0, period, repeats)
@@ -428,37 +413,18 @@ def _changed(posed: PosedStage) -> set[int]:
     return found
 
 
-def _cycles(cases: Sequence[PosedStage], highest_hz: float) -> float:
-    """Return the cycles a mesh period that panels are to follow: motion times highest line.
-
-    The motion itself is followed with a margin, also where no high line is asked for.
-    """
-    natural, mesh_hz = cases[0].fastest_hz, cases[0].mechanics.mesh_frequency_hz
-    trains = (train for posed in cases for train in posed.mechanics.stiffness.trains)
-    fastest = max(term.pulse.fastest for train in trains for term in train.terms)
-    return max(max(2 * natural, natural + highest_hz) / mesh_hz, fastest / (2 * math.pi))
-
-
-def _corners(
-    posed: StageMechanics, trains: Iterable[PulseTrain]
-) -> Iterator[tuple[int, FloatArray]]:
-    """Give mesh phases at which stiffness or excitation are not smooth, and when they repeat."""
-    for train in trains:
-        for term in train.terms:
-            yield train.period_mesh, term.corners(train.overlap_ratio)
-    even = posed.stiffness.healthy
-    for error in posed.excitation.errors:
-        if error.gap is not None:
-            # what is missing beyond the contact of a pair moves nothing
-            limits = np.minimum(error.gap.edges, even.terms[0].pulse.length)
-            limits = (error.wrong.tooth or 1) - 1 + limits
-            yield error.period_mesh, np.add.outer([0.0, even.overlap_ratio], limits).ravel()
-
-
-def _all_corners(mesh: StageMechanics) -> Iterator[tuple[int, FloatArray]]:
-    stiffness, moving = mesh.stiffness, mesh.stiffness.modulations
-    yield from ((train.period_mesh, train.corners) for train in moving)
+def _corners(mesh: StageMechanics, *, changed: bool) -> Iterator[tuple[int, FloatArray]]:
+    """Give phases at which a mesh, or what faults change of it, is not smooth, and their period."""
+    stiffness, errors = mesh.stiffness, mesh.excitation.errors
+    even, gaps = stiffness.healthy, [(own, own.gap) for own in errors if own.gap is not None]
     # damaged teeth lose what they lose where the teeth would be without the errors, and single
     # errors are shared as by these
-    apart = moving and not any(e.gap is not None for e in mesh.excitation.errors)
-    yield from _corners(mesh, stiffness.pulses if apart else stiffness.trains)
+    apart = changed or (stiffness.modulations and not gaps)
+    for train in stiffness.pulses if apart else stiffness.trains:
+        for term in train.terms:
+            yield train.period_mesh, term.corners(train.overlap_ratio)
+    for error, gap in gaps:
+        # what is missing beyond the contact of a pair moves nothing
+        limits = np.minimum(gap.edges, even.terms[0].pulse.length) + (error.wrong.tooth or 1) - 1
+        yield error.period_mesh, np.add.outer([0.0, even.overlap_ratio], limits).ravel()
+    yield from ((train.period_mesh, train.corners) for train in stiffness.modulations)

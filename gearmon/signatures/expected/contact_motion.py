@@ -208,31 +208,25 @@ class PeriodicMotion:
         start : ndarray, shape (2n, columns)
             State when the panel begins.
         """
+        around, size, (stiffness, matrix) = self.around, push.shape[2], self._collocation
+        q0, u0 = start[:size], start[size:]
+        reach, weights = _integrals().sum(axis=1)[:, None, None], 0.5 * gauss(POINTS)[1]
+        steps, seen = [], []
         # a few panels at a time: what is made on the way stays in the cache
         together = max(1, VALUES_TOGETHER // (push[0].size + push[0, ..., 0].size ** 2))
-        firsts = range(0, len(push), together)
-        some = (slice(first, first + together) for first in firsts)
-        step, seen = zip(*(self._answer_some(own, push, shift, start) for own in some), strict=True)
-        return _PanelMaps(step=np.concatenate(step), seen=np.concatenate(seen, axis=1))
-
-    def _answer_some(
-        self, some: slice, push: FloatArray, shift: FloatArray, start: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        around, size, (stiffness, matrix) = self.around, push.shape[2], self._collocation
-        push, shift, matrix = push[some], shift[some], matrix[some]
-        q0, u0 = start[:size], start[size:]
-        h, weights = self.grid.widths[some, None, None, None], 0.5 * gauss(POINTS)[1]
-        reach = _integrals().sum(axis=1)[:, None, None]
-        speed, place = u0 + shift, q0 + h * (reach * u0 + _integrated(shift))
-        right = push - around.damping @ speed - stiffness[some] @ place
-        slope = np.linalg.solve(matrix, right.reshape(*matrix.shape[:2], -1)).reshape(right.shape)
-        u = u0 + h * _integrated(slope)
-        rate = u + shift
-        q = q0 + h * _integrated(rate)
-        h = h[:, 0]
-        ends = q0 + h * np.einsum("i,piac->pac", weights, rate)
-        step = np.concatenate([ends, u0 + h * np.einsum("i,piac->pac", weights, slope)], axis=1)
-        return step, np.stack([around.vectors @ rate, around.vectors @ q]).swapaxes(2, 3)
+        for first in range(0, len(push), together):
+            some = slice(first, first + together)
+            moved, h = shift[some], self.grid.widths[some, None, None, None]
+            place = q0 + h * (reach * u0 + _integrated(moved))
+            right = push[some] - around.damping @ (u0 + moved) - stiffness[some] @ place
+            asked = right.reshape(len(right), len(matrix[0]), -1)
+            slope = np.linalg.solve(matrix[some], asked).reshape(right.shape)
+            rate = u0 + h * _integrated(slope) + moved
+            ends = [h[:, 0] * np.einsum("i,piac->pac", weights, own) for own in (rate, slope)]
+            steps.append(np.concatenate([q0 + ends[0], u0 + ends[1]], axis=1))
+            both = [around.vectors @ own for own in (rate, q0 + h * _integrated(rate))]
+            seen.append(np.stack(both).swapaxes(2, 3))
+        return _PanelMaps(step=np.concatenate(steps), seen=np.concatenate(seen, axis=1))
 
     @cached_property
     def monodromy(self) -> FloatArray:

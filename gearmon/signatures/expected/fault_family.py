@@ -7,7 +7,7 @@ gear's turn.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.errors import ArgumentError, check_positive, check_range, check_word
+from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.faults import ERROR_KINDS, KINDS, WHOLE_KINDS, Fault, parse_fault_or_error
 from gearmon.gears.pulses import LEAST_OVERLAP
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
@@ -38,9 +38,9 @@ from gearmon.signatures.signature import Signature
 #: What a family holds unless told otherwise. A crack in % is a uniform loss of stiffness.
 FAMILY_KINDS: tuple[str, ...] = ("crack", "breakage", "pitting", "spall", "wear", "missing")
 FAMILY_KINDS += ("pitch", "eccentricity", "misalignment")
-LOSSES = ("2.5%", "5%", "10%", "20%", "40%")
-ERROR_SIZES = ("5um", "10um", "20um", "40um")
-GONE = ("1tooth",)
+LOSSES: tuple[str, ...] = ("2.5%", "5%", "10%", "20%", "40%")
+ERROR_SIZES: tuple[str, ...] = ("5um", "10um", "20um", "40um")
+GONE: tuple[str, ...] = ("1tooth",)
 #: Kinds that take as a loss the same pulse, more or less of it; breakage does of spur teeth only.
 EVEN_KINDS = ("breakage", "crack", "stiffness", "pitting", "spall")
 #: Kinds that concern all teeth of a gear.
@@ -267,8 +267,6 @@ def fault_family(
     ['gear', 'pinion']
     """
     machine = load_machine(machine)
-    if max_hz is not None:
-        check_positive("max_hz", max_hz, "Hz")
     check_range("tolerance", tolerance, 1e-10, 1.0)
     texts = _sizes(kinds, sizes)
     every = range(len(machine.operating)) if operating is None else operating
@@ -277,12 +275,15 @@ def fault_family(
     for name, part in (("kinds", texts), ("gears", places), ("operating", points)):
         if not part:
             raise ArgumentError(f"{name}: none given, at least one is needed")
-    meshes = [(number, 0) for number in range(1, len(machine.stages) + 1)]
-    meshes += [(stage, mesh) for (stage, _), mesh in places.items()]
-    healthy = {
-        key: periodic_lines(own, own.limit_hz(max_hz), tolerance)
-        for key, own in _healthy(machine, points, meshes, form).items()
-    }
+    meshes = {(number, 0) for number in range(1, len(machine.stages) + 1)}
+    meshes |= {(stage, mesh) for (stage, _), mesh in places.items()}
+    healthy: dict[tuple[int, int, int], MeshLines] = {}
+    for number, (stage, mesh) in product(points, sorted(meshes)):
+        even = MeshPlace(machine, stage, number, form, mesh).posed()
+        # a set that is taken as a whole has all of its gears in one
+        key = number, stage, mesh if even.train is None else 0
+        if key not in healthy:
+            healthy[key] = periodic_lines(even, even.limit_hz(max_hz), tolerance)
     if not any(len(lines.displacement) for lines in healthy.values()):
         refuse_no_lines((own.mechanics.mesh_frequency_hz for own in healthy.values()), max_hz)
     members: list[FamilyMember] = []
@@ -308,18 +309,6 @@ def fault_family(
         tolerance=tolerance,
         notes=tuple(notes),
     )
-
-
-def _healthy(
-    machine: Machine, points: Sequence[int], places: Iterable[tuple[int, int]], form: str
-) -> dict[tuple[int, int, int], PosedStage]:
-    """Pose the healthy stages, by operating point, stage and mesh."""
-    found: dict[tuple[int, int, int], PosedStage] = {}
-    for number, (stage, mesh) in product(points, sorted({*places})):
-        even = MeshPlace(machine, stage, number, form, mesh).posed()
-        # a set that is taken as a whole has all of its gears in one
-        found.setdefault((number, stage, mesh if even.train is None else 0), even)
-    return found
 
 
 def _posed(
@@ -376,11 +365,17 @@ def _sizes(
     chosen = FAMILY_KINDS if kinds is None else tuple(dict.fromkeys(kinds))
     for kind in chosen:
         check_word("kind ", kind, (*KINDS, *ERROR_KINDS))
-    if sizes is None:
-        return {kind: _meant(kind, _default(kind)) for kind in chosen}
-    given = [sizes] if isinstance(sizes, str) else sizes
+    usual = {kind: ERROR_SIZES if kind in ERROR_KINDS else LOSSES for kind in chosen}
+    usual["missing"] = GONE
+    given = [sizes] if isinstance(sizes, str) else sizes or ()
     texts = [s.strip() if isinstance(s, str) else f"{100 * float(s):.12g}%" for s in given]
-    found = {kind: _meant(kind, GONE if kind == "missing" else texts) for kind in chosen}
+    found: dict[str, dict[str, Wrong]] = {kind: {} for kind in chosen}
+    for kind, own in found.items():
+        for text in usual[kind] if sizes is None or kind == "missing" else texts:
+            # in a list for all kinds mm are depths of damage: an error of millimetres is none
+            if kind not in ERROR_KINDS or text.endswith("um"):
+                with suppress(ArgumentError):
+                    own[text] = parse_fault_or_error(_words(kind, 1, "pinion", text))
     for text in texts:
         if not any(text in own for own in found.values()):
             raise ArgumentError(
@@ -389,23 +384,8 @@ def _sizes(
             )
     for kind, own in found.items():
         if not own and kinds is not None:
-            raise ArgumentError(f"no size fits kind {kind!r}; its default is {_default(kind)}")
+            raise ArgumentError(f"no size fits kind {kind!r}; its default is {usual[kind]}")
     return {kind: own for kind, own in found.items() if own}
-
-
-def _default(kind: str) -> tuple[str, ...]:
-    return GONE if kind == "missing" else ERROR_SIZES if kind in ERROR_KINDS else LOSSES
-
-
-def _meant(kind: str, texts: Iterable[str]) -> dict[str, Wrong]:
-    """Return the sizes that fit a kind, of a tooth of any gear."""
-    found = {}
-    for text in texts:
-        # in a list for all kinds mm are depths of damage: an error of millimetres is none
-        if kind not in ERROR_KINDS or text.endswith("um"):
-            with suppress(ArgumentError):
-                found[text] = parse_fault_or_error(_words(kind, 1, "pinion", text))
-    return found
 
 
 def _places(

@@ -39,8 +39,8 @@ import numpy.typing as npt
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.dynamics import HillProblem
-from gearmon.errors import ArgumentError, check_range
-from gearmon.gears.assembly import drive_train, of_told_bearings
+from gearmon.errors import ArgumentError, check_positive, check_range
+from gearmon.gears.assembly import drive_train
 from gearmon.gears.excitation import FlankError
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
@@ -162,7 +162,7 @@ class PosedStage:
         return 1 / self.mechanics.mesh_frequency_hz**2
 
     @cached_property
-    def _modes(self) -> Around:
+    def modes(self) -> Around:
         """The machine in modes; of a pair by itself its own mass is all there is."""
         own, none = self.mechanics, np.zeros((1, 1))
         if self.train is not None:
@@ -173,15 +173,10 @@ class PosedStage:
             shapes=shape, vectors=shape, means=mean, dampers=damper, stiffness=none, damping=none
         )
 
-    @property
-    def fastest_hz(self) -> float:
-        """Highest natural frequency [Hz]."""
-        return self._modes.fastest_hz
-
     @cached_property
     def around(self) -> Surroundings:
         """What is around its meshes, in modes."""
-        own, around = self.mechanics, self._modes
+        own, around = self.mechanics, self.modes
         load = np.array([own.force_n])
         if self.train is not None:
             load = self.train.load({own.stage: own.force_n})
@@ -197,7 +192,7 @@ class PosedStage:
     def limit_hz(self, max_hz: float | None) -> float:
         """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
         if max_hz is not None:
-            return max_hz
+            return check_positive("max_hz", max_hz, "Hz")
         own = self.mechanics
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
@@ -306,21 +301,6 @@ class MeshPlace:
         mesh = kinematics(self.machine).mesh(self.stage)
         members = (self._meshed(faults_of(wrong, errors=True)),)
         return PosedStage(members=members, mesh=mesh, angles_rad=np.zeros(1))
-
-    def in_train(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
-        """Pose a pair as a part of its machine, other meshes at their means.
-
-        Parameters
-        ----------
-        wrong
-            As in `alone`.
-
-        Notes
-        -----
-        Bearings that tell only their balls are rigid, as in `gearmon.simulate`.
-        """
-        train = drive_train(of_told_bearings(self.machine), self.point, self.form)
-        return replace(self.alone(wrong), train=train)
 
     def as_set(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
         """Pose the planetary set of the mesh as a part of its machine, with what is wrong with it.
@@ -519,8 +499,12 @@ class MeshLines:
         own = self.of_tooth(tooth)
         harmonic = np.ceil(own.number / self.period - 0.5).astype(int)
         distance = own.number - harmonic * self.period
-        sideband, gear = own._sidebands(distance)
-        carrier = own.carrier.copy()
+        # steps of lines that repeat with a marked gear
+        steps = {gear: own.period // teeth for gear, teeth in self.posed.marked.items()}
+        mine = [distance == 0, *(own.number % step == 0 for step in steps.values())]
+        aside = [np.zeros_like(distance), *(distance // step for step in steps.values())]
+        sideband, carrier = np.select(mine, aside), own.carrier.copy()
+        gear = np.select(mine, ["", *steps], "?").astype("U16")
         passing = (distance == 0) & (carrier != 0)
         sideband[passing], carrier[passing], gear[passing] = carrier[passing], 0, "carrier"
         z, angular = own.displacement, 2 * math.pi * own.frequency_hz
@@ -537,13 +521,6 @@ class MeshLines:
             "phase_rad": np.angle(z),
         }
         return found | ({"carrier": carrier} if self.posed.pass_order else {})
-
-    def _sidebands(self, distance: IntArray) -> tuple[IntArray, npt.NDArray[np.str_]]:
-        """Sideband number and modulating gear of lines by their distance from the mesh harmonic."""
-        steps = {gear: self.period // teeth for gear, teeth in self.posed.marked.items()}
-        mine = [distance == 0, *(self.number % step == 0 for step in steps.values())]
-        aside = [np.zeros_like(distance), *(distance // step for step in steps.values())]
-        return np.select(mine, aside), np.select(mine, ["", *steps], "?").astype("U16")
 
     def header(self) -> dict[str, Any]:
         """Return what holds for all of its lines."""

@@ -17,7 +17,7 @@ from gearmon.arrays import FloatArray
 from gearmon.errors import check_range
 from gearmon.gears.assembly import drive_train
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import DriveTrain, Planets
+from gearmon.gears.mechanics import DriveTrain
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
 
@@ -283,22 +283,17 @@ def _kinetic_shares(train: DriveTrain, shapes: FloatArray) -> FloatArray:
     shares = np.zeros((3, shapes.shape[1]))
     for planets in train.planets.values():
         mass -= np.einsum("pia,i,pib->ab", planets.rows, planets.inertia, planets.rows)
-        shares += _planet_shares(planets, shapes)
+        # by how their motion goes round: alike, once, otherwise
+        moved, angles = planets.rows @ shapes, planets.angles_rad
+        alike = np.ones((len(moved), 1))
+        once = np.column_stack([alike, np.cos(angles), np.sin(angles)])
+        parts = [np.tensordot(own @ np.linalg.pinv(own), moved, 1) for own in (alike, once)]
+        energy = [np.einsum("pim,i->m", part**2, planets.inertia) for part in (*parts, moved)]
+        shares += np.diff(energy, axis=0, prepend=0.0)
     for kind, chosen in enumerate((train.turning, ~train.turning)):
         own = np.where(chosen[:, None], shapes, 0.0)
         shares[kind] += np.sum(own * (mass @ own), axis=0)
     return np.asarray(np.abs(shares / shares.sum(axis=0)))
-
-
-def _planet_shares(planets: Planets, shapes: FloatArray) -> FloatArray:
-    """Split the energy of planets by how their motion goes round: alike, once, otherwise."""
-    moved = planets.rows @ shapes
-    round_ = np.exp(1j * planets.angles_rad)
-    alike = np.ones((len(moved), 1))
-    once = np.column_stack([alike, round_.real, round_.imag])
-    parts = [np.tensordot(basis @ np.linalg.pinv(basis), moved, 1) for basis in (alike, once)]
-    energy = [np.einsum("pim,i->m", part**2, planets.inertia) for part in (*parts, moved)]
-    return np.asarray(np.diff(energy, axis=0, prepend=0.0))
 
 
 def _meetings(

@@ -25,6 +25,7 @@ import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError, GearmonError, check_positive, check_range, check_word
+from gearmon.gears.assembly import drive_train, of_told_bearings
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pairs import Stage, mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
@@ -158,10 +159,8 @@ def loss_response(
     text = f"{kind}:{stage}:{gear}:1:{float(loss) or SMALL_LOSS!r}"
     place = MeshPlace(machine, stage, operating, form, places[gear])
     healthy, faulty = place.posed(), place.posed([text])
-    highest_hz = healthy.limit_hz(None)
-    if max_order is not None:
-        check_positive("max_order", max_order)
-        highest_hz = max_order * machine.operating[operating].shaft1_hz
+    top = None if max_order is None else check_positive("max_order", max_order)
+    highest_hz = healthy.limit_hz(top and top * place.point.shaft1_hz)
     if highest_hz * faulty.period < healthy.mechanics.mesh_frequency_hz * (1 - 1e-12):
         raise ArgumentError(f"max_order={max_order} lies below the first line: nothing is left")
     even, (added,) = added_lines(healthy, [faulty], highest_hz)
@@ -390,9 +389,11 @@ def grown_lines(
     wheel = kinematics(machine).mesh(stage).wheel(gear)
     try:
         place = MeshPlace(machine, stage)
-        healthy = place.in_train()
+        # bearings that tell only their balls are rigid, as in `gearmon.simulate`
+        train = drive_train(of_told_bearings(machine), place.point)
+        healthy = replace(place.alone(), train=train)
         # the same pulse, more or less of it
-        half = replace(place.alone([f"crack:{stage}:{gear}:1:0.5"]), train=healthy.train)
+        half = replace(place.alone([f"crack:{stage}:{gear}:1:0.5"]), train=train)
         hurt = [half.scaled(2 * loss) for loss in GROWN]
         rotation_hz = wheel.relative_order * place.point.shaft1_hz
         even, added = added_lines(healthy, hurt, (top + 0.5) * rotation_hz)

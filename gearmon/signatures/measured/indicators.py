@@ -275,11 +275,20 @@ def indicator_table(
     machine = None if machine is None else load_machine(machine)
     recording = opened(recording, machine, sampling_rate_hz, unit)
     vibration = recording.vibration()
-    rows, notes, run = _of_waveforms(vibration), list(recording.notes), history
+    raw = waveform_indicators(vibration.samples, vibration.channel_names)
+    raw = {"RMS": raw.pop("rms")} | raw
+    rows = _rows(vibration, {name: [*values.values()] for name, values in raw.items()})
+    notes, run = list(recording.notes), history
     signature = None if machine is None else measure_signature(recording, machine)
     if signature is not None:
         notes = list(signature.notes)
-        run = _continued(history, signature.channel_names)
+        names = signature.channel_names
+        run = history if history is not None else IndicatorHistory(channel_names=names)
+        if names != run.channel_names:
+            raise ArgumentError(
+                f"the run so far is of channels {', '.join(run.channel_names)}, this recording has "
+                f"{', '.join(names)}; name them with --channel or begin a new history"
+            )
         wheels = signature.plan.wheels if signature.found else ()
         for own in (gear_signals(signature.lines.mean, w) for w in wheels if len(w.number)):
             run = run.with_gear(own)
@@ -296,23 +305,6 @@ def indicator_table(
         history=run,
         notes=tuple(notes),
     )
-
-
-def _continued(history: IndicatorHistory | None, names: tuple[str, ...]) -> IndicatorHistory:
-    """Return the run so far, or a new one; refuse one of other channels."""
-    run = history if history is not None else IndicatorHistory(channel_names=names)
-    if names != run.channel_names:
-        raise ArgumentError(
-            f"the run so far is of channels {', '.join(run.channel_names)}, this recording has "
-            f"{', '.join(names)}; name them with --channel or begin a new history"
-        )
-    return run
-
-
-def _of_waveforms(vibration: Recording) -> list[IndicatorRow]:
-    table = waveform_indicators(vibration.samples, vibration.channel_names)
-    values = {name: list(own.values()) for name, own in table.items()}
-    return _rows(vibration, {"RMS": values.pop("rms")} | values)
 
 
 def _rows(

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
-from itertools import combinations
+from itertools import combinations, product
 from operator import itemgetter
 from typing import Any
 
@@ -376,15 +376,11 @@ def known_orders(train: Kinematics, top: float, width: float) -> FloatArray:
         rotation * np.arange(1, int(top / rotation) + 1 if rotation > 6 * width else 13)
         for rotation in turning
     ]
-    about = np.array([0.0] + [r * one for one in turning for r in range(-6, 7) if r])
-    beside = [
-        a * one + b * other
-        for one, other in combinations(turning, 2)
-        for a, b in ((1, 1), (1, 2), (2, 1), (1, -1), (1, -2), (2, -1))
-    ]
-    about = np.concatenate([about, beside, -np.array(beside)])
+    about = [0.0, *(r * one for one in turning for r in range(-6, 7) if r)]
+    sums = [(a, b) for a, b in product((-2, -1, 1, 2), repeat=2) if abs(a) + abs(b) <= 3]
+    about += [a * one + b * other for one, other in combinations(turning, 2) for a, b in sums]
     meshes = [mesh.order * np.arange(1, int(top / mesh.order) + 2) for mesh in train.meshes]
-    orders += [(harmonics[:, None] + about).ravel() for harmonics in meshes]
+    orders += [np.add.outer(harmonics, about).ravel() for harmonics in meshes]
     for one, other in combinations(meshes, 2):
         orders += [np.abs(one[:, None] + sign * other).ravel() for sign in (1, -1)]
     whole = np.concatenate(orders)

@@ -235,7 +235,9 @@ def measure_signature(
     # what is sound in one piece sets the length of blocks, and has the spectra
     part = track.between(start / rate, stop / rate) if vibration.left_out else track
     piece = samples[:, start:stop]
-    block_turns = _block_turns(float(part.turns[-1] - part.turns[0]), train)
+    turns, slowest = float(part.turns[-1] - part.turns[0]), min(own.order for own in train.shafts)
+    # five turns of the slowest shaft where the recording has room
+    block_turns = min(max(5.0 / slowest, 20.0), max(turns / 2.5, min(turns, 2.0 / slowest)))
     # from the nominal speed, so that recordings at one rate and speed have the same families
     top = 0.48 * rate / tracking.plan_hz / (1 + SPEED_TOLERANCE)
     # a Hann block tells lines apart that are two over its length away from each other
@@ -304,24 +306,20 @@ def _tracked(recording: Recording, machine: Machine) -> tuple[Recording, Trackin
 
     Where the angle is not known across what is left out the longest sound piece is all.
     """
-    whole = inspected(recording)
-    _check_length(sound_part(whole, 0.0), machine)
-    if whole.left_out and _held(whole, machine, "tacho" in whole.channel_kinds):
-        found = track_recording(whole, machine)
-        if _held(whole, machine, found.track.method == "tacho"):
-            return _without_lost(whole, found), found
-    part = sound_part(whole)
-    found = track_recording(part, machine)
-    return _without_lost(part, found), found
-
-
-def _without_lost(recording: Recording, found: Tracking) -> Recording:
-    """Leave out what lies beyond the part in which the angle is known."""
+    recording, found = inspected(recording), None
+    _check_length(sound_part(recording, 0.0), machine)
+    if recording.left_out and _held(recording, machine, "tacho" in recording.channel_kinds):
+        found = track_recording(recording, machine)
+    if found is None or not _held(recording, machine, found.track.method == "tacho"):
+        recording = sound_part(recording)
+        found = track_recording(recording, machine)
     if found.held_s is None:
-        return recording
+        return recording, found
+    # nor is what lies beyond the part in which the angle is known
     start, stop = (round(time * recording.sampling_rate_hz) for time in found.held_s)
     every = [*(recording.left_out or ()), (0, start), (stop, recording.samples.shape[-1])]
-    return replace(recording, left_out=tuple(sorted(own for own in every if own[1] > own[0])))
+    left_out = tuple(sorted(own for own in every if own[1] > own[0]))
+    return replace(recording, left_out=left_out), found
 
 
 def _held(recording: Recording, machine: Machine, tacho: bool) -> bool:
@@ -375,26 +373,14 @@ def _check_length(recording: Recording, machine: Machine) -> None:
         )
     slowest_hz = min(shaft.order for shaft in kinematics(machine).shafts)
     slowest_hz *= min(point.shaft1_hz for point in machine.operating)
-    needed = 2.0 / slowest_hz
+    needed, slow = 2.0 / slowest_hz, min(point.speed_rpm for point in machine.operating)
+    asked = f"; speed_rpm is {slow:g} turns a minute: did you mean {60 * slow:g} ({slow:g} Hz)?"
+    hint = asked if slow <= _SLOW_RPM else ""
     if recording.duration_s < needed:
         raise RecordingError(
             f"{recording.origin}: {recording.duration_s:.3g} s are too short: the slowest shaft "
-            f"turns at {slowest_hz:.3g} Hz, two turns need {needed:.3g} s{_speed_hint(machine)}"
+            f"turns at {slowest_hz:.3g} Hz, two turns need {needed:.3g} s{hint}"
         )
-
-
-def _speed_hint(machine: Machine) -> str:
-    """Ask whether a very slow speed was meant in Hz."""
-    slow = min(point.speed_rpm for point in machine.operating)
-    asked = f"; speed_rpm is {slow:g} turns a minute: did you mean {60 * slow:g} ({slow:g} Hz)?"
-    return "" if slow > _SLOW_RPM else asked
-
-
-def _block_turns(turns: float, train: Kinematics) -> float:
-    """Length of the blocks: five turns of the slowest shaft where the recording has room."""
-    slowest_order = min(shaft.order for shaft in train.shafts)
-    wanted = max(5.0 / slowest_order, 20.0)
-    return float(min(wanted, max(turns / 2.5, min(turns, 2.0 / slowest_order))))
 
 
 def family_levels(
@@ -451,7 +437,13 @@ def _findings(
     for own in meshes:
         found, reason = own.judged(told, misled, several)
         holds = tracking.coherent >= _HELD and not misled
-        chosen = _mesh_lines(plan, own.mesh, signal.nominal_hz)
+        # lines on the harmonics of the mesh, be they its own or of another one as well
+        last = mesh_harmonics(own.mesh.order * signal.nominal_hz)
+        shared = np.isin(np.round(plan.orders / own.mesh.order, 9), np.arange(1, last + 1))
+        chosen, mine = np.flatnonzero(shared).tolist(), ("mesh", own.mesh.stage)
+        for family in plan.families:
+            if (family.kind, family.stage) == mine:
+                chosen += family.lines
         findings.append(
             MeshFinding(
                 stage=own.mesh.stage,
@@ -464,15 +456,6 @@ def _findings(
             )
         )
     return tuple(findings)
-
-
-def _mesh_lines(plan: LinePlan, mesh: Mesh, shaft1_hz: float) -> list[int]:
-    """Lines of a plan on the harmonics of a mesh, be they its own or of another one as well."""
-    families = (own for own in plan.families if (own.kind, own.stage) == ("mesh", mesh.stage))
-    own = [line for family in families for line in family.lines]
-    last = mesh_harmonics(mesh.order * shaft1_hz)
-    shared = np.isin(np.round(plan.orders / mesh.order, 9), np.arange(1, last + 1))
-    return [*own, *np.flatnonzero(shared).tolist()]
 
 
 @dataclass(frozen=True, eq=False)

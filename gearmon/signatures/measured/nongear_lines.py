@@ -229,19 +229,17 @@ def nongear_lines(
     beats = _noise_grid("envelope", envelope, course)
     found += _of_envelope(_Standing(beats, envelope, course, train))
     found.sort(key=lambda line: -max(line.over_noise_db))
+    # lines are listed from the level of those left out
+    left_out = {own.kind: own.least_db for own in (grid, beats)}
+    for line in found[MOST_LINES:]:
+        left_out[line.kind] = max(left_out[line.kind], *line.over_noise_db)
     return NonGearLines(
         lines=tuple(found[:MOST_LINES]),
-        grids=tuple(_as_listed(one, found[MOST_LINES:]) for one in (grid, beats)),
+        grids=tuple(replace(own, least_db=left_out[own.kind]) for own in (grid, beats)),
         speed_hz=course.mean,
         cell_hz=cell_hz,
         in_time_db=_decibels(in_time),
     )
-
-
-def _as_listed(grid: NoiseGrid, left_out: list[NonGearLine]) -> NoiseGrid:
-    """Raise the level from which lines are listed over that of the lines left out."""
-    highest = [max(line.over_noise_db) for line in left_out if line.kind == grid.kind]
-    return replace(grid, least_db=max([grid.least_db, *highest]))
 
 
 def noise_exceeds(ratio: float | FloatArray, pieces: int) -> FloatArray:

@@ -360,7 +360,15 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
         version=__version__,
         machine_facts=machine_facts(machine),
     )
-    refuse_twice(profiles)
+    known: dict[str, str] = {}
+    for profile in profiles:
+        again = [known[digest] for digest in profile.digests if digest in known]
+        if again:
+            raise ArgumentError(
+                f"{profile.origin}: holds the same samples as {again[0]}; a recording counts once, "
+                "name it once"
+            )
+        known |= dict.fromkeys(profile.digests, profile.origin)
     for signature in signatures:
         check_alike(signature, reference)
     return reference
@@ -490,11 +498,8 @@ def tooth_counts(machine: Machine) -> str:
     -------
     str
     """
-    every = ((stage, dataclasses.fields(stage)) for stage in machine.stages)
-    return ", ".join(
-        "/".join(str(getattr(stage, own.name)) for own in told if own.name.endswith("_teeth"))
-        for stage, told in every
-    )
+    meshes = kinematics(machine).meshes
+    return ", ".join("/".join(str(wheel.teeth) for wheel in mesh.wheels) for mesh in meshes)
 
 
 def machine_facts(machine: Machine) -> dict[str, Any]:
@@ -538,7 +543,18 @@ def machine_notes(machine: Machine, reference: Reference) -> list[str]:
             f"the reference was learned for teeth {reference.teeth} ({reference.machine}), the "
             f"machine file has {tooth_counts(machine)}; learn one for this machine"
         )
-    _check_orders(machine, reference)
+    orders = {
+        (mesh.stage, wheel.gear): wheel.relative_order
+        for mesh in kinematics(machine).meshes
+        for wheel in mesh.wheels
+    }
+    for own in (wheel for profile in reference.profiles for wheel in profile.wheels):
+        order = orders.get((own.stage, own.gear))
+        if order is None or abs(own.order - order) > 1e-6 * order:
+            raise ArgumentError(
+                f"the reference has a {own.gear} in stage {own.stage} of order {own.order:.6g}, "
+                f"the machine file {order or 'none'}; learn one for this machine"
+            )
     notes = []
     if reference.machine != machine.name:
         notes.append(
@@ -550,35 +566,17 @@ def machine_notes(machine: Machine, reference: Reference) -> list[str]:
             f"the reference was learned by gearmon {reference.version}, this is {__version__}; "
             "learn it anew if levels seem to have changed"
         )
-    return notes + _changed_facts(reference.machine_facts, machine_facts(machine))
-
-
-def _check_orders(machine: Machine, reference: Reference) -> None:
-    """Refuse a reference whose gears turn otherwise than those of the machine."""
-    orders = {
-        (mesh.stage, wheel.gear): float(wheel.relative_order)
-        for mesh in kinematics(machine).meshes
-        for wheel in mesh.wheels
-    }
-    for wheel in (own for profile in reference.profiles for own in profile.wheels):
-        order = orders.get((wheel.stage, wheel.gear))
-        if order is None or abs(wheel.order - order) > 1e-6 * order:
-            raise ArgumentError(
-                f"the reference has a {wheel.gear} in stage {wheel.stage} of order "
-                f"{wheel.order:.6g}, the machine file {order or 'none'}; learn one for this machine"
-            )
-
-
-def _changed_facts(then: dict[str, Any], now: dict[str, Any]) -> list[str]:
-    told = [
+    then, now = reference.machine_facts, machine_facts(machine)
+    changed = [
         f"{name} {then.get(name, 'none')}, now {now.get(name, 'none')}"
         for name in {**then, **now}
         if then.get(name) != now.get(name)
     ]
-    more = f" and {len(told) - _FACTS_NAMED} more" if len(told) > _FACTS_NAMED else ""
-    shown = "; ".join(told[:_FACTS_NAMED]) + more
-    changed = f"the machine file has changed since the reference was learned: {shown}"
-    return [changed] if told else []
+    if changed:
+        shown, more = "; ".join(changed[:_FACTS_NAMED]), len(changed) - _FACTS_NAMED
+        shown += f" and {more} more" if more > 0 else ""
+        notes.append(f"the machine file has changed since the reference was learned: {shown}")
+    return notes
 
 
 def check_alike(own: MeasuredSignature, reference: Reference) -> None:
@@ -744,22 +742,3 @@ def _changed_sensors(origin: str, names: Sequence[str], change: FloatArray) -> l
                 "levels are compared without it"
             )
     return notes
-
-
-def refuse_twice(profiles: Sequence[Profile]) -> None:
-    """Refuse to learn from the same samples twice.
-
-    Raises
-    ------
-    ArgumentError
-        If a channel of one recording is that of another.
-    """
-    known: dict[str, str] = {}
-    for profile in profiles:
-        for digest in profile.digests:
-            if digest in known:
-                raise ArgumentError(
-                    f"{profile.origin}: holds the same samples as {known[digest]}; a recording "
-                    "counts once, name it once"
-                )
-        known |= dict.fromkeys(profile.digests, profile.origin)
