@@ -277,6 +277,7 @@ def test_plain_expansion_to_second_order_reports_its_error():
     [
         ({"operating": 1}, "operating=1 must lie in"),
         ({"max_hz": 0.0}, "max_hz=0.0 Hz must be > 0"),
+        ({"max_hz": 1e9}, r"max_hz=1e\+09 Hz must lie in|max_hz=1000000000.0 Hz must lie in"),
         ({"max_hz": 100.0}, "below the lowest mesh frequency"),
         ({"tolerance": 2.0}, "tolerance=2.0 must lie in"),
         ({"faults": ["crack:3:pinion:1:5%"]}, "stage 3 does not exist"),

@@ -77,8 +77,8 @@ def expected_signature(
     tolerance : float
         Relative L2 error of the acceleration of the lines of each stage, 1e-13 to 1.
     max_hz : float, optional
-        Highest frequency [Hz], > 0. By default each stage is shown up to 10 mesh harmonics or 2
-        natural frequencies, whichever is higher.
+        Highest frequency [Hz], > 0, up to 1e6. By default each stage is shown up to 10 mesh
+        harmonics or 2 natural frequencies, whichever is higher.
     operating : int
         Which operating point of the machine, counted from 0.
     form : str

@@ -57,6 +57,8 @@ CANCELLED = 1e-9
 # What is told of a mesh beside its lines.
 _TOLD: tuple[str, ...] = ("stage", "mesh", "mesh_frequency_hz", "force_n")
 _TOLD += ("natural_frequency_hz", "damping_ratio", "equivalent_mass_kg", "damping_ns_per_m")
+# Sensors of acoustic emission reach up to here [Hz]; beyond it lines by the million would follow.
+_HIGHEST_HZ = 1e6
 #: What the phases and amplitudes of all expected lines mean.
 AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
 
@@ -192,7 +194,8 @@ class PosedStage:
     def limit_hz(self, max_hz: float | None) -> float:
         """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
         if max_hz is not None:
-            return check_positive("max_hz", max_hz, "Hz")
+            check_positive("max_hz", max_hz, "Hz")
+            return check_range("max_hz", max_hz, 0.0, _HIGHEST_HZ, "Hz")
         own = self.mechanics
         return max(10 * own.mesh_frequency_hz, 2 * own.natural_frequency_hz)
 
