@@ -16,12 +16,11 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache, partial
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
 from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.dynamics import Method, steady_state
 from gearmon.errors import ArgumentError, check_range
 from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
@@ -38,6 +37,9 @@ from gearmon.signatures.expected.mesh import (
     rms,
 )
 from gearmon.signatures.signature import Signature
+
+if TYPE_CHECKING:  # an analysis solves no mesh
+    from gearmon.dynamics import Method
 
 #: Most stiffness harmonics of one problem.
 MOST_HARMONICS = 200_000
@@ -183,6 +185,8 @@ def _steady(
     posed: PosedStage, max_hz: float, tolerance: float, method: Method, order: int | None
 ) -> tuple[MeshLines, dict[str, Any]]:
     """Solve a mesh over its true period, with a bound of the error."""
+    from gearmon.dynamics import steady_state
+
     period = posed.period
     shown = max(1, _count(posed, max_hz, period))
     harmonics, cut = _stiffness_harmonics(posed.mechanics, shown, tolerance)

@@ -32,13 +32,12 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cache, cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.dynamics import HillProblem
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.assembly import drive_train
 from gearmon.gears.excitation import FlankError
@@ -49,6 +48,9 @@ from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.signatures.expected.contact_motion import Surroundings
+
+if TYPE_CHECKING:  # an analysis solves no mesh
+    from gearmon.dynamics import HillProblem
 
 Wrong = Fault | GearError
 
@@ -241,6 +243,8 @@ class PosedStage:
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
         """Return the equation of a pair without excitation, by the harmonics of its stiffness."""
+        from gearmon.dynamics import HillProblem
+
         own = self.mechanics
         return HillProblem(
             mass_kg=own.equivalent_mass_kg,
