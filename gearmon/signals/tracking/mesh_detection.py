@@ -29,9 +29,11 @@ Orders = Sequence[float]
 
 _DECOYS_A_SIDE = 14
 # Decoy scores scatter about like a normal law: 3 is one false mesh in about a thousand machines. Of
-# a mesh with two clear harmonics less is asked, two together being rare enough.
+# a mesh with two clear harmonics less is asked, two together being rare enough: of many harmonics,
+# as a slow mesh has them, a share that chance (one in twenty) does not reach.
 FOUND_FROM = 3.0
 FOUND_FROM_SEVERAL = 2.0
+_CLEAR_SHARE = 1.0 / 6.0
 # Deviations above the decoys from which one harmonic counts as clear.
 _CLEAR = 2.0
 # A finer comb, such as a bearing's. Set on five meshes invented for simulated bearings and 103 of a
@@ -47,7 +49,8 @@ _RATIOS = np.array([t / n for n in range(2, _PARTS + 1) for t in _TIMES if gcd(n
 _SIDEBANDS = 4
 # Departures of a spacing at which any sideband of the other gear may stand.
 _NEARBY = 0.03
-# Mesh harmonics looked at, and the share of the bins that is highest: a harmonic is clear.
+# Mesh harmonics between which a finer comb is looked for at least, all that show the mesh where it
+# is slow; and the share of the bins that is highest: a harmonic is clear.
 _HARMONICS, _CLEAREST = 12, 0.02
 
 
@@ -105,7 +108,8 @@ class MeshEvidence:
     @property
     def stands_out(self) -> bool:
         """Whether the mesh stands out from the decoys."""
-        enough = FOUND_FROM_SEVERAL if self.clear >= 2 else FOUND_FROM
+        several = self.clear >= max(2.0, _CLEAR_SHARE * self.visible)
+        enough = FOUND_FROM_SEVERAL if several else FOUND_FROM
         return self.score >= enough and self.decoys_above <= self.decoys // 10
 
 
@@ -389,7 +393,8 @@ def foreign_spacing(
     distance of each shaft: a faulty tooth, too, fills the orders between those of the mesh, but all
     multiples of its shaft alike.
     """
-    quality = spectrum.quality[: int((_HARMONICS + 1) * mesh.order / spectrum.step)]
+    last = max(_HARMONICS, len(mesh.groups))
+    quality = spectrum.quality[: int((last + 1) * mesh.order / spectrum.step)]
     lines = (_Lines(quality, spectrum, averaged) for averaged in _AVERAGED)
     tried, least = (mesh.order * np.array(parts), 1) if parts else (mesh.order * _RATIOS, _LINES)
     for turns in own:
@@ -438,7 +443,7 @@ def _finer_comb(
     lines: _Lines, mesh: MeshComb, tried: FloatArray, least: int, turning: Orders, meshing: Orders
 ) -> float | None:
     """Coarsest spacing whose lines between those of the mesh are as clear as these."""
-    harmonics = np.arange(1.0, _HARMONICS + 1) * mesh.order
+    harmonics = np.arange(1.0, max(_HARMONICS, len(mesh.groups)) + 1) * mesh.order
     clear = np.flatnonzero(lines.at(harmonics) >= np.quantile(lines.height, 1 - _CLEAREST))
     if len(clear) == 0:
         return None

@@ -80,6 +80,14 @@ def test_what_cannot_be_judged_does_not_stand_out():
     assert not MeshEvidence(decoys_above=40, decoys=40).stands_out
 
 
+def test_of_many_harmonics_more_have_to_be_clear():
+    """Two of sixty are by chance: noise showed slow meshes in two of twenty-three recordings."""
+    shown = {"score": 2.5, "decoys_above": 0, "decoys": 40}
+    assert MeshEvidence(**shown, clear=2, visible=8).stands_out
+    assert not MeshEvidence(**shown, clear=2, visible=60).stands_out
+    assert MeshEvidence(**shown, clear=10, visible=60).stands_out
+
+
 def test_noise_has_no_mesh():
     # 60 recordings, tooth counts at random; a law of 0.1 % would give none, 5 % three
     generator = np.random.default_rng(0)
