@@ -159,8 +159,7 @@ def describe_waveform(signal: FloatArray) -> dict[str, float]:
         square *= square
         second += float(square.sum())
         # no product of vectors: BLAS would wake its threads for each piece
-        square *= square
-        fourth += float(square.sum())
+        fourth += float(np.square(square).sum())
     size = float(np.sqrt(second / len(signal))) / scale
     return {
         "rms": size,

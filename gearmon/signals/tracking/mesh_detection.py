@@ -32,8 +32,7 @@ _DECOYS_A_SIDE = 14
 # a mesh with two clear harmonics less is asked, two together being rare enough: of many harmonics,
 # as a slow mesh has them, a share that chance (one in twenty) does not reach.
 FOUND_FROM = 3.0
-FOUND_FROM_SEVERAL = 2.0
-_CLEAR_SHARE = 1.0 / 6.0
+FOUND_FROM_SEVERAL, _SHARE = 2.0, 1.0 / 6.0
 # Deviations above the decoys from which one harmonic counts as clear.
 _CLEAR = 2.0
 # A finer comb, such as a bearing's. Set on five meshes invented for simulated bearings and 103 of a
@@ -108,8 +107,7 @@ class MeshEvidence:
     @property
     def stands_out(self) -> bool:
         """Whether the mesh stands out from the decoys."""
-        several = self.clear >= max(2.0, _CLEAR_SHARE * self.visible)
-        enough = FOUND_FROM_SEVERAL if several else FOUND_FROM
+        enough = FOUND_FROM_SEVERAL if self.clear >= max(2, _SHARE * self.visible) else FOUND_FROM
         return self.score >= enough and self.decoys_above <= self.decoys // 10
 
 
@@ -137,9 +135,8 @@ def combined_comb(meshes: Sequence[MeshComb], shaft_orders: Orders) -> Comb:
                 found += [(k * mesh.order + spacing, 0.4), (k * mesh.order - spacing, 0.4)]
     for number, order in enumerate(shaft_orders):
         found += [(harmonic * order, 0.3) for harmonic in range(1, 9 if number == 0 else 4)]
-    weighed = sorted([(round(order, 9), weight) for order, weight in found])
     # of lines that coincide the last one has the largest weight
-    weights = {order: weight for order, weight in weighed if order > 0}
+    weights = dict(sorted((round(order, 9), weight) for order, weight in found if order > 1e-9))
     return Comb(orders=np.array(list(weights)), weights=np.array(list(weights.values())))
 
 
