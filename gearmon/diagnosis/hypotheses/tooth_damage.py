@@ -48,8 +48,8 @@ from gearmon.signatures.measured.reference import Profile
 # one of the 36 losses of 15 % that were found.
 _TEETH_SCATTER = 2.0
 # The same for energies along what damage would add, for each direction that tells of them: what
-# departs elsewhere hides damage less there. Of 570 healthy pairs (62 machines of two simulators,
-# a real rig) the one in a hundred that is believed most reads 8 to 12 with and without it (a fault
+# departs elsewhere hides damage less there. Of 570 healthy pairs (51 machines of two simulators,
+# a real rig) the one in a hundred that is believed most reads 10 to 12 with and without it (a fault
 # is 26); with a quarter instead of a sixth the rig's reach 18. Of 96 cracks of 30 % of a lightly
 # loaded simulated rig 33 are found, 27 without it.
 _DIRECTIONS_SCATTER = 1.0 / 6.0

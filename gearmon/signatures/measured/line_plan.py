@@ -28,8 +28,8 @@ NEAR_SIDEBANDS = 6
 # A slow mesh is heard where the housing rings, from about 1 kHz on, and not at its first harmonics:
 # more of them are taken, up to this frequency [Hz], but no more than so many. With 32 two of eight
 # simulated final drives, whose planets mesh at 48 Hz, could not be learned (one mode at 2.1 kHz),
-# seven at 22 Hz; with 128 all are, and twelve at 10 Hz in 40 s. Of 115 recordings without gears
-# (bearings, shafts, mains, noise) 16 to 18 show a slow mesh that is none, whatever the limit.
+# and five at 22 Hz; with 128 all can, and six of six at 10 Hz (40 s). Of 115 recordings without
+# gears (bearings, shafts, mains, noise) 16 to 18 show a slow mesh that is none, whatever the limit.
 _HEARD_HZ, _MOST_HARMONICS = 2500.0, 128
 # Harmonics of each shaft that are named in a spectrum.
 _SHAFT_HARMONICS = 3
