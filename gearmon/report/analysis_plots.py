@@ -315,7 +315,7 @@ def _plot_changes(
     for edge in range(1, len(channels)):
         ax.axvline(edge * len(harmonics) - 0.5, color="white", linewidth=3)
     ax.set_yticks(range(len(rows)), [label for _, label, _ in rows])
-    every = 1 if columns <= 48 else 2
+    every = next((step for step in (1, 2, 5, 10, 20) if columns <= 48 * step), 50)
     ticks = [c for c in range(columns) if c % len(harmonics) % every == 0]
     ax.set_xticks(ticks, [str(harmonics[c % len(harmonics)]) for c in ticks], fontsize=6)
     ax.tick_params(length=0, pad=2)

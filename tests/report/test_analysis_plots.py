@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -152,6 +153,25 @@ def test_groups_hold_every_family_once(healthy):
     assert groups[0][:2] == (1, "mesh 1")
     for _, _, own in groups:
         assert [family.harmonic for family in own] == sorted(family.harmonic for family in own)
+
+
+@pytest.mark.parametrize("times", [1, 4, 10, 16])
+def test_numbers_of_many_harmonics_stand_apart(faulty, times):
+    """As of a slow mesh, of which up to 128 harmonics are looked at."""
+    signature = faulty.analysis.signature
+    top = max(own.harmonic for own in signature.plan.families)
+    families = tuple(
+        replace(own, harmonic=own.harmonic + n * top)
+        for own in signature.plan.families
+        for n in range(times)
+    )
+    slow = replace(signature, plan=replace(signature.plan, families=families))
+    figure = changes_figure(replace(faulty.analysis, signature=slow))
+    figure.canvas.draw()
+    for ax in figure.axes[:-1]:
+        shown = [label.get_window_extent() for label in ax.get_xticklabels()]
+        assert len(shown) > 6
+        assert all(one.x1 < other.x0 for one, other in pairwise(shown))
 
 
 def test_changes_are_coloured_symmetrically_and_framed_beyond_scatter(faulty):
