@@ -307,8 +307,9 @@ def _spectrum(analysis: Analysis, recording: Recording, points: int) -> dict[str
 def _speed_search(analysis: Analysis, recording: Recording, machine: Machine) -> dict[str, Any]:
     """Give how well the lines of the machine fit at every speed: the one found and its rivals."""
     vibration, speed = curves.vibration_of(analysis, recording), analysis.signature.speed
-    comb, block_s = machine_comb(kinematics(machine), speed.nominal_hz), 30.0 / speed.nominal_hz
-    rate = vibration.sampling_rate_hz
+    train, rate = kinematics(machine), vibration.sampling_rate_hz
+    comb = machine_comb(train, speed.nominal_hz)
+    block_s = 30.0 / (speed.nominal_hz * max(shaft.order for shaft in train.shafts))
     scan = SpeedScan(vibration.samples, rate, comb, speed.nominal_hz, SPEED_REACH, block_s)
     score = scan.scores.mean(axis=0)
     x, held = _held(60 * speed.nominal_hz * scan.ratio, score[None] - score.min(), _POINTS // 4)

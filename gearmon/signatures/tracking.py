@@ -12,13 +12,15 @@ import math
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property, partial
+from typing import TypeVar
 
 import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
+from gearmon.gears.kinematics import Kinematics, Mesh, Turning, kinematics
 from gearmon.machine import Machine, Sensor
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
@@ -56,6 +58,8 @@ from gearmon.signals.tracking.tacho import (
     track_from_pulses,
 )
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
+
+_Turning = TypeVar("_Turning", bound=Turning)
 
 SPEED_TOLERANCE = 0.03
 #: How far it is looked for when it is not found so near to nominal.
@@ -148,6 +152,13 @@ class Speed(Result):
     method: str
 
 
+def _counted(track: AngleTrack, pace: float) -> AngleTrack:
+    """Return the same angle in units of which so many are a turn; its zero stays known."""
+    return replace(
+        track, turns=track.turns * pace, uncertainty_turns=track.uncertainty_turns * pace
+    )
+
+
 def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
     """Return the meshes of a drive train as plain orders, one comb a stage; `shaft1_hz` nominal."""
     return tuple(_mesh_comb(mesh, shaft1_hz) for mesh in train.meshes)
@@ -180,6 +191,27 @@ def foreign_comb(
     return foreign_spacing(spectrum, comb, turning, meshing, own, parts)
 
 
+def _counted_in(train: Kinematics, pace: Fraction) -> Kinematics:
+    """Return orders in turns of a shaft that turns `pace` times a turn of shaft 1."""
+
+    def own(turning: _Turning) -> _Turning:
+        return replace(turning, exact=turning.exact / pace)
+
+    meshes = [
+        replace(
+            own(mesh),
+            wheels=tuple(
+                replace(own(wheel), exact_relative=wheel.exact_relative / pace)
+                for wheel in mesh.wheels
+            ),
+            carrier=mesh.carrier / pace,
+        )
+        for mesh in train.meshes
+    ]
+    shafts, lines = map(own, train.shafts), map(own, train.lines)
+    return Kinematics(shafts=tuple(shafts), meshes=tuple(meshes), lines=tuple(lines))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GearVibration:
     """Vibration of a gearbox, and the lines that its speed and angle are known by.
@@ -192,18 +224,27 @@ class GearVibration:
         Sampling rate [Hz].
     machine : Machine
     nominal_hz : float
-        Speed of shaft 1 that is meant [Hz].
+        Speed that is meant, of the shaft that turns are counted of [Hz].
+    pace : Fraction
+        Turns of that shaft a turn of shaft 1. The angle is sought in turns of the fastest shaft:
+        blocks of some turns of a slow input would smear the lines of all behind it.
     """
 
     samples: FloatArray
     rate: float
     machine: Machine
     nominal_hz: float
+    pace: Fraction = Fraction(1)
+
+    @cached_property
+    def train(self) -> Kinematics:
+        """Orders of the machine, in turns of that shaft."""
+        return _counted_in(kinematics(self.machine), self.pace)
 
     @property
-    def train(self) -> Kinematics:
-        """Orders of the machine."""
-        return kinematics(self.machine)
+    def shaft1_hz(self) -> float:
+        """Speed of shaft 1 that is meant [Hz]."""
+        return self.nominal_hz / float(self.pace)
 
     @property
     def duration_s(self) -> float:
@@ -229,7 +270,8 @@ class GearVibration:
         self, scanned: Callable[[GearVibration], SpeedScan]
     ) -> tuple[GearVibration, SpeedScan]:
         """Return it at that nominal speed of the machine whose own lines are clearest in a scan."""
-        speeds = sorted({point.shaft1_hz for point in self.machine.operating})
+        pace = float(self.pace)
+        speeds = sorted({pace * point.shaft1_hz for point in self.machine.operating})
         every = [replace(self, nominal_hz=own) for own in speeds]
         scans = [scanned(own) for own in every]
         chosen = clearest([(scan, own.comb) for scan, own in zip(scans, every, strict=True)])
@@ -316,6 +358,22 @@ class Tracking:
     held_s: tuple[float, float] | None = None
     lost: bool = False
     coherent: float = 0.0
+
+    def by_shaft1(self) -> Tracking:
+        """Return the same with its angle in turns of shaft 1.
+
+        In long blocks of a known angle slow meshes stand out that were smeared while it was sought.
+        """
+        signal, pace = self.signal, self.signal.pace
+        if pace == 1:
+            return self
+        signal = replace(signal, nominal_hz=signal.shaft1_hz, pace=Fraction(1))
+        found = replace(self, signal=signal, track=_counted(self.track, 1.0 / float(pace)))
+        if self.detected in (0, len(self.evidence)):
+            return found
+        every = zip(self.evidence, signal.judged(found.track).evidence, strict=True)
+        clearer = [max(own, key=lambda seen: seen.score) for own in every]
+        return replace(found, evidence=tuple(clearer))
 
     @property
     def plan_hz(self) -> float:
@@ -446,17 +504,23 @@ def track_recording(recording: Recording, machine: Machine) -> Tracking:
     RecordingError
         If a tacho channel that somebody named as such holds no usable pulses.
     """
-    vibration, nominal_hz = recording.vibration(), machine.operating[0].shaft1_hz
-    samples, rate = vibration.samples, vibration.sampling_rate_hz
-    signal = GearVibration(samples=samples, rate=rate, machine=machine, nominal_hz=nominal_hz)
-    if any(point.shaft1_hz != nominal_hz for point in machine.operating):
+    vibration, shaft1_hz = recording.vibration(), machine.operating[0].shaft1_hz
+    pace = max(shaft.exact for shaft in kinematics(machine).shafts)
+    signal = GearVibration(
+        samples=vibration.samples,
+        rate=vibration.sampling_rate_hz,
+        machine=machine,
+        nominal_hz=shaft1_hz * float(pace),
+        pace=pace,
+    )
+    if any(point.shaft1_hz != shaft1_hz for point in machine.operating):
         signal, _ = signal.meant(lambda own: own.scan(_COMPARED_TURNS))
     tacholess, notes = _Tacholess(signal), list[str]()
     for index, kind in enumerate(recording.channel_kinds):
         if kind != "tacho":
             continue
         try:
-            return _with_tacho(recording, index, tacholess)
+            return _with_tacho(recording, index, tacholess).by_shaft1()
         except (ArgumentError, RecordingError) as error:
             if recording.tacho_told:
                 raise
@@ -465,7 +529,8 @@ def track_recording(recording: Recording, machine: Machine) -> Tracking:
                 f"{recording.channel_names[index]} is no usable tachometer, though its name "
                 f"suggests one: {why}; the vibration alone tells the angle"
             )
-    return replace(tacholess.alone, notes=(*notes, *tacholess.alone.notes))
+    alone = tacholess.alone.by_shaft1()
+    return replace(alone, notes=(*notes, *alone.notes))
 
 
 def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
@@ -476,7 +541,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     sensor = next((s for s in sensors if str(s.column) in places), None)
     known = sensor.pulses_per_turn if sensor else None
     pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
-    count, found = _counted(pulses, sensor, tacholess)
+    count, found = _pulses_counted(pulses, sensor, tacholess)
     if not recording.tacho_told:
         _check_believed(found, tacholess)
     found = _as_without(found, tacholess)
@@ -495,7 +560,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     return replace(found, track=track, notes=tuple(f"tacho {name}: {one}" for one in told))
 
 
-def _counted(
+def _pulses_counted(
     pulses: TachoPulses, sensor: Sensor | None, tacholess: _Tacholess
 ) -> tuple[int, Tracking]:
     """Count pulses a turn: as the sensor says, or as the nominal speed and the mesh have it.
@@ -506,17 +571,18 @@ def _counted(
     signal = tacholess.signal
 
     def judged(count: int) -> Tracking:
-        order = signal.train.shaft(sensor.shaft).order if sensor else 1.0
-        return signal.judged(track_from_pulses(pulses, count, order, signal.last_s), TACHO_REACH)
+        order = kinematics(signal.machine).shaft(sensor.shaft).order if sensor else 1.0
+        told = track_from_pulses(pulses, count, order, signal.last_s)
+        return signal.judged(_counted(told, float(signal.pace)), TACHO_REACH)
 
     if sensor:
         return sensor.pulses_per_turn, judged(sensor.pulses_per_turn)
     near, found, refused = tuple[int, ...](), dict[int, Tracking](), None
     try:
-        near = pulses_per_turn(pulses, signal.nominal_hz)
+        near = pulses_per_turn(pulses, signal.shaft1_hz)
     except RecordingError as error:
         refused = error
-    mean = len(pulses.time_s[1:]) / float(np.ptp(pulses.time_s)) / signal.nominal_hz
+    mean = len(pulses.time_s[1:]) / float(np.ptp(pulses.time_s)) / signal.shaft1_hz
     slowest, fastest = _SPEEDS
     elsewhere = range(max(1, math.ceil(mean / fastest)), min(_TRIED, int(mean / slowest)) + 1)
     tried = sorted({*near, *elsewhere})
@@ -537,7 +603,7 @@ def _counted(
             return count, own
     at_nominal = any(found[count].detected for count in near if count in found)
     if not at_nominal and tacholess.alone.detected:
-        known_hz = tacholess.alone.track.mean_hz
+        known_hz = tacholess.alone.track.mean_hz / float(signal.pace)
         with suppress(RecordingError):
             near += pulses_per_turn(pulses, known_hz, TACHO_REACH)
             found |= {count: judged(count) for count in near if count not in found}
@@ -558,9 +624,11 @@ def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
     # where the speed changes far, lines show at that of any part, but stand still in no angle
     if judged.detected and rival.lost:
         return
+    pace = float(judged.signal.pace)
+    told_hz, rival_hz = (own.track.mean_hz / pace for own in (judged, rival))
     raise RecordingError(
-        f"the mesh lines stand out less at the {judged.track.mean_hz:.4g} Hz that its pulses "
-        f"say than at {rival.track.mean_hz:.4g} Hz"
+        f"the mesh lines stand out less at the {told_hz:.4g} Hz that its pulses "
+        f"say than at {rival_hz:.4g} Hz"
     )
 
 
@@ -632,9 +700,10 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
     judged, share = signal.judged(track), coherent_share(sums, track)
     if share < _GATHERED or not _agrees(judged):
         return None
+    course = course / float(signal.pace)
     note = (
         f"the speed was followed over the recording, from {course[0]:.4g} to {course[-1]:.4g} Hz "
-        f"between {course.min():.4g} and {course.max():.4g} Hz; nominal is {signal.nominal_hz:.4g} "
+        f"between {course.min():.4g} and {course.max():.4g} Hz; nominal is {signal.shaft1_hz:.4g} "
         "Hz"
     )
     return replace(judged, notes=(note,), coherent=share), sums

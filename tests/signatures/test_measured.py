@@ -440,6 +440,68 @@ def test_a_tachometer_holds_the_angle_of_a_machine_that_is_run_up(slowest, faste
     assert np.std(error) < 3 * 23 * measured.track.uncertainty_turns < 0.2
 
 
+# of a generator that a slow rotor drives: 0.6 turns a second, and 11.5 at the other end
+STEPPED_UP = Machine(
+    name="step-up drive",
+    operating=(OperatingPoint(speed_rpm=36.0),),
+    stages=(
+        ParallelStage(pinion_teeth=83, gear_teeth=19),
+        ParallelStage(pinion_teeth=79, gear_teeth=18),
+    ),
+)
+
+
+def stepped_up(wander, seed):
+    """Angle of its slow shaft, and vibration with lines of both meshes and all its gears."""
+    time = np.arange(int(30 * RATE)) / RATE
+    turns = wandering_turns(time, 0.6, wander, seed)
+    shafts = np.array([1.0, 83 / 19, 83 / 19 * 79 / 18])
+    told = [
+        (k * teeth * shafts[stage] + side * shafts[gear], level / k * (0.1 if side else 1.0))
+        for stage, teeth, level in ((0, 83, 0.3), (1, 79, 1.0))
+        for k in range(1, 6)
+        for side, gear in ((0, stage), *((s, stage + n) for s in (-1, 1) for n in (0, 1)))
+    ]
+    orders, levels = np.transpose(told)
+    phases = np.random.default_rng(seed).uniform(0, 6.28, len(told))
+    return turns, lines_on(turns, orders, levels, phases)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("wander", [0.001, 0.005])
+def test_a_slow_input_is_tracked_by_the_meshes_of_the_fast_shafts(wander, seed):
+    turns, clean = stepped_up(wander, seed)
+    samples = clean + white(len(clean), 0.2, seed=seed)
+    recording = Recording(samples=samples, sampling_rate_hz=RATE)
+    measured = measure_signature(recording, STEPPED_UP)
+    assert [mesh.found for mesh in measured.meshes] == [True, True]
+    assert not measured.angle_lost
+    error = measured.track.turns_at(np.arange(len(turns)) / RATE) - turns
+    assert np.std(error) * STEPPED_UP.stages[1].pinion_teeth * 83 / 19 < 0.03
+    assert measured.speed.nominal_hz == pytest.approx(0.6)
+    mean_hz = (turns[-1] - turns[0]) / (len(turns) - 1) * RATE
+    assert measured.speed.estimated_hz == pytest.approx(mean_hz, rel=1e-5)
+
+
+@pytest.mark.parametrize("slow", [True, False])
+def test_a_tachometer_on_either_end_of_a_slow_input_gives_the_same_angle(slow):
+    turns, clean = stepped_up(0.003, 4)
+    ratio = 1.0 if slow else 83 / 19 * 79 / 18
+    sensor = Sensor(column="tacho", kind="tacho", shaft=1 if slow else 3)
+    recording = Recording(
+        samples=np.vstack([clean + white(len(clean), 0.2, seed=4), squared(ratio * turns, 1)]),
+        sampling_rate_hz=RATE,
+        channel_names=("a1", "tacho"),
+        channel_kinds=("vibration", "tacho"),
+    )
+    measured = measure_signature(recording, replace(STEPPED_UP, sensors=(sensor,)))
+    assert measured.speed.method == "tacho"
+    assert measured.track.indexed == slow
+    assert [mesh.found for mesh in measured.meshes] == [True, True]
+    error = measured.track.turns_at(np.arange(len(turns)) / RATE) - turns
+    assert np.std(error) * STEPPED_UP.stages[1].pinion_teeth * 83 / 19 < 0.03
+
+
 USELESS = {
     "constant": (np.full(len(TIME), 0.2), "0 pulses found between 0.2 and 0.2"),
     "noise": (white(len(TIME), 1.0, seed=3), "pulses missing and"),

@@ -574,9 +574,9 @@ def mend_slips(
         if led is not None:
             with suppress(ArgumentError):  # a wrong way can lead to one that turns back
                 other = lock_track(sums, led)
-                found = check_slips(sums, other)
-                if _lost_turns(found) < _lost_turns(check):
-                    track, check = other, found
+                found, its = check_slips(sums, other), coherent_share(sums, other)
+                if its >= share and _lost_turns(found) < _lost_turns(check):
+                    track, check, share = other, found, its
     return track, check
 
 
