@@ -157,15 +157,21 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
     noise = sums.noise(track, _BLOCK_TURNS)
     amplitude = lines.amplitude.reshape(-1, *noise.shape)
     power = np.mean(np.abs(amplitude) ** 2, axis=0)
-    turns = min(_BLOCK_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
-    blended = np.abs(sums.orders[:, None] - sums.orders) < _PARTED / turns
-    loudest = np.max(np.where(blended, power[:, None, :], 0.0), axis=2)
-    clear = (power > _CLEAR_POWER * noise) & (power >= loudest)
+    clear = (power > _CLEAR_POWER * noise) & _loudest(lines, power)
     if not clear.any():
         return 0.0
     still = np.abs(amplitude.mean(axis=0)) ** 2 - noise * _QUARTER_HOP / len(amplitude)
     share = still[clear] / (power - noise)[clear]
     return float(np.clip(share, 0.0, 1.0).mean())
+
+
+def _loudest(lines: SlidingLines, power: FloatArray) -> BoolArray:
+    """Whether each line is the loudest of those that the blocks do not part, as `power` is."""
+    power = power.reshape(-1, len(np.unique(lines.orders)))
+    orders = lines.orders[: power.shape[1]]
+    # blocks slide by a quarter of their length
+    blended = np.abs(orders[:, None] - orders) < 0.25 * _PARTED / lines.hop
+    return np.asarray(power >= np.max(np.where(blended, power[:, None, :], 0.0), axis=2))
 
 
 def roughness(x: FloatArray, order: int) -> FloatArray:
@@ -494,7 +500,7 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     -----
     With y_lb the amplitude of line l in block b and m_lb its mean over the 30 turns about it, the
     coherence is the mean over the lines of Re(y conj m) / |m|^2, within -1 and 1, over the lines
-    whose phases scatter by less than 0.12 of a cycle. An error of e turns that comes and goes takes
+    whose phases scatter by less than 0.12 of a cycle and that no louder one is blended with. An error of e turns that comes and goes takes
     it to cos(2 pi o e). A stretch is lost where it falls below a third; where lines fade by
     themselves (below 0.75 for more than a tenth of the time) only if that lasts five turns or more.
 
@@ -514,7 +520,9 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     mean = _about(lines.amplitude, _ABOUT_TURNS / lines.hop)
     phase = np.angle(lines.amplitude * np.conj(mean)) / (2 * np.pi)
     scatter = np.median(np.abs(phase), axis=0) / 0.6745
-    clear = scatter < _CLEAR_CYCLES
+    power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
+    # what leaks of a louder line turns with its own order
+    clear = (scatter < _CLEAR_CYCLES) & _loudest(lines, power).ravel()
     time_s = track.time_at(lines.angle)
     coherence = _coherence(lines.amplitude[:, clear], mean[:, clear])
     stretches = _stretches(coherence, lines.hop)
