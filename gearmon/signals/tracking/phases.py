@@ -105,6 +105,9 @@ LEAST_TURNS = 8.0
 _CHECKED_TURNS = 2.0
 # Turns to either side whose mean a line is compared with, and over which its delay is followed.
 _ABOUT_TURNS, _DELAY_TURNS = 30.0, 8.0
+# Cycles by which the path turns a line beside the others, at most: half a one for every mode that
+# it passes.
+_TURNED_BY_PATH = 1.0
 # A lost stretch is wider than it shows [turns]. The angle over it is a cubic through some turns to
 # either side; of 6, 8, 10 and 20 turns and degrees 3 to 7, 6 and 3 found the displacement over
 # 9 turns best: 0.3 mesh periods in nine cases of ten, where the speed wanders by 0.5 %.
@@ -670,6 +673,12 @@ def _variance(
     # a lost stretch would unwind phases by whole cycles
     drift = np.unwrap(np.angle(slow[sound]), axis=0) / (2 * np.pi)
     drift = (drift - np.median(drift, axis=0)) / lines.orders
+    beside = (drift - np.median(drift, axis=1)[:, None]) * lines.orders
+    held = np.ptp(beside, axis=0) < _TURNED_BY_PATH
+    if weight[held].sum() > 0.5 * total:
+        # what turns on and on beside the others is no line at this order
+        weight = np.where(held, weight, 0.0)
+        total = float(weight.sum())
     shared = drift @ weight / total
     apart = float(np.mean((drift - shared[:, None]) ** 2 @ weight) / total)
     quick = (phase / lines.orders) @ weight / total
