@@ -503,9 +503,10 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     -----
     With y_lb the amplitude of line l in block b and m_lb its mean over the 30 turns about it, the
     coherence is the mean over the lines of Re(y conj m) / |m|^2, within -1 and 1, over the lines
-    whose phases scatter by less than 0.12 of a cycle and that no louder one is blended with. An error of e turns that comes and goes takes
-    it to cos(2 pi o e). A stretch is lost where it falls below a third; where lines fade by
-    themselves (below 0.75 for more than a tenth of the time) only if that lasts five turns or more.
+    whose phases scatter by less than 0.12 of a cycle and that no louder one drowns. An error of e
+    turns that comes and goes takes it to cos(2 pi o e). A stretch is lost where it falls below a
+    third; where lines fade by themselves (below 0.75 for more than a tenth of the time) only if
+    that lasts five turns or more.
 
     The variance of the angle has three parts: what the lines say of it from block to block; how far
     their consensus departs over the record; and the shared delay (f d)^2 (t^2 + s t0^2), f the mean
