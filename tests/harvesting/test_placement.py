@@ -17,10 +17,12 @@ from gearmon.harvesting.response import (
     SensorBudget,
     between,
     combined,
+    evaluate,
     interval_90,
     scatter_of_mean,
 )
-from gearmon.harvesting.vibration import line_numbers
+from gearmon.harvesting.tuning import built_in
+from gearmon.harvesting.vibration import line_numbers, vibration_of_lines
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.recording import Recording
 
@@ -249,6 +251,32 @@ def test_budget_closes():
         assert needed == pytest.approx(power)
     assert math.isinf(task.interval_s(7e-6))
     assert task.interval_s(1e3) == task.duration_s
+
+
+def test_a_store_is_filled_by_what_its_keeping_leaves():
+    """What it holds is what came in until it was full, less what leaked and what the chip took."""
+    task = SensorBudget(
+        store_f=2e-3, store_v=2.5, leakage_a=1e-6, quiescent_power_w=4e-6, sleep_power_w=9e-6
+    )
+    still = evaluate(narrow(), vibration_of_lines([300.0], acceleration_ms2=[0.1]))
+    told = task.supply(still, [np.array([40e-6, 60e-6])])
+    stored = 0.5 * 2e-3 * 2.5**2
+    came = told["regulated_w"] - 4e-6 - 1e-6 * 2.5
+    assert told["regulated_w"] == pytest.approx(0.7 * 50e-6)
+    assert told["charging_s"] * came == pytest.approx(stored)
+    assert task.supply(still, [np.array([8e-6])])["charging_s"] is None
+
+
+def test_a_cold_start_takes_the_peak_of_the_voltage_less_the_diodes():
+    beam = built_in()[0]
+    shaken = evaluate(beam, vibration_of_lines([200.0], acceleration_ms2=[1.0]))
+    # of a sine the load takes U^2/(2 R)
+    peak_v, steps = 3.0, np.array([0.5, 1.0]) * 3.0**2 / (2 * beam.load_ohm)
+    for wanted_v, starts in ((peak_v - 0.61, True), (peak_v - 0.59, False)):
+        told = SensorBudget(rectifier_drop_v=0.6, cold_start_v=wanted_v).supply(shaken, [steps])
+        assert told["starts"] is starts
+        if not starts:
+            assert told["interval_s"] is None
 
 
 def test_impossible_budgets_are_refused():
