@@ -459,6 +459,18 @@ def test_a_machine_is_put_beside_the_others_with_the_same_gears(tmp_path):
         compare(replace(fleet, machines=fleet.machines[:3]))
 
 
+def test_machines_are_compared_by_their_latest_recordings(tmp_path):
+    """What a machine was like before its last twenty recordings does not count."""
+    fleet = made_fleet(tmp_path, tuple("abcd"))
+    for day in range(31):
+        arrive(tmp_path, "a_{}.txt", "0.9" if day < 11 else "0.2", days=day)
+    for name in "bcd":
+        arrive(tmp_path, f"{name}_{{}}.txt", "0.1")
+    run_fleet(fleet, at_once)
+    (own,) = (row for row in compare(fleet) if row["machine"] == "a")
+    assert own["value"] == pytest.approx(1.2)
+
+
 def test_among_machines_alike_the_probability_is_uniform(tmp_path):
     seeded, fleet = np.random.default_rng(5), made_fleet(tmp_path, ("a", "b", "c", "d", "e"))
 
