@@ -127,3 +127,14 @@ def test_harvest_hands_on_all_that_recordings_are_given_with(machine, monkeypatc
     assert [own.origin for own in handed["recordings"]] == ["a.csv", "b.csv"]
     assert [own.origin for own in handed["degraded"]] == ["c.csv", "d.csv"]
     assert (list(handed["shares"]), handed["share_error"], handed["count"]) == ([0.7, 0.2], 0.03, 2)
+
+
+def test_a_picture_of_others_beside_the_table_stops_the_command_before_it_writes(
+    machine, tmp_path, capsys
+):
+    (tmp_path / "lines.png").write_bytes(b"a photograph")
+    target = tmp_path / "lines.csv"
+    assert main(["baseline", str(machine), "--max-hz", "2000", "-o", str(target)]) == 2
+    assert "lines.png: exists, and gearmon baseline did not write it" in capsys.readouterr().err
+    assert not target.exists()
+    assert (tmp_path / "lines.png").read_bytes() == b"a photograph"

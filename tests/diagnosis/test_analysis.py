@@ -231,6 +231,27 @@ def test_a_recording_is_heavy_by_what_it_is_beyond_the_heaviest_learned():
     np.testing.assert_allclose(heavy, loads - loads.max(), atol=1e-12)
 
 
+def test_a_recording_counts_by_its_length_beside_the_shortest_learned():
+    law = HealthyMachine.of(reference(), machine())
+    learned = [replace(p, duration_s=s) for p, s in zip(law.profiles, (4.0, 8.0, 6.0), strict=True)]
+    law = replace(law, profiles=tuple(learned))
+    for seconds, length in ((1.0, 0.25), (3.0, 0.75), (4.0, 1.0), (10.0, 1.0)):
+        own = replace(law.profiles[0], duration_s=seconds)
+        assert law.deviation(own).length == pytest.approx(length)
+
+
+@pytest.mark.parametrize("fault", [CRACK, GEAR_CRACK])
+@pytest.mark.parametrize("tacho", [True, False])
+def test_losses_by_tooth_are_numbered_as_the_flag_is(fault, tacho):
+    told = analysis(fault, tacho=tacho, known_tacho=tacho)
+    (flag,) = told.flags
+    (own,) = (p for p in told.profiles if (p.stage, p.gear) == (flag.stage, flag.gear))
+    assert flag.tooth == own.tooth
+    assert len(own.loss_by_tooth) == own.teeth
+    assert int(np.argmax(own.loss_by_tooth)) + 1 == flag.tooth
+    assert own.loss_by_tooth.max() == pytest.approx(flag.stiffness_loss)
+
+
 def test_without_a_reference_a_healthy_machine_cannot_be_told():
     told = analysis(with_reference=False)
     assert told.verdict == "cannot tell"

@@ -19,9 +19,10 @@ from gearmon.harvesting.response import (
     combined,
     evaluate,
     interval_90,
+    power_with_stops,
     scatter_of_mean,
 )
-from gearmon.harvesting.tuning import built_in
+from gearmon.harvesting.tuning import built_in, tune_harvester
 from gearmon.harvesting.vibration import line_numbers, vibration_of_lines
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.recording import Recording
@@ -167,6 +168,16 @@ def test_too_few_stretches_are_said():
     found = survey_measured(machine(), narrow(), [moving])
     assert math.isnan(found.best.power_low_w)
     assert any("too few for an interval" in note for note in found.notes)
+
+
+def test_power_beyond_the_stops_weighs_the_recordings_by_their_time():
+    loud, louder = recording([1.0], seconds=1.0), recording([2.0], 1, seconds=1.0)
+    tight = replace(narrow(), clearance_m=5e-6, lowest_hz=298.0, highest_hz=302.0)
+    found = survey_measured(machine(), tight, [loud, louder], shares=[0.6, 0.2]).best
+    free = tune_harvester(tight, found.position.healthy, limited=False).harvester
+    assert found.stops_hz == pytest.approx(free.natural_frequency_hz)
+    apart = [power_with_stops(free, own.samples[0], RATE) for own in (loud, louder)]
+    assert found.power_with_stops_w == pytest.approx(0.6 * apart[0] + 0.2 * apart[1], rel=1e-3)
 
 
 def test_noise_alone_gives_its_power_and_a_doubt():

@@ -76,7 +76,8 @@ def test_references_that_scatter_more_ask_for_more():
 
 @pytest.mark.parametrize("gap", [0.05, 0.3])
 def test_another_operating_point_adds_to_the_scatter_in_squares(gap):
-    here, near, far = (runout_growth([turn(*6 * [0])], gap=x)[0].sigma_db for x in (0, gap, 2 * gap))
+    gaps, still = (0.0, gap, 2 * gap), [turn(*6 * [0])]
+    here, near, far = (runout_growth(still, gap=own)[0].sigma_db for own in gaps)
     assert near**2 - here**2 == pytest.approx((SLOPE_DB * gap) ** 2)
     assert far**2 - here**2 == pytest.approx(4 * (near**2 - here**2))
 
