@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 
 import pytest
@@ -138,3 +139,15 @@ def test_a_picture_of_others_beside_the_table_stops_the_command_before_it_writes
     assert "lines.png: exists, and gearmon baseline did not write it" in capsys.readouterr().err
     assert not target.exists()
     assert (tmp_path / "lines.png").read_bytes() == b"a photograph"
+
+
+def test_stability_tells_mesh_and_natural_frequencies_and_how_fast_vibrations_die(machine, capsys):
+    """Where nothing grows, a period shrinks them by exp(-2 pi zeta w0/w)."""
+    assert main(["stability", str(machine), "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    assert row["stable"]
+    assert row["mesh_frequency_hz"] == pytest.approx(23 * 2960 / 60)
+    ratio = row["natural_frequency_hz"] / row["mesh_frequency_hz"]
+    assert row["frequency_ratio"] == pytest.approx(ratio)
+    decay = math.exp(-2 * math.pi * row["damping_ratio"] * ratio)
+    assert row["largest_multiplier"] == pytest.approx(decay, rel=1e-6)
