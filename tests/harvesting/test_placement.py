@@ -180,6 +180,29 @@ def test_power_beyond_the_stops_weighs_the_recordings_by_their_time():
     assert found.power_with_stops_w == pytest.approx(0.6 * apart[0] + 0.2 * apart[1], rel=1e-3)
 
 
+def test_wander_is_that_of_the_line_that_gives_most_and_not_of_the_loudest():
+    rng, count = np.random.default_rng(3), int(12 * RATE)
+    steady = np.cos(2 * np.pi * 300.0 * np.arange(count) / RATE)
+    pace = np.repeat(600.0 * (1 + 0.01 * rng.normal(size=48)), count // 48)
+    row = steady + 2.0 * np.cos(2 * np.pi * np.cumsum(pace) / RATE)
+    heard = Recording(samples=row[None], sampling_rate_hz=RATE, units=("m/s2",), origin="two")
+    assert survey_measured(machine(), narrow(), [heard]).wander < 1e-3
+
+
+def test_tuning_for_the_damaged_gear_stands_in_its_own_columns():
+    t = np.arange(int(4 * RATE)) / RATE
+    rows = [np.cos(2 * np.pi * hertz * t)[None] for hertz in (290.0, 315.0)]
+    sound, damaged = (
+        Recording(samples=row, sampling_rate_hz=RATE, units=("m/s2",), origin="one") for row in rows
+    )
+    (row,) = survey_measured(machine(), narrow(), [sound], degraded=[damaged]).rows()
+    assert row["natural_frequency_hz"] == pytest.approx(290.0, rel=2e-3)
+    assert row["degraded_best_hz"] == pytest.approx(315.0, rel=2e-3)
+    bound = narrow().retuned(315.0).power_bound_w()
+    assert row["degraded_best_power_w"] == pytest.approx(bound, rel=0.01)
+    assert row["degraded_power_w"] < 0.1 * bound
+
+
 def test_noise_alone_gives_its_power_and_a_doubt():
     noise = 0.5
     found = survey_measured(machine(), narrow(), [recording([0.0], noise=noise, seconds=30.0)])
