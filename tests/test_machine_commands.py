@@ -151,3 +151,11 @@ def test_stability_tells_mesh_and_natural_frequencies_and_how_fast_vibrations_di
     assert row["frequency_ratio"] == pytest.approx(ratio)
     decay = math.exp(-2 * math.pi * row["damping_ratio"] * ratio)
     assert row["largest_multiplier"] == pytest.approx(decay, rel=1e-6)
+
+
+def test_endings_in_capitals_mean_what_small_ones_do(machine, tmp_path):
+    for ending in (".csv", ".CSV", ".Csv"):
+        assert main(["lines", str(machine), "-o", str(tmp_path / f"lines{ending}")]) == 0
+    first, *others = ((tmp_path / f"lines{own}").read_text() for own in (".csv", ".CSV", ".Csv"))
+    assert first.startswith("operating,")
+    assert others == [first, first]
