@@ -53,6 +53,8 @@ def test_store_grows_and_files_are_written(folder, tmp_path, capsys):
     assert result["raised"]
     assert table.read_text().startswith("time,")
     assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    assert run(folder, *options, "--replace", recordings=1) == 1
+    assert "replaced: 1" in capsys.readouterr().out.splitlines()
     # and it can be looked at without any recording
     assert main(["history", "--machine", str(folder / "machine.toml"), "--store", str(store)]) == 1
     assert "2 recordings" in capsys.readouterr().out
