@@ -53,6 +53,8 @@ def test_store_grows_and_files_are_written(folder, tmp_path, capsys):
     assert result["raised"]
     assert table.read_text().startswith("time,")
     assert table.with_suffix(".png").read_bytes().startswith(b"\x89PNG")
+    assert run(folder, *options, "--replace", recordings=1) == 1
+    assert "replaced: 1" in capsys.readouterr().out.splitlines()
     # and it can be looked at without any recording
     assert main(["history", "--machine", str(folder / "machine.toml"), "--store", str(store)]) == 1
     assert "2 recordings" in capsys.readouterr().out
@@ -60,6 +62,15 @@ def test_store_grows_and_files_are_written(folder, tmp_path, capsys):
     asked = ["--machine", str(folder / "machine.toml"), "--store", str(store), "--name", "other"]
     assert main(["history", *asked]) == 2
     assert "machine 'other' is not one of " in capsys.readouterr().err
+
+
+def test_a_recording_of_which_nothing_can_be_said_ends_in_three(folder, capsys):
+    """Without healthy recordings no machine is called healthy."""
+    sound = str(folder / "2026-03-01T08-00-00.csv")
+    known = ["--machine", str(folder / "machine.toml"), "--time-from", "name", "--json"]
+    assert main(["history", sound, *known]) == 3
+    (entry,) = json.loads(capsys.readouterr().out)["recordings"]
+    assert entry["verdict"] == "cannot tell"
 
 
 def test_a_bad_recording_is_named_and_the_others_are_kept(folder, tmp_path, capsys):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 
 import pytest
@@ -127,3 +128,34 @@ def test_harvest_hands_on_all_that_recordings_are_given_with(machine, monkeypatc
     assert [own.origin for own in handed["recordings"]] == ["a.csv", "b.csv"]
     assert [own.origin for own in handed["degraded"]] == ["c.csv", "d.csv"]
     assert (list(handed["shares"]), handed["share_error"], handed["count"]) == ([0.7, 0.2], 0.03, 2)
+
+
+def test_a_picture_of_others_beside_the_table_stops_the_command_before_it_writes(
+    machine, tmp_path, capsys
+):
+    (tmp_path / "lines.png").write_bytes(b"a photograph")
+    target = tmp_path / "lines.csv"
+    assert main(["baseline", str(machine), "--max-hz", "2000", "-o", str(target)]) == 2
+    assert "lines.png: exists, and gearmon baseline did not write it" in capsys.readouterr().err
+    assert not target.exists()
+    assert (tmp_path / "lines.png").read_bytes() == b"a photograph"
+
+
+def test_stability_tells_mesh_and_natural_frequencies_and_how_fast_vibrations_die(machine, capsys):
+    """Where nothing grows, a period shrinks them by exp(-2 pi zeta w0/w)."""
+    assert main(["stability", str(machine), "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    assert row["stable"]
+    assert row["mesh_frequency_hz"] == pytest.approx(23 * 2960 / 60)
+    ratio = row["natural_frequency_hz"] / row["mesh_frequency_hz"]
+    assert row["frequency_ratio"] == pytest.approx(ratio)
+    decay = math.exp(-2 * math.pi * row["damping_ratio"] * ratio)
+    assert row["largest_multiplier"] == pytest.approx(decay, rel=1e-6)
+
+
+def test_endings_in_capitals_mean_what_small_ones_do(machine, tmp_path):
+    for ending in (".csv", ".CSV", ".Csv"):
+        assert main(["lines", str(machine), "-o", str(tmp_path / f"lines{ending}")]) == 0
+    first, *others = ((tmp_path / f"lines{own}").read_text() for own in (".csv", ".CSV", ".Csv"))
+    assert first.startswith("operating,")
+    assert others == [first, first]

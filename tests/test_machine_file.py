@@ -110,6 +110,16 @@ def test_duty_cycle_with_shares(write):
     assert [(p.speed_rpm, p.share) for p in machine.operating] == [(900.0, 0.25), (1460.0, 0.75)]
 
 
+@pytest.mark.parametrize(("speeds", "taken"), [((14.6, 1460), True), ((1460, 14.5), False)])
+def test_speeds_a_hundredfold_apart_are_taken_and_beyond_refused(write, speeds, taken):
+    several = "".join(f"[[operating]]\nspeed_rpm = {own}\n" for own in speeds)
+    path = write(PAIR.replace("[operating]\nspeed_rpm = 1460.0\n", several))
+    if taken:
+        assert [own.speed_rpm for own in load_machine(path).operating] == list(speeds)
+    else:
+        assert "they go from 14.5 to 1460 1/min" in refusal(path)
+
+
 def test_duty_cycle_without_shares_is_divided_equally(write):
     text = PAIR.replace("[operating]", "[[operating]]\nspeed_rpm = 900\n" * 2 + "[[operating]]")
     machine = load_machine(write(text))

@@ -289,6 +289,23 @@ def test_strain_shares_are_what_stiffness_does(machine):
         assert mode.rotational + mode.translational + mode.planet == pytest.approx(1)
 
 
+def test_every_part_damps_a_mode_by_its_share_of_the_strain():
+    """Half the frequency times damping over stiffness: as told, 1e-5 s where nothing is."""
+    shafts = [{"shaft": n, "length_mm": 200.0, "diameter_mm": 30.0} for n in (1, 2)]
+    held = [
+        {"name": f"b{n}", "shaft": shaft, "stiffness_n_per_m": 1e8}
+        for n, shaft in enumerate((1, 1, 2, 2))
+    ]
+    held[0]["damping_ns_per_m"] = 800.0
+    pair = PAIR | {"mesh_stiffness_n_per_m": 4e8, "damping_ns_per_m": 2e3}
+    found = gearmon.modes({"operating": POINT, "stage": [pair], "shaft": shafts, "bearing": held})
+    told_s = {"mesh 1 pinion-gear": 2e3 / 4e8, "bearing 1 b0": 800.0 / 1e8}
+    assert len(found.rows) > 10
+    for mode in found.rows:
+        damped_s = sum(own * told_s.get(part, 1e-5) for part, own in mode.strain_energy.items())
+        assert mode.damping_ratio == pytest.approx(math.pi * mode.frequency_hz * damped_s)
+
+
 def test_ball_bearings_by_hertz():
     balls = {"balls": 9, "ball_diameter_mm": 12.0, "pitch_diameter_mm": 58.0}
     held = [{"name": name, "shaft": 1} | balls for name in ("a", "b")]

@@ -11,7 +11,7 @@ import pytest
 from gearmon.cli import main
 from gearmon.commands.command import recordings_named
 from gearmon.errors import ArgumentError
-from gearmon.terminal import coloured, part_of, progress_line
+from gearmon.terminal import coloured, followed, part_of, progress_line
 
 
 def test_a_folder_stands_for_the_recordings_in_it(tmp_path):
@@ -69,6 +69,15 @@ def test_long_work_tells_its_time_on_a_terminal_only(monkeypatch, capsys):
         assert ("family: 0 s" in told) is watched
         assert ("family: ##############...... 70 % after 1 s" in told) is watched
     assert part_of(None, 0.5, 0.5) is None
+
+
+def test_work_is_done_by_as_much_as_came_back_for_more():
+    """A part is told when it is through, the last one with all; of a part, within its part."""
+    told = []
+    for number in followed("abcd", 4, part_of(told.append, 0.2, 0.8)):
+        assert len(told) == "abcd".index(number)
+    assert told == pytest.approx([0.4, 0.6, 0.8, 1.0])
+    assert list(followed("ab", 2, None)) == ["a", "b"]
 
 
 def _pause(seconds):

@@ -25,7 +25,7 @@ from gearmon import cli
 from gearmon.cli import COMMANDS, main
 from gearmon.commands.command import judged
 from gearmon.errors import GearmonError
-from gearmon.files import protecting, table_cell, write_atomically
+from gearmon.files import most_unpacked, protecting, table_cell, write_atomically
 from gearmon.report.wording import rows_as_csv
 from gearmon.signals.recording import open_recording, read_recording
 
@@ -326,6 +326,11 @@ def test_a_file_that_swells_is_refused_before_it_does(tmp_path, write):
     with pytest.raises(GearmonError, match=r"as no recording does|unpacks to more than any"):
         read_recording(path, 1000.0)
     assert time.process_time() - begin < 2.0
+
+
+@pytest.mark.parametrize(("packed", "allowed"), [(10, 1 << 24), (1 << 20, 250 << 20)])
+def test_small_files_may_unpack_to_sixteen_megabytes_and_large_ones_to_a_multiple(packed, allowed):
+    assert most_unpacked(packed) == allowed
 
 
 def test_packed_recordings_are_read_however_quiet(tmp_path):

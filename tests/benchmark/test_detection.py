@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -137,6 +138,17 @@ def test_rises_are_those_of_the_indicators():
         told = next(own for own, of in TEXTBOOK.items() if of == known)
         assert there[told] == pytest.approx(max(grown))
         assert back[told] == pytest.approx(-min(grown))
+
+
+def test_what_is_twice_as_loud_rises_where_loudness_counts():
+    """Energy by four, NA4* over the healthy variance by sixteen; shapes do not rise."""
+    sound = small_gearbox.analysis()
+    lines = sound.signature.lines
+    louder = replace(lines, amplitude=2.0 * lines.amplitude)
+    found = rises(replace(sound, signature=replace(sound.signature, lines=louder)), sound)
+    shapes = dict.fromkeys(("FM4", "energy ratio", "sideband energy ratio", "kurtosis"), 0.0)
+    expected = shapes | {"residual energy": np.log(4.0), "NA4*": np.log(16.0)}
+    assert {name: found[name] for name in TEXTBOOK} == pytest.approx(expected, abs=1e-9)
 
 
 def test_learning_is_trained_on_other_machines():

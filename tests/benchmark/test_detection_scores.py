@@ -48,6 +48,19 @@ def test_interval_of_machines_covers():
     assert inside >= 25
 
 
+@pytest.mark.parametrize("share", [0.5, 0.8])
+def test_interval_of_a_share_reaches_as_far_as_the_normal_law_says(share):
+    """Where healthy scores are all alike the area is a share of machines, drawn anew."""
+    count = 100
+    healthy = [np.zeros(1)] * count
+    faulty = [np.array([1.0 if n < share * count else -1.0]) for n in range(count)]
+    intervals = [roc_area_interval(healthy, faulty, seed=seed) for seed in range(10)]
+    area, low, high = np.mean(intervals, axis=0)
+    assert area == pytest.approx(share)
+    reach = 1.96 * np.sqrt(share * (1 - share) / count)
+    assert [area - low, high - area] == pytest.approx([reach, reach], rel=0.08)
+
+
 def test_machines_without_scores_do_no_harm():
     none = np.zeros(0)
     area, low, high = roc_area_interval([np.zeros(1), none, none], [none, np.ones(1), none])

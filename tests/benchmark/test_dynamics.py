@@ -174,6 +174,13 @@ def test_sweep_is_seeded():
     assert first != other
 
 
+@pytest.mark.parametrize("power", [0.8, 1.0, 2.5])
+def test_exponent_is_that_of_the_time_over_the_unknowns(power):
+    rows = [{"unknowns": n, "median_s": 1e-7 * n**power} for n in (10, 3000, 8000, 50_000)]
+    rows[0]["median_s"] = 1.0  # too small to count
+    assert fitted_exponent(rows) == pytest.approx(power)
+
+
 def test_exponent_needs_sizes():
     assert fitted_exponent([{"unknowns": 10, "median_s": 1.0}]) is None
 

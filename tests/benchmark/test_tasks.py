@@ -12,7 +12,7 @@ from importlib.util import find_spec
 import pytest
 from reference.small_gearbox import MACHINE_FILE
 
-from gearmon.benchmark import run_case, tasks
+from gearmon.benchmark import run_case, tasks, timing
 from gearmon.benchmark.tasks import time_harvesting, time_stiffness
 from gearmon.benchmark.timing import Timing, facts_of_run
 from gearmon.errors import ArgumentError
@@ -46,6 +46,26 @@ def test_rows_have_times(rows):
     assert "PySDKit not run" in alone["note"]
     for case in {row["case"] for row in rows}:
         assert next(row for row in rows if row["case"] == case)["times_own"] == 1.0
+
+
+def test_times_of_others_are_in_those_of_ours(monkeypatch):
+    """Counted in seconds that a clock of our own tells: of three runs the middle and the least."""
+    took = iter([9.0, 9.0, 2.0, 6.0, 3.0, 8.0, 4.0, 10.0])
+    monkeypatch.setattr(timing, "task_time", lambda _: (next(took), "made"))
+    ours, theirs = tasks._timed("case", {"ours": len, "theirs": len}, 3, 100.0, 7)
+    assert (ours["median_s"], ours["fastest_s"], ours["repeats"]) == (3.0, 2.0, 3)
+    assert (theirs["median_s"], theirs["fastest_s"], theirs["repeats"]) == (8.0, 6.0, 3)
+    assert (ours["times_own"], theirs["times_own"]) == (1.0, pytest.approx(8 / 3))
+
+
+def test_what_solves_many_sets_at_once_is_told_for_one(monkeypatch):
+    monkeypatch.setattr(timing, "task_time", lambda _: (0.8, "made"))
+    many = timing.Contender("way", run=len, judge=lambda made: {"error": len(made)}, sets=4)
+    missing = timing.Contender("other", note="not run")
+    row, other = timing.measured([many, missing], 3, 10.0)
+    assert (row["median_s"], row["fastest_s"], row["sets"]) == (0.2, 0.2, 4)
+    assert (row["error"], row["repeats"]) == (4, 3)
+    assert (other["median_s"], other["repeats"], other["note"]) == (None, 0, "not run")
 
 
 def test_rows_without_the_other_library(monkeypatch):

@@ -25,6 +25,7 @@ from scipy.interpolate import CubicSpline
 
 from gearmon.diagnosis.analysis import analyse, evidence_against, learn
 from gearmon.diagnosis.evidence import LIMITS, false_alarm_probability
+from gearmon.diagnosis.law.machine import HealthyMachine
 from gearmon.diagnosis.results import VERDICTS
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.faults import parse_fault
@@ -222,6 +223,35 @@ def test_no_tooth_is_counted_from_one_of_several_pulses(four_a_turn, first):
     assert told.score == pytest.approx(one.score, rel=0.35)
 
 
+def test_a_recording_is_heavy_by_what_it_is_beyond_the_heaviest_learned():
+    law = HealthyMachine.of(reference(), machine())
+    loads = law.states[:, 0]
+    assert np.ptp(loads) > 0.2
+    heavy = [law.deviation(own).heavy for own in law.profiles]
+    np.testing.assert_allclose(heavy, loads - loads.max(), atol=1e-12)
+
+
+def test_a_recording_counts_by_its_length_beside_the_shortest_learned():
+    law = HealthyMachine.of(reference(), machine())
+    learned = [replace(p, duration_s=s) for p, s in zip(law.profiles, (4.0, 8.0, 6.0), strict=True)]
+    law = replace(law, profiles=tuple(learned))
+    for seconds, length in ((1.0, 0.25), (3.0, 0.75), (4.0, 1.0), (10.0, 1.0)):
+        own = replace(law.profiles[0], duration_s=seconds)
+        assert law.deviation(own).length == pytest.approx(length)
+
+
+@pytest.mark.parametrize("fault", [CRACK, GEAR_CRACK])
+@pytest.mark.parametrize("tacho", [True, False])
+def test_losses_by_tooth_are_numbered_as_the_flag_is(fault, tacho):
+    told = analysis(fault, tacho=tacho, known_tacho=tacho)
+    (flag,) = told.flags
+    (own,) = (p for p in told.profiles if (p.stage, p.gear) == (flag.stage, flag.gear))
+    assert flag.tooth == own.tooth
+    assert len(own.loss_by_tooth) == own.teeth
+    assert int(np.argmax(own.loss_by_tooth)) + 1 == flag.tooth
+    assert own.loss_by_tooth.max() == pytest.approx(flag.stiffness_loss)
+
+
 def test_without_a_reference_a_healthy_machine_cannot_be_told():
     told = analysis(with_reference=False)
     assert told.verdict == "cannot tell"
@@ -230,6 +260,16 @@ def test_without_a_reference_a_healthy_machine_cannot_be_told():
     assert told.compared_with == "expected signature"
     assert told.expected is not None
     assert "no healthy reference" in told.reason
+
+
+@pytest.mark.parametrize(("fault", "flags"), [(CRACK, 1), ("", 0)])
+def test_without_a_reference_every_gear_looked_at_raises_the_chance(fault, flags):
+    told = analysis(fault, with_reference=False)
+    rarest = min(own.log10_probability for own in told.profiles)
+    chance = min(1.0, len(told.profiles) * 10.0**rarest)
+    assert told.false_alarm_probability == pytest.approx(chance)
+    assert told.score == pytest.approx(-np.log10(chance))
+    assert [own.false_alarm_probability for own in told.flags] == pytest.approx(flags * [chance])
 
 
 def test_without_gear_data_there_is_nothing_to_compare_with():

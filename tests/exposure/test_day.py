@@ -60,6 +60,7 @@ def test_jobs_add_by_energy_and_fourth_powers():
     assert vdv.value == pytest.approx(1.4 * (81.0 * 4 * 12 + 256.0 * 1 * 12) ** 0.25)
     assert [job.share for job in day.jobs] == pytest.approx([0.5, 0.5])
     assert day.jobs[0].a8_ms2 == pytest.approx(1.4 * 0.4 * np.sqrt(0.5))
+    assert [job.value_ms2 for job in day.jobs] == pytest.approx([1.4 * 0.4, 1.4 * 0.8])
     # the action value of 0.5 is reached within the second job
     needed = 8 * 0.25 / 1.96
     assert a8.reached_h["action"] == pytest.approx(4.0 + (needed - 0.64) / 0.64)

@@ -13,6 +13,9 @@ from reference.small_gearbox import machine
 import gearmon
 from gearmon.errors import GearmonError
 from gearmon.exposure import WEIGHTINGS
+from gearmon.exposure.gearbox import _orders
+from gearmon.gears.kinematics import kinematics
+from gearmon.machine import load_machine
 from gearmon.report import exposure_lines
 from gearmon.signals.recording import Recording
 
@@ -203,6 +206,17 @@ def test_what_the_recording_lets_say_of_itself_is_passed_on():
     assert told.share
     assert any("an hour of it" in own for own in told.warnings)
     assert any("not foretold" in own for own in told.warnings)
+
+
+def test_where_a_sideband_falls_on_a_shaft_the_line_is_the_shafts():
+    """Shaft 2 turns a fifth as fast: (17 - 2) / 5 and (17 + 3) / 5 are harmonics of shaft 1."""
+    stages = [{"kind": "parallel", "pinion_teeth": first, "gear_teeth": second}
+              for first, second in ((20, 100), (17, 60))]  # fmt: skip
+    train = kinematics(load_machine({"operating": {"speed_rpm": 1500.0}, "stage": stages}))
+    named = {round(order, 9): name for order, name in _orders(train, 30.0, 1e-3).items()}
+    assert [named[order] for order in (1.0, 2.0, 3.0, 4.0)] == ["shaft 1"] * 4
+    assert [named[order] for order in (2.8, 3.2, 3.4)] == ["sidebands of mesh 2"] * 2 + ["mesh 2"]
+    assert named[20.0] == "mesh 1"
 
 
 def test_a_recording_without_a_mesh_has_no_share():

@@ -76,6 +76,7 @@ def test_a_sine_of_1_reads_the_weighting(frequency, rate):
     counted = [axis.factor * axis.rms_ms2 for axis in found.axes]
     assert found.value_ms2 == max(counted)
     assert found.vector_sum_ms2 == pytest.approx(np.linalg.norm(counted))
+    assert found.vdv == max(axis.factor * axis.vdv for axis in found.axes)
 
 
 def test_a_hand_counts_all_axes_alike():

@@ -10,6 +10,7 @@ from contextlib import closing, contextmanager
 from http.client import HTTPConnection
 from urllib.parse import urlencode
 
+import numpy as np
 import pytest
 from reference.fleet_stand_in import arrive, at_once, made_fleet
 
@@ -84,6 +85,16 @@ def test_the_overview_is_worst_first_and_holds_no_script(address):
     assert "style-src 'self'" in page.headers["content-security-policy"]
 
 
+def test_the_course_of_the_score_fills_its_box_from_the_left_to_the_right(address):
+    """Zero lies at the foot, 19 of 20 high; the top, at 1, is a score of 8."""
+    drawn = re.findall(r'viewBox="0 0 90 20".*?points="([^"]+)"', Answer(address, "/").text)
+    faulty, sound = (np.array([own.split(",") for own in one.split()], float) for one in drawn)
+    for course in (faulty, sound):
+        np.testing.assert_allclose(course[:, 0], np.linspace(1, 89, 12), atol=0.05)
+    np.testing.assert_allclose(sound[:, 1], 19 - 18 * 0.01 * np.arange(12) / 8, atol=0.06)
+    np.testing.assert_allclose(faulty[:, 1], [19 - 18 * 0.1 / 8] * 7 + [10] * 5, atol=0.06)
+
+
 def test_of_many_machines_the_worst_are_shown_and_all_on_demand(tmp_path):
     many = made_fleet(tmp_path, [f"m{number}" for number in range(230)])
     for day in range(2):
@@ -114,6 +125,7 @@ def test_a_machine_has_a_page_with_its_history(address):
     page = Answer(address, "/machine?name=b")
     assert "wear, stage 1, pinion" in page.text
     assert "since 2026-03-08" in page.text
+    assert "1500 to 1500" in re.sub(r"<[^>]+>", "", page.text)  # 25 Hz in turns a minute
     assert Answer(address, "/history.png?name=b").content.startswith(b"\x89PNG")
     table = Answer(address, "/table.csv?machine=b").text
     assert "rms, a1" in table.splitlines()[0]

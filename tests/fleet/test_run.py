@@ -459,6 +459,29 @@ def test_a_machine_is_put_beside_the_others_with_the_same_gears(tmp_path):
         compare(replace(fleet, machines=fleet.machines[:3]))
 
 
+def test_what_another_version_analysed_is_done_again_on_demand(tmp_path, monkeypatch):
+    fleet = made_fleet(tmp_path)
+    arrive(tmp_path, "a_{}.txt", "0.2")
+    with monkeypatch.context() as older:
+        older.setattr("gearmon.fleet.ledger.__version__", "0.0.1")
+        assert run_fleet(fleet, at_once).done == 1
+    assert run_fleet(fleet, at_once).done == 0
+    assert run_fleet(fleet, at_once, again=True).done == 1
+    assert run_fleet(fleet, at_once, again=True).done == 0
+
+
+def test_machines_are_compared_by_their_latest_recordings(tmp_path):
+    """What a machine was like before its last twenty recordings does not count."""
+    fleet = made_fleet(tmp_path, tuple("abcd"))
+    for day in range(31):
+        arrive(tmp_path, "a_{}.txt", "0.9" if day < 11 else "0.2", days=day)
+    for name in "bcd":
+        arrive(tmp_path, f"{name}_{{}}.txt", "0.1")
+    run_fleet(fleet, at_once)
+    (own,) = (row for row in compare(fleet) if row["machine"] == "a")
+    assert own["value"] == pytest.approx(1.2)
+
+
 def test_among_machines_alike_the_probability_is_uniform(tmp_path):
     seeded, fleet = np.random.default_rng(5), made_fleet(tmp_path, ("a", "b", "c", "d", "e"))
 

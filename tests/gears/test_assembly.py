@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 
 from gearmon.gears.assembly import drive_train
@@ -48,6 +49,22 @@ def test_a_carrier_turns_as_a_disc_to_the_planet_axes():
     (place,) = [n for n, own in enumerate(train.coordinates) if own.startswith("shaft 2")]
     assert mass == pytest.approx(7850.0 * math.pi * 0.045**2 * 20e-3, rel=5e-3)
     assert train.mass[place, place] == pytest.approx(0.5 * mass * 0.045**2, rel=5e-3)
+
+
+@pytest.mark.parametrize("driving", ["sun", "carrier"])
+@pytest.mark.parametrize("teeth", [(20, 40, 100), (21, 39, 99)])
+def test_torques_press_every_mesh_of_a_set_alike_and_turn_nothing(driving, teeth):
+    """What pushes a planet on one side is what it pushes with on the other."""
+    counts = dict(zip(("sun_teeth", "planet_teeth", "ring_teeth"), teeth, strict=True))
+    pins = {"name": "pins", "planet_stage": 1, "stiffness_n_per_m": 1e8}
+    stage = SET | counts | {"driving": driving, "fixed_torsion_nm_per_rad": 1e7}
+    train = drive_train(load_machine(operating=POINT, stage=stage, bearing=pins))
+    load = train.load({1: 800.0})
+    moved = np.linalg.pinv(train.stiffness, rcond=1e-11, hermitian=True) @ load
+    forces = [own.stiffness[0, 0] * (own.rows[0] @ moved) for own in train.meshes(1)]
+    np.testing.assert_allclose(forces, 6 * [800.0], rtol=1e-6)
+    free = train.modes[1][:, 0]
+    assert abs(free @ load) < 1e-9 * np.linalg.norm(free) * np.linalg.norm(load)
 
 
 def test_gears_without_a_place_sit_at_equal_parts_of_their_shaft():

@@ -314,6 +314,42 @@ def test_retuned_beam_keeps_the_gyration_of_its_tip_mass():
     assert beam.retuned(wanted).tip_mass_kg < bimorph().retuned(wanted).tip_mass_kg
 
 
+@pytest.mark.parametrize("width_m", [2e-4, 2e-3, 0.02])
+def test_air_drags_as_on_spheres_side_by_side(width_m):
+    """Stokes: 6 pi mu R (1 + R/delta) on one, with the depth delta that its motion reaches."""
+    still = bimorph(width_m=width_m)
+    circular = still.modes.natural_rad_s
+    viscosity, density, radius = 1.81e-5, 1.19, width_m / 2
+    depth = np.sqrt(2 * viscosity / (density * circular))
+    a_metre = 6 * np.pi * viscosity * radius * (1 + radius / depth) / width_m
+    added = replace(still, in_air=True).modes.damping_ratio - still.modes.damping_ratio
+    expected = a_metre / (2 * still.mass_per_length_kg_m * circular)
+    np.testing.assert_allclose(added, expected, rtol=1e-9)
+    # a mass at the tip is not dragged, and makes the beam a part of what moves
+    loaded = replace(still, tip_mass_kg=still.beam_mass_kg)
+    first = replace(loaded, in_air=True).damping_ratio - loaded.damping_ratio
+    assert 0 < first < added[0]
+
+
+@pytest.mark.parametrize(("passive_m", "piezo_m"), [(0.5e-3, 0.1e-3), (0.1e-3, 0.3e-3)])
+def test_stress_of_a_weak_plate_counts_by_what_it_bears(passive_m, piezo_m):
+    """Shaken slowly a beam bends under its own weight; the farther face of the plate breaks."""
+    plate = replace(BEAM_MATERIALS["brass"], safe_stress_pa=1e5)
+    sizes = {"passive_thickness_m": passive_m, "piezo_thickness_m": piezo_m, "load_ohm": 1e-3}
+    beam = bimorph(wiring="unimorph", passive=plate, **sizes)
+    one, two = plate.youngs_modulus_pa * passive_m, beam.piezo.youngs_modulus_pa * piezo_m
+    axis = (one * passive_m / 2 + two * (passive_m + piezo_m / 2)) / (one + two)
+    stiff = beam.width_m * (
+        one * (passive_m**2 / 12 + (axis - passive_m / 2) ** 2)
+        + two * (piezo_m**2 / 12 + (passive_m + piezo_m / 2 - axis) ** 2)
+    )
+    curved = beam.mass_per_length_kg_m * beam.length_m**2 / 2 / stiff
+    farther = max(abs(axis), abs(passive_m - axis))
+    share = plate.youngs_modulus_pa * farther * curved / plate.safe_stress_pa
+    found = beam.gains(beam.natural_frequency_hz / 200).stress_pa[0]
+    assert found / beam.stress_limit_pa == pytest.approx(share, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -17,10 +17,13 @@ from gearmon.harvesting.response import (
     SensorBudget,
     between,
     combined,
+    evaluate,
     interval_90,
+    power_with_stops,
     scatter_of_mean,
 )
-from gearmon.harvesting.vibration import line_numbers
+from gearmon.harvesting.tuning import built_in, tune_harvester
+from gearmon.harvesting.vibration import line_numbers, vibration_of_lines
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor
 from gearmon.signals.recording import Recording
 
@@ -167,6 +170,39 @@ def test_too_few_stretches_are_said():
     assert any("too few for an interval" in note for note in found.notes)
 
 
+def test_power_beyond_the_stops_weighs_the_recordings_by_their_time():
+    loud, louder = recording([1.0], seconds=1.0), recording([2.0], 1, seconds=1.0)
+    tight = replace(narrow(), clearance_m=5e-6, lowest_hz=298.0, highest_hz=302.0)
+    found = survey_measured(machine(), tight, [loud, louder], shares=[0.6, 0.2]).best
+    free = tune_harvester(tight, found.position.healthy, limited=False).harvester
+    assert found.stops_hz == pytest.approx(free.natural_frequency_hz)
+    apart = [power_with_stops(free, own.samples[0], RATE) for own in (loud, louder)]
+    assert found.power_with_stops_w == pytest.approx(0.6 * apart[0] + 0.2 * apart[1], rel=1e-3)
+
+
+def test_wander_is_that_of_the_line_that_gives_most_and_not_of_the_loudest():
+    rng, count = np.random.default_rng(3), int(12 * RATE)
+    steady = np.cos(2 * np.pi * 300.0 * np.arange(count) / RATE)
+    pace = np.repeat(600.0 * (1 + 0.01 * rng.normal(size=48)), count // 48)
+    row = steady + 2.0 * np.cos(2 * np.pi * np.cumsum(pace) / RATE)
+    heard = Recording(samples=row[None], sampling_rate_hz=RATE, units=("m/s2",), origin="two")
+    assert survey_measured(machine(), narrow(), [heard]).wander < 1e-3
+
+
+def test_tuning_for_the_damaged_gear_stands_in_its_own_columns():
+    t = np.arange(int(4 * RATE)) / RATE
+    rows = [np.cos(2 * np.pi * hertz * t)[None] for hertz in (290.0, 315.0)]
+    sound, damaged = (
+        Recording(samples=row, sampling_rate_hz=RATE, units=("m/s2",), origin="one") for row in rows
+    )
+    (row,) = survey_measured(machine(), narrow(), [sound], degraded=[damaged]).rows()
+    assert row["natural_frequency_hz"] == pytest.approx(290.0, rel=2e-3)
+    assert row["degraded_best_hz"] == pytest.approx(315.0, rel=2e-3)
+    bound = narrow().retuned(315.0).power_bound_w()
+    assert row["degraded_best_power_w"] == pytest.approx(bound, rel=0.01)
+    assert row["degraded_power_w"] < 0.1 * bound
+
+
 def test_noise_alone_gives_its_power_and_a_doubt():
     noise = 0.5
     found = survey_measured(machine(), narrow(), [recording([0.0], noise=noise, seconds=30.0)])
@@ -249,6 +285,32 @@ def test_budget_closes():
         assert needed == pytest.approx(power)
     assert math.isinf(task.interval_s(7e-6))
     assert task.interval_s(1e3) == task.duration_s
+
+
+def test_a_store_is_filled_by_what_its_keeping_leaves():
+    """What it holds is what came in until it was full, less what leaked and what the chip took."""
+    task = SensorBudget(
+        store_f=2e-3, store_v=2.5, leakage_a=1e-6, quiescent_power_w=4e-6, sleep_power_w=9e-6
+    )
+    still = evaluate(narrow(), vibration_of_lines([300.0], acceleration_ms2=[0.1]))
+    told = task.supply(still, [np.array([40e-6, 60e-6])])
+    stored = 0.5 * 2e-3 * 2.5**2
+    came = told["regulated_w"] - 4e-6 - 1e-6 * 2.5
+    assert told["regulated_w"] == pytest.approx(0.7 * 50e-6)
+    assert told["charging_s"] * came == pytest.approx(stored)
+    assert task.supply(still, [np.array([8e-6])])["charging_s"] is None
+
+
+def test_a_cold_start_takes_the_peak_of_the_voltage_less_the_diodes():
+    beam = built_in()[0]
+    shaken = evaluate(beam, vibration_of_lines([200.0], acceleration_ms2=[1.0]))
+    # of a sine the load takes U^2/(2 R)
+    peak_v, steps = 3.0, np.array([0.5, 1.0]) * 3.0**2 / (2 * beam.load_ohm)
+    for wanted_v, starts in ((peak_v - 0.61, True), (peak_v - 0.59, False)):
+        told = SensorBudget(rectifier_drop_v=0.6, cold_start_v=wanted_v).supply(shaken, [steps])
+        assert told["starts"] is starts
+        if not starts:
+            assert told["interval_s"] is None
 
 
 def test_impossible_budgets_are_refused():

@@ -76,6 +76,29 @@ def test_power_with_stops_is_that_of_small_steps(kind, room, restitution):
     assert found == pytest.approx(slow, rel=0.02)
 
 
+def test_half_and_nearly_all_steps_stay_below_what_is_told():
+    """Shaken ever more, far below its resonance, by a sine that grows evenly to its full size."""
+    h = InertialHarvester(mass_kg=5e-3, natural_frequency_hz=1000.0, mechanical_damping_ratio=0.05)
+    count = int(20 * RATE)
+    ramp = np.arange(count) / count
+    found = respond(h, ramp * np.cos(2 * np.pi * 50.0 * np.arange(count) / RATE), RATE)
+    half, nearly_all = found.quantiles["travel_m"]
+    assert nearly_all / half == pytest.approx(0.99 / 0.5, rel=0.01)
+    assert 0.9 * found.travel_m < nearly_all < found.travel_m
+
+
+def test_loads_of_a_coil_reach_a_hundredfold_beyond_the_best_at_resonance():
+    """The matched load is what the coil has, and what the spring loses seen through it."""
+    coil = CoilHarvester(
+        mass_kg=5e-3, natural_frequency_hz=308.0, turns=500.0, field_length_tm=5e-3, coil_ohm=50.0
+    )
+    loads = np.geomspace(*coil.usual_loads, 4001)
+    powers = [coil.with_load(own).gains(308.0).power_w[0] for own in loads]
+    best = 50.0 + 2.5**2 / (2 * 5e-3 * 0.01 * 2 * np.pi * 308.0)
+    assert loads[int(np.argmax(powers))] == pytest.approx(best, rel=0.01)
+    assert coil.usual_loads == pytest.approx((0.5, 100 * best))
+
+
 def test_stops_out_of_reach_change_nothing():
     samples = heard(8, 4, 0.0, 1.0, 0.1)
     h = HARVESTERS["spring"]

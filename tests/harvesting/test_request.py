@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
 from gearmon.errors import GearmonError
@@ -68,6 +71,35 @@ clearance_mm = 3.0
     assert (beam.length_m, beam.width_m, beam.clearance_m) == pytest.approx((0.03, 0.005, 0.003))
     assert (beam.passive_thickness_m, beam.piezo_thickness_m) == pytest.approx((1.5e-4, 2.5e-4))
     assert (beam.most_tip_mass_kg, beam.tip_gyration_m) == pytest.approx((0.007, 0.004))
+
+
+@pytest.mark.parametrize("tilt", [0.0, 60.0, 90.0])
+def test_a_harvester_that_leans_feels_a_part_of_its_weight(tmp_path, tilt):
+    beam, _ = load_harvester(written(tmp_path, f'kind = "cantilever"\ntilt_deg = {tilt}\n'))
+    assert beam.weight_ms2 == pytest.approx(9.81 * math.cos(math.radians(tilt)), abs=1e-12)
+
+
+def test_age_counts_by_decades_and_warmth_by_what_is_away_from_twenty_degrees():
+    for years, share in ((0.0, 1.0), (1 / 365, 1.0), (10 / 365, 0.98), (1000 / 365, 0.94)):
+        assert SensorBudget(loss_per_decade=0.02, years=years).kept_share == pytest.approx(share)
+    for degrees, share in ((20.0, 1.0), (45.0, 0.9), (-5.0, 0.9)):
+        warm = SensorBudget(loss_per_k=0.004, temperature_c=degrees)
+        assert warm.kept_share == pytest.approx(share)
+    both = SensorBudget(loss_per_decade=0.02, years=100 / 365, loss_per_k=0.004, temperature_c=45.0)
+    assert both.kept_share == pytest.approx(0.96 * 0.9)
+    assert float(both.rectified_w(1e-3, math.nan)) == pytest.approx(0.96 * 0.9e-3)
+
+
+@pytest.mark.parametrize("dead", [0.0, 0.1, 0.5, 0.99, 1.5])
+def test_a_tracking_regulator_gets_what_a_sine_holds_above_the_diodes(dead):
+    load, amplitude = 1e4, 2.0
+    budget = SensorBudget(regulator="tracking", rectifier_drop_v=dead * amplitude)
+    power = amplitude**2 / (2 * load)
+    wave = np.sin(2 * np.pi * (np.arange(100_000) + 0.5) / 100_000)
+    # the current is that of the sine, the voltage less the drop
+    through = float(np.mean(np.maximum(np.abs(wave) - dead, 0.0) * np.abs(wave)) / 0.5)
+    found = float(budget.rectified_w(power, load))
+    assert found == pytest.approx(through * power, abs=1e-4 * power)
 
 
 @pytest.mark.parametrize(("drop", "store"), [(0.6, 3.0), (0.0, 2.0), (1.0, 1.0)])

@@ -302,5 +302,8 @@ def test_published_harvesters_stand_beside_ours():
     own = bimorph().retuned(120.0)
     best = own.with_load(own.best_load_ohm(120.0)).gains(120.0).power_w[0]
     assert bender["own_uw"] == pytest.approx(1e6 * best * 2.5**2, rel=1e-3)
+    # beam and a tip mass of steel, in the shaking of the source
+    space_cm3 = 1e6 * (own.length_m * own.width_m * 0.6e-3 + own.tip_mass_kg / 7850.0)
+    assert bender["own_uw_per_cm3"] == pytest.approx(1e6 * best / space_cm3, rel=1e-3)
     assert rows["frequency-increased generator"]["own_uw"] is None  # out of reach
     assert beside_published(inertial())[1]["own_uw_per_cm3"] is None  # its volume is not known

@@ -114,6 +114,40 @@ def test_wander_of_a_line_is_that_of_its_tone(spread):
     assert row["wander"] == pytest.approx(np.std(frequency) / 100.0, rel=0.3, abs=steady)
 
 
+@pytest.mark.parametrize(("widths", "within"), [(1.5, 0.1), (3.0, 0.03)])
+def test_wander_hardly_wider_than_the_tapers_is_told(widths, within):
+    """The spectrum of a tone that wanders slowly is the mean of those of steady ones."""
+    rate, count, middle = 1000.0, 12_000, 100.0
+    t, noise = np.arange(count) / rate, 0.01 * np.random.default_rng(0).normal(size=count)
+    width = 2.5 * rate / count
+    shift = np.linspace(-3.5, 3.5, 57)
+    likely = np.exp(-0.5 * shift**2)
+    heard = [
+        vibration_of_samples(np.cos(2 * np.pi * (middle + own) * t) + noise, rate)
+        for own in widths * width * shift
+    ]
+    power = np.average([own.mean_square_m2s4 for own in heard], axis=0, weights=likely)
+    about = {"frequency_hz": heard[0].frequency_hz, "resolution_hz": heard[0].resolution_hz}
+    (row, *_) = operating_lines(Vibration(mean_square_m2s4=power, **about))
+    assert row["wander"] == pytest.approx(widths * width / middle, rel=within)
+
+
+@pytest.mark.parametrize("frequency_hz", [50.0, 400.0])
+def test_wander_that_is_soon_forgotten_leaves_a_narrow_line(frequency_hz):
+    """Kubo: a Lorentzian of the half-width (2 pi f w)^2 times the memory, half of it inside."""
+    wander, narrowing = 0.01, 0.1
+    memory_s = narrowing / (2 * np.pi * frequency_hz * wander)
+    line = vibration_of_lines(
+        [frequency_hz], acceleration_ms2=[1.0], wander=wander, wander_time_s=memory_s
+    )
+    shifted, share = line.nodes(2e-4)
+    away = np.abs(shifted[:, 0] / frequency_hz - 1)
+    half_width = narrowing * wander
+    inside = float(share[away <= half_width, 0].sum())
+    assert inside == pytest.approx(0.5, rel=0.07)
+    assert float(share[away <= 3 * half_width, 0].sum()) == pytest.approx(0.8, rel=0.03)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -134,6 +134,19 @@ def test_sidebands_of_a_close_up_stand_on_the_lines_of_the_spectrum(healthy):
     assert "+1" in texts(ax)
 
 
+def test_sidebands_of_a_close_up_are_counted_upwards_from_the_mesh(healthy):
+    signature = healthy.analysis.signature
+    (mesh,) = signature.meshes
+    figure = close_up_figure(healthy.analysis, healthy.recording, mesh)
+    harmonic = close_up_harmonic(healthy.analysis, 1)
+    counted = {int(text.get_text().replace("−", "-")): text.xy[0] for text in figure.axes[0].texts}
+    assert {-2, -1, 1, 2} <= set(counted)
+    for number, place in counted.items():
+        # the faster shaft is the farthest apart
+        expected = harmonic * mesh.frequency_hz + number * signature.speed.estimated_hz
+        assert place == pytest.approx(expected)
+
+
 def test_the_close_up_shows_the_harmonic_whose_sidebands_changed(faulty):
     changes = [
         replace(change, level_db=change.reference_db + (40 if change.harmonic == 3 else 0))
@@ -263,6 +276,11 @@ def test_speed_is_within_the_range_that_the_analysis_states(healthy):
     drawn = named(ax)["speed, by tacho"].get_ydata()
     assert (drawn.min(), drawn.max()) == (speed.lowest_hz, speed.highest_hz)
     assert "nominal 20 Hz" in named(ax)
+    assert speed.uncertainty_hz > 0
+    (band,) = ax.patches
+    low, high = speed.estimated_hz - speed.uncertainty_hz, speed.estimated_hz + speed.uncertainty_hz
+    ends = band.get_extents().transformed(ax.transData.inverted())
+    assert (ends.y0, ends.y1) == pytest.approx((low, high), abs=1e-3 * (high - low))
 
 
 def test_the_tooth_that_is_named_without_a_flag_is_the_highest_bar(healthy):

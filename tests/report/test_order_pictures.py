@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from reference.small_gearbox import machine, recording
@@ -102,6 +104,13 @@ def test_average_shows_the_whole_turn_with_its_errors(averages):
 def test_indicators_say_what_is_dashed():
     figure = indicator_figure([indicator_table(recording(), machine())])
     assert "Gaussian noise" in texts(figure)
+    # of a normal law the n-th moment is the product of the odd numbers below n
+    orders = {"kurtosis": 4, "FM4": 4, "NA4": 4, "NA4*": 4, "M6A": 6, "M8A": 8}
+    for ax in figure.axes:
+        name = ax.get_title(loc="left").split("\n")[0].split(" (")[0]
+        dashed = [line.get_ydata()[0] for line in ax.lines if line.get_linestyle() == "--"]
+        moment = [math.prod(range(1, orders[name], 2))] if name in orders else []
+        assert dashed == moment, name
 
 
 def test_every_indicator_of_the_table_is_defined():

@@ -57,11 +57,16 @@ def test_flank(sheet):
     assert list(crack.get_xdata()) == [0.0, 20.0]
 
 
-def test_shares_fill_the_whole(sheet):
+def test_shares_fill_the_whole(stage, sheet):
     ax = sheet["share of pair compliance in %"]
     assert ax.get_ylim() == (0, 100)
     top = ax.collections[-1].get_paths()[0].vertices[:, 1].max()
     assert top == pytest.approx(100)
+    # the lowest band, from the first to the last contact
+    (label, band), *_ = ((own.get_label(), own.get_paths()[0].vertices) for own in ax.collections)
+    x, y = band[band[:, 1] > 0].T
+    np.testing.assert_allclose(y, 100 * stage.shares(x)[label], rtol=1e-6)
+    assert np.ptp(y) > 1
 
 
 def test_size_curve(stage, sheet):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from gearmon.report.html import Failure, write_report
@@ -126,3 +128,33 @@ def test_since_when_is_what_the_history_tells(faulty, healthy):
     assert told["since"].startswith("2026-03-03, in the last 1 of 3 recordings")
     assert "since" not in dict(summary(faulty.analysis).lines())
     assert "since" not in dict(summary(healthy.analysis, history_trends(history)).lines())
+
+
+def test_what_a_loss_has_become_is_told_by_its_trend_and_not_by_the_end_of_its_interval(faulty):
+    from gearmon.diagnosis.history import Entry, History, Place, history_trends
+
+    flag = faulty.analysis.flags[0]
+    noise = np.random.default_rng(2).normal(0.0, 0.003, 16)
+    places = [
+        Place(
+            stage=flag.stage, gear=flag.gear, tooth=flag.tooth, loss_sigma=0.02,
+            loss=float(0.02 + 0.02 * max(0, day - 5) + noise[day]),
+        )
+        for day in range(16)
+    ]  # fmt: skip
+    entries = [
+        Entry(
+            machine="m", recording=f"{day}.csv", time_s=1.7e9 + 86400.0 * day, time_source="given",
+            verdict="fault" if day > 9 else "healthy", score=0.5 + day, speed_hz=20.0,
+            false_alarm_probability=0.5, places=(place,),
+        )
+        for day, place in enumerate(places)
+    ]  # fmt: skip
+    trends = history_trends(History(machine="m", entries=tuple(entries)))
+    value, _, high = trends.shown[0].now
+    assert high > value + 0.015
+    said = dict(summary(faulty.analysis, trends).lines())["since"]
+    first, now = re.search(r"its loss went from (\d+) % to (\d+) %", said).groups()
+    assert abs(int(first) - 2) <= 1
+    assert abs(int(now) - 22) <= 1
+    assert "in the last 6 of 16 recordings" in said

@@ -124,6 +124,17 @@ def test_wear_is_a_softer_mesh():
     assert other.lines.acceleration == pytest.approx(soft.healthy[(0, 1, 0)].acceleration, rel=1e-9)
 
 
+def test_a_loss_of_one_tooth_is_told_of_its_pair_and_not_of_the_turn():
+    """Over its whole contact a cracked tooth lacks what is asked for, a pitted one a part of it."""
+    family = fault_family(PTO, kinds=["crack", "pitting"], sizes=["5%", "20%"], max_hz=5e3)
+    assert {member.gear for member in family} == {"pinion", "gear"}
+    for member in family:
+        asked = float(member.size.removesuffix("%")) / 100
+        share = 1.0 if member.kind == "crack" else 0.3
+        # where pits are carries more than the ends of the contact
+        assert member.loss == pytest.approx(share * asked, rel=0.25 * (1 - share) + 1e-9)
+
+
 @pytest.mark.parametrize("text", ["pitch:1:pinion:1:20um", "missing:1:pinion:1"])
 def test_jumping_excitation_against_slow_integration(text):
     # the full solve cuts the harmonics of jumps: only an integration from corner to corner can say

@@ -85,6 +85,9 @@ def test_tables(found):
         "mesh",
     ]
     assert all(row["standard_error"] > 0 for row in lines)
+    for row in lines:
+        turn = 1.0 if row["gear"] == "pinion" else 23 / 57
+        assert row["order"] == pytest.approx(row["multiple"] * turn, rel=1e-12)
     brief = as_json(found.to_dict())
     assert {one["gear"] for one in brief["averages"]} == {"pinion", "gear"}
     assert brief["averages"][0]["channels"][0]["standard_error_rms"] > 0

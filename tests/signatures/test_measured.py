@@ -25,7 +25,11 @@ from gearmon.machine import Machine, OperatingPoint, ParallelStage, Sensor, load
 from gearmon.signals.orders import OrderBlocks
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signatures.measured.line_plan import line_plan
-from gearmon.signatures.measured.measurement import family_levels, measure_signature
+from gearmon.signatures.measured.measurement import (
+    family_levels,
+    level_and_error_db,
+    measure_signature,
+)
 from gearmon.signatures.tracking import mesh_combs
 from gearmon.simulation import simulate
 
@@ -161,6 +165,19 @@ def test_scatter_is_the_standard_error_of_the_level():
     assert plan.families[0].kind == "mesh"
     assert 0.5 < np.mean(scatters) / np.std(levels) < 2.0
     assert np.mean(levels) == pytest.approx(-20, abs=0.5)
+
+
+@pytest.mark.parametrize("share", [1e-4, 0.03])
+def test_an_error_in_decibels_is_that_of_the_power(share):
+    """As far as the level moves when the power moves by its error; of what is drowned, a neper."""
+    power = np.array([1e-6, 0.2, 40.0])
+    level, error = level_and_error_db(power, share * power)
+    moved, _ = level_and_error_db((1 + share) * power, 0 * power)
+    np.testing.assert_allclose(moved - level, error, rtol=share)
+    np.testing.assert_allclose(level, 10 * np.log10(power))
+    level, error = level_and_error_db(0.01 * power, power)
+    np.testing.assert_allclose(level, 10 * np.log10(power))
+    np.testing.assert_allclose(error, 10 * np.log10(np.e))
 
 
 def test_noise_alone_is_rarely_heard():

@@ -41,6 +41,11 @@ def test_every_kind_gives_rows_and_json(kind):
     assert rows
     assert as_json(found.to_dict())["kind"] == kind
     assert all(np.isfinite(v) for v in rows[0].values() if not isinstance(v, str))
+    own = {"density": "(m/s2)^2/Hz", "energy": "(m/s2)^2", "cepstrum": "1", "kurtogram": "1"}
+    assert set(found.units) == {own.get(kind, "m/s2")}
+    if kind != "kurtogram":
+        shown = "" if kind == "cepstrum" else f" [{found.units[0]}]"
+        assert list(rows[0])[1:] == [f"{name}{shown}" for name in found.channel_names]
 
 
 def test_lines_of_the_machine_are_named():

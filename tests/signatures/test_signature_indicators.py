@@ -84,6 +84,16 @@ def test_first_sidebands_belong_to_the_regular_signal():
     assert values["FM4"] == 0.0
 
 
+def test_six_sidebands_on_either_side_count_over_the_first_mesh_line():
+    """FM0 is over all mesh lines: a cosine and one of half its size and period swing by 4.5."""
+    sides = {17: 0.1, 18: 0.02, 28: 0.3, 29: 0.2j}
+    values = of(analysis().signature, {16: 5.0, 23: 2.0, 30: 7.0, 46: 1.0, 45: 3.0} | sides)
+    assert values["SER"] == pytest.approx(0.62 / 2.0)
+    values = of(analysis().signature, {23: 2.0, 46: 1.0})
+    # 2 cos t + cos 2t: 3 at its top, -1.5 where cos t = -1/2
+    assert values["FM0"] == pytest.approx(4.5 / 3.0, rel=1e-2)
+
+
 def test_one_line_between_is_a_sine_in_the_difference():
     values = of(analysis().signature, {23: 2.0, 30: 0.5})
     assert values["FM4"] == pytest.approx(1.5, rel=1e-9)

@@ -236,6 +236,21 @@ def test_opposite_flanks_push_back_beyond_the_backlash():
     assert force.min() == pytest.approx(-force.max(), rel=1e-3)
 
 
+def test_both_flanks_take_as_much_of_a_blow():
+    """Thrown from the middle of the backlash to either side, what follows is mirrored."""
+    system = single(force=0.0, backlash_m=np.array([1e-4]))
+    course = constant_course(3e-4, step=5e-7)
+    driving, opposite = (
+        deflection(integrate(system, course, run_in=0, start=moving(-5e-5, speed)))
+        for speed in (0.4, -0.4)
+    )
+    assert driving[0] + opposite[0] == pytest.approx(-1e-4, abs=1e-9)
+    assert driving[1] == pytest.approx(-opposite[1], rel=1e-6)
+    # apart again, and slower by what the damper took
+    assert -1e-4 < driving[0] < 0
+    assert 0.5 * 0.4 < -driving[1] < 0.9 * 0.4
+
+
 def test_forces_are_the_stiffness_times_the_deformation_at_the_ends_of_steps():
     start = moving(2e-5, 0.1)
     result = integrate(single(), constant_course(1e-3), run_in=0, start=start, chunks=1)

@@ -38,6 +38,22 @@ def test_modes_lie_in_their_band_and_peak():
     assert at[1] > at[0]
 
 
+@pytest.mark.parametrize(("channel", "stage"), [(0, 0), (1, 2)])
+def test_path_is_a_sum_of_modes_behind_a_bearing_that_passes_slow_forces_whole(channel, stage):
+    """Number by number: w^2/(W^2 - w^2 + 2 i z W w) of every mode, over the mass."""
+    path = random_path(4, 2, 3, 0.4)
+    bearing = float(path.bearing_hz[stage])
+    for hertz in (0.02 * bearing, 0.7 * bearing, bearing, 4.0 * bearing):
+        total = 0j
+        modes = zip(path.frequencies_hz, path.damping_ratios, strict=True)
+        for number, (own, damping) in enumerate(modes):
+            shapes = path.sensor_shapes[channel, number] * path.stage_shapes[stage, number]
+            total -= shapes * hertz**2 / (own**2 - hertz**2 + 2j * damping * own * hertz)
+        passed = 1 / (1 - (hertz / bearing) ** 2 + 0.2j * hertz / bearing)
+        expected = passed * total / path.housing_mass_kg
+        assert path.accelerance(np.array([hertz]), channel, stage)[0] == pytest.approx(expected)
+
+
 def test_channels_that_are_added_do_not_change_the_others():
     few, many = random_path(5, 2, 1, 0.4), random_path(5, 4, 1, 0.4)
     assert np.array_equal(few.sensor_shapes, many.sensor_shapes[:2])

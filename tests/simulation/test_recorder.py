@@ -322,6 +322,18 @@ def test_errors_come_to_those_of_manufacture():
     assert all(own["stiffness_loss"] is None for own in known["faults"])
 
 
+def test_the_load_that_is_told_wanders_about_the_share_asked_for():
+    steady, moving, half = (
+        simulate(one_pair(), (), 0.5, 5_000.0, **QUIET | {"load": load, "load_drift": drift})
+        for load, drift in ((0.5, 0.0), (1.0, 0.05), (0.5, 0.05))
+    )
+    names = ("min_share", "mean_share", "max_share")
+    shares = [[own.truth["load"][name] for name in names] for own in (steady, moving, half)]
+    assert shares[0] == pytest.approx([0.5] * 3)
+    assert shares[1][0] < shares[1][1] < shares[1][2]
+    assert shares[2] == pytest.approx([0.5 * own for own in shares[1]])
+
+
 def test_worn_profiles_move_the_mesh_in_proportion():
     sound, worn, twice = (
         simulate(one_pair(), faults, 1.0, 20_000.0, **QUIET)

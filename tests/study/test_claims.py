@@ -58,6 +58,24 @@ def test_expected_numbers_are_met(findings, key):
     assert not differing
 
 
+def test_numbers_known_from_elsewhere_are_met_in_every_claim(findings):
+    """Closed forms and independent computations hold, whatever becomes of what was claimed."""
+    known = [
+        item
+        for finding in findings.values()
+        for item in finding.evidence
+        if item.expected is not None and "study" not in item.source
+    ]
+    assert len(known) > 40
+    assert not [item.quantity for item in known if not item.agrees]
+
+
+def test_square_of_the_frequency_ratio_is_told_beside_it(findings):
+    ratio, square = (item.ours for item in findings["5c"].evidence[:2])
+    assert ratio == pytest.approx(REFERENCE.frequency_ratio)
+    assert square == pytest.approx(ratio**2)
+
+
 def test_verdicts_follow_the_results(results, findings):
     """Other results, other verdicts: nothing is typed in."""
     sweep = results.sweeps["stiffness_n_per_m"]
@@ -90,6 +108,16 @@ def test_contact_is_lost_at_the_resonance_that_is_told(results, findings):
     ratio = told["natural over mesh frequency at the least mass that loses contact"]
     resonant = replace(REFERENCE, mass_kg=results.contact.mass.first)
     assert ratio == pytest.approx(resonant.frequency_ratio)
+
+
+def test_displacement_at_three_kilograms_is_negative_only_where_it_is_counted_from_rest(findings):
+    told = {item.quantity: item.ours for item in findings["7c"].evidence}
+    least_um = told["least steady displacement at 3 kg"]
+    counted_um = told["least steady displacement at 3 kg, counted from F/k0"]
+    assert counted_um < 0 < least_um
+    assert least_um - counted_um == pytest.approx(
+        1e6 * REFERENCE.force_n / REFERENCE.stiffness_n_per_m
+    )
 
 
 def test_evidence():

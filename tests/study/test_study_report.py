@@ -15,6 +15,7 @@ from gearmon.report.plots import as_png
 from gearmon.study import report as telling
 from gearmon.study import write_study
 from gearmon.study.claims import Evidence
+from gearmon.study.pair import SIGNALS
 from gearmon.study.report import (
     FIGURES,
     PICTURES,
@@ -86,6 +87,22 @@ def test_curves_are_in_the_units_of_their_axes(results):
             np.testing.assert_allclose(own.lines[0].get_ydata(), values[:-1])
             np.testing.assert_allclose(own.lines[0].get_xdata(), 1e3 * motion.time_s[:-1])
             assert axes[list(ax).index(own), 0].get_ylabel() == label
+
+
+def test_spectra_of_the_forms_are_those_of_their_course(results):
+    """Amplitudes over the mean, by sums over a mesh period, at multiples of 625 Hz."""
+    figure = draw_picture(NAMED["stiffness_form_spectra"], results)
+    turn = np.arange(1 << 14) / (1 << 14)
+    for key in ("parabolic", "wave"):
+        signal = SIGNALS[key]
+        lines = 2 * np.abs(np.fft.rfft(signal.modulation(turn))) / len(turn)
+        (ax,) = (ax for ax in figure.axes if ax.get_title(loc="left") == f"Fig. 3: {signal.label}")
+        x, y = ax.lines[-1].get_data()
+        number = np.rint(np.asarray(x) / 0.625).astype(int)
+        np.testing.assert_allclose(x, 0.625 * number, rtol=1e-9)
+        assert {1, 2, 3} <= set(number.tolist())
+        for own, level in zip(number.tolist(), np.asarray(y), strict=True):
+            assert own > 4 or level == pytest.approx(20 * np.log10(lines[own]), abs=0.05)
 
 
 def test_files(report):

@@ -449,6 +449,16 @@ def test_a_loss_in_two_recordings_is_no_trend():
     assert found.shown[0].trend.changes[0].kind == "step"
 
 
+@pytest.mark.parametrize(("teeth", "listed"), [(5, True), (39, True), (41, False), (80, False)])
+def test_a_steady_loss_is_listed_unless_so_many_teeth_show_it_by_chance(teeth, listed):
+    """Clear thrice of thrice, a sound tooth has 0.05^3; of all no more than 0.005 is allowed."""
+    places = [tooth(j, 0.03 if j == 2 else 0.0, teeth=teeth) for j in range(1, teeth + 1)]
+    entries = tuple(entry(n, places) for n in range(3))
+    found = history_trends(History(machine="conveyor", entries=entries))
+    assert [own.tooth for own in found.shown] == ([2] if listed else [])
+    assert all(not own.trend.changes for own in found.teeth)
+
+
 def test_what_all_recordings_share_is_not_averaged_out():
     # the scale of all losses is off by a third, and each recording says that it may be
     true = 0.02 * np.maximum(np.arange(20) - 6.0, 0.0)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from gearmon.diagnosis.hypotheses.turns import (
     PRIOR_DB,
     PRIOR_WORTH,
+    SLOPE_DB,
     TurnChange,
     healthy_turns,
     runout_growth,
@@ -71,6 +72,14 @@ def test_references_that_scatter_more_ask_for_more():
     # contrasts +-8 and 0, of two recordings
     square = (PRIOR_WORTH * PRIOR_DB**2 + 2 * 32.0) / (PRIOR_WORTH + 2)
     assert found.sigma_db == pytest.approx(np.sqrt(square))
+
+
+@pytest.mark.parametrize("gap", [0.05, 0.3])
+def test_another_operating_point_adds_to_the_scatter_in_squares(gap):
+    gaps, still = (0.0, gap, 2 * gap), [turn(*6 * [0])]
+    here, near, far = (runout_growth(still, gap=own)[0].sigma_db for own in gaps)
+    assert near**2 - here**2 == pytest.approx((SLOPE_DB * gap) ** 2)
+    assert far**2 - here**2 == pytest.approx(4 * (near**2 - here**2))
 
 
 def pattern(factor, seed=0):
