@@ -27,6 +27,7 @@ from scipy.special import gammaincc, gammaln, stdtr
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
+from gearmon.diagnosis.law.machine import channel_gain
 from gearmon.diagnosis.law.patterns import GearPattern, turn_energy, turning
 from gearmon.diagnosis.results import ToothProfile
 from gearmon.signatures.measured.reference import WheelPattern
@@ -256,6 +257,8 @@ def turn_changes(
         unheard = (old_scatter >= _UNHEARD_DB**2) | (new_db > old_db)
         change = np.where(unheard & (new_scatter >= _UNHEARD_DB**2), np.nan, new_db - old_db)
         found.append((wheel, change, np.sqrt(new_scatter + old_scatter)))
+    if not found:
+        return ()
     gain = _gains(found)
     return tuple(
         TurnChange(
@@ -303,10 +306,8 @@ def _gains(found: Sequence[tuple[WheelPattern, FloatArray, FloatArray]]) -> Floa
     """Return the median change of the clear lines of each channel [dB]."""
     limit = 10 / np.log(10) * 10 ** (-_CLEAR_DB / 20) * np.sqrt(2)
     clear = [np.where(spread < limit, change, np.nan)[..., 1:] for _, change, spread in found]
-    channels = zip(*clear, strict=True)
-    rows = [np.concatenate([own.ravel() for own in channel]) for channel in channels]
-    told = [row[~np.isnan(row)] for row in rows]
-    return np.array([float(np.median(row)) if len(row) else 0.0 for row in told])
+    rows = [own.reshape(len(own), -1) for own in clear]
+    return np.nan_to_num(channel_gain(np.concatenate(rows, axis=1)))
 
 
 @dataclass(frozen=True, kw_only=True)

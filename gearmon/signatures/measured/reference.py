@@ -17,14 +17,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from gearmon import __version__
-from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.arrays import BoolArray, ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_type
 from gearmon.files import reading_archive, restored, stored, write_archive
 from gearmon.gears.kinematics import kinematics
@@ -142,6 +142,22 @@ class WheelPattern:
         return next((own for own in wheels if (own.stage, own.gear, own.teeth) == key), None)
 
 
+class Levels(NamedTuple):
+    """Levels of one recording, arrays of shape (channels, levels).
+
+    Parameters
+    ----------
+    level_db, error_db : ndarray of float
+        Levels and their standard errors [dB].
+    heard : ndarray of bool, or None
+        Whether each stands above its own scatter; None where all do.
+    """
+
+    level_db: FloatArray
+    error_db: FloatArray
+    heard: BoolArray | None = None
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
     """One recording, condensed to what is compared.
@@ -208,11 +224,17 @@ class Profile:
         whole: Profile = self if own == list(range(len(self.level_db))) else taken(self, own)
         return whole
 
-    def of_families(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Return level, its standard error and whether it is heard, of some families of lines."""
+    def of_families(self, names: Sequence[str]) -> Levels:
+        """Return the levels of some families of lines."""
         index = {name: column for column, name in enumerate(self.family_names)}
         columns = [index[name] for name in names]
-        return self.level_db[:, columns], self.scatter_db[:, columns], self.heard[:, columns]
+        level, error, heard = self.level_db, self.scatter_db, self.heard
+        return Levels(level[:, columns], error[:, columns], heard[:, columns])
+
+    @property
+    def bands(self) -> Levels:
+        """Levels of the broadband spectrum."""
+        return Levels(self.band_db, np.zeros_like(self.band_db))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
