@@ -274,6 +274,8 @@ def channel_gain(moved_db: FloatArray) -> FloatArray:
     >>> channel_gain(np.array([[1.0, np.nan, 3.0], [6.0, 0.0, 5.0]])).tolist()
     [2.0, 5.0]
     """
+    if not moved_db.shape[1]:
+        return np.full(len(moved_db), np.nan)
     ordered, count = np.sort(moved_db, axis=1), np.count_nonzero(~np.isnan(moved_db), axis=1)
     middle = np.stack([(count - 1) // 2, count // 2], axis=1)
     return np.asarray(np.take_along_axis(ordered, middle, axis=1).mean(axis=1))
