@@ -281,26 +281,23 @@ def path_change(levels: LevelDeviation, families: Sequence[Family]) -> PathChang
     families : sequence of Family
         One for each column.
     """
-    columns: dict[tuple[int, int], list[int]] = {}
-    for column, family in enumerate(families):
-        columns.setdefault((family.stage, family.harmonic), []).append(column)
-    parts = [levels.standardised[:, members] for members in columns.values() if len(members) > 1]
-    counts = [np.isfinite(part).sum(axis=1) for part in parts]
+    places = [(family.stage, family.harmonic) for family in families]
+    bands, band = np.unique(places, axis=0, return_inverse=True)
+    of_band = np.eye(len(bands))[band]
+    known = np.isfinite(levels.standardised)
+    changes = np.where(known, levels.standardised, 0.0)
+    count, total, squares = (own @ of_band for own in (known, changes, changes**2))
+    several = count > 1
+    count, whole, squares = count[several], total[several] ** 2 / count[several], squares[several]
+    spread = squares - whole
     # of unrelated changes the mean of `count` has a variance of one part in `count`
-    between = within = together = 0.0
-    for part, count in zip(parts, counts, strict=True):
-        part, count = part[count > 1], count[count > 1]
-        mean = np.nansum(part, axis=1) / count
-        spread = np.nansum(part**2, axis=1) - count * mean**2
-        together += float(np.sum(count * mean**2))
-        between += float(np.sum(np.maximum(count * mean**2 - spread / (count - 1), 0.0)))
-        within += float(np.sum(spread * count / (count - 1)))
-    bands = sum(int(np.sum(count > 1)) for count in counts)
+    between = np.sum(np.maximum(whole - spread / (count - 1), 0.0))
+    within = np.sum(spread * count / (count - 1))
     return PathChange(
-        common=between / max(between + within, np.finfo(float).tiny),
+        common=float(between / max(between + within, np.finfo(float).tiny)),
         apart=_apart(levels, families),
-        together=together / max(bands, 1),
-        bands=bands,
+        together=float(np.sum(whole)) / max(len(count), 1),
+        bands=len(count),
     )
 
 
