@@ -594,8 +594,7 @@ def _noticed_from(gear: GearEvidence) -> float | None:
     deviation, search = gear.deviation, gear.search
     assert search is not None
     expected = search.expected - _prior(gear)
-    lines = sum(band.rest.size for band in deviation.bands)
-    beside = 2.0 * lines * deviation.meetings / deviation.teeth
+    beside = 2.0 * deviation.lines * deviation.meetings / deviation.teeth
     peak = 1.0 + np.maximum(search.stands_out - _prior(gear), 0.0) / max(1.0, beside)
     told = np.transpose([expected, peak, search.matched_peak, search.directions]).tolist()
     believed = np.array([gear.believes(*each) for each in told])

@@ -168,7 +168,7 @@ def family_gain_db(own: Profile, reference: Reference) -> FloatArray:
     common = [name for name in reference.family_names if name in own.family_names]
     levels = [one.of_families(common) for one in (own, *reference.profiles)]
     moved = levels[0].level_db - np.mean([one.level_db for one in levels[1:]], axis=0)
-    clear = np.logical_and.reduce([one.heard for one in levels if one.heard is not None])
+    clear = np.logical_and.reduce([one.heard for one in levels])
     return np.nan_to_num(channel_gain(np.where(clear, moved, np.nan)))
 
 

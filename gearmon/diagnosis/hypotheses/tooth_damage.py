@@ -175,11 +175,11 @@ class GearEvidence:
         """
         if self.search is not None:
             return self.search.log_gear
-        lines = sum(band.rest.size for band in self.deviation.bands)
-        shape = max(0.5, 2.0 * lines / self.deviation.teeth / _OVERDISPERSION)
+        own = self.deviation
+        shape = max(0.5, 2.0 * own.lines / own.teeth / _OVERDISPERSION)
         # the meetings of one turn depart together on a healthy machine, too: however many there
         # are, the largest mean over them scatters as one of them would
-        return self._of_gamma(shape, self.deviation.peak)
+        return self._of_gamma(shape, own.peak)
 
     @property
     def believed(self) -> float:

@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.diagnosis.law.gear_lines import LEAST_MISFIT, GearDeviation
@@ -295,18 +296,16 @@ def path_power(measured: FloatArray, expected: ComplexArray, *, mean: bool = Fal
     told = (power > 0) & np.all(heard > 0, axis=0) & (np.arange(count) > 0)
     around = _near(np.where(told, power, 0.0))
     if mean:
-        sums = np.array([_near(np.where(told, row, 0.0)) for row in heard])
-        result = sums / np.where(around > 0, around, 1.0)
+        result = _near(np.where(told, heard, 0.0)) / np.where(around > 0, around, 1.0)
     else:
         ratio = np.log(np.where(told, heard, 1.0) / np.where(told, power, 1.0))
-        sums = np.array([_near(row) for row in ratio])
-        result = np.exp(sums / np.maximum(_near(told), 0.5))
+        result = np.exp(_near(ratio) / np.maximum(_near(told), 0.5))
     return np.where((around > 0) & (np.arange(count) > 0), result, 0.0)
 
 
 def _near(values: NDArray[Any]) -> FloatArray:
-    """Sum of each value and half of its neighbours."""
-    return np.convolve(values, [0.5, 1.0, 0.5], "same")
+    """Sum of each value and half of its neighbours along the last axis."""
+    return np.asarray(convolve1d(values, [0.5, 1.0, 0.5], mode="constant", output=float))
 
 
 def event_delays(response: ToothResponse, rotation_hz: float, decay_s: float) -> FloatArray:

@@ -136,15 +136,11 @@ class StateGauge:
 
     def _changes(self, profile: Profile) -> FloatArray:
         """Return changes of the mesh harmonics [Np]; NaN where unheard, and of other families."""
-        base, change = self.base, np.full(self.direction.shape, np.nan)
-        its = [
-            n
-            for n, name in enumerate(base.family_names)
-            if name.startswith("mesh") and name in profile.family_names
-        ]
-        own = [profile.family_names.index(base.family_names[n]) for n in its]
-        heard = profile.heard[:, own] & base.heard[:, its]
-        change[:, its] = np.where(heard, profile.level_db[:, own] - base.level_db[:, its], np.nan)
+        change, known = np.full(self.direction.shape, np.nan), self.base.family_names
+        names = [n for n in known if n.startswith("mesh") and n in profile.family_names]
+        own, base = profile.of_families(names), self.base.of_families(names)
+        moved = np.where(own.heard & base.heard, own.level_db - base.level_db, np.nan)
+        change[:, [known.index(name) for name in names]] = moved
         return change / _DB
 
 
@@ -233,15 +229,12 @@ def level_deviation(
     # variance over its prior, as the references depart from what the others predict of them
     scale = max((_WORTH + sum(seen)) / (_WORTH + len(seen)), _LEAST_SCALE)
     mean, spread = _predicted(healthy, states, state, prior)
-    rest, told = own.level_db - mean, own.heard
-    gain = channel_gain(rest)
-    if told is not None:
-        sure = channel_gain(np.where(told, rest, np.nan))
-        # what does not stand above its noise tells how high the gain can be
-        gain = np.where(told.sum(axis=1) < _LEAST_TOLD, np.fmin(sure, gain), sure)
+    rest = own.level_db - mean
+    gain, sure = channel_gain(rest), channel_gain(np.where(own.heard, rest, np.nan))
+    # what does not stand above its noise tells how high the gain can be
+    gain = np.where(own.heard.sum(axis=1) < _LEAST_TOLD, np.fmin(sure, gain), sure)
     expected, rest = mean + gain[:, None], rest - gain[:, None]
-    if told is not None:
-        rest = np.where(told | (rest < 0.0), rest, np.nan)
+    rest = np.where(own.heard | (rest < 0.0), rest, np.nan)
     sigma = np.sqrt(scale * (spread + own.error_db**2))
     return LevelDeviation(expected_db=expected, rest_db=rest, sigma_db=sigma, gain_db=gain)
 

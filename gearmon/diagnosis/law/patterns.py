@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.signatures.measured.reference import WheelPattern
@@ -228,12 +229,10 @@ def _event(
         gain /= np.maximum(power, np.finfo(float).tiny)
         deviations.append(np.sqrt(variance))
         energy += turn_energy((value - gain[:, None] * old) / deviations[-1], band, places)
-    wide = _EVENT_TEETH * _PLACES
-    ends = np.cumsum(np.tile(energy, 2))
-    window = ends[wide : wide + places] - ends[:places]
+    window = uniform_filter1d(energy, _EVENT_TEETH * _PLACES, mode="wrap")
     if float(window.max()) < _EVENT * float(np.median(window)):
         return None
-    middle = (int(np.argmax(window)) + 1 + wide // 2) / _PLACES
+    middle = int(np.argmax(window)) / _PLACES
     delay = (middle + AROUND) / teeth
     event = np.zeros_like(new.amplitude)
     for band, deviation in zip(bands, deviations, strict=True):

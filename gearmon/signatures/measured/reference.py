@@ -149,13 +149,13 @@ class Levels(NamedTuple):
     ----------
     level_db, error_db : ndarray of float
         Levels and their standard errors [dB].
-    heard : ndarray of bool, or None
-        Whether each stands above its own scatter; None where all do.
+    heard : ndarray of bool
+        Whether each stands above its own scatter.
     """
 
     level_db: FloatArray
     error_db: FloatArray
-    heard: BoolArray | None = None
+    heard: BoolArray
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -234,7 +234,7 @@ class Profile:
     @property
     def bands(self) -> Levels:
         """Levels of the broadband spectrum."""
-        return Levels(self.band_db, np.zeros_like(self.band_db))
+        return Levels(self.band_db, np.zeros_like(self.band_db), self.band_db < np.inf)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

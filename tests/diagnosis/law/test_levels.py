@@ -20,9 +20,14 @@ HERE, SOME = np.zeros(2), np.zeros((1, 2))
 
 
 def held(new, known, states=None, state=HERE, told=None):
-    healthy = [Levels(one, np.zeros_like(one)) for one in np.asarray(known, dtype=float)]
+    healthy = [levels(one) for one in np.asarray(known, dtype=float)]
     where = np.zeros((len(known), 2)) if states is None else np.asarray(states, dtype=float)
-    return level_deviation(Levels(new, np.zeros_like(new), told), healthy, where, state)
+    return level_deviation(levels(new, told=told), healthy, where, state)
+
+
+def levels(level, error=0.0, told=None):
+    heard = np.ones(level.shape, dtype=bool) if told is None else told
+    return Levels(level, np.full(level.shape, error), heard)
 
 
 def test_a_gain_of_a_channel_leaves_nothing():
@@ -130,7 +135,7 @@ def test_mesh_harmonics_that_change_otherwise_in_each_channel_are_another_path()
 
 
 def test_the_standard_deviation_is_that_of_a_difference_from_a_mean():
-    own, known = (Levels(np.zeros((1, 9)), np.full((1, 9), error)) for error in (0.5, 0.6))
+    own, known = (levels(np.zeros((1, 9)), error) for error in (0.5, 0.6))
     found = level_deviation(own, [known, known], np.zeros((2, 2)), HERE)
     # scatter of 0.06 Np in the recording and in the mean of two references
     own = (20 / np.log(10) * 0.06) ** 2 * (1 + 1 / 2)
