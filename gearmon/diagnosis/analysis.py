@@ -288,7 +288,7 @@ class _Compared:
         families, shared = self._families(evidence.deviation), self.known.channel_names
         changes = verdict.level_changes(evidence.deviation.levels, shared, families)
         undetected = [mesh.stage for mesh in signature.meshes if not mesh.found]
-        hidden = hidden_stages(evidence.finding, undetected)
+        hidden = hidden_stages(evidence.searched, undetected)
         profiles = tuple(_profiles(evidence, hidden))
         silent = [name for name in self.reference.channel_names if name not in shared]
         deaf = verdict.unheard(evidence, self.machine, silent, must_notice, hidden)

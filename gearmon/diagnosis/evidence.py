@@ -358,6 +358,11 @@ class Evidence:
     recurrence: float = np.inf
     knocks: float = 0.0
 
+    @property
+    def searched(self) -> tuple[GearEvidence, ...]:
+        """All gears that were searched for damage."""
+        return self.finding.searched if self.finding is not None else ()
+
     @cached_property
     def strengths(self) -> dict[str, float]:
         """Strength of every test, by its name."""
@@ -398,7 +403,7 @@ class Evidence:
     @property
     def load_unlearned(self) -> bool:
         """Whether levels may change with the load as they like, see `GearEvidence`."""
-        return self.finding is not None and any(g.load_unlearned for g in self.finding.searched)
+        return any(gear.load_unlearned for gear in self.searched)
 
     @property
     def angle_lost(self) -> bool:
@@ -561,19 +566,18 @@ def heard_from(gear: GearEvidence) -> float | None:
 _OF_PAIRS = ("pinion", "gear")
 
 
-def hidden_stages(finding: ToothFinding | None, undetected: Collection[int]) -> set[int]:
+def hidden_stages(searched: Sequence[GearEvidence], undetected: Collection[int]) -> set[int]:
     """Name the stages of which nothing is heard.
 
     Parameters
     ----------
-    finding : ToothFinding or None
-        All gears that were searched.
+    searched : sequence of GearEvidence
+        All gears.
     undetected : collection of int
         Stages whose mesh was not detected: what is heard at its lines may be pitch errors of a gear
         on the same shaft, unless they stand out of the other lines of both gears. Those of a
         planetary set stand where its planets put them.
     """
-    searched = finding.searched if finding is not None else ()
     asked = [own for own in searched if own.key[0] in undetected and own.key[1] in _OF_PAIRS]
     return {own.key[0] for own in asked if not own.mesh_stands_out}
 

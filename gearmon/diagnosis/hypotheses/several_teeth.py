@@ -261,13 +261,6 @@ class DepartureSpread:
     second: SecondTooth | None = None
 
     @cached_property
-    def _chance(self) -> FloatArray:
-        chance = np.exp(self.log_likelihood - self.log_likelihood.max())
-        one = SHARES < ONE_TOOTH_BELOW
-        chance /= np.where(one, one.sum(), (~one).sum())
-        return np.asarray(chance / chance.sum())
-
-    @cached_property
     def _kinds(self) -> FloatArray:
         """Probabilities of one tooth, of two or more that stand out, and of the whole turn."""
         one = SHARES < ONE_TOOTH_BELOW
@@ -290,7 +283,12 @@ class DepartureSpread:
     @property
     def explained(self) -> float:
         """Share of the departure that one tooth explains, 0 to 1."""
-        return float(1.0 - self._chance @ SHARES)
+        chance, one = (
+            np.exp(self.log_likelihood - self.log_likelihood.max()),
+            SHARES < ONE_TOOTH_BELOW,
+        )
+        chance /= np.where(one, one.sum(), (~one).sum())
+        return float(1.0 - chance @ SHARES / chance.sum())
 
     @property
     def teeth_involved(self) -> float:

@@ -282,18 +282,15 @@ def _beyond_mesh(change: FloatArray) -> FloatArray:
 
 def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray]:
     """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their variances."""
-    top = int(wheel.number.max())
-    power = np.zeros((len(wheel.amplitude), top + 1))
-    variance = np.zeros_like(power)
-    power[:, wheel.number] = np.abs(wheel.amplitude) ** 2
-    variance[:, wheel.number] = wheel.variance
-    usable = np.zeros(top + 1, dtype=bool)
-    usable[wheel.number] = ~wheel.mesh
+    lines = GearPattern.of(wheel, int(wheel.number.max()))
+    own = slice(lines.channels)
+    power, variance = np.abs(lines.amplitude[own]) ** 2, lines.variance[own]
+    usable = lines.usable[0].copy()
     centre = wheel.teeth * np.arange(1, harmonics + 1)
     usable[centre] = True
     sides = np.multiply.outer([-1, 1], np.arange(SIDEBANDS + 1))
     place = np.maximum(centre[:, None] + sides[:, None], 0)
-    total, noise = (np.sum(usable[place] * own[:, place], axis=1) for own in (power, variance))
+    total, noise = (np.sum(usable[place] * each[:, place], axis=1) for each in (power, variance))
     noise = np.maximum(noise, _TINY)
     clean = np.maximum(total - noise, noise)
     scatter = 10 / np.log(10) * np.minimum(np.sqrt(2 * noise / clean), 1.0)
