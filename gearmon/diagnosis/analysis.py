@@ -263,7 +263,7 @@ class _Compared:
         return Profile.of(self.signature).part(self.rows)
 
     @cached_property
-    def sidebands(self) -> tuple[turns.TurnChange, ...]:
+    def sidebands(self) -> turns.Sidebands:
         """Changes of single sidebands."""
         return turns.turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
@@ -295,11 +295,12 @@ class _Compared:
         answer = decide(evidence, deaf)
         flags: tuple[Flag, ...] = ()
         if answer == "fault":
+            energies = {(own.stage, own.gear): own.energy for own in profiles}
             flags = verdict.Flagging(
                 evidence=evidence,
                 machine=self.machine,
                 changes=changes,
-                features=kind_features(changes, profiles, self.sidebands),
+                features=kind_features(changes, energies, self.sidebands),
             ).flags()
         return Analysis(
             recording=signature.origin,
@@ -402,5 +403,5 @@ _law_of = lru_cache(maxsize=4)(HealthyMachine.of)
 
 
 @lru_cache(maxsize=4)
-def _healthy_turns(reference: Reference) -> tuple[tuple[turns.TurnChange, ...], ...]:
+def _healthy_turns(reference: Reference) -> tuple[turns.Sidebands, ...]:
     return turns.healthy_turns([profile.wheels for profile in reference.profiles])

@@ -23,7 +23,7 @@ from gearmon.diagnosis.fault_types import NAMES, FeatureVector
 from gearmon.diagnosis.fault_types.kinds import rule_probabilities
 from gearmon.diagnosis.hypotheses.several_teeth import departure_spread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, LossEstimate, ToothFinding
-from gearmon.diagnosis.hypotheses.turns import TurnChange, runout_growth
+from gearmon.diagnosis.hypotheses.turns import runout_growth
 from gearmon.diagnosis.law.machine import LevelDeviation, MachineDeviation
 from gearmon.diagnosis.nongear import NonGearFinding
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
@@ -181,12 +181,10 @@ def test_an_unclear_kind_is_not_guessed():
 
 
 def test_runout_is_flagged_by_gear_and_kind():
-    growth = runout_growth(
-        [TurnChange(stage=1, gear="pinion", change_db=np.array([15.0, *5 * [0]]))]
-    )
+    growth = runout_growth({(1, "pinion"): np.array([15.0, *5 * [0]])})
     (flag,) = flags_of(evidence(runout=growth))
     assert (flag.kind, flag.stage, flag.gear, flag.tooth) == ("eccentricity", 1, "pinion", None)
-    small = runout_growth([TurnChange(stage=1, gear="pinion", change_db=np.array([5.0, *5 * [0]]))])
+    small = runout_growth({(1, "pinion"): np.array([5.0, *5 * [0]])})
     assert flags_of(evidence(runout=small)) == ()
     # pits on many teeth move the first sidebands, and all others with them
     pitted = features(once_db=15.0, near_db=10.0, several_db=8.0, far_db=9.0)
@@ -353,9 +351,7 @@ def test_a_healthy_verdict_says_how_much_wear_would_pass_for_load():
 
 
 def test_runout_is_not_blamed_for_a_bearing_or_a_moved_sensor():
-    growth = runout_growth(
-        [TurnChange(stage=1, gear="pinion", change_db=np.array([15.0, *5 * [0]]))]
-    )
+    growth = runout_growth({(1, "pinion"): np.array([15.0, *5 * [0]])})
     bearing = evidence(lines=2.0, noise=3.0, noise_gain_db=6.0, runout=growth)
     assert [f.kind for f in flags_of(bearing, None, [change(-10.0)])] == ["broadband rise"]
     moved = evidence(lines=4.0, runout=growth)
