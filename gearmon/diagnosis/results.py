@@ -242,7 +242,7 @@ class Analysis(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON: the contract of `gearmon analyse --json`."""
         signature = self.signature
-        names = ("recording", "machine", "verdict", "reason", "score")
+        names: tuple[str, ...] = ("recording", "machine", "verdict", "reason", "score")
         names += ("false_alarm_probability", "compared_with")
         return {name: getattr(self, name) for name in names} | {
             "channels": list(signature.channel_names),

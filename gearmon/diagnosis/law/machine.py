@@ -383,14 +383,12 @@ class HealthyMachine:
             If no family of lines is left.
         """
         state = self.gauge.state(own)
-        gears = []
-        for wheel in own.wheels:
-            law = self.gears.get((wheel.stage, wheel.gear))
-            if law is None or law.wheel.teeth != wheel.teeth:
-                continue
-            found = law.deviation(wheel, state, same_zero=own.tacho and law.indexed)
-            if found is not None:
-                gears.append(found)
+        both = [(self.gears.get((wheel.stage, wheel.gear)), wheel) for wheel in own.wheels]
+        gears = [
+            law.deviation(wheel, state, same_zero=own.tacho and law.indexed)
+            for law, wheel in both
+            if law is not None and law.wheel.teeth == wheel.teeth
+        ]
         names = [n for n in own.family_names if n in self.family_names and n not in left_out]
         if not names:
             raise ArgumentError(
@@ -409,7 +407,7 @@ class HealthyMachine:
             heavy=float(state[0] - self.states[:, 0].max()),
             speed_off=float(np.abs(speeds - now).max(axis=1).min()),
             length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
-            gears=tuple(gears),
+            gears=tuple(filter(None, gears)),
             family_names=tuple(names),
             levels=level_deviation(own.of_families(names), healthy, *placed),
             broadband=level_deviation(own.bands, bands, *placed, BROADBAND) if alike else None,
