@@ -95,13 +95,8 @@ class GearPattern:
 
     def up_to(self, top: int) -> GearPattern:
         """Return the pattern up to a lower multiple of the rotation."""
-        inside = slice(top + 1)
-        return replace(
-            self,
-            amplitude=self.amplitude[:, inside],
-            variance=self.variance[:, inside],
-            usable=self.usable[:, inside],
-        )
+        whole = {name: getattr(self, name) for name in ("amplitude", "variance", "usable")}
+        return replace(self, **{name: own[:, : top + 1] for name, own in whole.items()})
 
     def turned(self, angle: float) -> GearPattern:
         """Return the same pattern `angle` turns later."""
