@@ -477,18 +477,11 @@ def _blamed(
         return first, ()
     # a gear whose evidence is hardly believed does not compete, however loud it is, unless it has
     # its lines in common with the first: what stands out in the turn of one does in either's
-    competing = [
-        one.search
-        for one in searched
-        if one.search is not None
-        and (
-            one.believed >= _COMPETES * first.believed
-            or (
-                share_lines(one.search, first.search)
-                and one.log_factor >= _AS_LOUD * first.log_factor
-            )
-        )
-    ]
+    known = [(one, one.search) for one in searched if one.search is not None]
+    sure = [own for one, own in known if one.believed >= _COMPETES * first.believed]
+    loud = [own for one, own in known if one.log_factor >= _AS_LOUD * first.log_factor]
+    alike = [own for own in loud if share_lines(own, first.search)]
+    competing = [own for _, own in known if own in sure or own in alike]
     best, rivals = most_likely(competing or [first.search], machine, speed_hz)
     blamed = next(one for one in searched if one.search is best)
     return blamed, tuple(
@@ -584,10 +577,9 @@ def crack_depth_mm(machine: Machine, stage: int, gear: str, loss: float) -> floa
     # of a planet the mesh with the sun
     pairs = mesh_pairs(machine.stages[stage - 1], stage, machine.path)
     pair, index = next(
-        (pair, number)
+        (pair, [member.name for member in pair.members].index(gear))
         for pair in pairs
-        for number, member in enumerate(pair.members)
-        if member.name == gear
+        if gear in [member.name for member in pair.members]
     )
     if pair.stage.module_mm is None or pair.stage.face_width_mm is None:
         return None

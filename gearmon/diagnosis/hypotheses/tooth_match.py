@@ -203,20 +203,10 @@ def search_gear(
     for number, rest, signal, noise in _alike(heard, len(LOSSES) * difference.teeth):
         place = turns[np.arange(difference.teeth)[:, None] * number[:, None] % difference.teeth]
         turned = place * rest[:, None]
-        told, mean, energy = zip(
-            *[
-                _log_likelihood(
-                    turned,
-                    number,
-                    signal[:, :, None] * ringing(number * rotation_hz, delay),
-                    size,
-                    around,
-                    noise,
-                )
-                for delay in delays
-            ],
-            strict=True,
-        )
+        unit = signal[:, :, None]
+        roots = (unit * ringing(number * rotation_hz, delay) for delay in delays)
+        each = [_log_likelihood(turned, number, root, size, around, noise) for root in roots]
+        told, mean, energy = zip(*each, strict=True)
         total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)
         expected += np.mean(mean, axis=0)
         matched += np.mean(energy, axis=0)
