@@ -381,10 +381,8 @@ class Evidence:
         # of a lost angle the smeared lines of the gears look like lines of none
         most = LIMITS.levels_open if self.lost else np.inf
         lines = rare_strength([one.log10_probability for one in self.nongear])
-        told |= {
-            "runout": rare_strength([one.log10_probability for one in self.runout]),
-            "lines of no gear": min(lines, most),
-        }
+        told["runout"] = rare_strength([one.log10_probability for one in self.runout])
+        told["lines of no gear"] = min(lines, most)
         if self.finding is not None:
             told["tooth"] = tooth_strength(self.finding.evidence)
             if self.recurrence < LIMITS.recurs:
@@ -392,11 +390,8 @@ class Evidence:
         unsure = np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure
         if unsure:
             # what a smeared angle does to lines; single sidebands are smeared most
-            told |= {
-                name: min(value, value * LIMITS.unsure_share)
-                for name, value in told.items()
-                if name != "lines of no gear"
-            }
+            for name in told.keys() - {"lines of no gear"}:
+                told[name] = min(told[name], told[name] * LIMITS.unsure_share)
             told["runout"] = min(0.0, told["runout"])
         return told
 

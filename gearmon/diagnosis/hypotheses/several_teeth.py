@@ -290,10 +290,8 @@ class DepartureSpread:
     @property
     def explained(self) -> float:
         """Share of the departure that one tooth explains, 0 to 1."""
-        chance, one = (
-            np.exp(self.log_likelihood - self.log_likelihood.max()),
-            SHARES < ONE_TOOTH_BELOW,
-        )
+        chance = np.exp(self.log_likelihood - self.log_likelihood.max())
+        one = SHARES < ONE_TOOTH_BELOW
         chance /= np.where(one, one.sum(), (~one).sum())
         return float(1.0 - chance @ SHARES / chance.sum())
 

@@ -576,14 +576,11 @@ def crack_depth_mm(machine: Machine, stage: int, gear: str, loss: float) -> floa
     """
     # of a planet the mesh with the sun
     pairs = mesh_pairs(machine.stages[stage - 1], stage, machine.path)
-    pair, index = next(
-        (pair, [member.name for member in pair.members].index(gear))
-        for pair in pairs
-        if gear in [member.name for member in pair.members]
-    )
+    named = [(pair, [member.name for member in pair.members]) for pair in pairs]
+    pair, names = next(own for own in named if gear in own[1])
     if pair.stage.module_mm is None or pair.stage.face_width_mm is None:
         return None
     crack = Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.1, unit="mm")
     with suppress(GearmonError):
-        return float(size_for_loss(crack, loss, teeth_of(pair), index).size)
+        return float(size_for_loss(crack, loss, teeth_of(pair), names.index(gear)).size)
     return None

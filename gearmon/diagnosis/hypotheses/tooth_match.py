@@ -132,10 +132,8 @@ class SearchedGear:
         """
         told = self.log_tooth
         others = np.argmax(told) + np.arange(1, times) * len(told) / times
-        heard = np.maximum(
-            told[np.floor(others).astype(int) % len(told)],
-            told[np.ceil(others).astype(int) % len(told)],
-        )
+        nearest = np.array([np.floor(others), np.ceil(others)]).astype(int) % len(told)
+        heard = told[nearest].max(axis=0)
         chance = np.log(_MEETS_AGAIN) + heard
         return float(np.logaddexp(chance, np.log1p(-_MEETS_AGAIN)).sum())
 

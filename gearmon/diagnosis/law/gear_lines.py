@@ -560,10 +560,9 @@ class GearLaw:
         left_out: ComplexArray,
     ) -> list[BandDeviation]:
         teeth, found = self.wheel.teeth, []
-        harmonics = list(enumerate(mesh_bands(teeth, new.top), start=1))
-        for (place, usable), (harmonic, band) in product(
-            enumerate(known.usable & new.usable), harmonics
-        ):
+        harmonics = enumerate(mesh_bands(teeth, new.top), start=1)
+        every = product(enumerate(known.usable & new.usable), harmonics)
+        for (place, usable), (harmonic, band) in every:
             use, side = band[usable[band]], _SIDES[place]
             offset = use - teeth * harmonic
             far = np.abs(offset) > NEAR

@@ -565,11 +565,8 @@ def machine_notes(machine: Machine, reference: Reference) -> list[str]:
             f"the reference was learned for teeth {reference.teeth} ({reference.machine}), the "
             f"machine file has {tooth_counts(machine)}; learn one for this machine"
         )
-    orders = {
-        (mesh.stage, wheel.gear): wheel.relative_order
-        for mesh in kinematics(machine).meshes
-        for wheel in mesh.wheels
-    }
+    wheels = [(mesh.stage, own) for mesh in kinematics(machine).meshes for own in mesh.wheels]
+    orders = {(stage, own.gear): own.relative_order for stage, own in wheels}
     for own in (wheel for profile in reference.profiles for wheel in profile.wheels):
         order = orders.get((own.stage, own.gear))
         if order is None or abs(own.order - order) > 1e-6 * order:
@@ -692,11 +689,9 @@ def recording_notes(own: MeasuredSignature, reference: Reference) -> list[str]:
         for profile in reference.profiles
         if set(own.digests) & set(profile.digests)
     ]
-    unknown = [
-        name
-        for row, unit, name in zip(rows, known.units, shared, strict=True)
-        if (own.units[row] is None) != (unit is None)
-    ]
+    units = [(name, own.units[row]) for name, row in zip(shared, rows, strict=True)]
+    both = zip(units, known.units, strict=True)
+    unknown = [name for (name, unit), other in both if (unit is None) != (other is None)]
     if unknown:
         notes.append(
             f"the unit of {', '.join(unknown)} is known of the recording or of the reference only; "
