@@ -91,11 +91,9 @@ def judged_alone(
 def own_teeth(signature: MeasuredSignature) -> tuple[ToothProfile, ...]:
     """Hold every tooth against the others of its gear."""
     own = Profile.of(signature)
-    looked = [
-        # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
-        locate(wheel, numbered=own.tacho and abs(wheel.order - 1.0) < 1e-12)
-        for wheel in own.wheels
-    ]
+    # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
+    numbered = [own.tacho and abs(wheel.order - 1.0) < 1e-12 for wheel in own.wheels]
+    looked = [locate(w, numbered=n) for w, n in zip(own.wheels, numbered, strict=True)]
     return tuple(profile for profile in looked if profile is not None)
 
 
@@ -108,10 +106,8 @@ def own_teeth_flags(profiles: Sequence[ToothProfile]) -> tuple[Flag, ...]:
         Gears that were looked at, each against its own other teeth.
     """
     looked_at = _looked_at(profiles)
-    striking = sorted(
-        (p for p in profiles if p.log10_probability + looked_at < np.log10(_BELOW)),
-        key=lambda profile: profile.log10_probability,
-    )
+    rare = [p for p in profiles if p.log10_probability + looked_at < np.log10(_BELOW)]
+    striking = sorted(rare, key=lambda profile: profile.log10_probability)
     if not striking:
         return ()
     first, others = striking[0], striking[1:]

@@ -263,7 +263,7 @@ class _Compared:
         return Profile.of(self.signature).part(self.rows)
 
     @cached_property
-    def sidebands(self) -> tuple[turns.TurnChange, ...]:
+    def sidebands(self) -> turns.Sidebands:
         """Changes of single sidebands."""
         return turns.turn_changes(self.own.wheels, [own.wheels for own in self.known.profiles])
 
@@ -288,18 +288,19 @@ class _Compared:
         families, shared = self._families(evidence.deviation), self.known.channel_names
         changes = verdict.level_changes(evidence.deviation.levels, shared, families)
         undetected = [mesh.stage for mesh in signature.meshes if not mesh.found]
-        hidden = hidden_stages(evidence.finding, undetected)
+        hidden = hidden_stages(evidence.searched, undetected)
         profiles = tuple(_profiles(evidence, hidden))
         silent = [name for name in self.reference.channel_names if name not in shared]
         deaf = verdict.unheard(evidence, self.machine, silent, must_notice, hidden)
         answer = decide(evidence, deaf)
         flags: tuple[Flag, ...] = ()
         if answer == "fault":
+            energies = {(own.stage, own.gear): own.energy for own in profiles}
             flags = verdict.Flagging(
                 evidence=evidence,
                 machine=self.machine,
                 changes=changes,
-                features=kind_features(changes, profiles, self.sidebands),
+                features=kind_features(changes, energies, self.sidebands),
             ).flags()
         return Analysis(
             recording=signature.origin,
@@ -402,5 +403,5 @@ _law_of = lru_cache(maxsize=4)(HealthyMachine.of)
 
 
 @lru_cache(maxsize=4)
-def _healthy_turns(reference: Reference) -> tuple[tuple[turns.TurnChange, ...], ...]:
+def _healthy_turns(reference: Reference) -> tuple[turns.Sidebands, ...]:
     return turns.healthy_turns([profile.wheels for profile in reference.profiles])

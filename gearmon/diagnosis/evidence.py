@@ -281,26 +281,23 @@ def path_change(levels: LevelDeviation, families: Sequence[Family]) -> PathChang
     families : sequence of Family
         One for each column.
     """
-    columns: dict[tuple[int, int], list[int]] = {}
-    for column, family in enumerate(families):
-        columns.setdefault((family.stage, family.harmonic), []).append(column)
-    parts = [levels.standardised[:, members] for members in columns.values() if len(members) > 1]
-    counts = [np.isfinite(part).sum(axis=1) for part in parts]
+    places = [(family.stage, family.harmonic) for family in families]
+    bands, band = np.unique(places, axis=0, return_inverse=True)
+    of_band = np.eye(len(bands))[band]
+    known = np.isfinite(levels.standardised)
+    changes = np.where(known, levels.standardised, 0.0)
+    count, total, squares = (own @ of_band for own in (known, changes, changes**2))
+    several = count > 1
+    count, whole, squares = count[several], total[several] ** 2 / count[several], squares[several]
+    spread = squares - whole
     # of unrelated changes the mean of `count` has a variance of one part in `count`
-    between = within = together = 0.0
-    for part, count in zip(parts, counts, strict=True):
-        part, count = part[count > 1], count[count > 1]
-        mean = np.nansum(part, axis=1) / count
-        spread = np.nansum(part**2, axis=1) - count * mean**2
-        together += float(np.sum(count * mean**2))
-        between += float(np.sum(np.maximum(count * mean**2 - spread / (count - 1), 0.0)))
-        within += float(np.sum(spread * count / (count - 1)))
-    bands = sum(int(np.sum(count > 1)) for count in counts)
+    between = np.sum(np.maximum(whole - spread / (count - 1), 0.0))
+    within = np.sum(spread * count / (count - 1))
     return PathChange(
-        common=between / max(between + within, np.finfo(float).tiny),
+        common=float(between / max(between + within, np.finfo(float).tiny)),
         apart=_apart(levels, families),
-        together=together / max(bands, 1),
-        bands=bands,
+        together=float(np.sum(whole)) / max(len(count), 1),
+        bands=len(count),
     )
 
 
@@ -361,6 +358,11 @@ class Evidence:
     recurrence: float = np.inf
     knocks: float = 0.0
 
+    @property
+    def searched(self) -> tuple[GearEvidence, ...]:
+        """All gears that were searched for damage."""
+        return self.finding.searched if self.finding is not None else ()
+
     @cached_property
     def strengths(self) -> dict[str, float]:
         """Strength of every test, by its name."""
@@ -379,10 +381,8 @@ class Evidence:
         # of a lost angle the smeared lines of the gears look like lines of none
         most = LIMITS.levels_open if self.lost else np.inf
         lines = rare_strength([one.log10_probability for one in self.nongear])
-        told |= {
-            "runout": rare_strength([one.log10_probability for one in self.runout]),
-            "lines of no gear": min(lines, most),
-        }
+        told["runout"] = rare_strength([one.log10_probability for one in self.runout])
+        told["lines of no gear"] = min(lines, most)
         if self.finding is not None:
             told["tooth"] = tooth_strength(self.finding.evidence)
             if self.recurrence < LIMITS.recurs:
@@ -390,18 +390,15 @@ class Evidence:
         unsure = np.isfinite(self.angle) and self.angle > LIMITS.angle_unsure
         if unsure:
             # what a smeared angle does to lines; single sidebands are smeared most
-            told |= {
-                name: min(value, value * LIMITS.unsure_share)
-                for name, value in told.items()
-                if name != "lines of no gear"
-            }
+            for name in told.keys() - {"lines of no gear"}:
+                told[name] = min(told[name], told[name] * LIMITS.unsure_share)
             told["runout"] = min(0.0, told["runout"])
         return told
 
     @property
     def load_unlearned(self) -> bool:
         """Whether levels may change with the load as they like, see `GearEvidence`."""
-        return self.finding is not None and any(g.load_unlearned for g in self.finding.searched)
+        return any(gear.load_unlearned for gear in self.searched)
 
     @property
     def angle_lost(self) -> bool:
@@ -564,19 +561,18 @@ def heard_from(gear: GearEvidence) -> float | None:
 _OF_PAIRS = ("pinion", "gear")
 
 
-def hidden_stages(finding: ToothFinding | None, undetected: Collection[int]) -> set[int]:
+def hidden_stages(searched: Sequence[GearEvidence], undetected: Collection[int]) -> set[int]:
     """Name the stages of which nothing is heard.
 
     Parameters
     ----------
-    finding : ToothFinding or None
-        All gears that were searched.
+    searched : sequence of GearEvidence
+        All gears.
     undetected : collection of int
         Stages whose mesh was not detected: what is heard at its lines may be pitch errors of a gear
         on the same shaft, unless they stand out of the other lines of both gears. Those of a
         planetary set stand where its planets put them.
     """
-    searched = finding.searched if finding is not None else ()
     asked = [own for own in searched if own.key[0] in undetected and own.key[1] in _OF_PAIRS]
     return {own.key[0] for own in asked if not own.mesh_stands_out}
 
@@ -597,8 +593,7 @@ def _noticed_from(gear: GearEvidence) -> float | None:
     deviation, search = gear.deviation, gear.search
     assert search is not None
     expected = search.expected - _prior(gear)
-    lines = sum(band.rest.size for band in deviation.bands)
-    beside = 2.0 * lines * deviation.meetings / deviation.teeth
+    beside = 2.0 * deviation.lines * deviation.meetings / deviation.teeth
     peak = 1.0 + np.maximum(search.stands_out - _prior(gear), 0.0) / max(1.0, beside)
     told = np.transpose([expected, peak, search.matched_peak, search.directions]).tolist()
     believed = np.array([gear.believes(*each) for each in told])

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from scipy.special import spence, stdtr
 
 from gearmon.arrays import FloatArray
+from gearmon.diagnosis.law.machine import channel_gain
 from gearmon.errors import check_finite
 from gearmon.gears.kinematics import Kinematics, Line, Shaft
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
@@ -165,12 +166,10 @@ def family_gain_db(own: Profile, reference: Reference) -> FloatArray:
         0 where no family can be heard in both [dB].
     """
     common = [name for name in reference.family_names if name in own.family_names]
-    known = [one.of_families(common) for one in reference.profiles]
-    level, _, heard = own.of_families(common)
-    moved = level - np.mean([one[0] for one in known], axis=0)
-    clear = np.logical_and.reduce([heard, *(one[2] for one in known)])
-    told = zip(moved, clear, strict=True)
-    return np.array([np.median(row[both]) if both.any() else 0.0 for row, both in told])
+    levels = [one.of_families(common) for one in (own, *reference.profiles)]
+    moved = levels[0].level_db - np.mean([one.level_db for one in levels[1:]], axis=0)
+    clear = np.logical_and.reduce([one.heard for one in levels])
+    return np.nan_to_num(channel_gain(np.where(clear, moved, np.nan)))
 
 
 def compare_lines(

@@ -140,7 +140,7 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
                 strength=float(evidence.strength) if len(others) > 1 else None,
             )
         )
-        for gear in finding.searched if finding is not None else ():
+        for gear in evidence.searched:
             loss = noticed_from(gear)
             heard[gear.key] = max(heard.get(gear.key, 0.0), math.inf if loss is None else loss)
     gears = tuple(

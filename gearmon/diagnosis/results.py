@@ -242,14 +242,9 @@ class Analysis(Result):
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON: the contract of `gearmon analyse --json`."""
         signature = self.signature
-        return {
-            "recording": self.recording,
-            "machine": self.machine,
-            "verdict": self.verdict,
-            "reason": self.reason,
-            "score": self.score,
-            "false_alarm_probability": self.false_alarm_probability,
-            "compared_with": self.compared_with,
+        names: tuple[str, ...] = ("recording", "machine", "verdict", "reason", "score")
+        names += ("false_alarm_probability", "compared_with")
+        return {name: getattr(self, name) for name in names} | {
             "channels": list(signature.channel_names),
             "sampling_rate_hz": signature.sampling_rate_hz,
             "duration_s": signature.duration_s,

@@ -63,14 +63,14 @@ class Flagging:
         The machine.
     changes : tuple of Change
         Families of lines.
-    features : FeatureVector or None
+    features : FeatureVector
         What kinds of fault are told by.
     """
 
     evidence: Evidence
     machine: Machine
     changes: tuple[Change, ...]
-    features: FeatureVector | None
+    features: FeatureVector
 
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
@@ -145,7 +145,7 @@ class Flagging:
     def _least_sure(self, best: GearEvidence) -> float:
         """Probability from which a departure is called that of one tooth."""
         features = self.features
-        if features is None or best.key not in features.gears:
+        if best.key not in features.gears:
             return _ONE_TOOTH
         row = features.named(features.gears.index(best.key))
         first, others = max(row["once_db"], row["twice_db"]), max(row["several_db"], 0.0)
@@ -166,22 +166,20 @@ class Flagging:
     def _judged_departure(self, finding: ToothFinding) -> KindJudgement | None:
         """Judge the kind of a departure that one tooth does not explain; None if none is clear."""
         best, focus = finding.best, self._focus
-        focused = finding.of(*focus) if focus is not None else None
-        order = best.deviation.order
+        focused, order = finding.of(*focus), best.deviation.order
         if focused is None or abs(focused.deviation.order - order) > 1e-9 * order:
             focus = best.key
         return self._clear(focus)
 
     @property
-    def _focus(self) -> tuple[int, str] | None:
+    def _focus(self) -> tuple[int, str]:
         """The gear that changed most."""
-        features = self.features
-        return features.gears[features.focus] if features is not None else None
+        return self.features.gears[self.features.focus]
 
-    def _clear(self, gear: tuple[int, str] | None) -> KindJudgement | None:
+    def _clear(self, gear: tuple[int, str]) -> KindJudgement | None:
         """Judge the kind of a fault of one gear; None where no kind but one tooth is clear."""
         features, finding = self.features, self.evidence.finding
-        if features is None or gear is None or gear not in features.gears:
+        if gear not in features.gears:
             return None
         own = finding.of(*gear) if finding is not None else None
         spread = own.spread if own is not None else None
@@ -454,8 +452,7 @@ def unheard(
     str
         A sentence or two; "" if all of them would have been.
     """
-    searched = evidence.finding.searched if evidence.finding is not None else ()
-    loss = {gear.key: heard_from(gear) or 1.0 for gear in searched}
+    loss = {gear.key: heard_from(gear) or 1.0 for gear in evidence.searched}
     gears = dict.fromkeys(
         (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
     )
@@ -471,7 +468,7 @@ def unheard(
         told += [
             f"A sun that floats hides damage in its set: if that of stage {stage} does not, give "
             f"{_sun_held(machine, stage)} in the machine file."
-            for stage in dict.fromkeys(g.key[0] for g in searched if g.instead is not None)
+            for stage in dict.fromkeys(g.key[0] for g in evidence.searched if g.instead is not None)
         ]
     if silent:
         told.append(

@@ -126,8 +126,8 @@ def test_of_a_mesh_that_is_not_detected_only_harmonics_that_stand_out_tell(usual
     )
     loss = 2 * heard_from(own)
     assert unheard(found, pair, [], loss) == ""
-    assert hidden_stages(found.finding, []) == set()
-    hidden = hidden_stages(found.finding, [1, 2])
+    assert hidden_stages(found.searched, []) == set()
+    hidden = hidden_stages(found.searched, [1, 2])
     assert hidden == (set() if heard else {1})
     told = unheard(found, pair, [], loss, hidden)
     assert ("the pinion of stage 1, the gear of stage 1" in told) != heard

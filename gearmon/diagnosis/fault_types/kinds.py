@@ -23,8 +23,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.hypotheses.turns import TurnChange, aligned, departure_energy, turn_changes
-from gearmon.diagnosis.results import Analysis, Change, ToothProfile
+from gearmon.diagnosis.hypotheses.turns import Sidebands, aligned, departure_energy, turn_changes
+from gearmon.diagnosis.results import Analysis, Change
 from gearmon.errors import ArgumentError, check_type
 from gearmon.result import Result
 from gearmon.signatures.measured.reference import Profile, Reference
@@ -99,14 +99,6 @@ _ROUGH, _DECAY_DB = 4.0, 6.0
 _OF_A_MESH = ("wear",)
 
 
-class TurnEnergy(NamedTuple):
-    """Stage and gear, and the energy of a departure by tooth, as in a `ToothProfile`."""
-
-    stage: int
-    gear: str
-    energy: FloatArray
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FeatureVector:
     """Features of every gear that was looked at.
@@ -153,10 +145,14 @@ class FeatureVector:
         return dict(zip(NAMES, self.values[row].tolist(), strict=True))
 
 
+_Gear = tuple[int, str]
+_NOTHING: Mapping[_Gear, FloatArray] = {}
+
+
 def kind_features(
     changes: Sequence[Change],
-    profiles: Sequence[ToothProfile | TurnEnergy] = (),
-    turns: Sequence[TurnChange] = (),
+    energies: Mapping[_Gear, FloatArray] = _NOTHING,
+    sidebands: Sidebands = _NOTHING,
 ) -> FeatureVector:
     """Condense changes against the healthy machine to the features of each gear.
 
@@ -164,10 +160,10 @@ def kind_features(
     ----------
     changes : sequence of Change
         Levels of families of lines against the reference; empty without a reference.
-    profiles : sequence of ToothProfile
-        Energy of the departure around each gear.
-    turns : sequence of TurnChange
-        Changes of single sidebands, see `hypotheses.turns.turn_changes`.
+    energies : mapping of (int, str) to ndarray of float, shape (teeth,)
+        Energy of the departure around each gear, as in a `ToothProfile`.
+    sidebands : mapping of (int, str) to ndarray of float, shape (6,)
+        Changes of single sidebands of each gear, see `hypotheses.turns.turn_changes`.
 
     Returns
     -------
@@ -186,15 +182,14 @@ def kind_features(
     """
     groups = _grouped(changes)
     shafts = {(c.stage, c.gear): c.shaft for c in changes if c.shaft is not None and c.gear}
-    own_turns = {(turn.stage, turn.gear): turn for turn in turns}
-    shapes = {(p.stage, p.gear): _shape(p.energy) for p in profiles}
-    gears = {key[1:] for key in groups if key[0] != "mesh"} | own_turns.keys() | shapes.keys()
+    shapes = {gear: _shape(energy) for gear, energy in energies.items()}
+    gears = {key[1:] for key in groups if key[0] != "mesh"} | sidebands.keys() | shapes.keys()
     gears |= {(stage, "") for _, stage, _ in groups if stage not in {own for own, _ in gears}}
     if not gears:
         raise ArgumentError("no change of level and no turn of a gear to tell a kind of fault from")
     ranked = tuple(sorted(gears))
     single = {
-        gear: _levels(groups, gear, own_turns.get(gear)) | shapes.get(gear, _NO_SHAPE)
+        gear: _levels(groups, gear, sidebands.get(gear)) | shapes.get(gear, _NO_SHAPE)
         for gear in ranked
     }
     overall = _rms(np.concatenate([g.change for g in groups.values()])) if groups else 0.0
@@ -203,9 +198,6 @@ def kind_features(
         found = single[gear] | _others(gear, single, shafts) | {"overall_db": overall}
         rows.append([found[name] for name in NAMES])
     return FeatureVector(gears=ranked, values=np.array(rows, dtype=np.float64))
-
-
-_Gear = tuple[int, str]
 
 
 class _Group(NamedTuple):
@@ -244,11 +236,11 @@ def _grouped(changes: Sequence[Change]) -> dict[tuple[str, int, str], _Group]:
 
 
 _LEVELS = {"mesh": "mesh", "sidebands": "near", "residual": "far"}
-_SINGLE = ("once_db", "twice_db", "thrice_db", "several_db")
+_SINGLE = ("once_db", "twice_db", "thrice_db", "several_db", "turns_known")
 
 
 def _levels(
-    groups: Mapping[tuple[str, int, str], _Group], gear: _Gear, turn: TurnChange | None
+    groups: Mapping[tuple[str, int, str], _Group], gear: _Gear, single: FloatArray | None
 ) -> dict[str, float]:
     """Return changes of the mesh of a gear, of its sidebands, and of all that is farther away."""
     mesh = groups.get(("mesh", gear[0], ""), _UNCHANGED)
@@ -257,12 +249,9 @@ def _levels(
     for kind, name in _LEVELS.items():
         group = mesh if kind == "mesh" else groups.get((kind, *gear), _UNCHANGED)
         found |= {f"{name}_db": group.mean, f"{name}_slope_db": group.slope}
-    moved = [found["near_db"]] * 4 if turn is None else turn.change_db.tolist()
-    moved = np.clip(moved, -LARGEST_DB, LARGEST_DB)
-    single = (*moved[:3].tolist(), float(moved[3:].mean()))
-    return (
-        found | dict(zip(_SINGLE, single, strict=True)) | {"turns_known": float(turn is not None)}
-    )
+    moved = np.clip([found["near_db"]] * 4 if single is None else single, -LARGEST_DB, LARGEST_DB)
+    told = (*moved[:3].tolist(), float(moved[3:].mean()), float(single is not None))
+    return found | dict(zip(_SINGLE, told, strict=True))
 
 
 _SHAPE = ("peak_db", "second_db", "top_share", "teeth_involved", "peaks", "turn_once", "turn_twice")
@@ -592,21 +581,22 @@ def analysis_features(analysis: Analysis, reference: Reference | None) -> Featur
     ArgumentError
         If no gear was compared.
     """
+    energies = {(own.stage, own.gear): own.energy for own in analysis.profiles}
     if reference is None:
-        return kind_features(analysis.changes, analysis.profiles)
+        return kind_features(analysis.changes, energies)
     known, rows = reference.shared_with(analysis.signature)
     wheels = Profile.of(analysis.signature).part(rows).wheels
-    turns = turn_changes(wheels, [profile.wheels for profile in known.profiles])
-    if analysis.verdict != "fault":
-        return kind_features(analysis.changes, analysis.profiles, turns)
+    sidebands = turn_changes(wheels, [profile.wheels for profile in known.profiles])
     # the law leaves nothing of a sound machine; of a fault, what the training saw
-    shapes = []
-    for wheel in wheels:
-        pairs = [aligned(wheel, one) for p in known.profiles if (one := wheel.same_in(p.wheels))]
-        energies = [departure_energy(new, old) for new, old in pairs if len(new.number)]
-        if energies:
-            shapes.append(TurnEnergy(wheel.stage, wheel.gear, np.mean(energies, axis=0)))
-    return kind_features(analysis.changes, shapes, turns)
+    if analysis.verdict == "fault":
+        energies = {}
+        for wheel in wheels:
+            same = (one for p in known.profiles if (one := wheel.same_in(p.wheels)))
+            pairs = [aligned(wheel, one) for one in same]
+            found = [departure_energy(new, old) for new, old in pairs if len(new.number)]
+            if found:
+                energies[wheel.stage, wheel.gear] = np.mean(found, axis=0)
+    return kind_features(analysis.changes, energies, sidebands)
 
 
 def features(

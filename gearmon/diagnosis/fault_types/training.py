@@ -30,10 +30,9 @@ from gearmon.diagnosis.fault_types.kinds import (
     NAMES,
     NONE,
     FeatureVector,
-    TurnEnergy,
     kind_features,
 )
-from gearmon.diagnosis.hypotheses.turns import NEAR, TurnChange, departure_energy, turn_changes
+from gearmon.diagnosis.hypotheses.turns import NEAR, Sidebands, departure_energy, turn_changes
 from gearmon.diagnosis.law.machine import LevelDeviation
 from gearmon.diagnosis.results import Change
 from gearmon.diagnosis.verdict import level_changes
@@ -565,7 +564,7 @@ class _Sensors:
 
     def turns(
         self, one: _Measured, two: _Measured
-    ) -> tuple[list[TurnEnergy], tuple[TurnChange, ...]]:
+    ) -> tuple[dict[tuple[int, str], FloatArray], Sidebands]:
         """Look around the turn of every gear, and at its single sidebands."""
         gears = self.lines.gears
         pairs = [(self._pattern(g.wheel, one), self._pattern(g.wheel, two)) for g in gears]
@@ -573,14 +572,14 @@ class _Sensors:
         near = NEAR if self.rng.uniform() < 0.5 else 0
         # what the two recordings do not share beyond their lines fills all of the turn
         floor = log_uniform(self.rng, 0.003, 0.3)
-        shapes = []
+        energies = {}
         for old, new in pairs:
             energy = departure_energy(new, old, near)
             raised = energy + floor * energy.mean()
-            shapes.append(TurnEnergy(new.stage, new.gear, raised / np.median(raised)))
+            energies[new.stage, new.gear] = raised / np.median(raised)
         if self.rng.uniform() < 0.1:  # a caller may have families of lines only
-            return shapes, ()
-        return shapes, turn_changes([new for _, new in pairs], [[old for old, _ in pairs]])
+            return energies, {}
+        return energies, turn_changes([new for _, new in pairs], [[old for old, _ in pairs]])
 
     def _pattern(self, wheel: WheelLines, measured: _Measured) -> WheelPattern:
         told = ("stage", "gear", "teeth", "order", "number", "mesh")

@@ -297,10 +297,8 @@ def find_changes(
         if best.false_alarm_probability >= allowed or not _borne(series, found, best):
             break
         found = _refined(series, [*found, _bent(series, best, found)], below)
-    placed = sorted(
-        (_timed(series, one, [c for c in found if c is not one]) for one in found),
-        key=lambda change: change.time_s,
-    )
+    timed = (_timed(series, one, [c for c in found if c is not one]) for one in found)
+    placed = sorted(timed, key=lambda change: change.time_s)
     # the sizes of all are fitted together
     sizes = _solver(series, placed) @ (series.value / series.sigma)
     return tuple(replace(c, size=float(x)) for c, x in zip(placed, sizes[1:], strict=True))

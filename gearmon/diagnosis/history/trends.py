@@ -463,12 +463,9 @@ class HistoryTrends(Result):
     @property
     def raised(self) -> bool:
         """Whether a person should look: a fault, a loss or evidence that rose, a limit reached."""
-        newest = self.history.entries[-1:]
-        return (
-            any(entry.verdict == "fault" for entry in newest)
-            or self.began is not None
-            or any(tooth.risen or tooth.reached for tooth in self.shown)
-        )
+        fault = any(entry.verdict == "fault" for entry in self.history.entries[-1:])
+        grown = any(tooth.risen or tooth.reached for tooth in self.shown)
+        return fault or grown or self.began is not None
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""

@@ -67,6 +67,8 @@ class Band:
         Distance from the mesh harmonic, in mesh orders.
     place : ndarray of complex, shape (teeth, lines)
         Factors that turn each tooth in turn to where tooth 1 would stand.
+    contact_ratio : float
+        Mesh periods of the contact of a tooth.
     """
 
     number: IntArray
@@ -74,6 +76,12 @@ class Band:
     level: FloatArray
     offset: FloatArray
     place: ComplexArray
+    contact_ratio: float
+
+    @cached_property
+    def events(self) -> list[tuple[FloatArray, ComplexArray]]:
+        """Powers and directions of an event for each of `RINGING`."""
+        return [event(self, ringing) for ringing in RINGING]
 
     @property
     def whole(self) -> float:
@@ -101,19 +109,18 @@ def bands_of(gear: SearchedGear) -> Iterator[Band]:
                     level=level / mean,
                     offset=(number - teeth * band.harmonic) / teeth,
                     place=place,
+                    contact_ratio=gear.response.contact_ratio,
                 )
 
 
-def event(band: Band, contact_ratio: float, ringing: float) -> tuple[FloatArray, ComplexArray]:
+def event(band: Band, ringing: float) -> tuple[FloatArray, ComplexArray]:
     """Return powers and directions of the covariance of an event at tooth 1, of trace `lines`.
 
     Parameters
     ----------
     band : Band
-    contact_ratio : float
-        Mesh periods of the contact: the damage speaks at any moment of it.
     ringing : float
-        Mesh periods that the path rings after it.
+        Mesh periods that the path rings after the contact; the damage speaks at any moment of it.
 
     Returns
     -------
@@ -121,8 +128,8 @@ def event(band: Band, contact_ratio: float, ringing: float) -> tuple[FloatArray,
     direction : ndarray of complex, shape (lines, directions)
         Orthonormal.
     """
-    delay = np.arange(-_SLACK, contact_ratio + _REACH * ringing + _STEP, _STEP)
-    early = np.clip(delay - contact_ratio - _SLACK, 0.0, None) / ringing
+    delay = np.arange(-_SLACK, band.contact_ratio + _REACH * ringing + _STEP, _STEP)
+    early = np.clip(delay - band.contact_ratio - _SLACK, 0.0, None) / ringing
     late = np.clip(delay + _SLACK, 0.0, None) / ringing
     weight = np.exp(-early) - np.exp(-late)
     weight = np.maximum(weight, 1e-6 * float(weight.max()))
@@ -261,13 +268,6 @@ class DepartureSpread:
     second: SecondTooth | None = None
 
     @cached_property
-    def _chance(self) -> FloatArray:
-        chance = np.exp(self.log_likelihood - self.log_likelihood.max())
-        one = SHARES < ONE_TOOTH_BELOW
-        chance /= np.where(one, one.sum(), (~one).sum())
-        return np.asarray(chance / chance.sum())
-
-    @cached_property
     def _kinds(self) -> FloatArray:
         """Probabilities of one tooth, of two or more that stand out, and of the whole turn."""
         one = SHARES < ONE_TOOTH_BELOW
@@ -290,7 +290,10 @@ class DepartureSpread:
     @property
     def explained(self) -> float:
         """Share of the departure that one tooth explains, 0 to 1."""
-        return float(1.0 - self._chance @ SHARES)
+        chance = np.exp(self.log_likelihood - self.log_likelihood.max())
+        one = SHARES < ONE_TOOTH_BELOW
+        chance /= np.where(one, one.sum(), (~one).sum())
+        return float(1.0 - chance @ SHARES / chance.sum())
 
     @property
     def teeth_involved(self) -> float:
@@ -327,10 +330,8 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     bands = list(bands_of(gear))
     if not bands:
         return None
-    contact_ratio = gear.response.contact_ratio
-    events = [[event(band, contact_ratio, ringing) for ringing in RINGING] for band in bands]
-    for band, of_band in zip(bands, events, strict=True):
-        for number, (power, direction) in enumerate(of_band):
+    for band in bands:
+        for number, (power, direction) in enumerate(band.events):
             energy = energies(band, direction, slice(None))
             by_ringing[number] += log_likelihood(band, power, energy[tried])
             if number == _TOLD:
@@ -341,16 +342,12 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     return DepartureSpread(
         log_likelihood=log_mean(total.T.copy()),
         by_tooth=by_tooth,
-        second=second_tooth(bands, events, first, by_tooth, gear.log_gear),
+        second=second_tooth(bands, first, by_tooth, gear.log_gear),
     )
 
 
 def second_tooth(
-    bands: Sequence[Band],
-    events: Sequence[Sequence[tuple[FloatArray, ComplexArray]]],
-    first: int,
-    by_tooth: FloatArray,
-    log_first: float,
+    bands: Sequence[Band], first: int, by_tooth: FloatArray, log_first: float
 ) -> SecondTooth | None:
     """Look for a second damaged tooth.
 
@@ -358,8 +355,6 @@ def second_tooth(
     ----------
     bands : sequence of Band
         The departure.
-    events : sequence of sequence of tuple
-        Powers and directions of an event in each, by how long it rings.
     first : int
         Tooth that explains it best, from 0.
     by_tooth : ndarray of float, shape (teeth,)
@@ -379,10 +374,10 @@ def second_tooth(
     tried = [(distance, size) for distance in distances for size in SIZES]
     distance, size = (np.array(each) for each in zip(*tried, strict=True))
     by_ringing = np.zeros((len(RINGING), len(SHARES), len(tried)))
-    for band, of_band in zip(bands, events, strict=True):
+    for band in bands:
         turn = np.exp(-2j * np.pi / teeth * np.outer(distance, band.number))
         factor = np.asarray(1.0 + size[:, None] * turn, dtype=np.complex128)
-        for number, (power, direction) in enumerate(of_band):
+        for number, (power, direction) in enumerate(band.events):
             told = weighted(band, power, direction, first, factor)
             by_ringing[number] += log_likelihood(band, *told)
     small = max(_CLEAR, _SHARE_OF_FIRST * log_first)

@@ -175,11 +175,11 @@ class GearEvidence:
         """
         if self.search is not None:
             return self.search.log_gear
-        lines = sum(band.rest.size for band in self.deviation.bands)
-        shape = max(0.5, 2.0 * lines / self.deviation.teeth / _OVERDISPERSION)
+        own = self.deviation
+        shape = max(0.5, 2.0 * own.lines / own.teeth / _OVERDISPERSION)
         # the meetings of one turn depart together on a healthy machine, too: however many there
         # are, the largest mean over them scatters as one of them would
-        return self._of_gamma(shape, self.deviation.peak)
+        return self._of_gamma(shape, own.peak)
 
     @property
     def believed(self) -> float:
@@ -477,18 +477,11 @@ def _blamed(
         return first, ()
     # a gear whose evidence is hardly believed does not compete, however loud it is, unless it has
     # its lines in common with the first: what stands out in the turn of one does in either's
-    competing = [
-        one.search
-        for one in searched
-        if one.search is not None
-        and (
-            one.believed >= _COMPETES * first.believed
-            or (
-                share_lines(one.search, first.search)
-                and one.log_factor >= _AS_LOUD * first.log_factor
-            )
-        )
-    ]
+    known = [(one, one.search) for one in searched if one.search is not None]
+    sure = [own for one, own in known if one.believed >= _COMPETES * first.believed]
+    loud = [own for one, own in known if one.log_factor >= _AS_LOUD * first.log_factor]
+    alike = [own for own in loud if share_lines(own, first.search)]
+    competing = [own for _, own in known if own in sure or own in alike]
     best, rivals = most_likely(competing or [first.search], machine, speed_hz)
     blamed = next(one for one in searched if one.search is best)
     return blamed, tuple(
@@ -583,15 +576,11 @@ def crack_depth_mm(machine: Machine, stage: int, gear: str, loss: float) -> floa
     """
     # of a planet the mesh with the sun
     pairs = mesh_pairs(machine.stages[stage - 1], stage, machine.path)
-    pair, index = next(
-        (pair, number)
-        for pair in pairs
-        for number, member in enumerate(pair.members)
-        if member.name == gear
-    )
+    named = [(pair, [member.name for member in pair.members]) for pair in pairs]
+    pair, names = next(own for own in named if gear in own[1])
     if pair.stage.module_mm is None or pair.stage.face_width_mm is None:
         return None
     crack = Fault(kind="crack", stage=stage, gear=gear, tooth=1, size=0.1, unit="mm")
     with suppress(GearmonError):
-        return float(size_for_loss(crack, loss, teeth_of(pair), index).size)
+        return float(size_for_loss(crack, loss, teeth_of(pair), names.index(gear)).size)
     return None

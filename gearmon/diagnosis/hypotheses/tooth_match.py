@@ -23,6 +23,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve1d
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.diagnosis.law.gear_lines import LEAST_MISFIT, GearDeviation
@@ -131,10 +132,8 @@ class SearchedGear:
         """
         told = self.log_tooth
         others = np.argmax(told) + np.arange(1, times) * len(told) / times
-        heard = np.maximum(
-            told[np.floor(others).astype(int) % len(told)],
-            told[np.ceil(others).astype(int) % len(told)],
-        )
+        nearest = np.array([np.floor(others), np.ceil(others)]).astype(int) % len(told)
+        heard = told[nearest].max(axis=0)
         chance = np.log(_MEETS_AGAIN) + heard
         return float(np.logaddexp(chance, np.log1p(-_MEETS_AGAIN)).sum())
 
@@ -202,20 +201,10 @@ def search_gear(
     for number, rest, signal, noise in _alike(heard, len(LOSSES) * difference.teeth):
         place = turns[np.arange(difference.teeth)[:, None] * number[:, None] % difference.teeth]
         turned = place * rest[:, None]
-        told, mean, energy = zip(
-            *[
-                _log_likelihood(
-                    turned,
-                    number,
-                    signal[:, :, None] * ringing(number * rotation_hz, delay),
-                    size,
-                    around,
-                    noise,
-                )
-                for delay in delays
-            ],
-            strict=True,
-        )
+        unit = signal[:, :, None]
+        roots = (unit * ringing(number * rotation_hz, delay) for delay in delays)
+        each = [_log_likelihood(turned, number, root, size, around, noise) for root in roots]
+        told, mean, energy = zip(*each, strict=True)
         total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)
         expected += np.mean(mean, axis=0)
         matched += np.mean(energy, axis=0)
@@ -295,18 +284,16 @@ def path_power(measured: FloatArray, expected: ComplexArray, *, mean: bool = Fal
     told = (power > 0) & np.all(heard > 0, axis=0) & (np.arange(count) > 0)
     around = _near(np.where(told, power, 0.0))
     if mean:
-        sums = np.array([_near(np.where(told, row, 0.0)) for row in heard])
-        result = sums / np.where(around > 0, around, 1.0)
+        result = _near(np.where(told, heard, 0.0)) / np.where(around > 0, around, 1.0)
     else:
         ratio = np.log(np.where(told, heard, 1.0) / np.where(told, power, 1.0))
-        sums = np.array([_near(row) for row in ratio])
-        result = np.exp(sums / np.maximum(_near(told), 0.5))
+        result = np.exp(_near(ratio) / np.maximum(_near(told), 0.5))
     return np.where((around > 0) & (np.arange(count) > 0), result, 0.0)
 
 
 def _near(values: NDArray[Any]) -> FloatArray:
-    """Sum of each value and half of its neighbours."""
-    return np.convolve(values, [0.5, 1.0, 0.5], "same")
+    """Sum of each value and half of its neighbours along the last axis."""
+    return np.asarray(convolve1d(values, [0.5, 1.0, 0.5], mode="constant", output=float))
 
 
 def event_delays(response: ToothResponse, rotation_hz: float, decay_s: float) -> FloatArray:

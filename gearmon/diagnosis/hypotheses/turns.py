@@ -17,8 +17,9 @@ of the fourth to sixth, and held against what it does between healthy recordings
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from scipy.special import gammaincc, gammaln, stdtr
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.diagnosis.law.gear_lines import CONTACT_CENTRE
+from gearmon.diagnosis.law.machine import channel_gain
 from gearmon.diagnosis.law.patterns import GearPattern, turn_energy, turning
 from gearmon.diagnosis.results import ToothProfile
 from gearmon.signatures.measured.reference import WheelPattern
@@ -195,29 +197,15 @@ def _log10_gamma(shape: float, ratio: float) -> float:
     return float(natural / np.log(10))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class TurnChange:
-    """Change of the sidebands of one gear against the reference, by their distance.
-
-    Parameters
-    ----------
-    stage : int
-        Stage, from 1.
-    gear : str
-        Gear.
-    change_db : ndarray of float, shape (6,)
-        Change of the lines 1 ... 6 turns of the gear away from the mesh harmonics, freed of the
-        gain of the channels and beyond what the mesh harmonic between them rose by [dB].
-    """
-
-    stage: int
-    gear: str
-    change_db: FloatArray
+#: Of gears by stage and name: changes of the lines 1 ... 6 turns of the gear away from the mesh
+#: harmonics, freed of the gain of the channels and beyond what the mesh harmonic between them rose
+#: by, shape (6,) [dB].
+Sidebands = Mapping[tuple[int, str], FloatArray]
 
 
 def turn_changes(
     wheels: Sequence[WheelPattern], healthy: Sequence[Sequence[WheelPattern]]
-) -> tuple[TurnChange, ...]:
+) -> Sidebands:
     """Compare single sidebands of every gear with those of healthy recordings.
 
     Parameters
@@ -229,8 +217,8 @@ def turn_changes(
 
     Returns
     -------
-    tuple of TurnChange
-        One for each gear that all recordings resolve.
+    mapping of (int, str) to ndarray of float, shape (6,)
+        Of each gear that all recordings resolve.
 
     Notes
     -----
@@ -241,7 +229,7 @@ def turn_changes(
     ``1/(scatter^2 + 1 dB^2)``; lines below the noise in all recordings, or risen into it, count as
     unchanged. No alignment is needed.
     """
-    found: list[tuple[WheelPattern, FloatArray, FloatArray]] = []
+    found: dict[tuple[int, str], tuple[FloatArray, FloatArray]] = {}
     for wheel in wheels:
         known = [own for patterns in healthy if (own := wheel.same_in(patterns))]
         if len(known) < len(healthy) or not known:
@@ -255,20 +243,15 @@ def turn_changes(
         # a line that noise drowns tells of the noise, not of the gear, unless it has fallen so far
         unheard = (old_scatter >= _UNHEARD_DB**2) | (new_db > old_db)
         change = np.where(unheard & (new_scatter >= _UNHEARD_DB**2), np.nan, new_db - old_db)
-        found.append((wheel, change, np.sqrt(new_scatter + old_scatter)))
-    gain = _gains(found)
-    return tuple(
-        TurnChange(
-            stage=wheel.stage,
-            gear=wheel.gear,
-            change_db=np.average(
-                _beyond_mesh(change - gain[:, None, None]),
-                axis=(0, 1),
-                weights=1.0 / (spread[..., 1:] ** 2 + 1.0),
-            ),
-        )
-        for wheel, change, spread in found
-    )
+        found[wheel.stage, wheel.gear] = change, np.sqrt(new_scatter + old_scatter)
+    if not found:
+        return {}
+    gain = _gains([*found.values()])[:, None, None]
+    weighted = partial(np.average, axis=(0, 1))
+    return {
+        gear: weighted(_beyond_mesh(change - gain), weights=1.0 / (spread[..., 1:] ** 2 + 1.0))
+        for gear, (change, spread) in found.items()
+    }
 
 
 def _beyond_mesh(change: FloatArray) -> FloatArray:
@@ -279,18 +262,15 @@ def _beyond_mesh(change: FloatArray) -> FloatArray:
 
 def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray]:
     """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their variances."""
-    top = int(wheel.number.max())
-    power = np.zeros((len(wheel.amplitude), top + 1))
-    variance = np.zeros_like(power)
-    power[:, wheel.number] = np.abs(wheel.amplitude) ** 2
-    variance[:, wheel.number] = wheel.variance
-    usable = np.zeros(top + 1, dtype=bool)
-    usable[wheel.number] = ~wheel.mesh
+    lines = GearPattern.of(wheel, int(wheel.number.max()))
+    own = slice(lines.channels)
+    power, variance = np.abs(lines.amplitude[own]) ** 2, lines.variance[own]
+    usable = lines.usable[0].copy()
     centre = wheel.teeth * np.arange(1, harmonics + 1)
     usable[centre] = True
     sides = np.multiply.outer([-1, 1], np.arange(SIDEBANDS + 1))
     place = np.maximum(centre[:, None] + sides[:, None], 0)
-    total, noise = (np.sum(usable[place] * own[:, place], axis=1) for own in (power, variance))
+    total, noise = (np.sum(usable[place] * each[:, place], axis=1) for each in (power, variance))
     noise = np.maximum(noise, _TINY)
     clean = np.maximum(total - noise, noise)
     scatter = 10 / np.log(10) * np.minimum(np.sqrt(2 * noise / clean), 1.0)
@@ -299,14 +279,12 @@ def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray
     return 10 * np.log10(clean), scatter**2
 
 
-def _gains(found: Sequence[tuple[WheelPattern, FloatArray, FloatArray]]) -> FloatArray:
+def _gains(found: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
     """Return the median change of the clear lines of each channel [dB]."""
     limit = 10 / np.log(10) * 10 ** (-_CLEAR_DB / 20) * np.sqrt(2)
-    clear = [np.where(spread < limit, change, np.nan)[..., 1:] for _, change, spread in found]
-    channels = zip(*clear, strict=True)
-    rows = [np.concatenate([own.ravel() for own in channel]) for channel in channels]
-    told = [row[~np.isnan(row)] for row in rows]
-    return np.array([float(np.median(row)) if len(row) else 0.0 for row in told])
+    clear = [np.where(spread < limit, change, np.nan)[..., 1:] for change, spread in found]
+    rows = [own.reshape(len(own), -1) for own in clear]
+    return np.nan_to_num(channel_gain(np.concatenate(rows, axis=1)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -356,17 +334,15 @@ class RunoutGrowth:
 
 
 def runout_growth(
-    turns: Sequence[TurnChange],
-    healthy: Sequence[Sequence[TurnChange]] = (),
-    gap: float = 0.0,
+    sidebands: Sidebands, healthy: Sequence[Sidebands] = (), gap: float = 0.0
 ) -> tuple[RunoutGrowth, ...]:
     """Judge how far the first and second sidebands of every gear have grown.
 
     Parameters
     ----------
-    turns : sequence of TurnChange
+    sidebands : mapping of (int, str) to ndarray of float, shape (6,)
         Of the new recording against all healthy ones, see `turn_changes`.
-    healthy : sequence of sequences of TurnChange
+    healthy : sequence of such mappings
         Of each healthy recording against the others, see `healthy_turns`.
     gap : float, >= 0
         Distance of the new recording's operating state to the nearest healthy one's.
@@ -383,22 +359,21 @@ def runout_growth(
     follows Student's law of as many degrees of freedom. The probability is multiplied by two for
     each gear looked at.
     """
-    if not turns:
-        return ()
-    seen = [_contrast(turn) for others in healthy for turn in others]
+    seen = [_contrast(change) for others in healthy for change in others.values()]
     # gears of one recording move together: they count as one
     worth = PRIOR_WORTH + len(healthy)
     square = PRIOR_WORTH * PRIOR_DB**2
     if seen:
         square += len(healthy) * float(np.mean(np.square(seen)))
     sigma = float(np.sqrt(square / worth + (SLOPE_DB * gap) ** 2))
-    found = [_growth(turn, sigma, worth, 2 * len(turns)) for turn in turns]
+    places = 2 * len(sidebands)
+    found = [_growth(*own, sigma, worth, places) for own in sidebands.items()]
     return tuple(sorted(found, key=lambda growth: growth.log10_probability))
 
 
 def healthy_turns(
     healthy: Sequence[Sequence[WheelPattern]],
-) -> tuple[tuple[TurnChange, ...], ...]:
+) -> tuple[Sidebands, ...]:
     """Compare each healthy recording with the others.
 
     Parameters
@@ -408,8 +383,8 @@ def healthy_turns(
 
     Returns
     -------
-    tuple of tuples of TurnChange
-        One for each recording; none if there is but one.
+    tuple of mappings
+        One for each recording, see `turn_changes`; none if there is but one.
     """
     if len(healthy) < 2:
         return ()
@@ -419,21 +394,23 @@ def healthy_turns(
     )
 
 
-def _contrast(turn: TurnChange) -> FloatArray:
+def _contrast(change: FloatArray) -> FloatArray:
     """Growth of the first and the second sidebands beyond that of farther ones [dB]."""
-    return np.asarray(turn.change_db[:2] - max(float(np.mean(turn.change_db[_OTHERS])), 0.0))
+    return np.asarray(change[:2] - max(float(np.mean(change[_OTHERS])), 0.0))
 
 
-def _growth(turn: TurnChange, sigma: float, worth: float, places: int) -> RunoutGrowth:
-    contrast = _contrast(turn)
+def _growth(
+    gear: tuple[int, str], change: FloatArray, sigma: float, worth: float, places: int
+) -> RunoutGrowth:
+    contrast = _contrast(change)
     first = int(np.argmax(contrast))
     log10 = _log10_student(float(contrast[first]) / sigma, worth) + float(np.log10(places))
     return RunoutGrowth(
-        stage=turn.stage,
-        gear=turn.gear,
+        stage=gear[0],
+        gear=gear[1],
         times=first + 1,
-        change_db=float(turn.change_db[first]),
-        others_db=float(np.mean(turn.change_db[_OTHERS])),
+        change_db=float(change[first]),
+        others_db=float(np.mean(change[_OTHERS])),
         sigma_db=sigma,
         log10_probability=min(0.0, log10),
     )

@@ -24,6 +24,7 @@ from functools import cached_property
 from itertools import product
 
 import numpy as np
+from scipy.ndimage import convolve1d, uniform_filter1d
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.diagnosis.law.patterns import (
@@ -239,6 +240,11 @@ class GearDeviation:
     load: float = np.inf
     same_zero: bool = False
 
+    @property
+    def lines(self) -> int:
+        """Number of lines, each channel's counted."""
+        return sum(band.rest.size for band in self.bands)
+
     @cached_property
     def misfit(self) -> float:
         """Mean square of the rest beside the greatest event: about 1 where the law holds.
@@ -265,12 +271,11 @@ class GearDeviation:
             followed = np.abs((side.conj().swapaxes(1, 2) @ band.rest[:, :, None])[:, :, 0]) ** 2
             left += float(np.sum(np.abs(band.rest) ** 2) - np.sum(followed[kept]))
             freedom += band.rest.size - np.count_nonzero(kept)
-        lines = sum(band.rest.size for band in self.bands)
-        if freedom < _LEAST_LEFT * lines:
+        if freedom < _LEAST_LEFT * self.lines:
             # one line in N tells of a sun's places; of a small pinion all lines tell, and ring on
             return self._beside_event if self.meetings > 1 else 1.0
         left /= max(freedom, 1.0)
-        leaked = _LEFT_BY_EVENT * float(self._energy.max()) / lines
+        leaked = _LEFT_BY_EVENT * float(self._energy.max()) / self.lines
         return max(left - leaked, min(left, 1.0), LEAST_MISFIT)
 
     @cached_property
@@ -324,9 +329,8 @@ class GearDeviation:
     @cached_property
     def departs(self) -> float:
         """Share of what is left beside the greatest event that is departure, not noise, 0 to 1."""
-        lines = sum(band.rest.size for band in self.bands)
         noise = sum(float(np.sum((band.noise / band.deviation) ** 2)) for band in self.bands)
-        return 1.0 - noise / lines / max(1.0, self.misfit)
+        return 1.0 - noise / self.lines / max(1.0, self.misfit)
 
     @cached_property
     def expected_by_tooth(self) -> FloatArray:
@@ -345,8 +349,7 @@ class GearDeviation:
             [np.broadcast_to(place**-band.number, band.rest.shape) for band in self.bands]
         )
         leak = float(np.median(alone) / alone.max() * self._energy.max())
-        lines = sum(band.rest.size for band in self.bands)
-        return max(1.0, (float(np.quantile(self._energy, _QUIET)) - leak) / lines)
+        return max(1.0, (float(np.quantile(self._energy, _QUIET)) - leak) / self.lines)
 
     def recurrence(
         self, tooth: int, blocks: ComplexArray, wheel: WheelLines, swings: bool = False
@@ -411,8 +414,7 @@ class GearDeviation:
     @cached_property
     def _standing_out(self) -> FloatArray:
         """Energy around the turn over what is expected at each place."""
-        lines = sum(band.rest.size for band in self.bands)
-        return np.asarray(self._energy / self.expected_around / (self.misfit * lines))
+        return np.asarray(self._energy / self.expected_around / (self.misfit * self.lines))
 
     def _around(self, lines_of_bands: Sequence[ComplexArray]) -> FloatArray:
         """Energy in windows of two teeth around the turn, centred on each step."""
@@ -420,10 +422,7 @@ class GearDeviation:
         energy = np.zeros(steps)
         for band, values in zip(self.bands, lines_of_bands, strict=True):
             energy += turn_energy(values, band.number, steps)
-        wide = 2 * _STEPS
-        ends = np.concatenate([[0.0], np.cumsum(np.tile(energy, 3))])
-        first = steps + np.arange(steps) + _WINDOW
-        window: FloatArray = (ends[first + wide] - ends[first]) / wide
+        window = np.roll(uniform_filter1d(energy, 2 * _STEPS, mode="wrap"), -_STEPS - _WINDOW)
         again = np.rint(np.arange(self.meetings) * steps / self.meetings).astype(int)
         met: FloatArray = window[(np.arange(steps)[:, None] + again) % steps].mean(axis=1)
         return met
@@ -561,10 +560,9 @@ class GearLaw:
         left_out: ComplexArray,
     ) -> list[BandDeviation]:
         teeth, found = self.wheel.teeth, []
-        harmonics = list(enumerate(mesh_bands(teeth, new.top), start=1))
-        for (place, usable), (harmonic, band) in product(
-            enumerate(known.usable & new.usable), harmonics
-        ):
+        harmonics = enumerate(mesh_bands(teeth, new.top), start=1)
+        every = product(enumerate(known.usable & new.usable), harmonics)
+        for (place, usable), (harmonic, band) in every:
             use, side = band[usable[band]], _SIDES[place]
             offset = use - teeth * harmonic
             far = np.abs(offset) > NEAR
@@ -622,9 +620,6 @@ def _powers(place: FloatArray) -> FloatArray:
 def _loudness(pattern: ComplexArray, offset: IntArray) -> FloatArray:
     """Mean power of the lines about each, the mesh harmonic left out."""
     told = (offset != 0).astype(float)
-    window = np.ones(2 * _BESIDE + 1)
-    # cut by hand: of a band shorter than the window numpy would return the window's length
-    own = slice(_BESIDE, _BESIDE + len(told))
-    count = np.maximum(np.convolve(told, window)[own], 1.0)
-    rows = [np.convolve(told * row, window)[own] / count for row in np.abs(pattern) ** 2]
-    return np.array(rows)
+    power, window = np.abs(pattern) ** 2, np.ones(2 * _BESIDE + 1)
+    count, total = (convolve1d(own, window, mode="constant") for own in (told, told * power))
+    return np.asarray(total / np.maximum(count, 1.0))

@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.law.gear_lines import (
@@ -30,14 +29,14 @@ from gearmon.diagnosis.law.patterns import turned_alike
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import load_share
 from gearmon.machine import Machine
-from gearmon.signatures.measured.reference import Profile, Reference
+from gearmon.signatures.measured.reference import Levels, Profile, Reference
 
 # Decibels of a neper.
 _DB = float(20.0 / np.log(10.0))
-# Standard deviation from recording to recording [Np], and its growth per unit of state, of families
-# of lines and of broadband levels: half a decibel, and what a factor of e in load leaves after the
-# common gain. Healthy simulated pairs, loads from 40 to 115 %, gears of accuracy grade 6.
-_LINES, _BROADBAND = (0.06, 0.6), (0.15, 0.6)
+#: Standard deviation from recording to recording [Np], and its growth per unit of state, of
+#: families of lines and of broadband levels: half a decibel, and what a factor of e in load leaves
+#: after the common gain. Healthy simulated pairs, loads from 40 to 115 %, accuracy grade 6.
+LINES, BROADBAND = (0.06, 0.6), (0.15, 0.6)
 # Recordings that the prior of the scale is worth, and the least scale.
 _WORTH, _LEAST_SCALE = 4.0, 1.0
 # Squares of standardised deviations are cut off here, lest one line decide for all.
@@ -137,15 +136,11 @@ class StateGauge:
 
     def _changes(self, profile: Profile) -> FloatArray:
         """Return changes of the mesh harmonics [Np]; NaN where unheard, and of other families."""
-        base, change = self.base, np.full(self.direction.shape, np.nan)
-        its = [
-            n
-            for n, name in enumerate(base.family_names)
-            if name.startswith("mesh") and name in profile.family_names
-        ]
-        own = [profile.family_names.index(base.family_names[n]) for n in its]
-        heard = profile.heard[:, own] & base.heard[:, its]
-        change[:, its] = np.where(heard, profile.level_db[:, own] - base.level_db[:, its], np.nan)
+        change, known = np.full(self.direction.shape, np.nan), self.base.family_names
+        names = [n for n in known if n.startswith("mesh") and n in profile.family_names]
+        own, base = profile.of_families(names), self.base.of_families(names)
+        moved = np.where(own.heard & base.heard, own.level_db - base.level_db, np.nan)
+        change[:, [known.index(name) for name in names]] = moved
         return change / _DB
 
 
@@ -197,76 +192,84 @@ class LevelDeviation:
 
 
 def level_deviation(
-    level_db: FloatArray,
-    error_db: FloatArray,
-    known_db: FloatArray,
-    known_error_db: FloatArray,
+    own: Levels,
+    healthy: Sequence[Levels],
     states: FloatArray,
     state: FloatArray,
-    *,
-    told: NDArray[np.bool_] | None = None,
-    broadband: bool = False,
+    prior: tuple[float, float] = LINES,
 ) -> LevelDeviation:
     """Hold levels against the law.
 
     Parameters
     ----------
-    level_db, error_db : ndarray of float, shape (channels, levels)
-        Levels and their standard errors.
-    known_db, known_error_db : ndarray of float, shape (references, channels, levels)
+    own : Levels
+        Of the recording. A level that does not stand above its noise, and yet lies above what was
+        expected, tells of the noise and of nothing else: it is left out (NaN). Nor does such a
+        level tell the gain, where enough others do: that of a short recording is the higher for it.
+        Where few do, the lower of both is taken: noise that rises hides most lines, and the others
+        have not fallen.
+    healthy : sequence of Levels
         The same of the references.
     states : ndarray of float, shape (references, 3)
         Operating states of the references [units].
     state : ndarray of float, shape (3,)
         That of the recording.
-    told : ndarray of bool, shape (channels, levels), optional
-        Whether the level stands above its noise. One that does not, and yet lies above what was
-        expected, tells of the noise and of nothing else: it is left out (NaN). Nor does such a
-        level tell the gain, where enough others do: that of a short recording is the higher for it.
-        Where few do, the lower of both is taken: noise that rises hides most lines, and the others
-        have not fallen.
-    broadband : bool
-        Whether these are levels of the broadband spectrum.
+    prior : (float, float)
+        Standard deviation of healthy departures and its growth per unit of state [Np], `LINES` or
+        `BROADBAND`.
     """
-    scatter, slope = _BROADBAND if broadband else _LINES
-
-    def departure(
-        level: FloatArray,
-        error: FloatArray,
-        rows: Sequence[int],
-        at: FloatArray,
-        gauge: NDArray[np.bool_] | None = None,
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Gain, told by all levels or some, rest and variance, predicted from some references."""
-        kriging = Kriging.of(states[rows], at, scatter, slope)
-        mean = np.tensordot(kriging.weights, known_db[rows], 1)
-        variance = error**2 + np.tensordot(kriging.weights**2, known_error_db[rows] ** 2, 1)
-        gain = _median(level - mean)
-        if gauge is not None:
-            sure = _median(np.where(gauge, level - mean, np.nan))
-            # what does not stand above its noise tells how high the gain can be
-            gain = np.where(gauge.sum(axis=1) < _LEAST_TOLD, np.fmin(sure, gain), sure)
-        return gain, level - mean - gain[:, None], variance + _DB**2 * kriging.spread
-
-    every, seen = list(range(len(known_db))), []
-    for row in every if len(every) > 1 else ():
-        others = [n for n in every if n != row]
-        _, left, spread = departure(known_db[row], known_error_db[row], others, states[row])
-        seen.append(float(_median((left**2 / spread).reshape(1, -1))[0]) / _MEDIAN)
+    seen = []
+    for row, one in enumerate(healthy if len(healthy) > 1 else ()):
+        others = [n for n in range(len(healthy)) if n != row]
+        mean, spread = _predicted([healthy[n] for n in others], states[others], states[row], prior)
+        left = one.level_db - mean
+        left -= channel_gain(left)[:, None]
+        square = left**2 / (spread + one.error_db**2)
+        seen.append(float(channel_gain(square.reshape(1, -1))[0]) / _MEDIAN)
     # variance over its prior, as the references depart from what the others predict of them
     scale = max((_WORTH + sum(seen)) / (_WORTH + len(seen)), _LEAST_SCALE)
-    gain, rest, variance = departure(level_db, error_db, every, state, told)
-    expected = level_db - rest
-    if told is not None:
-        rest = np.where(told | (rest < 0.0), rest, np.nan)
-    return LevelDeviation(
-        expected_db=expected, rest_db=rest, sigma_db=np.sqrt(scale * variance), gain_db=gain
-    )
+    mean, spread = _predicted(healthy, states, state, prior)
+    rest = own.level_db - mean
+    gain, sure = channel_gain(rest), channel_gain(np.where(own.heard, rest, np.nan))
+    # what does not stand above its noise tells how high the gain can be
+    gain = np.where(own.heard.sum(axis=1) < _LEAST_TOLD, np.fmin(sure, gain), sure)
+    expected, rest = mean + gain[:, None], rest - gain[:, None]
+    rest = np.where(own.heard | (rest < 0.0), rest, np.nan)
+    sigma = np.sqrt(scale * (spread + own.error_db**2))
+    return LevelDeviation(expected_db=expected, rest_db=rest, sigma_db=sigma, gain_db=gain)
 
 
-def _median(rows: FloatArray) -> FloatArray:
-    """Median of the numbers of each row: NumPy's `nanmedian` takes ten times as long."""
-    ordered, count = np.sort(rows, axis=1), np.count_nonzero(~np.isnan(rows), axis=1)
+def _predicted(
+    healthy: Sequence[Levels], states: FloatArray, at: FloatArray, prior: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Levels that references let expect at a state, and their variances [dB, dB^2]."""
+    kriging = Kriging.of(states, at, *prior)
+    mean = np.tensordot(kriging.weights, [one.level_db for one in healthy], 1)
+    error = np.tensordot(kriging.weights**2, [one.error_db**2 for one in healthy], 1)
+    return mean, error + _DB**2 * kriging.spread
+
+
+def channel_gain(moved_db: FloatArray) -> FloatArray:
+    """Return what all levels of each channel have in common: their median, NaN where none is.
+
+    Parameters
+    ----------
+    moved_db : ndarray of float, shape (channels, levels)
+        Changes of levels, NaN where unknown.
+
+    Returns
+    -------
+    ndarray of float, shape (channels,)
+        NumPy's `nanmedian` takes ten times as long.
+
+    Examples
+    --------
+    >>> channel_gain(np.array([[1.0, np.nan, 3.0], [6.0, 0.0, 5.0]])).tolist()
+    [2.0, 5.0]
+    """
+    if not moved_db.shape[1]:
+        return np.full(len(moved_db), np.nan)
+    ordered, count = np.sort(moved_db, axis=1), np.count_nonzero(~np.isnan(moved_db), axis=1)
     middle = np.stack([(count - 1) // 2, count // 2], axis=1)
     return np.asarray(np.take_along_axis(ordered, middle, axis=1).mean(axis=1))
 
@@ -380,14 +383,12 @@ class HealthyMachine:
             If no family of lines is left.
         """
         state = self.gauge.state(own)
-        gears = []
-        for wheel in own.wheels:
-            law = self.gears.get((wheel.stage, wheel.gear))
-            if law is None or law.wheel.teeth != wheel.teeth:
-                continue
-            found = law.deviation(wheel, state, same_zero=own.tacho and law.indexed)
-            if found is not None:
-                gears.append(found)
+        both = [(self.gears.get((wheel.stage, wheel.gear)), wheel) for wheel in own.wheels]
+        gears = [
+            law.deviation(wheel, state, same_zero=own.tacho and law.indexed)
+            for law, wheel in both
+            if law is not None and law.wheel.teeth == wheel.teeth
+        ]
         names = [n for n in own.family_names if n in self.family_names and n not in left_out]
         if not names:
             raise ArgumentError(
@@ -396,39 +397,18 @@ class HealthyMachine:
             )
         speeds, now = (_in_speed_units(one) for one in (self.states, state))
         placed = in_units(self.states, self.lightest), in_units(state, self.lightest)
+        healthy = [profile.of_families(names) for profile in self.profiles]
+        bands = [profile.bands for profile in self.profiles]
+        shape = own.band_db.shape
+        alike = shape[1] > 0 and all(one.level_db.shape == shape for one in bands)
         return MachineDeviation(
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
             heavy=float(state[0] - self.states[:, 0].max()),
             speed_off=float(np.abs(speeds - now).max(axis=1).min()),
             length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
-            gears=tuple(gears),
+            gears=tuple(filter(None, gears)),
             family_names=tuple(names),
-            levels=self._levels(own, names, *placed),
-            broadband=self._broadband(own, *placed),
-        )
-
-    def _levels(
-        self, own: Profile, names: Sequence[str], states: FloatArray, state: FloatArray
-    ) -> LevelDeviation:
-        level, error, told = own.of_families(names)
-        healthy = [profile.of_families(names) for profile in self.profiles]
-        known, known_error = (np.array([one[n] for one in healthy]) for n in (0, 1))
-        return level_deviation(level, error, known, known_error, states, state, told=told)
-
-    def _broadband(
-        self, own: Profile, states: FloatArray, state: FloatArray
-    ) -> LevelDeviation | None:
-        known, new = [profile.band_db for profile in self.profiles], own.band_db
-        if not new.shape[1] or any(one.shape != new.shape for one in known):
-            return None
-        healthy = np.array(known)
-        return level_deviation(
-            new,
-            np.zeros_like(new),
-            healthy,
-            np.zeros_like(healthy),
-            states,
-            state,
-            broadband=True,
+            levels=level_deviation(own.of_families(names), healthy, *placed),
+            broadband=level_deviation(own.bands, bands, *placed, BROADBAND) if alike else None,
         )

@@ -6,11 +6,13 @@ than all else, and draws the pattern to whichever healthy tooth departs most.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.signatures.measured.reference import WheelPattern
@@ -93,13 +95,8 @@ class GearPattern:
 
     def up_to(self, top: int) -> GearPattern:
         """Return the pattern up to a lower multiple of the rotation."""
-        inside = slice(top + 1)
-        return replace(
-            self,
-            amplitude=self.amplitude[:, inside],
-            variance=self.variance[:, inside],
-            usable=self.usable[:, inside],
-        )
+        whole = {name: getattr(self, name) for name in ("amplitude", "variance", "usable")}
+        return replace(self, **{name: own[:, : top + 1] for name, own in whole.items()})
 
     def turned(self, angle: float) -> GearPattern:
         """Return the same pattern `angle` turns later."""
@@ -174,14 +171,15 @@ def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
     bands = [band for band in bands if len(band) >= LEAST_LINES]
     if not bands:
         return 0.0
-    angle = _best_angle(known, new, bands, teeth)
-    for _ in range(_ROUNDS if _louder(known, new, bands) > _DROWNED else 0):
-        event = _event(known.turned(angle), new, bands, teeth)
+    pair = _Pair(known, new, bands, teeth)
+    angle = pair.best_angle()
+    for _ in range(_ROUNDS if pair.louder() > _DROWNED else 0):
+        event = pair._replace(known=known.turned(angle)).event()
         if event is None:
             break
         beside = replace(new, amplitude=new.amplitude - event)
         # a loud event leaks to all teeth: what is left at them tells nothing then
-        moved = float(_likely_angles(known, beside, bands, teeth)[0])
+        moved = float(pair._replace(new=beside).likely_angles()[0])
         step = abs((moved - angle + 0.5) % 1.0 - 0.5) * teeth
         angle = moved
         if step < _SETTLED:
@@ -189,105 +187,92 @@ def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
     return angle
 
 
-def _louder(known: GearPattern, new: GearPattern, bands: Sequence[IntArray]) -> float:
-    """Power of a new pattern over that of the healthy one, median of bands and channels."""
-    own, healthy = (
-        np.array([np.sum(np.abs(one.amplitude[:, band]) ** 2, axis=1) for band in bands])
-        for one in (new, known)
-    )
-    told = healthy > 0
-    return float(np.median(own[told] / healthy[told])) if told.any() else 0.0
+class _Pair(NamedTuple):
+    """A healthy pattern and a new one, about the mesh harmonics whose lines both have."""
 
+    known: GearPattern
+    new: GearPattern
+    bands: Sequence[IntArray]
+    teeth: int
 
-def _best_angle(
-    known: GearPattern, new: GearPattern, bands: Sequence[IntArray], teeth: int
-) -> float:
-    """Of the likely angles that which leaves least at most of the teeth."""
-    angles = _likely_angles(known, new, bands, teeth)
-    left = _left_at_teeth(known, new, bands, teeth, angles)
-    quiet = np.sort(left, axis=1)[:, : max(1, int(_SOUND_TEETH * teeth))].mean(axis=1)
-    return float(angles[int(np.argmin(quiet))])
+    def lines(self) -> Iterator[tuple[IntArray, ComplexArray, ComplexArray, FloatArray]]:
+        """Give numbers, healthy and new lines of each band, and the variance of what differs."""
+        known, new = self.known, self.new
+        for band in self.bands:
+            variance = new.variance[:, band] + known.variance[:, band]
+            yield band, known.amplitude[:, band], new.amplitude[:, band], variance
 
+    def louder(self) -> float:
+        """Power of the new pattern over that of the healthy one, median of bands and channels."""
+        both = [np.sum(np.abs([value, old]) ** 2, axis=2) for _, old, value, _ in self.lines()]
+        own, healthy = np.array(both).swapaxes(0, 1)
+        told = healthy > 0
+        return float(np.median(own[told] / healthy[told])) if told.any() else 0.0
 
-def _event(
-    known: GearPattern, new: GearPattern, bands: Sequence[IntArray], teeth: int
-) -> ComplexArray | None:
-    """Lines of the greatest event in what the healthy pattern leaves; None if there is none.
+    def best_angle(self) -> float:
+        """Of the likely angles that which leaves least at most of the teeth."""
+        angles = self.likely_angles()
+        left = np.sort(self.left_at_teeth(angles), axis=1)
+        quiet = left[:, : max(1, int(_SOUND_TEETH * self.teeth))].mean(axis=1)
+        return float(angles[int(np.argmin(quiet))])
 
-    All that is heard there is fitted, not what the healthy pattern leaves of it: that would put the
-    pattern in its place, at the very angle that is in doubt.
-    """
-    places = _PLACES * teeth
-    energy = np.zeros(places)
-    deviations = []
-    for band in bands:
-        variance = new.variance[:, band] + known.variance[:, band]
-        old, value = known.amplitude[:, band], new.amplitude[:, band]
-        power = np.sum(np.abs(old) ** 2 / variance, axis=1)
-        gain = np.sum(old.conj() * value / variance, axis=1)
-        gain /= np.maximum(power, np.finfo(float).tiny)
-        deviations.append(np.sqrt(variance))
-        energy += turn_energy((value - gain[:, None] * old) / deviations[-1], band, places)
-    wide = _EVENT_TEETH * _PLACES
-    ends = np.cumsum(np.tile(energy, 2))
-    window = ends[wide : wide + places] - ends[:places]
-    if float(window.max()) < _EVENT * float(np.median(window)):
-        return None
-    middle = (int(np.argmax(window)) + 1 + wide // 2) / _PLACES
-    delay = (middle + AROUND) / teeth
-    event = np.zeros_like(new.amplitude)
-    for band, deviation in zip(bands, deviations, strict=True):
-        waves = np.exp(-2j * np.pi * np.outer(band, delay))
-        for channel, scale in enumerate(deviation):
-            told = new.amplitude[channel, band] / scale
-            size = np.linalg.lstsq(waves / scale[:, None], told, rcond=RANK)[0]
-            event[channel, band] = waves @ size
-    return event
+    def event(self) -> ComplexArray | None:
+        """Lines of the greatest event in what the healthy pattern leaves; None if there is none.
 
+        All that is heard there is fitted, not what the healthy pattern leaves of it: that would put
+        the pattern in its place, at the very angle that is in doubt.
+        """
+        energy = np.zeros(_PLACES * self.teeth)
+        for band, old, value, variance in self.lines():
+            power = np.sum(np.abs(old) ** 2 / variance, axis=1)
+            gain = np.sum(old.conj() * value / variance, axis=1)
+            gain /= np.maximum(power, np.finfo(float).tiny)
+            rest = (value - gain[:, None] * old) / np.sqrt(variance)
+            energy += turn_energy(rest, band, len(energy))
+        window = uniform_filter1d(energy, _EVENT_TEETH * _PLACES, mode="wrap")
+        if float(window.max()) < _EVENT * float(np.median(window)):
+            return None
+        delay = (int(np.argmax(window)) / _PLACES + AROUND) / self.teeth
+        event = np.zeros_like(self.new.amplitude)
+        for band, _, value, variance in self.lines():
+            waves = np.exp(-2j * np.pi * np.outer(band, delay))
+            for channel, scale in enumerate(np.sqrt(variance)):
+                told = value[channel] / scale
+                size = np.linalg.lstsq(waves / scale[:, None], told, rcond=RANK)[0]
+                event[channel, band] = waves @ size
+        return event
 
-def _likely_angles(
-    known: GearPattern, new: GearPattern, bands: Sequence[IntArray], teeth: int
-) -> FloatArray:
-    """Angles [turns] at which the healthy pattern explains most of the new one, best first."""
-    top = new.top
-    # eight steps per cycle of the highest line: the best angle is met within 3 per cent of power
-    steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
-    explained = np.zeros(steps)
-    for band in bands:
-        weight = 1.0 / (new.variance[:, band] + known.variance[:, band])
-        healthy = known.amplitude[:, band]
-        product = np.zeros((len(weight), steps), dtype=complex)
-        product[:, band] = weight * np.conj(healthy) * new.amplitude[:, band]
-        power = np.sum(weight * np.abs(healthy) ** 2, axis=1)
-        match = np.abs(np.fft.fft(product, axis=1)) ** 2
-        explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
-    angles, apart = [], max(1, int(_APART * steps / teeth))
-    for _ in range(_ANGLES):
-        best = int(np.argmax(explained))
-        angles.append(best / steps)
-        explained[np.arange(best - apart, best + apart + 1) % steps] = -1.0
-    return np.array(angles)
+    def likely_angles(self) -> FloatArray:
+        """Angles [turns] at which the healthy pattern explains most of the new one, best first."""
+        top = self.new.top
+        # eight steps per cycle of the highest line: the best angle is met within 3 per cent of
+        # power
+        steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
+        explained = np.zeros(steps)
+        for band, old, value, variance in self.lines():
+            product = np.zeros((len(variance), steps), dtype=complex)
+            product[:, band] = old.conj() * value / variance
+            power = np.sum(np.abs(old) ** 2 / variance, axis=1)
+            match = np.abs(np.fft.fft(product, axis=1)) ** 2
+            explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
+        angles, apart = [], max(1, int(_APART * steps / self.teeth))
+        for _ in range(_ANGLES):
+            best = int(np.argmax(explained))
+            angles.append(best / steps)
+            explained[np.arange(best - apart, best + apart + 1) % steps] = -1.0
+        return np.array(angles)
 
-
-def _left_at_teeth(
-    known: GearPattern,
-    new: GearPattern,
-    bands: Sequence[IntArray],
-    teeth: int,
-    angles: FloatArray,
-) -> FloatArray:
-    """Energy left at each tooth for each angle, one gain a band fitted, shape (angles, teeth)."""
-    left = np.zeros((len(angles), teeth))
-    for band in bands:
-        turn = np.exp(2j * np.pi * np.outer(angles, band))[:, None]
-        variance = new.variance[:, band] + known.variance[:, band]
-        healthy, value = known.amplitude[:, band] * turn, new.amplitude[:, band]
-        power = np.sum(np.abs(known.amplitude[:, band]) ** 2 / variance, axis=1)
-        gain = np.sum(healthy.conj() * (value - healthy) / variance, axis=2)
-        gain = 1.0 + gain / (power + 1.0 / GAIN**2)
-        rest = (value - gain[:, :, None] * healthy) / np.sqrt(variance)
-        left += turn_energy(rest, band, teeth)
-    return left
+    def left_at_teeth(self, angles: FloatArray) -> FloatArray:
+        """Energy left at each tooth for each angle, one gain a band fitted, (angles, teeth)."""
+        left = np.zeros((len(angles), self.teeth))
+        for band, old, value, variance in self.lines():
+            healthy = old * np.exp(2j * np.pi * np.outer(angles, band))[:, None]
+            power = np.sum(np.abs(old) ** 2 / variance, axis=1)
+            gain = np.sum(healthy.conj() * (value - healthy) / variance, axis=2)
+            gain = 1.0 + gain / (power + 1.0 / GAIN**2)
+            rest = (value - gain[:, :, None] * healthy) / np.sqrt(variance)
+            left += turn_energy(rest, band, self.teeth)
+        return left
 
 
 def turned_alike(wheels: Sequence[WheelPattern], *, same_zero: bool) -> tuple[GearPattern, ...]:

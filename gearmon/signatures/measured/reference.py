@@ -17,14 +17,14 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
 from gearmon import __version__
-from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.arrays import BoolArray, ComplexArray, FloatArray
 from gearmon.errors import ArgumentError, check_type
 from gearmon.files import reading_archive, restored, stored, write_archive
 from gearmon.gears.kinematics import kinematics
@@ -142,6 +142,22 @@ class WheelPattern:
         return next((own for own in wheels if (own.stage, own.gear, own.teeth) == key), None)
 
 
+class Levels(NamedTuple):
+    """Levels of one recording, arrays of shape (channels, levels).
+
+    Parameters
+    ----------
+    level_db, error_db : ndarray of float
+        Levels and their standard errors [dB].
+    heard : ndarray of bool
+        Whether each stands above its own scatter.
+    """
+
+    level_db: FloatArray
+    error_db: FloatArray
+    heard: BoolArray
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
     """One recording, condensed to what is compared.
@@ -208,11 +224,17 @@ class Profile:
         whole: Profile = self if own == list(range(len(self.level_db))) else taken(self, own)
         return whole
 
-    def of_families(self, names: Sequence[str]) -> tuple[FloatArray, FloatArray, NDArray[np.bool_]]:
-        """Return level, its standard error and whether it is heard, of some families of lines."""
+    def of_families(self, names: Sequence[str]) -> Levels:
+        """Return the levels of some families of lines."""
         index = {name: column for column, name in enumerate(self.family_names)}
         columns = [index[name] for name in names]
-        return self.level_db[:, columns], self.scatter_db[:, columns], self.heard[:, columns]
+        level, error, heard = self.level_db, self.scatter_db, self.heard
+        return Levels(level[:, columns], error[:, columns], heard[:, columns])
+
+    @property
+    def bands(self) -> Levels:
+        """Levels of the broadband spectrum."""
+        return Levels(self.band_db, np.zeros_like(self.band_db), self.band_db < np.inf)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -543,11 +565,8 @@ def machine_notes(machine: Machine, reference: Reference) -> list[str]:
             f"the reference was learned for teeth {reference.teeth} ({reference.machine}), the "
             f"machine file has {tooth_counts(machine)}; learn one for this machine"
         )
-    orders = {
-        (mesh.stage, wheel.gear): wheel.relative_order
-        for mesh in kinematics(machine).meshes
-        for wheel in mesh.wheels
-    }
+    wheels = [(mesh.stage, own) for mesh in kinematics(machine).meshes for own in mesh.wheels]
+    orders = {(stage, own.gear): own.relative_order for stage, own in wheels}
     for own in (wheel for profile in reference.profiles for wheel in profile.wheels):
         order = orders.get((own.stage, own.gear))
         if order is None or abs(own.order - order) > 1e-6 * order:
@@ -670,11 +689,9 @@ def recording_notes(own: MeasuredSignature, reference: Reference) -> list[str]:
         for profile in reference.profiles
         if set(own.digests) & set(profile.digests)
     ]
-    unknown = [
-        name
-        for row, unit, name in zip(rows, known.units, shared, strict=True)
-        if (own.units[row] is None) != (unit is None)
-    ]
+    units = [(name, own.units[row]) for name, row in zip(shared, rows, strict=True)]
+    both = zip(units, known.units, strict=True)
+    unknown = [name for (name, unit), other in both if (unit is None) != (other is None)]
     if unknown:
         notes.append(
             f"the unit of {', '.join(unknown)} is known of the recording or of the reference only; "

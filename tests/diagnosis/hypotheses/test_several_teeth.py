@@ -86,6 +86,7 @@ def band_of(rest, teeth=TEETH):
         level=np.ones(len(offset)),
         offset=offset,
         place=np.exp(2j * np.pi / teeth * np.outer(np.arange(teeth), number)),
+        contact_ratio=1.6,
     )
 
 
@@ -108,7 +109,7 @@ def slow_likelihood(band, matrix_of_event, tooth):
 
 def test_likelihood_is_that_of_the_covariance():
     band = band_of(3.0 * complex_noise(np.random.default_rng(8), 19))
-    power, direction = event(band, 1.6, 0.3)
+    power, direction = event(band, 0.3)
     fast = log_likelihood(band, power, energies(band, direction, slice(None)))
     matrix = (direction * power) @ direction.conj().T
     slow = np.array([slow_likelihood(band, matrix, tooth) for tooth in range(TEETH)]).T
@@ -117,7 +118,7 @@ def test_likelihood_is_that_of_the_covariance():
 
 def test_likelihood_of_two_teeth_is_that_of_the_covariance():
     band = band_of(3.0 * complex_noise(np.random.default_rng(9), 19))
-    power, direction = event(band, 1.6, 0.3)
+    power, direction = event(band, 0.3)
     factor = np.array(
         [1 + a * np.exp(-2j * np.pi * d * band.number / TEETH) for d, a in ((5, 0.4), (-1, 1.0))]
     )
@@ -131,7 +132,7 @@ def test_likelihood_of_two_teeth_is_that_of_the_covariance():
 
 def test_factors_of_one_change_nothing():
     band = band_of(3.0 * complex_noise(np.random.default_rng(10), 19))
-    power, direction = event(band, 1.6, 1.0)
+    power, direction = event(band, 1.0)
     plain = log_likelihood(band, power, energies(band, direction, np.array([7])))
     same = log_likelihood(band, *weighted(band, power, direction, 7, np.ones((1, 19))))
     # a loudness of no direction is a matter of the trace, which `event` leaves a thousandth short
@@ -145,9 +146,10 @@ def test_events_have_a_trace_of_the_lines():
         level=np.ones(21),
         offset=np.arange(-10, 11) / TEETH,
         place=np.ones((1, 21)),
+        contact_ratio=1.6,
     )
     for ringing in (0.05, 1.0, 3.0):
-        power, direction = event(band, 1.6, ringing)
+        power, direction = event(band, ringing)
         assert power.sum() == pytest.approx(21, rel=0.01)
         assert direction.conj().T @ direction == pytest.approx(np.eye(len(power)), abs=1e-6)
 
@@ -193,6 +195,7 @@ def test_what_repeats_is_the_autocorrelation_at_whole_teeth():
         level=np.ones(len(lines)),
         offset=number / TEETH,
         place=np.ones((1, len(lines))),
+        contact_ratio=1.6,
     )
     expected = np.zeros(TEETH)
     expected[[6, -6]] = 0.5 / 1.25
@@ -200,7 +203,7 @@ def test_what_repeats_is_the_autocorrelation_at_whole_teeth():
 
 
 def test_gears_of_hardly_any_teeth_are_not_judged():
-    assert second_tooth([], [], 0, np.ones(5), 10.0) is None
+    assert second_tooth([], 0, np.ones(5), 10.0) is None
 
 
 def test_what_one_tooth_leaves_behind_is_no_second_one():

@@ -14,16 +14,20 @@ from gearmon.diagnosis.law.gear_lines import FULL_LOAD, LENGTH
 from gearmon.diagnosis.law.machine import HealthyMachine, level_deviation
 from gearmon.signatures.measured.line_plan import Family
 from gearmon.signatures.measured.measurement import measure_signature
-from gearmon.signatures.measured.reference import Profile
+from gearmon.signatures.measured.reference import Levels, Profile
 
 HERE, SOME = np.zeros(2), np.zeros((1, 2))
 
 
-def held(new, known, states=None, state=HERE, **more):
-    known = np.asarray(known, dtype=float)
-    errors = np.zeros_like(known)
+def held(new, known, states=None, state=HERE, told=None):
+    healthy = [levels(one) for one in np.asarray(known, dtype=float)]
     where = np.zeros((len(known), 2)) if states is None else np.asarray(states, dtype=float)
-    return level_deviation(new, np.zeros_like(new), known, errors, where, state, **more)
+    return level_deviation(levels(new, told=told), healthy, where, state)
+
+
+def levels(level, error=0.0, told=None):
+    heard = np.ones(level.shape, dtype=bool) if told is None else told
+    return Levels(level, np.full(level.shape, error), heard)
 
 
 def test_a_gain_of_a_channel_leaves_nothing():
@@ -131,9 +135,8 @@ def test_mesh_harmonics_that_change_otherwise_in_each_channel_are_another_path()
 
 
 def test_the_standard_deviation_is_that_of_a_difference_from_a_mean():
-    known = np.zeros((2, 1, 9))
-    errors = np.full((1, 9), 0.5), np.full((2, 1, 9), 0.6)
-    found = level_deviation(known[0], errors[0], known, errors[1], np.zeros((2, 2)), HERE)
+    own, known = (levels(np.zeros((1, 9)), error) for error in (0.5, 0.6))
+    found = level_deviation(own, [known, known], np.zeros((2, 2)), HERE)
     # scatter of 0.06 Np in the recording and in the mean of two references
     own = (20 / np.log(10) * 0.06) ** 2 * (1 + 1 / 2)
     assert found.sigma_db**2 == pytest.approx(own + 0.5**2 + 0.6**2 / 2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 from gearmon.diagnosis.law.gear_lines import LENGTH, Kriging
 from gearmon.diagnosis.law.machine import FLUCTUATION_UNIT, SPEED_UNIT, StateGauge
+from gearmon.signatures.measured.reference import Profile
 
 HERE = np.zeros(2)
 
@@ -79,13 +81,16 @@ def test_what_changes_with_the_load_is_told_from_what_changes_with_the_speed():
 def profile(*change_np, heard=True, speed_hz=20.0, swing=0.0):
     """Levels of mesh harmonics, and of a family that is none and moves otherwise."""
     names = (*(f"mesh 1 harmonic {k}" for k in range(1, len(change_np) + 1)), "shaft 1")
-    return SimpleNamespace(
+    own = SimpleNamespace(
         family_names=names,
         level_db=20 / np.log(10) * np.array([[*change_np, 3.0]]),
+        scatter_db=np.zeros((1, len(names))),
         heard=np.array([[*np.broadcast_to(heard, len(change_np)), True]]),
         speed_hz=speed_hz,
         speed_fluctuation=swing,
     )
+    own.of_families = partial(Profile.of_families, own)
+    return own
 
 
 #: How the harmonics of a lightly loaded machine follow its load; their median does not.
