@@ -56,9 +56,6 @@ _CLEAR_POWER, _SLIPPED_CYCLES = 6.0, 0.25
 # second; relative distance of speeds at which a line has a mean of its own: the path turns it
 # between.
 _WANDER, _SPEED_CLASS = 0.02, 0.04
-# Samples up to which a recording is held in its angle: 16 MB. Longer ones are spread block by
-# block, twice where blocks overlap: memory stays flat.
-_HELD = 1 << 21
 # Blocks that tell whether lines are phase-coherent [turns].
 _BLOCK_TURNS = 5.0
 # Half the width of a line read through a Hann window, over one by its length.
@@ -243,7 +240,10 @@ def _unwound(lines: SlidingLines) -> FloatArray:
     if total <= 0:
         return np.zeros(len(lines.angle))
     told = advance / lines.orders
-    increment = np.quantile(told, 0.5, axis=1, weights=weight, method="inverted_cdf")
+    # of each block the weighted median
+    order = np.argsort(told, axis=1)
+    half = np.argmax(np.cumsum(weight[order], axis=1) >= 0.5 * total, axis=1)
+    increment = told[np.arange(len(told)), order[np.arange(len(told)), half]]
     for _ in range(3):
         rest = advance - increment[:, None] * lines.orders
         votes = weight * (np.abs(rest) < _SLIPPED_CYCLES)
@@ -325,8 +325,7 @@ def scan_angle(vibration: InAngle, comb: Comb, reach: float, block_turns: float)
         With turns for seconds: speeds are multiples of the track's.
     """
     top = 0.45 * vibration.sampling_rate_hz / float(vibration.track.speed_hz.max())
-    read = vibration.holding() if vibration.samples.size <= _HELD else vibration
-    return SpeedScan(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
+    return SpeedScan(vibration, vibration.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
 
 
 def unwarp(sums: OrderSums, track: AngleTrack, comb: Comb, reach: float = 0.015) -> AngleTrack:
