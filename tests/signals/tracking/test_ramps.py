@@ -95,6 +95,16 @@ def test_a_recording_is_spread_block_by_block_with_the_same_result():
     np.testing.assert_allclose(spread.scores, held.scores, rtol=1e-9)
 
 
+@pytest.mark.parametrize("together", [1, 20_000])
+def test_scores_do_not_depend_on_how_many_blocks_are_looked_at_together(together, monkeypatch):
+    samples = vibration(wandering_turns(TIME, NOMINAL, 0.01, 5, slowest_s=4.0))
+    usual = SpeedScan(samples, RATE, COMB, NOMINAL, 0.012, 20 / NOMINAL)
+    monkeypatch.setattr("gearmon.signals.tracking.comb._TOGETHER", together)
+    other = SpeedScan(samples, RATE, COMB, NOMINAL, 0.012, 20 / NOMINAL)
+    np.testing.assert_allclose(other.scores, usual.scores, rtol=1e-12)
+    np.testing.assert_array_equal(other.quality, usual.quality)
+
+
 @pytest.mark.parametrize("off", [-0.006, 0.003])
 def test_a_scan_in_the_angle_of_a_track_tells_by_what_its_speed_is_off(off):
     wrong = constant_track(NOMINAL * (1 + off), TIME[-1])
