@@ -255,7 +255,6 @@ def _unwound(lines: SlidingLines) -> FloatArray:
 
 def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     """Solve for the angle error of a track and take it away."""
-    from scipy.interpolate import make_interp_spline
     from scipy.linalg import solveh_banded
 
     hop_s = lines.hop / float(np.mean(track.speed_hz))
@@ -289,9 +288,11 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     drift = np.unwrap(np.angle(mean[:, clear]), axis=0) / (2 * np.pi * order[clear])
     slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
     # straight from block to block, and on with the slopes at the ends
-    shift = make_interp_spline(lines.angle, error, k=1)
-    uncertainty = float(np.sqrt(quick + slow))
-    return track.moved(lines.angle, lambda turns: turns + shift(turns), uncertainty)
+    angle, ends = lines.angle, track.turns[[0, -1]]
+    beyond = error[[0, -1]] + np.gradient(error, angle)[[0, -1]] * (ends - angle[[0, -1]])
+    places, shift = np.insert(ends, 1, angle), np.insert(beyond, 1, error)
+    doubt = float(np.sqrt(quick + slow))
+    return track.moved(angle, lambda turns: turns + np.interp(turns, places, shift), doubt)
 
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
