@@ -54,7 +54,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.fft import ifft, next_fast_len, rfft
 
-from gearmon.arrays import ComplexArray, FloatArray
+from gearmon.arrays import ComplexArray, FloatArray, median_along
 from gearmon.errors import ArgumentError, check_positive, check_range, check_word
 
 #: Coefficients a_0, a_1, ... of each window.
@@ -107,8 +107,11 @@ def fast_length(length: int) -> int:
 
 
 def _rows_in_cache(length: int) -> int:
-    """Return how many transforms of a length to take at a time."""
-    return max(1, _CACHED // length)
+    """Return how many transforms of a length to take at a time.
+
+    Two at least: SciPy takes them side by side, in 0.6 of the time that one after the other take.
+    """
+    return max(2, _CACHED // length)
 
 
 def transform(signals: FloatArray, length: int, weights: FloatArray | float = 1.0) -> ComplexArray:
@@ -133,25 +136,28 @@ def transform(signals: FloatArray, length: int, weights: FloatArray | float = 1.
 def window_powers(
     signals: FloatArray, weights: FloatArray, length: int, centred: bool = True
 ) -> FloatArray:
-    """Squared magnitudes of the `transform` of every signal, one after the other.
+    """Squared magnitudes of the `transform` of every signal, some at a time.
 
     Parameters
     ----------
     signals, weights, length
-        As of `transform`, the signals of shape (channels, n).
+        As of `transform`.
     centred : bool
         Whether the signals are taken less their means.
 
     Returns
     -------
-    ndarray of float, shape (channels, length // 2 + 1)
+    ndarray of float, shape (..., length // 2 + 1)
     """
-    powers = np.empty((len(signals), length // 2 + 1))
-    for row, signal in zip(powers, signals, strict=True):
+    every, rows = signals.reshape(-1, signals.shape[-1]), _rows_in_cache(length)
+    powers = np.empty((len(every), length // 2 + 1))
+    for first in range(0, len(every), rows):
+        own, power = every[first : first + rows], powers[first : first + rows]
         # an offset as large as the signal must not hide it behind its own side lobes
-        lines = transform(signal - signal.mean() if centred else signal, length, weights)
-        np.add(np.square(lines.real, out=row), lines.imag**2, out=row)
-    return powers
+        own = own - own.mean(axis=-1, keepdims=True) if centred else own
+        lines = transform(own, length, weights)
+        np.add(np.square(lines.real, out=power), lines.imag**2, out=power)
+    return powers.reshape(*signals.shape[:-1], -1)
 
 
 def window(name: str, length: int) -> FloatArray:
@@ -401,9 +407,7 @@ def local_floor(power: FloatArray, width: int) -> FloatArray:
     last = bins - width
     starts = np.append(np.arange(0, last, max(1, width // 2)), last)
     windows = np.lib.stride_tricks.sliding_window_view(power, width, axis=-1)[..., starts, :]
-    # by sorting in place: quicker than a search in some hundred
-    windows.sort(axis=-1)
-    medians = 0.5 * (windows[..., (width - 1) // 2] + windows[..., width // 2])
+    medians = median_along(windows, -1)
     places, middles = np.arange(bins), starts + 0.5 * (width - 1)
     rows = [np.interp(places, middles, row) for row in medians.reshape(-1, len(starts))]
     return np.maximum(np.reshape(rows, power.shape), np.finfo(float).tiny)

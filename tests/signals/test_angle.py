@@ -16,6 +16,7 @@ from reference.synthetic_signals import (
     wandering_turns,
     white,
 )
+from scipy.interpolate import CubicHermiteSpline
 
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack
@@ -243,3 +244,18 @@ def test_a_part_keeps_the_angle_of_the_whole(start_s, stop_s):
     np.testing.assert_allclose(part.turns, whole.turns_at(part.time_s + start_s), atol=1e-9)
     time_s = np.linspace(start_s, stop_s, 200)
     np.testing.assert_allclose(part.turns_at(time_s - start_s), turns(time_s), atol=2e-4)
+
+
+def test_time_and_slope_are_those_of_a_hermite_curve_in_whatever_order_they_are_asked_for():
+    rng = np.random.default_rng(3)
+    turns = np.cumsum(rng.uniform(0.5, 2.0, 300))
+    curve = track(np.cumsum(rng.uniform(0.04, 0.06, 300)), turns)
+    spline = CubicHermiteSpline(turns, curve.time_s, np.gradient(curve.time_s, turns))
+    asked = rng.permutation(np.append(turns, rng.uniform(turns[0], turns[-1], 2000)))
+    time_s, slope = curve.time_and_slope_at(asked)
+    np.testing.assert_allclose(time_s, spline(asked), rtol=1e-13)
+    np.testing.assert_allclose(slope, spline(asked, 1), rtol=1e-10)
+    beyond = curve.time_at(np.array([turns[-1] + 4.0, turns[0] - 2.0]))
+    ends = curve.time_s[[-1, 0]] + [4.0, -2.0] * spline(turns[[-1, 0]], 1)
+    np.testing.assert_allclose(beyond, ends, rtol=1e-12)
+    assert curve.time_at(turns[:0]).shape == (0,)

@@ -33,9 +33,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csc_array, csr_array
 
-from gearmon.arrays import ComplexArray, FloatArray, IntArray
+from gearmon.arrays import ComplexArray, FloatArray, IntArray, median_along
 from gearmon.errors import ArgumentError
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders.resampling import AngleGrid, InAngle, Kernel
@@ -70,8 +70,8 @@ _SLOW, _EXCESS = 3, 2.0
 _NEAR = 0.02
 # Cycles of the highest order in a stretch, its longest [turns], and the least number of them.
 _CYCLES, _LONGEST, _LEAST = 18.0, 0.125, 256
-# Stretches that share a speed, steps of its logarithm, and how many are read together.
-_SHARING, _SPEED_STEP, _TOGETHER = 8, 2e-4, 1 << 12
+# Stretches that share a speed, steps of its logarithm, and how many are read or summed together.
+_SHARING, _SPEED_STEP, _TOGETHER = 8, 2e-4, 1 << 14
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -215,11 +215,11 @@ class OrderBlocks:
         grid = AngleGrid(per_turn=per_turn, first_turn=grid.first_turn, count=steps)
         signals = InAngle(samples, rate, track, grid, kernel)
         self.signals = signals.holding() if held else signals
-        self.starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count - 1)
+        self.starts = self.first_turn + 0.5 * self.block_turns * np.arange(self.count)
         sound = np.ones(self.count - 1, dtype=bool)
         for stretch in left_out:
             begin, end = track.turns_at(np.array(stretch) / rate)
-            sound &= (self.starts + self.block_turns <= begin) | (self.starts >= end)
+            sound &= (self.starts[:-1] + self.block_turns <= begin) | (self.starts[:-1] >= end)
         self.sound = np.flatnonzero(sound)
         if not len(self.sound):
             raise ArgumentError(f"no block of {block_turns:.4g} turns is sound")
@@ -235,18 +235,18 @@ class OrderBlocks:
 
         def part(first: int) -> ComplexArray:
             """Transform halves under the rising and the falling half of the window."""
-            number = min(together, self.count - first)
-            cut = self.signals.steps(first * self.steps, number * self.steps)
+            begin = self.starts[first : first + together]
+            cut = self.signals.steps(first * self.steps, len(begin) * self.steps)
             found = plan.lines(cut.reshape(-1, self.steps))
-            return np.stack(found).reshape(2, len(samples), number, -1)
+            waves = phasors(np.outer(begin, -self.orders)) * self.scale
+            return found.reshape(len(samples), len(begin), 2, -1) * waves[:, None]
 
         parts = side_by_side(part, range(0, self.count, together), samples.size)
-        rising, falling = np.concatenate(parts, axis=2).swapaxes(1, 2)
-        rows = rising[:-1] + falling[1:] * phasors(-self.orders * (0.5 * self.block_turns))
-        rows *= phasors(-self.orders * self.starts[:, None])[:, None, :]
+        halves = np.concatenate(parts, axis=1).swapaxes(0, 1)
+        rows = halves[:-1, :, 0] + halves[1:, :, 1]
         return OrderLines(
             orders=self.orders,
-            amplitude=(rows if len(self.sound) == len(rows) else rows[self.sound]) * self.scale,
+            amplitude=rows if len(self.sound) == len(rows) else rows[self.sound],
             block_turns=self.block_turns,
             first_turn=self.first_turn,
             noise=self.noise(),
@@ -258,12 +258,11 @@ class OrderBlocks:
         The mean of n noise powers follows a gamma law of shape n, whose median over its mean is
         about 1 - 1/(3 n) + 0.02/n^2; half overlapped Hann blocks are worth a twentieth less.
         """
-        weights, length = window("hann", 2 * self.steps), 4 * self.steps
+        size, weights, length = 2 * self.steps, window("hann", 2 * self.steps), 4 * self.steps
         work = len(self.sampled) * length * len(self.signals.samples)
 
         def power(number: int) -> FloatArray:
-            block = self.signals.steps(number * self.steps, 2 * self.steps)
-            return window_powers(block, weights, length)
+            return window_powers(self.signals.steps(number * self.steps, size), weights, length)
 
         powers = side_by_side(power, self.sampled, work)
         mean: FloatArray = sum(powers, np.zeros(1)) / len(powers)
@@ -316,12 +315,11 @@ class GriddedPlan:
         shape = len(both), len(wanted)
         self._weights = csr_array((both.ravel(), place.ravel(), ends), shape=shape)
 
-    def lines(self, halves: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+    def lines(self, halves: FloatArray) -> ComplexArray:
         """Return the transforms under the rising and the falling half of the window."""
         bins = transform(halves, self.length, self._flat).take(self._taken, axis=1)
         bins[:, self._mirrored] = np.conj(bins[:, self._mirrored])
-        rising, falling = np.split((self._weights @ bins.T).T, 2, axis=1)
-        return rising, falling
+        return np.asarray((self._weights @ bins.T).T.reshape(len(halves), 2, -1))
 
 
 def variance_of_mean(blocks: ComplexArray) -> FloatArray:
@@ -359,7 +357,7 @@ def variance_of_mean(blocks: ComplexArray) -> FloatArray:
         return np.asarray(told.mean(axis=0))
     # mean of the median of exponential variables of mean 1, by the waits from one to the next
     reached = np.cumsum(1.0 / np.arange(count - 1, 0, -1))
-    usual = np.median(told, axis=0) / np.median(reached)
+    usual = median_along(told) / np.median(reached)
     slow = 0.5 * (told[:_SLOW].mean(axis=0) + told[-_SLOW:].mean(axis=0))
     return np.where(slow > _EXCESS * usual, slow, usual)
 
@@ -402,9 +400,8 @@ def _knocks(blocks: ComplexArray, number: IntArray) -> tuple[int, ComplexArray |
     """Return how many blocks bear knocks, and what is clipped of them, None if nothing is."""
     if len(blocks) < _FEWEST_BLOCKS or not len(number):
         return 0, None
-    middle = np.median(blocks.real, axis=0) + 1j * np.median(blocks.imag, axis=0)
-    scale = np.sqrt(np.median(np.abs(blocks - middle) ** 2, axis=0))
-    scale = np.maximum(scale, np.finfo(float).tiny)
+    middle = median_along(blocks.real) + 1j * median_along(blocks.imag)
+    scale = np.sqrt(median_along(np.abs(blocks - middle) ** 2)).clip(np.finfo(float).tiny)
     rest = (blocks - middle) / scale
     power = np.mean(np.abs(rest) ** 2, axis=2)
     knocked = int(np.sum((power > _KNOCKED * np.median(power)).any(axis=1)))
@@ -508,14 +505,22 @@ class OrderSums:
         hop = min(block_turns, 0.25 * (high - low)) / 4
         count = int((high - low) / hop + 1e-9) + 1
         middle, steps = 0.5 * (angle[1:] + angle[:-1]), np.diff(angle)
-        window = _sliding_window((middle - low) / hop, steps, count)
-        weight = window.sum(axis=1)
-        waves = phasors(np.outer(middle, -self.orders)) / read.length
-        found = [window @ (sums * waves) for sums in read.sums]
+
+        def part(first: int) -> FloatArray:
+            """Sum weights, angles and waves, as pairs of reals, over some stretches."""
+            own = slice(first, first + _TOGETHER)
+            window = _sliding_window((middle[own] - low) / hop, steps[own], count)
+            waves = phasors(np.outer(middle[own], -self.orders))
+            columns = [np.ones(len(waves)), middle[own]]
+            columns += [(sums[own] * waves).view(float) for sums in read.sums]
+            return np.asarray(window @ np.column_stack(columns))
+
+        parts = side_by_side(part, range(0, len(steps), _TOGETHER), 2 * read.sums.size)
+        found: FloatArray = sum(parts[1:], parts[0])
         return SlidingLines(
-            angle=low + window @ (middle - low) / weight,
+            angle=found[:, 1] / found[:, 0],
             orders=np.tile(self.orders, len(self.samples)),
-            amplitude=np.concatenate(found, axis=1) / weight[:, None],
+            amplitude=found[:, 2:].copy().view(np.complex128) / (read.length * found[:, :1]),
         )
 
     def _near(self, track: AngleTrack) -> tuple[FloatArray, Stretches]:
@@ -531,16 +536,16 @@ class OrderSums:
         return track.turns_at(self._read.edges_s), self._read
 
 
-def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csr_array:
+def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csc_array:
     """Hann windows four hops long about each hop, over stretches, shape (count, stretches).
 
     The stretches lie at ascending places [hops] and span angles of their own, their weights.
     """
-    number = np.floor(place).astype(np.intp) + np.arange(-1, 3)[:, None]
-    weight = (0.5 + 0.5 * np.cos(0.5 * np.pi * (place - number))) * steps
-    inside = (number >= 0) & (number < count)
-    stretch = np.broadcast_to(np.arange(len(place)), number.shape)
-    return csr_array((weight[inside], (number[inside], stretch[inside])), (count, len(place)))
+    number = np.floor(place).astype(np.intp)[:, None] + np.arange(-1, 3)
+    weight = 0.5 + 0.5 * np.cos(0.5 * np.pi * (place[:, None] - number))
+    weight *= steps[:, None] * ((number >= 0) & (number < count))
+    inside, ends = number.clip(0, count - 1), 4 * np.arange(len(place) + 1)
+    return csc_array((weight.ravel(), inside.ravel(), ends), shape=(count, len(place)))
 
 
 class Stretches:

@@ -300,9 +300,9 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
     found = [_peaks(level, own, per_width) for level, own in zip(spectrum.power, high, strict=True)]
     places = np.unique(np.concatenate(found))
     # of peaks that channels place a little differently, the clearest of each heap
-    edges = np.flatnonzero(np.diff(places) > round(_LOBES[0][0] * per_width)) + 1
-    heaps = (heap for heap in np.split(places, edges) if len(heap))
-    return np.array([h[np.argmax(ratio[:, h].max(axis=0))] for h in heaps], dtype=np.intp)
+    heap = np.cumsum(np.diff(places, prepend=places[:1]) > round(_LOBES[0][0] * per_width))
+    order = np.lexsort((-ratio[:, places].max(axis=0), heap))
+    return places[order[np.searchsorted(heap, np.unique(heap))]]
 
 
 def _peaks(level: FloatArray, high: NDArray[np.intp], per_width: float) -> NDArray[np.intp]:

@@ -56,9 +56,6 @@ _CLEAR_POWER, _SLIPPED_CYCLES = 6.0, 0.25
 # second; relative distance of speeds at which a line has a mean of its own: the path turns it
 # between.
 _WANDER, _SPEED_CLASS = 0.02, 0.04
-# Samples up to which a recording is held in its angle: 16 MB. Longer ones are spread block by
-# block, twice where blocks overlap: memory stays flat.
-_HELD = 1 << 21
 # Blocks that tell whether lines are phase-coherent [turns].
 _BLOCK_TURNS = 5.0
 # Half the width of a line read through a Hann window, over one by its length.
@@ -252,7 +249,10 @@ def _unwound(lines: SlidingLines) -> FloatArray:
     if total <= 0:
         return np.zeros(len(lines.angle))
     told = advance / lines.orders
-    increment = np.quantile(told, 0.5, axis=1, weights=weight, method="inverted_cdf")
+    # of each block the weighted median
+    order = np.argsort(told, axis=1)
+    half = np.argmax(np.cumsum(weight[order], axis=1) >= 0.5 * total, axis=1)
+    increment = told[np.arange(len(told)), order[np.arange(len(told)), half]]
     for _ in range(3):
         rest = advance - increment[:, None] * lines.orders
         votes = weight * (np.abs(rest) < _SLIPPED_CYCLES)
@@ -264,7 +264,6 @@ def _unwound(lines: SlidingLines) -> FloatArray:
 
 def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     """Solve for the angle error of a track and take it away."""
-    from scipy.interpolate import make_interp_spline
     from scipy.linalg import solveh_banded
 
     hop_s = lines.hop / float(np.mean(track.speed_hz))
@@ -298,9 +297,11 @@ def _locked(track: AngleTrack, lines: SlidingLines) -> AngleTrack:
     drift = np.unwrap(np.angle(mean[:, clear]), axis=0) / (2 * np.pi * order[clear])
     slow = float(np.average(np.var(drift, axis=0), weights=(order**2 / variance)[clear]))
     # straight from block to block, and on with the slopes at the ends
-    shift = make_interp_spline(lines.angle, error, k=1)
-    uncertainty = float(np.sqrt(quick + slow))
-    return track.moved(lines.angle, lambda turns: turns + shift(turns), uncertainty)
+    angle, ends = lines.angle, track.turns[[0, -1]]
+    beyond = error[[0, -1]] + np.gradient(error, angle)[[0, -1]] * (ends - angle[[0, -1]])
+    places, shift = np.insert(ends, 1, angle), np.insert(beyond, 1, error)
+    doubt = float(np.sqrt(quick + slow))
+    return track.moved(angle, lambda turns: turns + np.interp(turns, places, shift), doubt)
 
 
 def _speed_classes(track: AngleTrack, angle: FloatArray) -> FloatArray:
@@ -334,8 +335,7 @@ def scan_angle(vibration: InAngle, comb: Comb, reach: float, block_turns: float)
         With turns for seconds: speeds are multiples of the track's.
     """
     top = 0.45 * vibration.sampling_rate_hz / float(vibration.track.speed_hz.max())
-    read = vibration.holding() if vibration.samples.size <= _HELD else vibration
-    return SpeedScan(read, read.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
+    return SpeedScan(vibration, vibration.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
 
 
 def unwarp(sums: OrderSums, track: AngleTrack, comb: Comb, reach: float = 0.015) -> AngleTrack:

@@ -249,13 +249,13 @@ def measure_signature(
     blocks = OrderBlocks(samples, rate, track, plan.orders, block_turns, LEAKAGE, gaps, held)
     in_angle = blocks.signals if held else InAngle.of(piece, rate, part)
 
-    def others() -> tuple[FineSpectrum, NonGearLines]:
+    def others() -> tuple[FineSpectrum, NonGearLines, tuple[str, ...]]:
         # at most some millions of points: the test needs the resolution of seconds, not of hours
         pieces = max(1, piece.shape[-1] >> 18)
         spectrum = fine_order_spectrum(in_angle, pieces)
-        return spectrum, nongear_lines(in_angle, train, spectrum)
+        return spectrum, nongear_lines(in_angle, train, spectrum), digests(samples)
 
-    lines, (spectrum, foreign) = at_once(blocks.lines, others, samples.size)
+    lines, (spectrum, foreign, marks) = at_once(blocks.lines, others, samples.size)
     # as the speed swings the path turns lines from block to block, as much as a knock would
     for wheel in () if _fluctuation(track) > _STEADY else plan.wheels:
         lines = without_knocks(lines, wheel.lines, wheel.number)
@@ -276,7 +276,7 @@ def measure_signature(
         notes=tuple(recording.notes) + tracking.notes,
         angle_lost=tracking.lost,
         foreign=foreign,
-        digests=digests(samples),
+        digests=marks,
     )
 
 

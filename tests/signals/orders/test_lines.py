@@ -62,7 +62,7 @@ def test_transform_at_any_bin_equals_a_direct_sum():
     none = np.ones((2, len(bins)))
     halves = lines_module.GriddedPlan(250, 0.5 * bins, none)
     rising, falling = (halves.lines(half) for half in (part[:, :250], part[:, 250:]))
-    found = rising[0] + falling[1] * np.exp(-1j * np.pi * bins)
+    found = rising[:, 0] + falling[:, 1] * np.exp(-1j * np.pi * bins)
     slow = direct_lines(part, 500, 0.0, bins, 500)[0]
     scale = np.where(bins > 0, 2.0, 1.0) / 250.0
     assert np.abs(found * scale - slow).max() < 1e-6 * np.abs(slow).max()
@@ -215,7 +215,7 @@ def test_many_lines_in_any_order_equal_a_direct_sum(count):
     part = white((2, 500), seed=3)
     halves = lines_module.GriddedPlan(250, 0.5 * bins, np.ones((2, len(bins))))
     rising, falling = (halves.lines(half) for half in (part[:, :250], part[:, 250:]))
-    found = rising[0] + falling[1] * np.exp(-1j * np.pi * bins)
+    found = rising[:, 0] + falling[:, 1] * np.exp(-1j * np.pi * bins)
     slow = direct_lines(part, 500, 0.0, bins, 500)[0]
     scale = np.where(bins > 0, 2.0, 1.0) / 250.0
     assert np.abs(found * scale - slow).max() < 1e-6 * np.abs(slow).max()

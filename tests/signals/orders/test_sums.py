@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reference.synthetic_signals import constant_track, lines_on, track_of, wandering_turns, white
 
+from gearmon.arrays import median_along
 from gearmon.signals.angle import AngleTrack, phasors
 from gearmon.signals.orders import OrderBlocks, OrderSums
 
@@ -123,6 +124,13 @@ def test_phasors_are_the_exponential(cycles):
     phases = np.array(cycles)
     exact = np.exp(2j * np.pi * (phases - np.rint(phases)))
     np.testing.assert_allclose(phasors(phases), exact, atol=3e-14)
+
+
+@given(st.integers(1, 9), st.integers(0, 1000))
+def test_medians_are_those_of_numpy(count, seed):
+    values = white((count, 5), seed=seed)
+    np.testing.assert_array_equal(median_along(values), np.median(values, axis=0))
+    np.testing.assert_array_equal(median_along(values, 1), np.median(values, axis=1))
 
 
 def test_phasors_keep_the_shape():

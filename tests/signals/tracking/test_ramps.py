@@ -87,14 +87,22 @@ def test_lines_stand_still_in_the_angle_of_a_track_however_the_speed_changes():
     assert smeared.best_score < 0.6 * steady.best_score
 
 
-def test_a_long_recording_is_spread_block_by_block_with_the_same_result(monkeypatch):
+def test_a_recording_is_spread_block_by_block_with_the_same_result():
     turns = wandering_turns(TIME, NOMINAL, 0.01, 5, slowest_s=4.0)
     known = track_of(lambda t: wandering_turns(t, NOMINAL, 0.01, 5, slowest_s=4.0), TIME[-1], 400)
     known = InAngle.of(vibration(turns), RATE, known)
-    held = scan_angle(known, COMB, 0.012, 20.0)
-    monkeypatch.setattr("gearmon.signals.tracking.phases._HELD", 0)
-    spread = scan_angle(known, COMB, 0.012, 20.0)
-    np.testing.assert_allclose(spread.scores, held.scores, rtol=1e-6)
+    held, spread = (scan_angle(own, COMB, 0.012, 20.0) for own in (known.holding(), known))
+    np.testing.assert_allclose(spread.scores, held.scores, rtol=1e-9)
+
+
+@pytest.mark.parametrize("together", [1, 20_000])
+def test_scores_do_not_depend_on_how_many_blocks_are_looked_at_together(together, monkeypatch):
+    samples = vibration(wandering_turns(TIME, NOMINAL, 0.01, 5, slowest_s=4.0))
+    usual = SpeedScan(samples, RATE, COMB, NOMINAL, 0.012, 20 / NOMINAL)
+    monkeypatch.setattr("gearmon.signals.tracking.comb._TOGETHER", together)
+    other = SpeedScan(samples, RATE, COMB, NOMINAL, 0.012, 20 / NOMINAL)
+    np.testing.assert_allclose(other.scores, usual.scores, rtol=1e-12)
+    np.testing.assert_array_equal(other.quality, usual.quality)
 
 
 @pytest.mark.parametrize("off", [-0.006, 0.003])
