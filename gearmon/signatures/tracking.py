@@ -298,12 +298,14 @@ class GearVibration:
         """Mesh harmonics whose phases are followed up to a speed; None if the band has none."""
         found: set[float] = set()
         for mesh, comb in zip(self.train.meshes, self.meshes, strict=True):
-            slow = len(comb.groups) > MESH_HARMONICS
-            for k in range(1, 1 + (len(comb.groups) if slow else _HARMONICS)):
-                # nearest to it of those that the phases of planets allow; others stand beside them
-                allowed, away = mesh.healthy_orders(k, 1), float(mesh.planets * abs(mesh.carrier))
-                near = (order for order in allowed if abs(order - k * mesh.order) < 0.999 * away)
-                found.update(near if away else allowed)
+            for k, group in enumerate(comb.groups, start=1):
+                if len(comb.groups) <= MESH_HARMONICS:
+                    found.update(group if k <= _HARMONICS else ())
+                    continue
+                # of so many only those that the phases of planets allow, nearest to the harmonic
+                away = float(max(mesh.planets, 1) * abs(mesh.carrier)) or np.inf
+                allowed = mesh.healthy_orders(k, 1)
+                found.update(own for own in allowed if abs(own - k * mesh.order) < 0.999 * away)
         orders = sorted(order for order in found if order < 0.45 * self.rate / fastest_hz)
         return OrderSums(self.samples, self.rate, np.array(orders)) if orders else None
 

@@ -386,17 +386,19 @@ def follow_lines(sums: OrderSums, track: AngleTrack, comb: Comb) -> tuple[AngleT
     share : float
         That share, see `coherent_share`.
     """
-    best = lock_track(sums, track)
-    share = coherent_share(sums, best)
+    best = _relocked(sums, track)
     for _ in range(_UNWARPED):
-        if share > _ALL_COHERENT:
+        if best[1] > _ALL_COHERENT:
             break
         track = unwarp(sums, track, comb)
-        locked = lock_track(sums, track)
-        its = coherent_share(sums, locked)
-        if its > share:
-            best, share = locked, its
-    return best, share
+        best = max(best, _relocked(sums, track), key=lambda found: found[1])
+    return best
+
+
+def _relocked(sums: OrderSums, track: AngleTrack) -> tuple[AngleTrack, float]:
+    """Lock a track to the lines, and tell which share of them is then coherent."""
+    locked = lock_track(sums, track)
+    return locked, coherent_share(sums, locked)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -576,8 +578,8 @@ def mend_slips(
     """
     share = coherent_share(sums, track)
     for _ in range(_AGAIN):
-        again = lock_track(sums, unwarp(sums, track, comb))
-        found, its = check_slips(sums, again), coherent_share(sums, again)
+        again, its = _relocked(sums, unwarp(sums, track, comb))
+        found = check_slips(sums, again)
         if its < share or _lost_turns(found) >= _lost_turns(check):
             break
         track, check, share = again, found, its
@@ -585,8 +587,8 @@ def mend_slips(
         led = None if stretch.harmless else _led_over(track, stretch)
         if led is not None:
             with suppress(ArgumentError):  # a wrong way can lead to one that turns back
-                other = lock_track(sums, led)
-                found, its = check_slips(sums, other), coherent_share(sums, other)
+                other, its = _relocked(sums, led)
+                found = check_slips(sums, other)
                 if its >= share and _lost_turns(found) < _lost_turns(check):
                     track, check, share = other, found, its
     return track, check
@@ -669,17 +671,16 @@ def _variance(
     lines: SlidingLines, phase: FloatArray, weight: FloatArray, sound: BoolArray, time_s: FloatArray
 ) -> FloatArray:
     """Variance of the angle while it is locked [turns^2]."""
-    total, hop = float(weight.sum()), lines.hop
+    hop = lines.hop
     slow = _about(lines.amplitude, _DELAY_TURNS / hop)
     # a lost stretch would unwind phases by whole cycles
     drift = np.unwrap(np.angle(slow[sound]), axis=0) / (2 * np.pi)
     drift = (drift - np.median(drift, axis=0)) / lines.orders
     beside = (drift - np.median(drift, axis=1)[:, None]) * lines.orders
-    held = np.ptp(beside, axis=0) < _TURNED_BY_PATH
-    if weight[held].sum() > 0.5 * total:
-        # what turns on and on beside the others is no line at this order
-        weight = np.where(held, weight, 0.0)
-        total = float(weight.sum())
+    # what turns on and on beside the others is no line at this order
+    held = np.where(np.ptp(beside, axis=0) < _TURNED_BY_PATH, weight, 0.0)
+    weight = held if held.sum() > 0.5 * weight.sum() else weight
+    total = float(weight.sum())
     shared = drift @ weight / total
     apart = float(np.mean((drift - shared[:, None]) ** 2 @ weight) / total)
     quick = (phase / lines.orders) @ weight / total

@@ -235,11 +235,7 @@ def measure_signature(
     # what is sound in one piece sets the length of blocks, and has the spectra
     part = track.between(start / rate, stop / rate) if vibration.left_out else track
     piece = samples[:, start:stop]
-    turns, orders = float(part.turns[-1] - part.turns[0]), [own.order for own in train.shafts]
-    slowest, fastest = min(orders), max(orders)
-    # five turns of the slowest shaft and twenty of the fastest where the recording has room
-    wanted = max(5.0 / slowest, 20.0 / fastest)
-    block_turns = min(wanted, max(turns / 2.5, min(turns, 2.0 / slowest)))
+    block_turns = _block_turns(float(part.turns[-1] - part.turns[0]), train)
     # from the nominal speed, so that recordings at one rate and speed have the same families
     top = 0.48 * rate / tracking.plan_hz / (1 + SPEED_TOLERANCE)
     # a Hann block tells lines apart that are two over its length away from each other
@@ -278,6 +274,13 @@ def measure_signature(
         foreign=foreign,
         digests=marks,
     )
+
+
+def _block_turns(turns: float, train: Kinematics) -> float:
+    """Five turns of the slowest shaft, twenty of the fastest, where the recording has room."""
+    orders = [shaft.order for shaft in train.shafts]
+    slowest, wanted = min(orders), max(5.0 / min(orders), 20.0 / max(orders))
+    return min(wanted, max(turns / 2.5, min(turns, 2.0 / slowest)))
 
 
 def _fluctuation(track: AngleTrack) -> float:
