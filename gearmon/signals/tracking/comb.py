@@ -163,7 +163,9 @@ class SpeedScan:
         size = int(min(total, max(16.0, round(block_s * rate))))
         hop = max(size // 2, 1)
         overlapped = changing or (total - size) // hop < _MANY_BLOCKS
-        starts = _starts(total, size, hop if overlapped else size)
+        starts = np.arange(0, total - size + 1, hop if overlapped else size)
+        # the last block takes the recording to its end
+        starts = starts if len(starts) <= 3 else np.union1d(starts, [total - size])
         # a line is then two bins wide
         length, count = fast_length(2 * size), len(starts)
         self.centre_s, self.bin_hz = (starts + np.float64(size / 2)) / rate, rate / length
@@ -256,12 +258,6 @@ def clearest(scans: Sequence[tuple[SpeedScan, Comb]]) -> int:
         if mine._unshared(comb, best, its) > best._unshared(its, mine, comb):
             first = other
     return first
-
-
-def _starts(total: int, size: int, hop: int) -> IntArray:
-    """Where blocks begin, of which the last one takes the recording to its end."""
-    starts = np.arange(0, total - size + 1, hop)
-    return starts if len(starts) <= 3 else np.union1d(starts, [total - size])
 
 
 def _candidates(tolerance: float, resolution: float, changing: bool) -> tuple[FloatArray, float]:

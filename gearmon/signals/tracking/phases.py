@@ -157,20 +157,16 @@ def coherent_share(sums: OrderSums, track: AngleTrack) -> float:
     noise = sums.noise(track, _BLOCK_TURNS)
     amplitude = lines.amplitude.reshape(-1, *noise.shape)
     power = np.mean(np.abs(amplitude) ** 2, axis=0)
-    clear = (power > _CLEAR_POWER * noise) & _loudest(lines, power)
+    clear = (power > _CLEAR_POWER * noise) & _loudest(sums.orders, power, lines.hop)
     if not clear.any():
         return 0.0
     still = np.abs(amplitude.mean(axis=0)) ** 2 - noise * _QUARTER_HOP / len(amplitude)
-    share = still[clear] / (power - noise)[clear]
-    return float(np.clip(share, 0.0, 1.0).mean())
+    return float(np.clip(still[clear] / (power - noise)[clear], 0.0, 1.0).mean())
 
 
-def _loudest(lines: SlidingLines, power: FloatArray) -> BoolArray:
-    """Whether each line is the loudest of those that the blocks do not part, as `power` is."""
-    power = power.reshape(-1, len(np.unique(lines.orders)))
-    orders = lines.orders[: power.shape[1]]
-    # blocks slide by a quarter of their length
-    blended = np.abs(orders[:, None] - orders) < 0.25 * _PARTED / lines.hop
+def _loudest(orders: FloatArray, power: FloatArray, hop: float) -> BoolArray:
+    """Whether each line is the loudest of those that blocks, four hops long, do not part."""
+    blended = np.abs(orders[:, None] - orders) < 0.25 * _PARTED / hop
     return np.asarray(power >= np.max(np.where(blended, power[:, None, :], 0.0), axis=2))
 
 
@@ -256,9 +252,8 @@ def _unwound(lines: SlidingLines) -> FloatArray:
     for _ in range(3):
         rest = advance - increment[:, None] * lines.orders
         votes = weight * (np.abs(rest) < _SLIPPED_CYCLES)
-        mass = votes.sum(axis=1)
-        mean = (votes * rest / lines.orders).sum(axis=1) / np.maximum(mass, 1e-300)
-        increment = increment + np.where(mass > 0, mean, 0.0)
+        mass = np.maximum(votes.sum(axis=1), 1e-300)
+        increment = increment + (votes * rest / lines.orders).sum(axis=1) / mass
     return np.asarray(np.concatenate([[0.0], np.cumsum(increment)]))
 
 
@@ -526,9 +521,9 @@ def check_slips(sums: OrderSums, track: AngleTrack) -> SlipCheck:
     mean = _about(lines.amplitude, _ABOUT_TURNS / lines.hop)
     phase = np.angle(lines.amplitude * np.conj(mean)) / (2 * np.pi)
     scatter = np.median(np.abs(phase), axis=0) / 0.6745
-    power = np.mean(np.abs(lines.amplitude) ** 2, axis=0)
+    power = np.mean(np.abs(lines.amplitude) ** 2, axis=0).reshape(-1, len(sums.orders))
     # what leaks of a louder line turns with its own order
-    clear = (scatter < _CLEAR_CYCLES) & _loudest(lines, power).ravel()
+    clear = (scatter < _CLEAR_CYCLES) & _loudest(sums.orders, power, lines.hop).ravel()
     time_s = track.time_at(lines.angle)
     coherence = _coherence(lines.amplitude[:, clear], mean[:, clear])
     stretches = _stretches(coherence, lines.hop)
@@ -671,8 +666,7 @@ def _variance(
     lines: SlidingLines, phase: FloatArray, weight: FloatArray, sound: BoolArray, time_s: FloatArray
 ) -> FloatArray:
     """Variance of the angle while it is locked [turns^2]."""
-    hop = lines.hop
-    slow = _about(lines.amplitude, _DELAY_TURNS / hop)
+    slow = _about(lines.amplitude, _DELAY_TURNS / lines.hop)
     # a lost stretch would unwind phases by whole cycles
     drift = np.unwrap(np.angle(slow[sound]), axis=0) / (2 * np.pi)
     drift = (drift - np.median(drift, axis=0)) / lines.orders
@@ -684,8 +678,8 @@ def _variance(
     shared = drift @ weight / total
     apart = float(np.mean((drift - shared[:, None]) ** 2 @ weight) / total)
     quick = (phase / lines.orders) @ weight / total
-    variance = _about(quick**2, _ABOUT_TURNS / hop)
-    speed = _about(np.gradient(lines.angle, time_s), 2 * _DELAY_TURNS / hop)
+    variance = _about(quick**2, _ABOUT_TURNS / lines.hop)
+    speed = _about(np.gradient(lines.angle, time_s), 2 * _DELAY_TURNS / lines.hop)
     mean_hz = float((lines.angle[-1] - lines.angle[0]) / (time_s[-1] - time_s[0]))
     # a delay t sets the angle off by t times the departure of the speed from its mean [turns]
     departure = (speed - mean_hz) ** 2
