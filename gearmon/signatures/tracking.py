@@ -337,7 +337,7 @@ class Tracking:
     signal : GearVibration
         The recording, with the nominal speed that is meant.
     track : AngleTrack
-        Angle of shaft 1.
+        Angle of shaft 1; in turns of the shaft that the signal counts while it is sought.
     scan : SpeedScan
         Scan about the speed, from which the evidence comes.
     evidence : tuple of MeshEvidence
