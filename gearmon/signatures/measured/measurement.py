@@ -277,9 +277,12 @@ def measure_signature(
 
 
 def _block_turns(turns: float, train: Kinematics) -> float:
-    """Five turns of the slowest shaft, twenty of the fastest, where the recording has room."""
+    """Five turns of the slowest shaft or twenty of shaft 1, where the recording has room.
+
+    A hundred turns of the fastest shaft do for those twenty.
+    """
     orders = [shaft.order for shaft in train.shafts]
-    slowest, wanted = min(orders), max(5.0 / min(orders), 20.0 / max(orders))
+    slowest, wanted = min(orders), max(5.0 / min(orders), min(20.0, 100.0 / max(orders)))
     return min(wanted, max(turns / 2.5, min(turns, 2.0 / slowest)))
 
 
