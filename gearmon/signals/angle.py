@@ -76,7 +76,8 @@ class AngleTrack:
     def _pieces(self) -> FloatArray:
         """Time against angle: of each piece its beginning, value and slope there, and bends.
 
-        Slopes are those of parabolas through neighbours; linear outside.
+        Slopes are those of parabolas through neighbours; linear outside. SciPy's curves keep all
+        other threads waiting while they are read: of 500 s at 20 kHz half a second of 4.6.
         """
         slope, step = np.gradient(self.time_s, self.turns), np.diff(self.turns)
         third = (slope[1:] + slope[:-1] - 2 / self.speed_hz) / step

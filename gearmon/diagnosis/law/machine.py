@@ -260,7 +260,7 @@ def channel_gain(moved_db: FloatArray) -> FloatArray:
     Returns
     -------
     ndarray of float, shape (channels,)
-        NumPy's `nanmedian` takes ten times as long.
+        In the unit of the changes.
 
     Examples
     --------
@@ -269,6 +269,7 @@ def channel_gain(moved_db: FloatArray) -> FloatArray:
     """
     if not moved_db.shape[1]:
         return np.full(len(moved_db), np.nan)
+    # NumPy's `nanmedian` takes ten times as long
     ordered, count = np.sort(moved_db, axis=1), np.count_nonzero(~np.isnan(moved_db), axis=1)
     middle = np.stack([(count - 1) // 2, count // 2], axis=1)
     return np.asarray(np.take_along_axis(ordered, middle, axis=1).mean(axis=1))

@@ -103,7 +103,8 @@ _CHECKED_TURNS = 2.0
 # Turns to either side whose mean a line is compared with, and over which its delay is followed.
 _ABOUT_TURNS, _DELAY_TURNS = 30.0, 8.0
 # Cycles by which the path turns a line beside the others, at most: half a one for every mode that
-# it passes.
+# it passes. In two simulated recordings of a gearbox of 1:81 an angle right to 0.008 mesh periods
+# was said to be off by 0.17 without it, by 0.007 with it.
 _TURNED_BY_PATH = 1.0
 # A lost stretch is wider than it shows [turns]. The angle over it is a cubic through some turns to
 # either side; of 6, 8, 10 and 20 turns and degrees 3 to 7, 6 and 3 found the displacement over

@@ -62,6 +62,20 @@ def test_the_true_angle_is_locked(wander):
     assert check.typical_turns() * FIRST < 0.02
 
 
+@pytest.mark.parametrize(
+    "beside", [FIRST + 0.01, SECOND - 0.01], ids=["drowned by a followed line", "by none followed"]
+)
+def test_a_line_that_is_another_ones_does_not_make_the_angle_unsure(beside):
+    """What is read a hundredth of an order beside a line turns on and on, three cycles here."""
+    turns = wandering_turns(TIME, SPEED, 0.002, seed=2)
+    samples, track = machine(turns), track_with(turns)
+    orders = np.outer((FIRST,), MESH).ravel()
+    alone = check_slips(OrderSums(samples, RATE, orders), track).typical_turns()
+    both = OrderSums(samples, RATE, np.sort(np.append(orders, beside)))
+    assert check_slips(both, track).typical_turns() == pytest.approx(alone, rel=0.1)
+    assert FIRST * alone < 0.01
+
+
 @given(
     periods=st.integers(1, 6),
     sign=st.sampled_from([-1, 1]),
