@@ -31,6 +31,7 @@ from gearmon.diagnosis.law.patterns import (
     AROUND,
     GAIN,
     LEAST_LINES,
+    NEAR,
     RANK,
     GearPattern,
     mesh_bands,
@@ -50,8 +51,6 @@ LENGTH = 0.7
 #: faults without it, nearly all by levels, 17 are with it. Of 28 cracks of 30 % at 17 and 42 N/mm,
 #: learned at 1.0, 0.75 and 0.5 of the load, 12 were found without it, 17 are.
 FULL_LOAD = 1.5
-#: Sidebands this near to a mesh harmonic belong to eccentricity and misalignment, not to one tooth.
-NEAR = 2
 # A band's gain has a slope and a bend across it, of the same standard deviation, where it has so
 # many lines for each of them: with fewer they would follow what one tooth does.
 _GAINS, _LINES_A_GAIN = 3, 4
@@ -523,6 +522,7 @@ class GearLaw:
         known, parts = self._predicted(state)
         known = known.up_to(top)
         known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
+        known = known.swayed_to(new, wheel.teeth)
         turn = np.exp(2j * np.pi * angle * np.arange(top + 1))
         left_out = self._departures[:, :, : top + 1] * turn
         bands = tuple(self._bands(new, known, parts, self._scales, left_out))

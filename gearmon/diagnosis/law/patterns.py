@@ -1,7 +1,9 @@
 """A gear's lines around its turn, and the angle at which two recordings of it are alike.
 
 A healthy pattern is turned to a new one, whatever one damaged tooth does to it: that may be louder
-than all else, and draws the pattern to whichever healthy tooth departs most.
+than all else, and draws the pattern to whichever healthy tooth departs most. An engine, a joint or
+a load that pulsates turns a gear unevenly, and as each start has it: the pattern is then told as it
+is where the gear turns as unevenly as in the new recording.
 """
 
 from __future__ import annotations
@@ -22,6 +24,25 @@ from gearmon.signatures.measured.reference import WheelPattern
 GAIN = 0.3
 #: Lines that a band needs to tell anything.
 LEAST_LINES = 4
+#: Sidebands this near to a mesh harmonic belong to what turns unevenly, to eccentricity and
+#: misalignment, not to one tooth.
+NEAR = 2
+# A gear turns unevenly up to so many times a turn (four cylinders fire twice a turn); standard
+# deviation of its angle at the first mesh harmonic [rad], and errors of sidebands by the path, over
+# the mesh harmonic. Highest mesh harmonic by which the angle is told, time after time: those above
+# turn by more than a radian until it is known.
+_PULSES, _UNEVEN, _PATH = 4, 0.1, 0.1
+_UP_TO, _ROUNDS_OF_SWAY = (3, 3, 6, 12, 1000, 1000), 3
+# It is told from this gain of the logarithm of likelihood and this angle on [rad], where the
+# highest order has less than this share of its power: of one tooth all orders are alike, and its
+# crack would be taken for it. Machines that turn evenly, cracked or not, gain 0.0 to 1.2, or up to
+# 37 by an angle of 0.004 or by orders alike (lightly loaded teeth); uneven ones 3.4 to 50 by 0.009
+# to 0.06.
+_TOLD, _FAINT, _HIGHEST = 4.0, 0.006, 0.16
+# Two angles, with the near sidebands and without, are one within so many teeth; the second is taken
+# where it leaves so much less at the others: of 80 sound recordings of engine driven gears it left
+# 0.6 to 0.82 where the first was wrong, 0.93 and more where it was right.
+_ANOTHER, _LEFT = 0.2, 0.85
 # Angles that are tried, a good half of a tooth apart, and the share of the teeth, the quietest,
 # that choose among them: a damaged tooth and those about it must not.
 _ANGLES, _APART, _SOUND_TEETH = 8, 0.4, 0.7
@@ -110,6 +131,8 @@ class GearPattern:
         lines at one place beside the gear's by one phase.
         """
         angle = turning(self, new, teeth)
+        if len(self.usable) == 1:
+            angle = self._not_by_sway(new, teeth, angle)
         found = self.turned(angle)
         told = found.amplitude.conj() * new.amplitude / (found.variance + new.variance)
         told = told.reshape(len(self.usable), self.channels, -1).sum(axis=1)
@@ -118,6 +141,146 @@ class GearPattern:
         phase /= np.maximum(np.abs(phase), np.finfo(float).tiny)
         turned = found.amplitude * np.repeat(phase, self.channels)[:, None]
         return replace(found, amplitude=turned), angle
+
+    def _not_by_sway(self, new: GearPattern, teeth: int, angle: float) -> float:
+        """Of an angle, and that without the near sidebands, which one leaves less beyond these."""
+        other = turning(self, new, teeth, NEAR)
+        if abs((other - angle + 0.5) % 1.0 - 0.5) * teeth < _ANOTHER:
+            return angle
+        turned = (self.turned(each).swayed_to(new, teeth) for each in (angle, other))
+        left = [_Pair.of(known, new, teeth, NEAR).left(np.zeros(1))[0] for known in turned]
+        return other if left[1] < _LEFT * left[0] else angle
+
+    def swayed_to(self, new: GearPattern, teeth: int) -> GearPattern:
+        """Return the same pattern as a gear has it that turns as unevenly as in another.
+
+        Parameters
+        ----------
+        new : GearPattern
+            The other, of the same lines at the same angles.
+        teeth : int
+            z of the gear.
+
+        Returns
+        -------
+        GearPattern
+            Its near sidebands are those of the other, but for the gains of the mesh harmonics; the
+            lines beyond are what follows from these. What changes is no surer than it is large:
+            its square is added to the variance. Itself where planets pass the sensor.
+
+        Notes
+        -----
+        A gear that is delta(theta) ahead of its mean angle has b(theta) exp(i k z delta(theta)) for
+        the band b of mesh harmonic k: one course of few orders, told by the near sidebands of all
+        harmonics and channels by weighted least squares, Gauss-Newton from the lowest harmonics
+        up. The torque pulsates with it, which any band answers in its own way: its near sidebands
+        that are left tell the exponent of a gain around the turn.
+
+        Of twelve lumped machines on which nothing here was set, driven unevenly by 0.3 and 0.6 per
+        cent twice and half a time a turn, in another phase each time, 5 of 210 sound recordings
+        were called faults without it, one is with it; of 400 cracks of 15 % 389 were found, 392
+        are. Machines that turn evenly are told as before.
+        """
+        first = teeth - teeth // 2
+        harmonics = (self.top + 1 - first) // teeth
+        if len(self.usable) > 1 or harmonics < 1 or teeth <= 2 * _PULSES:
+            return self
+        inside, shape = slice(first, first + harmonics * teeth), (self.channels, harmonics, teeth)
+        own, other = (each.amplitude[:, inside].reshape(shape) for each in (self, new))
+        noise = (self.variance + new.variance)[:, inside].reshape(shape)
+        bands = _Bands(own, other, noise)
+        change = np.where(bands.own != 0, bands.swayed() - bands.own, 0.0).reshape(shape[0], -1)
+        amplitude, variance = self.amplitude.copy(), self.variance.copy()
+        amplitude[:, inside] += change
+        variance[:, inside] += np.abs(change) ** 2
+        return replace(self, amplitude=amplitude, variance=variance)
+
+
+class _Bands(NamedTuple):
+    """Lines about each mesh harmonic of two patterns, shape (channels, harmonics, teeth)."""
+
+    own: ComplexArray
+    other: ComplexArray
+    noise: FloatArray
+
+    @property
+    def middle(self) -> int:
+        """Where the mesh harmonic is."""
+        return int(self.own.shape[2]) // 2
+
+    @property
+    def order(self) -> IntArray:
+        """Number of each mesh harmonic."""
+        return np.arange(1, self.own.shape[1] + 1)
+
+    @property
+    def mesh(self) -> ComplexArray:
+        """The other's mesh harmonics; 0 where one of both is not heard."""
+        return np.where(self.own[:, :, self.middle] != 0, self.other[:, :, self.middle], 0.0)
+
+    def swayed(self) -> ComplexArray:
+        """Own lines as they are where the gear turns as unevenly as in the other pattern."""
+        common = self.common()
+        return self.modulated(common + self.beyond(common)) if common.any() else self.own
+
+    def modulated(self, exponent: ComplexArray) -> ComplexArray:
+        """Own lines times exp of a course, whose lines -_PULSES .. _PULSES are given."""
+        size = 2 * self.own.shape[2]
+        course = np.zeros((*exponent.shape[:2], size), dtype=complex)
+        course[..., np.arange(-_PULSES, _PULSES + 1)] = exponent
+        gain = np.exp(np.fft.ifft(course) * size)
+        return np.asarray(np.fft.fft(np.fft.ifft(self.own, size) * gain)[..., : self.own.shape[2]])
+
+    def left(self, lines: ComplexArray) -> ComplexArray:
+        """Return what lines leave of the other's, each mesh harmonic with its gain."""
+        own, mesh = lines[:, :, self.middle], self.mesh
+        gain = np.divide(mesh, own, out=np.zeros_like(own), where=own != 0)
+        return np.asarray(self.other - gain[..., None] * lines)
+
+    def common(self) -> ComplexArray:
+        """Exponent of the angle by which the gear is ahead, which all bands have in common.
+
+        Errors are taken to be spread as Cauchy's: a band whose mesh harmonic the path swallows
+        must not tell it. Nothing where the gear turns evenly.
+        """
+        above, middle = np.arange(1, _PULSES + 1), self.middle
+        at = np.r_[middle - above[::-1], middle + above]
+        weight = 1.0 / (self.noise + _PATH**2 * np.abs(self.mesh[..., None]) ** 2)
+        ahead, tried = np.zeros(_PULSES, dtype=complex), []
+        for highest in (*_UP_TO, 0):
+            course = np.r_[ahead[::-1].conj(), 0.0, ahead]
+            exponent = 1j * self.order[None, :, None] * course
+            left = self.left(self.modulated(exponent))
+            off = np.log1p(weight * np.abs(left) ** 2)
+            tried.append((float(off[self.mesh != 0][:, at].sum()), np.abs(ahead) ** 2, exponent))
+            slope = np.where(self.order <= highest, 1j * self.order * self.mesh, 0.0)[..., None]
+            told = weight * np.exp(-off)
+            pull = slope.conj() * (told * left)[..., middle + above]
+            pull += slope * (told * left)[..., middle - above].conj()
+            power = np.abs(slope) ** 2 * (told[..., middle + above] + told[..., middle - above])
+            ahead = ahead + pull.sum(axis=(0, 1)) / (power.sum(axis=(0, 1)) + 1.0 / _UNEVEN**2)
+        least, power, best = min(tried, key=lambda one: one[0])
+        smooth = power[-1] < _HIGHEST * power.sum() and power.max() > _FAINT**2
+        return best if smooth and tried[0][0] - least > _TOLD else np.zeros_like(best)
+
+    def beyond(self, common: ComplexArray) -> ComplexArray:
+        """Exponents by which single bands sway beyond what they have in common.
+
+        The torque pulsates with the angle, about as much; what an even turn shows beside a mesh
+        harmonic is eccentricity, or a damaged tooth.
+        """
+        beside = np.r_[-NEAR:0, 1 : NEAR + 1]
+        sway = np.zeros((*self.own.shape[:2], 2 * _PULSES + 1), dtype=complex)
+        mesh, near = self.mesh[..., None], self.middle + beside
+        expected = np.sum(np.abs(common) ** 2, axis=2)[..., None]
+        power = expected * np.abs(mesh) ** 2 + self.noise[..., near]
+        told = expected * mesh.conj() / power
+        for _ in range(_ROUNDS_OF_SWAY):
+            left = self.left(self.modulated(common + sway))
+            sway[..., _PULSES + beside] += told * left[..., near]
+            # what turns by more than a radian is no modulation
+            sway[np.sum(np.abs(sway) ** 2, axis=2) > 1.0] = 0.0
+        return sway
 
 
 def mesh_bands(teeth: int, top: int) -> list[IntArray]:
@@ -149,7 +312,7 @@ def turn_energy(lines: ComplexArray, number: IntArray, steps: int) -> FloatArray
     return np.asarray(np.sum(np.abs(np.fft.ifft(folded) * steps) ** 2, axis=-2))
 
 
-def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
+def turning(known: GearPattern, new: GearPattern, teeth: int, beyond: int = 0) -> float:
     """Angle by which a healthy pattern must be turned, whatever one tooth does.
 
     Parameters
@@ -158,6 +321,8 @@ def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
         A healthy pattern and a new one, of the same lines.
     teeth : int
         z of the gear.
+    beyond : int, >= 0
+        Sidebands of the mesh harmonics up to this one do not count.
 
     Returns
     -------
@@ -166,12 +331,9 @@ def turning(known: GearPattern, new: GearPattern, teeth: int) -> float:
         leaves least at most of the teeth: a damaged tooth may be louder than all else and draws the
         pattern to whichever healthy tooth departs most.
     """
-    usable = new.usable[0] & known.usable[0]
-    bands = [band[usable[band]] for band in mesh_bands(teeth, new.top)]
-    bands = [band for band in bands if len(band) >= LEAST_LINES]
-    if not bands:
+    pair = _Pair.of(known, new, teeth, beyond)
+    if not pair.bands:
         return 0.0
-    pair = _Pair(known, new, bands, teeth)
     angle = pair.best_angle()
     for _ in range(_ROUNDS if pair.louder() > _DROWNED else 0):
         event = pair._replace(known=known.turned(angle)).event()
@@ -195,6 +357,15 @@ class _Pair(NamedTuple):
     bands: Sequence[IntArray]
     teeth: int
 
+    @classmethod
+    def of(cls, known: GearPattern, new: GearPattern, teeth: int, beyond: int) -> _Pair:
+        """Take the bands in which so many lines are shared that they tell anything."""
+        usable = new.usable[0] & known.usable[0]
+        away = (np.arange(len(usable)) + teeth // 2) % teeth - teeth // 2
+        usable = usable & (np.abs(away) > beyond)
+        bands = [band[usable[band]] for band in mesh_bands(teeth, new.top)]
+        return cls(known, new, [band for band in bands if len(band) >= LEAST_LINES], teeth)
+
     def lines(self) -> Iterator[tuple[IntArray, ComplexArray, ComplexArray, FloatArray]]:
         """Give numbers, healthy and new lines of each band, and the variance of what differs."""
         known, new = self.known, self.new
@@ -212,9 +383,12 @@ class _Pair(NamedTuple):
     def best_angle(self) -> float:
         """Of the likely angles that which leaves least at most of the teeth."""
         angles = self.likely_angles()
+        return float(angles[int(np.argmin(self.left(angles)))])
+
+    def left(self, angles: FloatArray) -> FloatArray:
+        """Mean energy left at most of the teeth, the quietest, for each angle."""
         left = np.sort(self.left_at_teeth(angles), axis=1)
-        quiet = left[:, : max(1, int(_SOUND_TEETH * self.teeth))].mean(axis=1)
-        return float(angles[int(np.argmin(quiet))])
+        return np.asarray(left[:, : max(1, int(_SOUND_TEETH * self.teeth))].mean(axis=1))
 
     def event(self) -> ComplexArray | None:
         """Lines of the greatest event in what the healthy pattern leaves; None if there is none.
@@ -293,5 +467,5 @@ def turned_alike(wheels: Sequence[WheelPattern], *, same_zero: bool) -> tuple[Ge
             # the mean of those that are turned already: it is surer than any one
             mean = GearPattern.combined(found, np.full(len(found), 1.0 / len(found)))
             pattern, _ = pattern.turned_to(mean, wheel.teeth)
-        found.append(pattern)
+        found.append(pattern.swayed_to(found[0], wheel.teeth) if found else pattern)
     return tuple(found)
