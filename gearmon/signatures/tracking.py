@@ -14,13 +14,12 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, partial
-from typing import TypeVar
 
 import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.gears.kinematics import Kinematics, Mesh, Turning, kinematics
+from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
 from gearmon.machine import Machine, Sensor
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
@@ -58,8 +57,6 @@ from gearmon.signals.tracking.tacho import (
     track_from_pulses,
 )
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
-
-_Turning = TypeVar("_Turning", bound=Turning)
 
 SPEED_TOLERANCE = 0.03
 #: How far it is looked for when it is not found so near to nominal.
@@ -191,27 +188,6 @@ def foreign_comb(
     return foreign_spacing(spectrum, comb, turning, meshing, own, parts)
 
 
-def _counted_in(train: Kinematics, pace: Fraction) -> Kinematics:
-    """Return orders in turns of a shaft that turns `pace` times a turn of shaft 1."""
-
-    def own(turning: _Turning) -> _Turning:
-        return replace(turning, exact=turning.exact / pace)
-
-    meshes = [
-        replace(
-            own(mesh),
-            wheels=tuple(
-                replace(own(wheel), exact_relative=wheel.exact_relative / pace)
-                for wheel in mesh.wheels
-            ),
-            carrier=mesh.carrier / pace,
-        )
-        for mesh in train.meshes
-    ]
-    shafts, lines = map(own, train.shafts), map(own, train.lines)
-    return Kinematics(shafts=tuple(shafts), meshes=tuple(meshes), lines=tuple(lines))
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GearVibration:
     """Vibration of a gearbox, and the lines that its speed and angle are known by.
@@ -239,7 +215,7 @@ class GearVibration:
     @cached_property
     def train(self) -> Kinematics:
         """Orders of the machine, in turns of that shaft."""
-        return _counted_in(kinematics(self.machine), self.pace)
+        return kinematics(self.machine, self.pace)
 
     @property
     def shaft1_hz(self) -> float:
