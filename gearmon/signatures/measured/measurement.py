@@ -98,9 +98,9 @@ class MeshFinding(Result):
     held: bool
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredSignature(Result):
-    """A recording reduced to order lines.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordingLevels:
+    """What of a recording is compared with others, as it was measured.
 
     Parameters
     ----------
@@ -108,6 +108,39 @@ class MeasuredSignature(Result):
         The recording.
     duration_s, sampling_rate_hz : float
         Of the recording.
+    level_db : ndarray of float, shape (channels, families)
+        Power of each family of the plan [dB re 1 unit^2, peak amplitudes].
+    scatter_db : ndarray of float, shape (channels, families)
+        Standard error of the level, from the scatter of the blocks [dB].
+    heard : ndarray of bool, shape (channels, families)
+        Whether the family stands above its own scatter.
+    band_db : ndarray of float, shape (channels, bands)
+        Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
+    foreign : NonGearLines
+        Lines that no gear explains.
+    digests : tuple of str
+        Mark of the samples of each channel.
+    """
+
+    origin: str
+    duration_s: float
+    sampling_rate_hz: float
+    level_db: FloatArray
+    scatter_db: FloatArray
+    heard: NDArray[np.bool_]
+    band_db: FloatArray
+    foreign: NonGearLines
+    digests: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredSignature(RecordingLevels, Result):
+    """A recording reduced to order lines.
+
+    Parameters
+    ----------
+    origin, duration_s, sampling_rate_hz, level_db, scatter_db, heard, band_db, foreign, digests
+        As of `RecordingLevels`.
     channel_names : tuple of str
         Vibration channels.
     units : tuple of str or None
@@ -122,22 +155,10 @@ class MeasuredSignature(Result):
         Which line is what.
     lines : OrderLines
         Complex amplitudes, block by block.
-    level_db : ndarray of float, shape (channels, families)
-        Power of each family of the plan [dB re 1 unit^2, peak amplitudes].
-    scatter_db : ndarray of float, shape (channels, families)
-        Standard error of the level, from the scatter of the blocks [dB].
-    heard : ndarray of bool, shape (channels, families)
-        Whether the family stands above its own scatter.
-    band_db : ndarray of float, shape (channels, bands)
-        Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
     notes : tuple of str
         What the reader should know.
     angle_lost : bool
         Whether the mesh lines do not stand still in the angle, all along.
-    foreign : NonGearLines
-        Lines that no gear explains.
-    digests : tuple of str
-        Mark of the samples of each channel.
 
     Examples
     --------
@@ -148,9 +169,6 @@ class MeasuredSignature(Result):
     (True, False)
     """
 
-    origin: str
-    duration_s: float
-    sampling_rate_hz: float
     channel_names: tuple[str, ...]
     units: tuple[str | None, ...]
     speed: Speed
@@ -158,14 +176,8 @@ class MeasuredSignature(Result):
     track: AngleTrack
     plan: LinePlan
     lines: OrderLines
-    level_db: FloatArray
-    scatter_db: FloatArray
-    heard: NDArray[np.bool_]
-    band_db: FloatArray
     notes: tuple[str, ...]
     angle_lost: bool
-    foreign: NonGearLines
-    digests: tuple[str, ...]
 
     @property
     def found(self) -> bool:
