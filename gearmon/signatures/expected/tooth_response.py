@@ -174,7 +174,7 @@ def loss_response(
         loss=lost if loss else 0.0,
         **{name: getattr(added, name) for name in ("number", "carrier", "order", "frequency_hz")},
         acceleration=added.acceleration / lost,
-        mesh_acceleration=even,
+        mesh_acceleration=even.acceleration,
     )
 
 
@@ -398,7 +398,7 @@ def grown_lines(
         rotation_hz = wheel.relative_order * place.point.shaft1_hz
         even, added = added_lines(healthy, hurt, (top + 0.5) * rotation_hz)
         told: ComplexArray = np.zeros((1 + len(GROWN), top + 1), dtype=complex)
-        told[:, added[0].number] = [even, *(own.acceleration for own in added)]
+        told[:, even.number] = [own.acceleration for own in (even, *added)]
         return told[0, :: wheel.teeth], told[1:]
     except GearmonError:  # as of `tooth_response`
         own = machine.stages[stage - 1]
