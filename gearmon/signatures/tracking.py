@@ -28,6 +28,7 @@ from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.threads import at_once
+from gearmon.signals.tracking import phases, tacho
 from gearmon.signals.tracking.comb import Comb, SpeedScan, clearest
 from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
@@ -36,25 +37,6 @@ from gearmon.signals.tracking.mesh_detection import (
     foreign_spacing,
     mesh_evidence,
     sideband_spacing,
-)
-from gearmon.signals.tracking.phases import (
-    LEAST_TURNS,
-    SlipCheck,
-    check_slips,
-    coherent_share,
-    follow_lines,
-    integrate_speed,
-    lock_track,
-    mend_slips,
-    scan_angle,
-    unwarp,
-)
-from gearmon.signals.tracking.tacho import (
-    TachoPulses,
-    find_pulses,
-    join,
-    pulses_per_turn,
-    track_from_pulses,
 )
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
@@ -147,13 +129,6 @@ class Speed(Result):
     lowest_hz: float
     highest_hz: float
     method: str
-
-
-def _counted(track: AngleTrack, pace: float) -> AngleTrack:
-    """Return the same angle in units of which so many are a turn; its zero stays known."""
-    return replace(
-        track, turns=track.turns * pace, uncertainty_turns=track.uncertainty_turns * pace
-    )
 
 
 def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
@@ -300,7 +275,7 @@ class GearVibration:
     def judged(self, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
         """Judge the meshes on a scan about a track, so far about its speed as a fraction."""
         block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
-        scan = scan_angle(self.in_angle(track), self.comb, reach, block)
+        scan = phases.scan_angle(self.in_angle(track), self.comb, reach, block)
         return self.tracked(track, scan)
 
 
@@ -347,7 +322,9 @@ class Tracking:
         if pace == 1:
             return self
         signal = replace(signal, nominal_hz=signal.shaft1_hz, pace=Fraction(1))
-        found = replace(self, signal=signal, track=_counted(self.track, 1.0 / float(pace)))
+        # of the fastest shaft's angle the zero is known as that of shaft 1 is
+        track = replace(self.track.of_shaft(1.0 / float(pace)), indexed=self.track.indexed)
+        found = replace(self, signal=signal, track=track)
         if self.detected in (0, len(self.evidence)):
             return found
         every = zip(self.evidence, signal.judged(found.track).evidence, strict=True)
@@ -446,7 +423,7 @@ class _Tacholess:
         signal = self.signal
         looked_at = max(len(comb.groups) for comb in signal.meshes)
         scan = signal.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
-        track = integrate_speed(scan.track(), signal.last_s)
+        track = phases.integrate_speed(scan.track(), signal.last_s)
         return signal.tracked(track, scan)
 
     @cached_property
@@ -519,7 +496,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     sensors = (s for s in signal.machine.sensors if s.kind == "tacho")
     sensor = next((s for s in sensors if str(s.column) in places), None)
     known = sensor.pulses_per_turn if sensor else None
-    pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
+    pulses = tacho.find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
     count, found = _pulses_counted(pulses, sensor, tacholess)
     if not recording.tacho_told:
         _check_believed(found, tacholess)
@@ -530,7 +507,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     track = found.track
     sums = signal.sums(float(track.speed_hz.max()))
     if sums is not None:
-        track, beyond = join(sums, track)
+        track, beyond = tacho.join(sums, track)
         if beyond > 1.0:
             told.append(
                 f"the mesh lines would move the angle {beyond:.3g} times as far as the "
@@ -540,7 +517,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
 
 
 def _pulses_counted(
-    pulses: TachoPulses, sensor: Sensor | None, tacholess: _Tacholess
+    pulses: tacho.TachoPulses, sensor: Sensor | None, tacholess: _Tacholess
 ) -> tuple[int, Tracking]:
     """Count pulses a turn: as the sensor says, or as the nominal speed and the mesh have it.
 
@@ -551,14 +528,15 @@ def _pulses_counted(
 
     def judged(count: int) -> Tracking:
         order = kinematics(signal.machine).shaft(sensor.shaft).order if sensor else 1.0
-        told = track_from_pulses(pulses, count, order, signal.last_s)
-        return signal.judged(_counted(told, float(signal.pace)), TACHO_REACH)
+        told = tacho.track_from_pulses(pulses, count, order, signal.last_s)
+        told = replace(told.of_shaft(float(signal.pace)), indexed=told.indexed)
+        return signal.judged(told, TACHO_REACH)
 
     if sensor:
         return sensor.pulses_per_turn, judged(sensor.pulses_per_turn)
     near, found, refused = tuple[int, ...](), dict[int, Tracking](), None
     try:
-        near = pulses_per_turn(pulses, signal.shaft1_hz)
+        near = tacho.pulses_per_turn(pulses, signal.shaft1_hz)
     except RecordingError as error:
         refused = error
     mean = len(pulses.time_s[1:]) / float(np.ptp(pulses.time_s)) / signal.shaft1_hz
@@ -584,7 +562,7 @@ def _pulses_counted(
     if not at_nominal and tacholess.alone.detected:
         known_hz = tacholess.alone.track.mean_hz / float(signal.pace)
         with suppress(RecordingError):
-            near += pulses_per_turn(pulses, known_hz, TACHO_REACH)
+            near += tacho.pulses_per_turn(pulses, known_hz, TACHO_REACH)
             found |= {count: judged(count) for count in near if count not in found}
     held = [count for count in near if count in found]
     if not held:
@@ -630,7 +608,7 @@ def _as_without(judged: Tracking, tacholess: _Tacholess) -> Tracking:
 def _by_phases(first: Tracking, sums: OrderSums) -> Tracking:
     """Track without a tachometer, by mesh lines, beginning with the steady comb."""
     signal = first.signal
-    track, share = follow_lines(sums, first.track, signal.comb)
+    track, share = phases.follow_lines(sums, first.track, signal.comb)
     found = replace(first, track=track, coherent=share)
     calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(first):
@@ -672,11 +650,11 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
     sums = signal.sums(float(course.max()))
     if sums is None:
         return None
-    track = integrate_speed(speed, signal.last_s)
+    track = phases.integrate_speed(speed, signal.last_s)
     for reach in _PATH_REACHES:
-        track = unwarp(sums, track, signal.comb, reach)
-    track = lock_track(sums, track)
-    judged, share = signal.judged(track), coherent_share(sums, track)
+        track = phases.unwarp(sums, track, signal.comb, reach)
+    track = phases.lock_track(sums, track)
+    judged, share = signal.judged(track), phases.coherent_share(sums, track)
     if share < _GATHERED or not _agrees(judged):
         return None
     course = course / float(signal.pace)
@@ -717,11 +695,11 @@ def _agrees(judged: Tracking) -> bool:
 def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
     """State how far the angle may be off, and say so if the lines do not hold it."""
     track, share = found.track, found.coherent
-    if track.turns[-1] - track.turns[0] < LEAST_TURNS:
+    if track.turns[-1] - track.turns[0] < phases.LEAST_TURNS:
         return replace(found, coherent=0.0)
-    check = check_slips(sums, track)
+    check = phases.check_slips(sums, track)
     if share >= _LOST and not check.locked:
-        track, check = mend_slips(sums, track, check, found.signal.comb)
+        track, check = phases.mend_slips(sums, track, check, found.signal.comb)
     doubt, notes, held_s = check.typical_turns(), found.notes, None
     lost = share < _LOST and not check.held_throughout
     if lost:
@@ -741,7 +719,7 @@ def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
     return replace(found, track=track, notes=notes, held_s=held_s, lost=lost)
 
 
-def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:
+def _slips_told(check: phases.SlipCheck, held_s: tuple[float, float] | None) -> str:
     """Say where an angle may have slipped."""
     if held_s is not None:
         return (

@@ -28,7 +28,7 @@ from gearmon.signals.tracking.mesh_detection import (
     SidebandSpacing,
     sideband_spacing,
 )
-from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
+from gearmon.signatures.measured.line_plan import LinePlan, line_plan
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
 from gearmon.signatures.tracking import (
     SPEED_TOLERANCE,
@@ -457,19 +457,14 @@ def _findings(
     for own in meshes:
         found, reason = own.judged(told, misled, several)
         holds = tracking.coherent >= _HELD and not misled
-        # lines on the harmonics of the mesh, be they its own or of another one as well
-        last = mesh_harmonics(own.mesh.order * signal.nominal_hz)
-        shared = np.isin(np.round(plan.orders / own.mesh.order, 9), np.arange(1, last + 1))
-        chosen, mine = np.flatnonzero(shared).tolist(), ("mesh", own.mesh.stage)
-        for family in plan.families:
-            if (family.kind, family.stage) == mine:
-                chosen += family.lines
+        # lines where the mesh shows, be they its own or of another one as well
+        shared = np.isin(np.round(plan.orders, 9), np.round(np.concatenate(own.comb.groups), 9))
         findings.append(
             MeshFinding(
                 stage=own.mesh.stage,
                 frequency_hz=own.mesh.order * peak_hz,
                 found=found,
-                snr_db=float(snr[:, chosen].max()) if chosen else None,
+                snr_db=float(snr[:, shared].max()) if shared.any() else None,
                 score=float(own.seen.score),
                 reason=reason,
                 held=found or (holds and bool(own.shown)),
