@@ -19,13 +19,13 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.gears.kinematics import Kinematics, Mesh, kinematics
+from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine, Sensor
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.orders.resampling import InAngle
-from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
+from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking import phases, tacho
@@ -133,34 +133,27 @@ class Speed(Result):
 
 def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
     """Return the meshes of a drive train as plain orders, one comb a stage; `shaft1_hz` nominal."""
-    return tuple(_mesh_comb(mesh, shaft1_hz) for mesh in train.meshes)
-
-
-def _mesh_comb(mesh: Mesh, shaft1_hz: float) -> MeshComb:
-    harmonics = range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
-    groups = tuple(tuple(map(float, group_orders(mesh, k))) for k in harmonics)
-    # what sets sidebands apart: both shafts, or the carrier of a planetary set
-    turning = tuple(wheel.relative_order for wheel in mesh.wheels)
-    spacings = (abs(float(mesh.carrier)),) if mesh.carrier else turning
-    return MeshComb(order=mesh.order, groups=groups, spacings=spacings)
+    turning = {line.order for line in train.lines if line.kind in _TURNING}
+    found = []
+    for mesh in train.meshes:
+        harmonics = range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
+        wheels = tuple(wheel.relative_order for wheel in mesh.wheels)
+        found.append(
+            MeshComb(
+                order=mesh.order,
+                groups=tuple(tuple(map(float, group_orders(mesh, k))) for k in harmonics),
+                # what sets sidebands apart: both shafts, or the carrier of a planetary set
+                spacings=(abs(float(mesh.carrier)),) if mesh.carrier else wheels,
+                turning=tuple(sorted(turning)),
+                meshing=tuple(sorted({own.order for own in train.meshes} - {mesh.order})),
+            )
+        )
+    return tuple(found)
 
 
 def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
     """Return the lines of a drive train that its speed is known by: meshes, sidebands, shafts."""
     return combined_comb(mesh_combs(train, shaft1_hz), [shaft.order for shaft in train.shafts])
-
-
-def foreign_comb(
-    spectrum: FineSpectrum,
-    comb: MeshComb,
-    train: Kinematics,
-    own: Sequence[float] = (),
-    parts: Sequence[float] = (),
-) -> float | None:
-    """Return the spacing of a finer comb that a mesh's lines belong to (`foreign_spacing`)."""
-    turning = sorted({line.order for line in train.lines if line.kind in _TURNING})
-    meshing = sorted({mesh.order for mesh in train.meshes if mesh.order != comb.order})
-    return foreign_spacing(spectrum, comb, turning, meshing, own, parts)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -394,11 +387,10 @@ class Tracking:
         """
         if not slower:
             return False
-        train, combs = self.signal.train, self.signal.meshes
         spectrum = fine_order_spectrum(self.signal.in_angle(self.track))
         return any(
-            own.stands_out and foreign_comb(spectrum, comb, train, parts=slower)
-            for comb, own in zip(combs, self.evidence, strict=True)
+            own.stands_out and foreign_spacing(spectrum, comb, parts=slower)
+            for comb, own in zip(self.signal.meshes, self.evidence, strict=True)
         )
 
     @property

@@ -99,7 +99,7 @@ class Family:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GearLines:
+class GearMultiples:
     """Multiples of one gear's rotation.
 
     Parameters
@@ -127,7 +127,7 @@ class GearLines:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WheelLines(GearLines):
+class WheelLines(GearMultiples):
     """All multiples of one gear's rotation, to build its synchronous average from.
 
     Parameters

@@ -26,6 +26,7 @@ from gearmon.signals.tracking.mesh_detection import (
     MeshComb,
     MeshEvidence,
     SidebandSpacing,
+    foreign_spacing,
     sideband_spacing,
 )
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan
@@ -34,7 +35,6 @@ from gearmon.signatures.tracking import (
     SPEED_TOLERANCE,
     Speed,
     Tracking,
-    foreign_comb,
     track_recording,
     wander,
 )
@@ -445,7 +445,7 @@ def _findings(
 ) -> tuple[MeshFinding, ...]:
     signal, by_tacho = tracking.signal, tracking.track.method == "tacho"
     every = zip(signal.train.meshes, signal.meshes, tracking.evidence, strict=True)
-    meshes = [_SeenMesh(signal.train, spectrum, *own) for own in every]
+    meshes = [_SeenMesh(spectrum, *own) for own in every]
     snr = 10 * np.log10(np.maximum(lines.cross_power() / lines.noise, 1e-3))
     # one harmonic could be a tone of anything; two, of whichever stage, fix the speed as well
     several = sum(own.seen.clear for own in meshes if own.seen.stands_out) >= 2
@@ -477,7 +477,6 @@ def _findings(
 class _SeenMesh:
     """A mesh, how clear its lines are, and what the spectrum shows about and between them."""
 
-    train: Kinematics
     spectrum: FineSpectrum
     mesh: Mesh
     comb: MeshComb
@@ -514,11 +513,11 @@ class _SeenMesh:
         """Spacing of what else its lines belong to, such as a bearing; None if to nothing."""
         if not self.seen.stands_out:
             return None
-        spacing = foreign_comb(self.spectrum, self.comb, self.train)
+        spacing = foreign_spacing(self.spectrum, self.comb)
         if spacing is None or not self.shown:
             return spacing
         # gears that are there have pitch errors of their own
-        return foreign_comb(self.spectrum, self.comb, self.train, self.shown)
+        return foreign_spacing(self.spectrum, self.comb, self.shown)
 
     def judged(self, told: bool, misled: bool, several: bool) -> tuple[bool, str]:
         """Whether the mesh is found, and why.

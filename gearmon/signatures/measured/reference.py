@@ -31,7 +31,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.orders.lines import OrderLines, variance_of_mean
-from gearmon.signatures.measured.line_plan import GearLines, WheelLines
+from gearmon.signatures.measured.line_plan import GearMultiples, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, RecordingLevels
 from gearmon.signatures.measured.nongear_lines import KINDS, LOCKS
 
@@ -73,13 +73,13 @@ def _kept(kind: type[Any], measured: Any) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WheelPattern(GearLines):
+class WheelPattern(GearMultiples):
     """Complex amplitudes of all multiples of one gear's rotation.
 
     Parameters
     ----------
     stage, gear, teeth, order, number, mesh
-        As of `GearLines`.
+        As of `GearMultiples`.
     amplitude : ndarray of complex, shape (channels, lines)
         Synchronous mean.
     variance : ndarray of float, shape (channels, lines)
@@ -105,7 +105,7 @@ class WheelPattern(GearLines):
         told = blocks.mean(axis=0), np.maximum(variance_of_mean(blocks), least * floor)
         amplitude, variance = (np.where(places >= 0, own, 0.0).swapaxes(0, 1) for own in told)
         return cls(
-            **_kept(GearLines, wheel),
+            **_kept(GearMultiples, wheel),
             amplitude=amplitude[0],
             variance=variance[0],
             beside=amplitude[1:],
