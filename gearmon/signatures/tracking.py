@@ -28,16 +28,9 @@ from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking import phases, tacho
+from gearmon.signals.tracking import mesh_detection, phases, tacho
 from gearmon.signals.tracking.comb import Comb, SpeedScan, clearest
-from gearmon.signals.tracking.mesh_detection import (
-    MeshComb,
-    MeshEvidence,
-    combined_comb,
-    foreign_spacing,
-    mesh_evidence,
-    sideband_spacing,
-)
+from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
 SPEED_TOLERANCE = 0.03
@@ -153,7 +146,8 @@ def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
 
 def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
     """Return the lines of a drive train that its speed is known by: meshes, sidebands, shafts."""
-    return combined_comb(mesh_combs(train, shaft1_hz), [shaft.order for shaft in train.shafts])
+    shafts = [shaft.order for shaft in train.shafts]
+    return mesh_detection.combined_comb(mesh_combs(train, shaft1_hz), shafts)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -260,7 +254,7 @@ class GearVibration:
     def tracked(self, track: AngleTrack, scan: SpeedScan) -> Tracking:
         """Tell how clearly each mesh stands out in a scan, beside a track."""
         orders = [shaft.order for shaft in self.train.shafts]
-        judged = partial(mesh_evidence, scan, self.meshes, orders)
+        judged = partial(mesh_detection.mesh_evidence, scan, self.meshes, orders)
         # the path through all blocks, which is wanted next, is found meanwhile
         evidence, _ = at_once(judged, lambda: scan.best_score, scan.scores.size)
         return Tracking(signal=self, track=track, scan=scan, evidence=evidence)
@@ -389,7 +383,7 @@ class Tracking:
             return False
         spectrum = fine_order_spectrum(self.signal.in_angle(self.track))
         return any(
-            own.stands_out and foreign_spacing(spectrum, comb, parts=slower)
+            own.stands_out and mesh_detection.foreign_spacing(spectrum, comb, parts=slower)
             for comb, own in zip(self.signal.meshes, self.evidence, strict=True)
         )
 
@@ -674,7 +668,10 @@ def _agrees(judged: Tracking) -> bool:
     for mesh, comb, seen in zip(signal.train.meshes, signal.meshes, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
-        told = [sideband_spacing(spectrum, comb, own, SPEED_REACH) for own in comb.spacings]
+        told = [
+            mesh_detection.sideband_spacing(spectrum, comb, own, SPEED_REACH)
+            for own in comb.spacings
+        ]
         excess, support = max(one.excess for one in told), max(one.support for one in told)
         clear = support >= _SUPPORTED
         # right sidebands of one gear fix the speed: what beats those of the other is some line else

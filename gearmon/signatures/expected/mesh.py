@@ -48,6 +48,7 @@ from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.signatures.expected.contact_motion import Surroundings
+from gearmon.signatures.signature import SIZES
 
 if TYPE_CHECKING:  # an analysis solves no mesh
     from gearmon.dynamics import HillProblem
@@ -522,9 +523,7 @@ class MeshLines:
             "sideband_of": gear,
             "order": own.order,
             "frequency_hz": own.frequency_hz,
-            "displacement_m": 2 * np.abs(z),
-            "velocity_ms": 2 * angular * np.abs(z),
-            "acceleration_ms2": 2 * angular**2 * np.abs(z),
+            **{name: 2 * angular**times * np.abs(z) for times, name in enumerate(SIZES)},
             "phase_rad": np.angle(z),
         }
         return found | ({"carrier": carrier} if self.posed.pass_order else {})

@@ -22,22 +22,11 @@ from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking.mesh_detection import (
-    MeshComb,
-    MeshEvidence,
-    SidebandSpacing,
-    foreign_spacing,
-    sideband_spacing,
-)
+from gearmon.signals.tracking import mesh_detection
+from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence, SidebandSpacing
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
-from gearmon.signatures.tracking import (
-    SPEED_TOLERANCE,
-    Speed,
-    Tracking,
-    track_recording,
-    wander,
-)
+from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, track_recording, wander
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4
@@ -484,7 +473,8 @@ class _SeenMesh:
 
     def sidebands(self, spacing: float, *, broken: bool = False) -> SidebandSpacing:
         """Return what the sidebands of the mesh say of a spacing."""
-        return sideband_spacing(self.spectrum, self.comb, spacing, SPEED_TOLERANCE, broken)
+        told = mesh_detection.sideband_spacing
+        return told(self.spectrum, self.comb, spacing, SPEED_TOLERANCE, broken)
 
     @cached_property
     def shown(self) -> tuple[float, ...]:
@@ -513,11 +503,11 @@ class _SeenMesh:
         """Spacing of what else its lines belong to, such as a bearing; None if to nothing."""
         if not self.seen.stands_out:
             return None
-        spacing = foreign_spacing(self.spectrum, self.comb)
+        spacing = mesh_detection.foreign_spacing(self.spectrum, self.comb)
         if spacing is None or not self.shown:
             return spacing
         # gears that are there have pitch errors of their own
-        return foreign_spacing(self.spectrum, self.comb, self.shown)
+        return mesh_detection.foreign_spacing(self.spectrum, self.comb, self.shown)
 
     def judged(self, told: bool, misled: bool, several: bool) -> tuple[bool, str]:
         """Whether the mesh is found, and why.
