@@ -314,7 +314,7 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
     if not signatures:
         raise ArgumentError("a reference needs at least one healthy recording")
     first = signatures[0]
-    for signature in signatures:
+    for number, signature in enumerate(signatures):
         if not signature.found:
             raise ArgumentError(
                 f"{signature.origin}: no mesh found, so it cannot serve as a reference: "
@@ -325,6 +325,13 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
                 f"{signature.origin}: channels {', '.join(signature.channel_names)} differ from "
                 f"{', '.join(first.channel_names)} of {first.origin}; name the same ones with "
                 "--channel"
+            )
+        digests = set(signature.digests)
+        again = [own.origin for own in signatures[:number] if digests & set(own.digests)]
+        if again:
+            raise ArgumentError(
+                f"{signature.origin}: holds the same samples as {again[0]}; a recording counts "
+                "once, name it once"
             )
     profiles = tuple(Profile.of(signature) for signature in signatures)
     shared = set.intersection(*(set(profile.family_names) for profile in profiles))
@@ -343,15 +350,6 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
         version=__version__,
         machine_facts=machine_facts(machine),
     )
-    known: dict[str, str] = {}
-    for profile in profiles:
-        again = [known[digest] for digest in profile.digests if digest in known]
-        if again:
-            raise ArgumentError(
-                f"{profile.origin}: holds the same samples as {again[0]}; a recording counts once, "
-                "name it once"
-            )
-        known |= dict.fromkeys(profile.digests, profile.origin)
     for signature in signatures:
         check_alike(signature, reference)
     return reference
