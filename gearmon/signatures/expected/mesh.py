@@ -44,7 +44,6 @@ from gearmon.gears.excitation import FlankError
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
 from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
-from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.signatures.expected.contact_motion import Surroundings
@@ -399,16 +398,6 @@ def mesh_problem(
         raise ArgumentError(f"operating[{operating + 1}]: torque_nm is 0, no tooth is pressed")
     posed = place.alone()
     return posed.hill_problem(posed.mechanics.stiffness.harmonics(harmonics))
-
-
-def gear_places(machine: Machine) -> dict[tuple[int, str], int]:
-    """Return in which mesh of its stage each gear is taken: that with the sun, but for the ring."""
-    found: dict[tuple[int, str], int] = {}
-    for number, stage in enumerate(machine.stages, start=1):
-        for mesh, pair in enumerate(mesh_pairs(stage, number, machine.path)):
-            for member in pair.members:
-                found.setdefault((number, member.name), mesh)
-    return found
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
