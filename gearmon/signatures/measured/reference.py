@@ -181,9 +181,8 @@ class Profile(RecordingLevels):
 
     def part(self, rows: Sequence[int]) -> Profile:
         """Return the same of some channels only, in this order."""
-        own = list(rows)
-        whole: Profile = self if own == list(range(len(self.level_db))) else taken(self, own)
-        return whole
+        own: Profile = taken(self, rows)
+        return own
 
     def of_families(self, names: Sequence[str]) -> Levels:
         """Return the levels of some families of lines."""
