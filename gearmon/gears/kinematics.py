@@ -314,7 +314,7 @@ def numbered(what: str, items: tuple[_Item, ...], number: int) -> _Item:
 
 
 @lru_cache(maxsize=16)
-def kinematics(machine: Machine) -> Kinematics:
+def kinematics(machine: Machine, pace: Fraction = Fraction(1)) -> Kinematics:
     """Return the shafts, meshes and lines of a machine as orders of shaft 1.
 
     Parameters
@@ -322,6 +322,8 @@ def kinematics(machine: Machine) -> Kinematics:
     machine : Machine
         Stages in the order of power flow; speed-increasing stages and planetary sets with any
         fixed and any driving member may follow one another in any way.
+    pace : Fraction, > 0
+        Turns a turn of shaft 1 of the shaft that orders count the turns of.
 
     Returns
     -------
@@ -335,7 +337,7 @@ def kinematics(machine: Machine) -> Kinematics:
     >>> [round(20 * line.order, 4) for line in train.lines]
     [20.0, 3.8095, 160.0, 80.0, 0.9524]
     """
-    orders, meshes = [Fraction(1)], []
+    orders, meshes = [1 / pace], []
     for number, stage in enumerate(machine.stages, start=1):
         if isinstance(stage, ParallelStage):
             own = {"pinion": Fraction(1), "gear": Fraction(stage.pinion_teeth, stage.gear_teeth)}

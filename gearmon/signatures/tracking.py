@@ -14,52 +14,24 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, partial
-from typing import TypeVar
 
 import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
-from gearmon.gears.kinematics import Kinematics, Mesh, Turning, kinematics
+from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine, Sensor
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.orders.resampling import InAngle
-from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
+from gearmon.signals.orders.spectra import fine_order_spectrum
 from gearmon.signals.recording import Recording
 from gearmon.signals.threads import at_once
+from gearmon.signals.tracking import mesh_detection, phases, tacho
 from gearmon.signals.tracking.comb import Comb, SpeedScan, clearest
-from gearmon.signals.tracking.mesh_detection import (
-    MeshComb,
-    MeshEvidence,
-    combined_comb,
-    foreign_spacing,
-    mesh_evidence,
-    sideband_spacing,
-)
-from gearmon.signals.tracking.phases import (
-    LEAST_TURNS,
-    SlipCheck,
-    check_slips,
-    coherent_share,
-    follow_lines,
-    integrate_speed,
-    lock_track,
-    mend_slips,
-    scan_angle,
-    unwarp,
-)
-from gearmon.signals.tracking.tacho import (
-    TachoPulses,
-    find_pulses,
-    join,
-    pulses_per_turn,
-    track_from_pulses,
-)
+from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
-
-_Turning = TypeVar("_Turning", bound=Turning)
 
 SPEED_TOLERANCE = 0.03
 #: How far it is looked for when it is not found so near to nominal.
@@ -152,64 +124,30 @@ class Speed(Result):
     method: str
 
 
-def _counted(track: AngleTrack, pace: float) -> AngleTrack:
-    """Return the same angle in units of which so many are a turn; its zero stays known."""
-    return replace(
-        track, turns=track.turns * pace, uncertainty_turns=track.uncertainty_turns * pace
-    )
-
-
 def mesh_combs(train: Kinematics, shaft1_hz: float) -> tuple[MeshComb, ...]:
     """Return the meshes of a drive train as plain orders, one comb a stage; `shaft1_hz` nominal."""
-    return tuple(_mesh_comb(mesh, shaft1_hz) for mesh in train.meshes)
-
-
-def _mesh_comb(mesh: Mesh, shaft1_hz: float) -> MeshComb:
-    harmonics = range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
-    groups = tuple(tuple(map(float, group_orders(mesh, k))) for k in harmonics)
-    # what sets sidebands apart: both shafts, or the carrier of a planetary set
-    turning = tuple(wheel.relative_order for wheel in mesh.wheels)
-    spacings = (abs(float(mesh.carrier)),) if mesh.carrier else turning
-    return MeshComb(order=mesh.order, groups=groups, spacings=spacings)
+    turning = {line.order for line in train.lines if line.kind in _TURNING}
+    found = []
+    for mesh in train.meshes:
+        harmonics = range(1, mesh_harmonics(mesh.order * shaft1_hz) + 1)
+        wheels = tuple(wheel.relative_order for wheel in mesh.wheels)
+        found.append(
+            MeshComb(
+                order=mesh.order,
+                groups=tuple(tuple(map(float, group_orders(mesh, k))) for k in harmonics),
+                # what sets sidebands apart: both shafts, or the carrier of a planetary set
+                spacings=(abs(float(mesh.carrier)),) if mesh.carrier else wheels,
+                turning=tuple(sorted(turning)),
+                meshing=tuple(sorted({own.order for own in train.meshes} - {mesh.order})),
+            )
+        )
+    return tuple(found)
 
 
 def machine_comb(train: Kinematics, shaft1_hz: float) -> Comb:
     """Return the lines of a drive train that its speed is known by: meshes, sidebands, shafts."""
-    return combined_comb(mesh_combs(train, shaft1_hz), [shaft.order for shaft in train.shafts])
-
-
-def foreign_comb(
-    spectrum: FineSpectrum,
-    comb: MeshComb,
-    train: Kinematics,
-    own: Sequence[float] = (),
-    parts: Sequence[float] = (),
-) -> float | None:
-    """Return the spacing of a finer comb that a mesh's lines belong to (`foreign_spacing`)."""
-    turning = sorted({line.order for line in train.lines if line.kind in _TURNING})
-    meshing = sorted({mesh.order for mesh in train.meshes if mesh.order != comb.order})
-    return foreign_spacing(spectrum, comb, turning, meshing, own, parts)
-
-
-def _counted_in(train: Kinematics, pace: Fraction) -> Kinematics:
-    """Return orders in turns of a shaft that turns `pace` times a turn of shaft 1."""
-
-    def own(turning: _Turning) -> _Turning:
-        return replace(turning, exact=turning.exact / pace)
-
-    meshes = [
-        replace(
-            own(mesh),
-            wheels=tuple(
-                replace(own(wheel), exact_relative=wheel.exact_relative / pace)
-                for wheel in mesh.wheels
-            ),
-            carrier=mesh.carrier / pace,
-        )
-        for mesh in train.meshes
-    ]
-    shafts, lines = map(own, train.shafts), map(own, train.lines)
-    return Kinematics(shafts=tuple(shafts), meshes=tuple(meshes), lines=tuple(lines))
+    shafts = [shaft.order for shaft in train.shafts]
+    return mesh_detection.combined_comb(mesh_combs(train, shaft1_hz), shafts)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -239,7 +177,7 @@ class GearVibration:
     @cached_property
     def train(self) -> Kinematics:
         """Orders of the machine, in turns of that shaft."""
-        return _counted_in(kinematics(self.machine), self.pace)
+        return kinematics(self.machine, self.pace)
 
     @property
     def shaft1_hz(self) -> float:
@@ -316,7 +254,7 @@ class GearVibration:
     def tracked(self, track: AngleTrack, scan: SpeedScan) -> Tracking:
         """Tell how clearly each mesh stands out in a scan, beside a track."""
         orders = [shaft.order for shaft in self.train.shafts]
-        judged = partial(mesh_evidence, scan, self.meshes, orders)
+        judged = partial(mesh_detection.mesh_evidence, scan, self.meshes, orders)
         # the path through all blocks, which is wanted next, is found meanwhile
         evidence, _ = at_once(judged, lambda: scan.best_score, scan.scores.size)
         return Tracking(signal=self, track=track, scan=scan, evidence=evidence)
@@ -324,7 +262,7 @@ class GearVibration:
     def judged(self, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
         """Judge the meshes on a scan about a track, so far about its speed as a fraction."""
         block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
-        scan = scan_angle(self.in_angle(track), self.comb, reach, block)
+        scan = phases.scan_angle(self.in_angle(track), self.comb, reach, block)
         return self.tracked(track, scan)
 
 
@@ -371,7 +309,9 @@ class Tracking:
         if pace == 1:
             return self
         signal = replace(signal, nominal_hz=signal.shaft1_hz, pace=Fraction(1))
-        found = replace(self, signal=signal, track=_counted(self.track, 1.0 / float(pace)))
+        # of the fastest shaft's angle the zero is known as that of shaft 1 is
+        track = replace(self.track.of_shaft(1.0 / float(pace)), indexed=self.track.indexed)
+        found = replace(self, signal=signal, track=track)
         if self.detected in (0, len(self.evidence)):
             return found
         every = zip(self.evidence, signal.judged(found.track).evidence, strict=True)
@@ -441,11 +381,10 @@ class Tracking:
         """
         if not slower:
             return False
-        train, combs = self.signal.train, self.signal.meshes
         spectrum = fine_order_spectrum(self.signal.in_angle(self.track))
         return any(
-            own.stands_out and foreign_comb(spectrum, comb, train, parts=slower)
-            for comb, own in zip(combs, self.evidence, strict=True)
+            own.stands_out and mesh_detection.foreign_spacing(spectrum, comb, parts=slower)
+            for comb, own in zip(self.signal.meshes, self.evidence, strict=True)
         )
 
     @property
@@ -470,7 +409,7 @@ class _Tacholess:
         signal = self.signal
         looked_at = max(len(comb.groups) for comb in signal.meshes)
         scan = signal.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
-        track = integrate_speed(scan.track(), signal.last_s)
+        track = phases.integrate_speed(scan.track(), signal.last_s)
         return signal.tracked(track, scan)
 
     @cached_property
@@ -543,7 +482,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     sensors = (s for s in signal.machine.sensors if s.kind == "tacho")
     sensor = next((s for s in sensors if str(s.column) in places), None)
     known = sensor.pulses_per_turn if sensor else None
-    pulses = find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
+    pulses = tacho.find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
     count, found = _pulses_counted(pulses, sensor, tacholess)
     if not recording.tacho_told:
         _check_believed(found, tacholess)
@@ -554,7 +493,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     track = found.track
     sums = signal.sums(float(track.speed_hz.max()))
     if sums is not None:
-        track, beyond = join(sums, track)
+        track, beyond = tacho.join(sums, track)
         if beyond > 1.0:
             told.append(
                 f"the mesh lines would move the angle {beyond:.3g} times as far as the "
@@ -564,7 +503,7 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
 
 
 def _pulses_counted(
-    pulses: TachoPulses, sensor: Sensor | None, tacholess: _Tacholess
+    pulses: tacho.TachoPulses, sensor: Sensor | None, tacholess: _Tacholess
 ) -> tuple[int, Tracking]:
     """Count pulses a turn: as the sensor says, or as the nominal speed and the mesh have it.
 
@@ -575,14 +514,15 @@ def _pulses_counted(
 
     def judged(count: int) -> Tracking:
         order = kinematics(signal.machine).shaft(sensor.shaft).order if sensor else 1.0
-        told = track_from_pulses(pulses, count, order, signal.last_s)
-        return signal.judged(_counted(told, float(signal.pace)), TACHO_REACH)
+        told = tacho.track_from_pulses(pulses, count, order, signal.last_s)
+        told = replace(told.of_shaft(float(signal.pace)), indexed=told.indexed)
+        return signal.judged(told, TACHO_REACH)
 
     if sensor:
         return sensor.pulses_per_turn, judged(sensor.pulses_per_turn)
     near, found, refused = tuple[int, ...](), dict[int, Tracking](), None
     try:
-        near = pulses_per_turn(pulses, signal.shaft1_hz)
+        near = tacho.pulses_per_turn(pulses, signal.shaft1_hz)
     except RecordingError as error:
         refused = error
     mean = len(pulses.time_s[1:]) / float(np.ptp(pulses.time_s)) / signal.shaft1_hz
@@ -608,7 +548,7 @@ def _pulses_counted(
     if not at_nominal and tacholess.alone.detected:
         known_hz = tacholess.alone.track.mean_hz / float(signal.pace)
         with suppress(RecordingError):
-            near += pulses_per_turn(pulses, known_hz, TACHO_REACH)
+            near += tacho.pulses_per_turn(pulses, known_hz, TACHO_REACH)
             found |= {count: judged(count) for count in near if count not in found}
     held = [count for count in near if count in found]
     if not held:
@@ -654,7 +594,7 @@ def _as_without(judged: Tracking, tacholess: _Tacholess) -> Tracking:
 def _by_phases(first: Tracking, sums: OrderSums) -> Tracking:
     """Track without a tachometer, by mesh lines, beginning with the steady comb."""
     signal = first.signal
-    track, share = follow_lines(sums, first.track, signal.comb)
+    track, share = phases.follow_lines(sums, first.track, signal.comb)
     found = replace(first, track=track, coherent=share)
     calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
     if not calm or _elsewhere(first):
@@ -696,11 +636,11 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
     sums = signal.sums(float(course.max()))
     if sums is None:
         return None
-    track = integrate_speed(speed, signal.last_s)
+    track = phases.integrate_speed(speed, signal.last_s)
     for reach in _PATH_REACHES:
-        track = unwarp(sums, track, signal.comb, reach)
-    track = lock_track(sums, track)
-    judged, share = signal.judged(track), coherent_share(sums, track)
+        track = phases.unwarp(sums, track, signal.comb, reach)
+    track = phases.lock_track(sums, track)
+    judged, share = signal.judged(track), phases.coherent_share(sums, track)
     if share < _GATHERED or not _agrees(judged):
         return None
     course = course / float(signal.pace)
@@ -728,7 +668,10 @@ def _agrees(judged: Tracking) -> bool:
     for mesh, comb, seen in zip(signal.train.meshes, signal.meshes, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
-        told = [sideband_spacing(spectrum, comb, own, SPEED_REACH) for own in comb.spacings]
+        told = [
+            mesh_detection.sideband_spacing(spectrum, comb, own, SPEED_REACH)
+            for own in comb.spacings
+        ]
         excess, support = max(one.excess for one in told), max(one.support for one in told)
         clear = support >= _SUPPORTED
         # right sidebands of one gear fix the speed: what beats those of the other is some line else
@@ -741,11 +684,11 @@ def _agrees(judged: Tracking) -> bool:
 def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
     """State how far the angle may be off, and say so if the lines do not hold it."""
     track, share = found.track, found.coherent
-    if track.turns[-1] - track.turns[0] < LEAST_TURNS:
+    if track.turns[-1] - track.turns[0] < phases.LEAST_TURNS:
         return replace(found, coherent=0.0)
-    check = check_slips(sums, track)
+    check = phases.check_slips(sums, track)
     if share >= _LOST and not check.locked:
-        track, check = mend_slips(sums, track, check, found.signal.comb)
+        track, check = phases.mend_slips(sums, track, check, found.signal.comb)
     doubt, notes, held_s = check.typical_turns(), found.notes, None
     lost = share < _LOST and not check.held_throughout
     if lost:
@@ -765,7 +708,7 @@ def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
     return replace(found, track=track, notes=notes, held_s=held_s, lost=lost)
 
 
-def _slips_told(check: SlipCheck, held_s: tuple[float, float] | None) -> str:
+def _slips_told(check: phases.SlipCheck, held_s: tuple[float, float] | None) -> str:
     """Say where an angle may have slipped."""
     if held_s is not None:
         return (

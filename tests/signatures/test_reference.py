@@ -108,7 +108,8 @@ def test_channels_must_agree():
 def test_families_must_have_something_in_common():
     signature = analysis().signature
     plan = replace(signature.plan, families=())
-    bare = replace(signature, plan=plan, level_db=np.zeros((2, 0)), scatter_db=np.zeros((2, 0)))
+    levels = {"level_db": np.zeros((2, 0)), "scatter_db": np.zeros((2, 0))}
+    bare = replace(signature, plan=plan, digests=("another", "one"), **levels)
     with pytest.raises(ArgumentError, match="share no family of lines"):
         make_reference([signature, bare], machine())
 

@@ -23,9 +23,9 @@ def spacing_about(samples, rate, speed_hz, *teeth, own=()):
     train = kinematics(train_of(teeth, speed_hz=speed_hz))
     track = constant_track(speed_hz, (samples.shape[-1] - 1) / rate)
     spectrum = fine_order_spectrum(InAngle.of(samples, rate, track))
-    turning = [1.0, teeth[0] / teeth[1]]
     (comb,) = mesh_combs(train, speed_hz)
-    return foreign_spacing(spectrum, comb, turning, [], own)
+    assert comb.turning == (teeth[0] / teeth[1], 1.0)
+    return foreign_spacing(spectrum, comb, own)
 
 
 @pytest.mark.parametrize("kind", KINDS)

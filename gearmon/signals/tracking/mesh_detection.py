@@ -66,11 +66,17 @@ class MeshComb:
         shafts, with its neighbours for a planetary set.
     spacings : tuple of float
         Rotation orders of the gears in mesh: sideband spacings, and the steps of the decoys.
+    turning : tuple of float
+        Orders at which shafts, gears and planets of the machine turn and pass one another.
+    meshing : tuple of float
+        Orders of its other meshes: lines at their multiples are theirs.
     """
 
     order: float
     groups: tuple[tuple[float, ...], ...]
     spacings: tuple[float, ...]
+    turning: tuple[float, ...] = ()
+    meshing: tuple[float, ...] = ()
 
     def shifted(self, shift: float) -> MeshComb:
         """Return the comb of a mesh whose order is higher by `shift`."""
@@ -346,12 +352,7 @@ def sideband_spacing(
 
 
 def foreign_spacing(
-    spectrum: FineSpectrum,
-    mesh: MeshComb,
-    turning: Orders,
-    meshing: Orders,
-    own: Orders = (),
-    parts: Orders = (),
+    spectrum: FineSpectrum, mesh: MeshComb, own: Orders = (), parts: Orders = ()
 ) -> float | None:
     """Return the spacing of a finer comb to which the lines of a mesh belong, None if to none.
 
@@ -365,10 +366,6 @@ def foreign_spacing(
         Of the whole recording against the angle of shaft 1.
     mesh : MeshComb
         The mesh, at its place in this spectrum.
-    turning : sequence of float
-        Orders at which shafts, gears and planets turn and pass one another.
-    meshing : sequence of float
-        Orders of the other meshes: lines at their multiples are theirs.
     own : sequence of float, optional
         Rotations of gears whose sidebands show them. Pitch errors put the same line of their
         pattern between all mesh harmonics, so a spacing of so many turns may be theirs, beyond
@@ -397,7 +394,7 @@ def foreign_spacing(
     for turns in own:
         times = tried / turns
         tried = tried[(np.abs(times - np.rint(times)) > 1e-6) | (times <= _SIDEBANDS + 0.5)]
-    found = [_finer_comb(one, mesh, tried, least, turning, meshing) for one in lines]
+    found = [_finer_comb(one, mesh, tried, least) for one in lines]
     return min((spacing for spacing in found if spacing is not None), default=None)
 
 
@@ -436,9 +433,7 @@ class _Lines:
         return np.asarray(self.at(orders) - below)
 
 
-def _finer_comb(
-    lines: _Lines, mesh: MeshComb, tried: FloatArray, least: int, turning: Orders, meshing: Orders
-) -> float | None:
+def _finer_comb(lines: _Lines, mesh: MeshComb, tried: FloatArray, least: int) -> float | None:
     """Coarsest spacing whose lines between those of the mesh are as clear as these."""
     harmonics = np.arange(1.0, max(_HARMONICS, len(mesh.groups)) + 1) * mesh.order
     clear = np.flatnonzero(lines.at(harmonics) >= np.quantile(lines.height, 1 - _CLEAREST))
@@ -447,8 +442,9 @@ def _finer_comb(
     # where a line is no more than rounded to the last bin
     last = (len(lines.height) - 0.5) * lines.step * (1 - 1e-12)
     top = min(harmonics[clear[-1]] + 0.5 * mesh.order, last)
-    told_apart = [shaft for shaft in turning if shaft > 2.5 * lines.width]
-    known = np.any([np.abs(tried - one) <= lines.width for one in (*turning, *meshing)], axis=0)
+    told_apart = [shaft for shaft in mesh.turning if shaft > 2.5 * lines.width]
+    others = (*mesh.turning, *mesh.meshing)
+    known = np.any([np.abs(tried - one) <= lines.width for one in others], axis=0)
     tried = tried[(tried >= 4 * lines.width) & ~known & (tried <= top)]
     # the lines of all spacings, one after the other
     sizes = (top / tried).astype(int)
@@ -456,7 +452,7 @@ def _finer_comb(
     orders = np.arange(1.0, sizes.sum() + 1) - np.repeat(start, sizes)
     orders *= np.repeat(tried, sizes)
     above, meshed = lines.at(orders) - lines.usual, lines.on(orders, mesh.order)
-    between = ~meshed & ~np.any([lines.on(orders, other) for other in meshing], axis=0)
+    between = ~meshed & ~np.any([lines.on(orders, other) for other in mesh.meshing], axis=0)
     columns = np.array([above * between, between, above * meshed, meshed])
     off, many, on, harmonics_on = np.add.reduceat(columns, start, axis=1)
     # most spacings are out already before their neighbours are looked at

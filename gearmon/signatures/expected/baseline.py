@@ -285,25 +285,41 @@ def faulty_lines(
         together = max(1, MOST_NUMBERS // numbers)
         for first in range(0, len(own), together):
             some = own[first : first + together]
-            sound, added = _solved(healthy, some, grid, max_hz, tolerance)
-            for posed, lines in zip(some, added, strict=True):
-                solved[posed] = replace(lines, displacement=sound + lines.displacement)
+            sound, added = added_lines(healthy, some, max_hz, tolerance, grid)
+            for lines in added:
+                whole = sound.displacement + lines.displacement
+                solved[lines.posed] = replace(lines, displacement=whole)
     return [solved.get(own) or periodic_lines(own, max_hz, tolerance) for own in faulty]
 
 
 def added_lines(
-    healthy: PosedStage, faulty: Sequence[PosedStage], max_hz: float
-) -> tuple[ComplexArray, list[MeshLines]]:
-    """Return the healthy accelerations at the lines of faulty teeth of a gear, and what is added.
+    healthy: PosedStage,
+    faulty: Sequence[PosedStage],
+    max_hz: float,
+    tolerance: float = math.inf,
+    grid: PhaseGrid | None = None,
+) -> tuple[MeshLines, list[MeshLines]]:
+    """Return the healthy lines in the places of those of faulty teeth of a gear, and what is added.
 
     Parameters
     ----------
     healthy, faulty, max_hz
         As in `faulty_lines`.
+    tolerance : float
+        Relative error of what is added; by default that of the panels as they are.
+    grid : PhaseGrid, optional
+        Panels on which all cases can be solved.
     """
-    grid = contact_grid([healthy, *faulty], max_hz)
-    sound, added = _solved(healthy, faulty, grid, max_hz, math.inf)
-    return replace(added[0], displacement=sound).acceleration, added
+    period = faulty[0].period
+    grid = grid or contact_grid([healthy, *faulty], max_hz)
+    found = _refined(grid, tolerance, lambda own: _changes(healthy, own, faulty))
+    count = _count(healthy, max_hz, period)
+    forces = found.force_lines(count)
+    even = np.zeros_like(forces[:1])
+    even[..., period - 1 :: period] = found.mesh.force_lines(count // period)
+    places, lines = healthy.heard(np.concatenate([even, forces]), period)
+    added = _each(faulty, found, lines[1:], method="contact", **places)
+    return replace(added[0], posed=healthy, displacement=lines[0]), added
 
 
 def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) -> PhaseGrid:
@@ -333,24 +349,6 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
 
 # panels of several gears may be alike
 _even = lru_cache(maxsize=1)(periodic_motion)
-
-
-def _solved(
-    healthy: PosedStage,
-    faulty: Sequence[PosedStage],
-    grid: PhaseGrid,
-    max_hz: float,
-    tolerance: float,
-) -> tuple[ComplexArray, list[MeshLines]]:
-    """Return the healthy lines, and in their places what faults add in each turn."""
-    period = faulty[0].period
-    found = _refined(grid, tolerance, lambda own: _changes(healthy, own, faulty))
-    count = _count(healthy, max_hz, period)
-    forces = found.force_lines(count)
-    even = np.zeros_like(forces[:1])
-    even[..., period - 1 :: period] = found.mesh.force_lines(count // period)
-    places, lines = healthy.heard(np.concatenate([even, forces]), period)
-    return lines[0], _each(faulty, found, lines[1:], method="contact", **places)
 
 
 def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage]) -> Deviations:

@@ -17,6 +17,7 @@ import numpy as np
 
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.gears.faults import ERROR_KINDS, KINDS, WHOLE_KINDS, Fault, parse_fault_or_error
+from gearmon.gears.kinematics import kinematics
 from gearmon.gears.pulses import LEAST_OVERLAP
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
 from gearmon.machine import Machine, MachineLike, load_machine
@@ -28,7 +29,6 @@ from gearmon.signatures.expected.mesh import (
     MeshPlace,
     PosedStage,
     Wrong,
-    gear_places,
     joined,
     refuse_no_lines,
     rms,
@@ -392,13 +392,14 @@ def _places(
     machine: Machine, gears: Iterable[tuple[int, str] | str] | None
 ) -> dict[tuple[int, str], int]:
     """Return stages and gears as asked for, and in which mesh each is taken."""
-    every = gear_places(machine)
-    names = {f"{stage}:{gear}": (stage, gear) for stage, gear in every}
+    wheels = [(mesh.stage, own.gear) for mesh in kinematics(machine).meshes for own in mesh.wheels]
+    names = {f"{stage}:{gear}": (stage, gear) for stage, gear in wheels}
     chosen: dict[tuple[int, str], int] = {}
     for item in names if gears is None else gears:
         text = item.strip() if isinstance(item, str) else f"{item[0]}:{item[1]}"
         own = [place for name, place in names.items() if text in (name, place[1])]
         if not own:
             check_word("gear ", text, names)
-        chosen |= {place: every[place] for place in own}
+        # with the sun, but for the ring
+        chosen |= {place: int(place[1] == "ring") for place in own}
     return chosen

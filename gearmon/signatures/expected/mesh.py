@@ -44,10 +44,10 @@ from gearmon.gears.excitation import FlankError
 from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
 from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
-from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
 from gearmon.signatures.expected.contact_motion import Surroundings
+from gearmon.signatures.signature import SIZES
 
 if TYPE_CHECKING:  # an analysis solves no mesh
     from gearmon.dynamics import HillProblem
@@ -400,16 +400,6 @@ def mesh_problem(
     return posed.hill_problem(posed.mechanics.stiffness.harmonics(harmonics))
 
 
-def gear_places(machine: Machine) -> dict[tuple[int, str], int]:
-    """Return in which mesh of its stage each gear is taken: that with the sun, but for the ring."""
-    found: dict[tuple[int, str], int] = {}
-    for number, stage in enumerate(machine.stages, start=1):
-        for mesh, pair in enumerate(mesh_pairs(stage, number, machine.path)):
-            for member in pair.members:
-                found.setdefault((number, member.name), mesh)
-    return found
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeshLines:
     """Lines of one mesh.
@@ -522,9 +512,7 @@ class MeshLines:
             "sideband_of": gear,
             "order": own.order,
             "frequency_hz": own.frequency_hz,
-            "displacement_m": 2 * np.abs(z),
-            "velocity_ms": 2 * angular * np.abs(z),
-            "acceleration_ms2": 2 * angular**2 * np.abs(z),
+            **{name: 2 * angular**times * np.abs(z) for times, name in enumerate(SIZES)},
             "phase_rad": np.angle(z),
         }
         return found | ({"carrier": carrier} if self.posed.pass_order else {})

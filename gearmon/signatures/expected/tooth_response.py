@@ -32,7 +32,7 @@ from gearmon.gears.stiffness import MeshStiffness, mesh_stiffness
 from gearmon.machine import Bearing, Machine, MachineLike, PlanetaryStage, load_machine
 from gearmon.result import Result
 from gearmon.signatures.expected.baseline import added_lines
-from gearmon.signatures.expected.mesh import MeshPlace, gear_places
+from gearmon.signatures.expected.mesh import MeshPlace
 
 #: Loss of a tooth that stands for the derivative at none: it leaves out as much of it.
 SMALL_LOSS = 1e-6
@@ -152,12 +152,10 @@ def loss_response(
     """
     check_word("kind=", kind, ("crack", "stiffness", "breakage", "pitting", "spall"))
     machine = load_machine(machine)
-    check_range("stage", stage, 1, len(machine.stages))
-    places = {own: mesh for (at, own), mesh in gear_places(machine).items() if at == stage}
-    check_word("gear ", gear, places)
+    check_word("gear ", gear, [wheel.gear for wheel in kinematics(machine).mesh(stage).wheels])
     check_range("loss", loss, 0.0, 0.999)
     text = f"{kind}:{stage}:{gear}:1:{float(loss) or SMALL_LOSS!r}"
-    place = MeshPlace(machine, stage, operating, form, places[gear])
+    place = MeshPlace(machine, stage, operating, form, int(gear == "ring"))
     healthy, faulty = place.posed(), place.posed([text])
     top = None if max_order is None else check_positive("max_order", max_order)
     highest_hz = healthy.limit_hz(top and top * place.point.shaft1_hz)
@@ -174,7 +172,7 @@ def loss_response(
         loss=lost if loss else 0.0,
         **{name: getattr(added, name) for name in ("number", "carrier", "order", "frequency_hz")},
         acceleration=added.acceleration / lost,
-        mesh_acceleration=even,
+        mesh_acceleration=even.acceleration,
     )
 
 
@@ -398,7 +396,7 @@ def grown_lines(
         rotation_hz = wheel.relative_order * place.point.shaft1_hz
         even, added = added_lines(healthy, hurt, (top + 0.5) * rotation_hz)
         told: ComplexArray = np.zeros((1 + len(GROWN), top + 1), dtype=complex)
-        told[:, added[0].number] = [even, *(own.acceleration for own in added)]
+        told[:, even.number] = [own.acceleration for own in (even, *added)]
         return told[0, :: wheel.teeth], told[1:]
     except GearmonError:  # as of `tooth_response`
         own = machine.stages[stage - 1]

@@ -98,9 +98,9 @@ class Family:
         return f"{what} of {where} around mesh {self.stage} harmonic {self.harmonic}"
 
 
-@dataclass(frozen=True, kw_only=True)
-class WheelLines:
-    """All multiples of one gear's rotation, to build its synchronous average from.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GearMultiples:
+    """Multiples of one gear's rotation.
 
     Parameters
     ----------
@@ -110,16 +110,32 @@ class WheelLines:
         "pinion", "gear", "sun", "planet" or "ring".
     teeth : int
         Teeth.
-    shaft : int or None
-        Shaft it turns with.
     order : float
-        Rotation relative to the carrier (to the housing in a parallel stage).
+        Rotation relative to the carrier (to the housing in a parallel stage), in turns of shaft 1.
     number : ndarray of int, shape (lines,)
         Multiple of the rotation.
-    lines : ndarray of int, shape (lines,)
-        Position of each in the plan's orders.
     mesh : ndarray of bool, shape (lines,)
         Whether the line is a harmonic of any mesh.
+    """
+
+    stage: int
+    gear: str
+    teeth: int
+    order: float
+    number: IntArray
+    mesh: BoolArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class WheelLines(GearMultiples):
+    """All multiples of one gear's rotation, to build its synchronous average from.
+
+    Parameters
+    ----------
+    shaft : int or None
+        Shaft it turns with.
+    lines : ndarray of int, shape (lines,)
+        Position of each in the plan's orders.
     beside : ndarray of int, shape (0 or 2, lines)
         Position of the lines a turn of the carrier below and above each, where passing planets put
         what damage of a tooth adds (`Mesh.brought_alike`); -1 elsewhere and for harmonics of a
@@ -127,14 +143,8 @@ class WheelLines:
         the carrier's.
     """
 
-    stage: int
-    gear: str
-    teeth: int
     shaft: int | None
-    order: float
-    number: IntArray
     lines: IntArray
-    mesh: BoolArray
     beside: IntArray = field(default_factory=lambda: np.zeros((0, 0), dtype=np.int64))
 
     @classmethod

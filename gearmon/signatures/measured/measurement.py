@@ -22,22 +22,11 @@ from gearmon.signals.orders.spectra import FineSpectrum, fine_order_spectrum
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
 from gearmon.signals.spectra import power_density
 from gearmon.signals.threads import at_once
-from gearmon.signals.tracking.mesh_detection import (
-    MeshComb,
-    MeshEvidence,
-    SidebandSpacing,
-    sideband_spacing,
-)
-from gearmon.signatures.measured.line_plan import LinePlan, line_plan, mesh_harmonics
+from gearmon.signals.tracking import mesh_detection
+from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence, SidebandSpacing
+from gearmon.signatures.measured.line_plan import LinePlan, line_plan
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
-from gearmon.signatures.tracking import (
-    SPEED_TOLERANCE,
-    Speed,
-    Tracking,
-    foreign_comb,
-    track_recording,
-    wander,
-)
+from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, track_recording, wander
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4
@@ -98,9 +87,9 @@ class MeshFinding(Result):
     held: bool
 
 
-@dataclass(frozen=True, kw_only=True)
-class MeasuredSignature(Result):
-    """A recording reduced to order lines.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RecordingLevels:
+    """What of a recording is compared with others, as it was measured.
 
     Parameters
     ----------
@@ -108,6 +97,39 @@ class MeasuredSignature(Result):
         The recording.
     duration_s, sampling_rate_hz : float
         Of the recording.
+    level_db : ndarray of float, shape (channels, families)
+        Power of each family of the plan [dB re 1 unit^2, peak amplitudes].
+    scatter_db : ndarray of float, shape (channels, families)
+        Standard error of the level, from the scatter of the blocks [dB].
+    heard : ndarray of bool, shape (channels, families)
+        Whether the family stands above its own scatter.
+    band_db : ndarray of float, shape (channels, bands)
+        Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
+    foreign : NonGearLines
+        Lines that no gear explains.
+    digests : tuple of str
+        Mark of the samples of each channel.
+    """
+
+    origin: str
+    duration_s: float
+    sampling_rate_hz: float
+    level_db: FloatArray
+    scatter_db: FloatArray
+    heard: NDArray[np.bool_]
+    band_db: FloatArray
+    foreign: NonGearLines
+    digests: tuple[str, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredSignature(RecordingLevels, Result):
+    """A recording reduced to order lines.
+
+    Parameters
+    ----------
+    origin, duration_s, sampling_rate_hz, level_db, scatter_db, heard, band_db, foreign, digests
+        As of `RecordingLevels`.
     channel_names : tuple of str
         Vibration channels.
     units : tuple of str or None
@@ -122,22 +144,10 @@ class MeasuredSignature(Result):
         Which line is what.
     lines : OrderLines
         Complex amplitudes, block by block.
-    level_db : ndarray of float, shape (channels, families)
-        Power of each family of the plan [dB re 1 unit^2, peak amplitudes].
-    scatter_db : ndarray of float, shape (channels, families)
-        Standard error of the level, from the scatter of the blocks [dB].
-    heard : ndarray of bool, shape (channels, families)
-        Whether the family stands above its own scatter.
-    band_db : ndarray of float, shape (channels, bands)
-        Levels of the broadband spectrum, see `broadband_levels` [dB re 1 unit^2/Hz].
     notes : tuple of str
         What the reader should know.
     angle_lost : bool
         Whether the mesh lines do not stand still in the angle, all along.
-    foreign : NonGearLines
-        Lines that no gear explains.
-    digests : tuple of str
-        Mark of the samples of each channel.
 
     Examples
     --------
@@ -148,9 +158,6 @@ class MeasuredSignature(Result):
     (True, False)
     """
 
-    origin: str
-    duration_s: float
-    sampling_rate_hz: float
     channel_names: tuple[str, ...]
     units: tuple[str | None, ...]
     speed: Speed
@@ -158,14 +165,8 @@ class MeasuredSignature(Result):
     track: AngleTrack
     plan: LinePlan
     lines: OrderLines
-    level_db: FloatArray
-    scatter_db: FloatArray
-    heard: NDArray[np.bool_]
-    band_db: FloatArray
     notes: tuple[str, ...]
     angle_lost: bool
-    foreign: NonGearLines
-    digests: tuple[str, ...]
 
     @property
     def found(self) -> bool:
@@ -433,7 +434,7 @@ def _findings(
 ) -> tuple[MeshFinding, ...]:
     signal, by_tacho = tracking.signal, tracking.track.method == "tacho"
     every = zip(signal.train.meshes, signal.meshes, tracking.evidence, strict=True)
-    meshes = [_SeenMesh(signal.train, spectrum, *own) for own in every]
+    meshes = [_SeenMesh(spectrum, *own) for own in every]
     snr = 10 * np.log10(np.maximum(lines.cross_power() / lines.noise, 1e-3))
     # one harmonic could be a tone of anything; two, of whichever stage, fix the speed as well
     several = sum(own.seen.clear for own in meshes if own.seen.stands_out) >= 2
@@ -445,19 +446,14 @@ def _findings(
     for own in meshes:
         found, reason = own.judged(told, misled, several)
         holds = tracking.coherent >= _HELD and not misled
-        # lines on the harmonics of the mesh, be they its own or of another one as well
-        last = mesh_harmonics(own.mesh.order * signal.nominal_hz)
-        shared = np.isin(np.round(plan.orders / own.mesh.order, 9), np.arange(1, last + 1))
-        chosen, mine = np.flatnonzero(shared).tolist(), ("mesh", own.mesh.stage)
-        for family in plan.families:
-            if (family.kind, family.stage) == mine:
-                chosen += family.lines
+        # lines where the mesh shows, be they its own or of another one as well
+        shared = np.isin(np.round(plan.orders, 9), np.round(np.concatenate(own.comb.groups), 9))
         findings.append(
             MeshFinding(
                 stage=own.mesh.stage,
                 frequency_hz=own.mesh.order * peak_hz,
                 found=found,
-                snr_db=float(snr[:, chosen].max()) if chosen else None,
+                snr_db=float(snr[:, shared].max()) if shared.any() else None,
                 score=float(own.seen.score),
                 reason=reason,
                 held=found or (holds and bool(own.shown)),
@@ -470,7 +466,6 @@ def _findings(
 class _SeenMesh:
     """A mesh, how clear its lines are, and what the spectrum shows about and between them."""
 
-    train: Kinematics
     spectrum: FineSpectrum
     mesh: Mesh
     comb: MeshComb
@@ -478,7 +473,8 @@ class _SeenMesh:
 
     def sidebands(self, spacing: float, *, broken: bool = False) -> SidebandSpacing:
         """Return what the sidebands of the mesh say of a spacing."""
-        return sideband_spacing(self.spectrum, self.comb, spacing, SPEED_TOLERANCE, broken)
+        told = mesh_detection.sideband_spacing
+        return told(self.spectrum, self.comb, spacing, SPEED_TOLERANCE, broken)
 
     @cached_property
     def shown(self) -> tuple[float, ...]:
@@ -507,11 +503,11 @@ class _SeenMesh:
         """Spacing of what else its lines belong to, such as a bearing; None if to nothing."""
         if not self.seen.stands_out:
             return None
-        spacing = foreign_comb(self.spectrum, self.comb, self.train)
+        spacing = mesh_detection.foreign_spacing(self.spectrum, self.comb)
         if spacing is None or not self.shown:
             return spacing
         # gears that are there have pitch errors of their own
-        return foreign_comb(self.spectrum, self.comb, self.train, self.shown)
+        return mesh_detection.foreign_spacing(self.spectrum, self.comb, self.shown)
 
     def judged(self, told: bool, misled: bool, several: bool) -> tuple[bool, str]:
         """Whether the mesh is found, and why.

@@ -20,14 +20,9 @@ from scipy.special import gammaincc, gammainccinv, pdtrc
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.gears.kinematics import Kinematics
 from gearmon.signals.angle import AngleTrack
+from gearmon.signals.orders import spectra
 from gearmon.signals.orders.resampling import InAngle
-from gearmon.signals.orders.spectra import (
-    FineSpectrum,
-    clear_peaks,
-    fine_envelope_spectrum,
-    fine_spectrum,
-    highest_between,
-)
+from gearmon.signals.orders.spectra import FineSpectrum, highest_between
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 
 # Peaks of mere noise that a list of lines may hold, on average.
@@ -216,7 +211,7 @@ def nongear_lines(
     course, turns = _Course(vibration.track), vibration.track.turns
     # pieces of the whole recording: of very many only some were looked at
     pieces = max(1, round(float(turns[-1] - turns[0]) * order_spectrum.width))
-    by_time = fine_spectrum(vibration.samples, vibration.sampling_rate_hz, pieces)
+    by_time = spectra.fine_spectrum(vibration.samples, vibration.sampling_rate_hz, pieces)
     cell_hz = course.mean / _CELLS_AN_ORDER
     in_time = _highest_in_cells(by_time, cell_hz)
     grid = _noise_grid("spectrum", order_spectrum, course, in_time)
@@ -225,7 +220,7 @@ def nongear_lines(
     found += _sharp_in_time(_Standing(grid, by_time, course), order_spectrum)
     bearings = [line.order for line in train.lines if line.kind == "bearing"]
     top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
-    envelope = fine_envelope_spectrum(vibration, top, pieces)
+    envelope = spectra.fine_envelope_spectrum(vibration, top, pieces)
     beats = _noise_grid("envelope", envelope, course)
     found += _of_envelope(_Standing(beats, envelope, course, train))
     found.sort(key=lambda line: -max(line.over_noise_db))
@@ -357,7 +352,7 @@ class _Standing:
     ) -> None:
         self.kind, self.spectrum, self.course = grid.kind, spectrum, course
         self.over_median = _mean_over_median(spectrum.pieces)
-        peaks = clear_peaks(spectrum, self.over_median * 10 ** (grid.least_db / 10))
+        peaks = spectra.clear_peaks(spectrum, self.over_median * 10 ** (grid.least_db / 10))
         places = np.asarray(spectrum.step * peaks, dtype=np.float64)
         kept = places > _PERIODS * spectrum.width
         if train is not None:

@@ -14,7 +14,7 @@ from __future__ import annotations
 import dataclasses
 import zipfile
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,9 +31,9 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.orders.lines import OrderLines, variance_of_mean
-from gearmon.signatures.measured.line_plan import WheelLines
-from gearmon.signatures.measured.measurement import MeasuredSignature
-from gearmon.signatures.measured.nongear_lines import KINDS, LOCKS, NonGearLines
+from gearmon.signatures.measured.line_plan import GearMultiples, WheelLines
+from gearmon.signatures.measured.measurement import MeasuredSignature, RecordingLevels
+from gearmon.signatures.measured.nongear_lines import KINDS, LOCKS
 
 # Least variance of a line over that of the noise between lines. Among the lines of a second stage
 # the latter is far too large; with few blocks it is still the better guess.
@@ -67,46 +67,28 @@ _OCTAVE_DB, _WHOLE = 20 * np.log10(2.0), 0.12
 _FACTS_NAMED = 4
 
 
-def _shared(kind: type, measured: MeasuredSignature | WheelLines) -> dict[str, Any]:
-    """Return what is kept as it was measured, of a kind of value, by its name."""
-    # beside the multiples a plan has places of lines, a pattern their amplitudes
-    kept = [own.name for own in dataclasses.fields(kind) if own.name != "beside"]
-    return {name: getattr(measured, name) for name in kept if hasattr(measured, name)}
+def _kept(kind: type[Any], measured: Any) -> dict[str, Any]:
+    """Return what is kept as it was measured, the fields of a kind of value, by name."""
+    return {own.name: getattr(measured, own.name) for own in dataclasses.fields(kind)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class WheelPattern:
+class WheelPattern(GearMultiples):
     """Complex amplitudes of all multiples of one gear's rotation.
 
     Parameters
     ----------
-    stage : int
-        Stage, from 1.
-    gear : str
-        Gear.
-    teeth : int
-        Teeth.
-    number : ndarray of int, shape (lines,)
-        Multiple of the rotation.
-    mesh : ndarray of bool, shape (lines,)
-        Whether the line is a harmonic of a mesh.
+    stage, gear, teeth, order, number, mesh
+        As of `GearMultiples`.
     amplitude : ndarray of complex, shape (channels, lines)
         Synchronous mean.
     variance : ndarray of float, shape (channels, lines)
         Variance of that mean, see `variance_of_mean`.
-    order : float
-        Rotation of the gear, in turns of shaft 1.
     beside, beside_variance : ndarray, shape (2, channels, lines), or empty
         The same a turn of the carrier below and above each, see `WheelLines`; variance 0 where
         nothing was measured.
     """
 
-    stage: int
-    gear: str
-    teeth: int
-    order: float
-    number: NDArray[np.int64]
-    mesh: NDArray[np.bool_]
     amplitude: ComplexArray
     variance: FloatArray
     beside: ComplexArray = field(default_factory=lambda: np.zeros((0, 0, 0), dtype=complex))
@@ -123,7 +105,7 @@ class WheelPattern:
         told = blocks.mean(axis=0), np.maximum(variance_of_mean(blocks), least * floor)
         amplitude, variance = (np.where(places >= 0, own, 0.0).swapaxes(0, 1) for own in told)
         return cls(
-            **_shared(cls, wheel),
+            **_kept(GearMultiples, wheel),
             amplitude=amplitude[0],
             variance=variance[0],
             beside=amplitude[1:],
@@ -132,9 +114,10 @@ class WheelPattern:
 
     def only(self, kept: NDArray[np.bool_]) -> WheelPattern:
         """Return some lines, those at the multiples of the rotation without the ones beside."""
-        own = {name: getattr(self, name) for name in ("stage", "gear", "teeth", "order")}
         of_lines = ("number", "mesh", "amplitude", "variance")
-        return WheelPattern(**own, **{name: getattr(self, name)[..., kept] for name in of_lines})
+        own: dict[str, Any] = {name: getattr(self, name)[..., kept] for name in of_lines}
+        own |= {"beside": self.beside[:0], "beside_variance": self.beside_variance[:0]}
+        return replace(self, **own)
 
     def same_in(self, wheels: Iterable[WheelPattern]) -> WheelPattern | None:
         """Return the pattern of the same gear in another recording, or None."""
@@ -159,59 +142,37 @@ class Levels(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Profile:
+class Profile(RecordingLevels):
     """One recording, condensed to what is compared.
 
     Parameters
     ----------
-    origin : str
-        The recording.
+    origin, duration_s, sampling_rate_hz, level_db, scatter_db, heard, band_db, foreign, digests
+        As of `RecordingLevels`.
     speed_hz : float
         Mean speed of shaft 1 [Hz].
     speed_fluctuation : float, >= 0
         How far its speed swung, see `MeasuredSignature.speed_fluctuation`.
-    duration_s : float
-        Length [s].
     tacho : bool
         Whether the angle zero is that of a tachometer with one pulse a turn of shaft 1.
     family_names : tuple of str
         Families of lines.
-    level_db, scatter_db : ndarray of float, shape (channels, families)
-        Level and its standard error within the recording [dB].
-    heard : ndarray of bool, shape (channels, families)
-        Whether the family stands above its own scatter.
     wheels : tuple of WheelPattern
         Patterns of the gears.
-    band_db : ndarray of float, shape (channels, bands)
-        Levels of the broadband spectrum, see `broadband_levels`.
-    foreign : NonGearLines
-        Lines that no gear explains.
-    sampling_rate_hz : float
-        Sampling rate [Hz].
-    digests : tuple of str
-        Mark of the samples of each channel.
     """
 
-    origin: str
     speed_hz: float
     speed_fluctuation: float
-    duration_s: float
     tacho: bool
     family_names: tuple[str, ...]
-    level_db: FloatArray
-    scatter_db: FloatArray
-    heard: NDArray[np.bool_]
     wheels: tuple[WheelPattern, ...]
-    band_db: FloatArray
-    foreign: NonGearLines
-    sampling_rate_hz: float
-    digests: tuple[str, ...]
 
     @classmethod
     def of(cls, signature: MeasuredSignature) -> Profile:
         """Condense a measured signature."""
         return cls(
-            **_shared(cls, signature),
+            **_kept(RecordingLevels, signature),
+            speed_fluctuation=signature.speed_fluctuation,
             speed_hz=signature.speed.estimated_hz,
             tacho=signature.track.indexed,
             family_names=tuple(family.name for family in signature.plan.families),
@@ -220,9 +181,8 @@ class Profile:
 
     def part(self, rows: Sequence[int]) -> Profile:
         """Return the same of some channels only, in this order."""
-        own = list(rows)
-        whole: Profile = self if own == list(range(len(self.level_db))) else taken(self, own)
-        return whole
+        own: Profile = taken(self, rows)
+        return own
 
     def of_families(self, names: Sequence[str]) -> Levels:
         """Return the levels of some families of lines."""
@@ -323,7 +283,7 @@ def taken(held: Any, rows: Sequence[int], axis: int | None = None) -> Any:
     if dataclasses.is_dataclass(held) and not isinstance(held, type):
         names = [own.name for own in dataclasses.fields(held)]
         kept = {name: taken(getattr(held, name), rows, _CHANNELS.get(name)) for name in names}
-        return dataclasses.replace(held, **kept)
+        return replace(held, **kept)
     if isinstance(held, tuple):
         chosen = held if axis is None else [held[k] for k in rows]
         return tuple(taken(own, rows) for own in chosen)
@@ -353,7 +313,7 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
     if not signatures:
         raise ArgumentError("a reference needs at least one healthy recording")
     first = signatures[0]
-    for signature in signatures:
+    for number, signature in enumerate(signatures):
         if not signature.found:
             raise ArgumentError(
                 f"{signature.origin}: no mesh found, so it cannot serve as a reference: "
@@ -364,6 +324,13 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
                 f"{signature.origin}: channels {', '.join(signature.channel_names)} differ from "
                 f"{', '.join(first.channel_names)} of {first.origin}; name the same ones with "
                 "--channel"
+            )
+        digests = set(signature.digests)
+        again = [own.origin for own in signatures[:number] if digests & set(own.digests)]
+        if again:
+            raise ArgumentError(
+                f"{signature.origin}: holds the same samples as {again[0]}; a recording counts "
+                "once, name it once"
             )
     profiles = tuple(Profile.of(signature) for signature in signatures)
     shared = set.intersection(*(set(profile.family_names) for profile in profiles))
@@ -382,15 +349,6 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
         version=__version__,
         machine_facts=machine_facts(machine),
     )
-    known: dict[str, str] = {}
-    for profile in profiles:
-        again = [known[digest] for digest in profile.digests if digest in known]
-        if again:
-            raise ArgumentError(
-                f"{profile.origin}: holds the same samples as {again[0]}; a recording counts once, "
-                "name it once"
-            )
-        known |= dict.fromkeys(profile.digests, profile.origin)
     for signature in signatures:
         check_alike(signature, reference)
     return reference
