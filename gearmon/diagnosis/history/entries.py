@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from gearmon.diagnosis.results import VERDICTS, Analysis, Flag, ToothProfile
-from gearmon.errors import ArgumentError, check_positive, check_range, check_type, check_word
-from gearmon.machine.fields import Choice, check_fields, held, within
+from gearmon.errors import ArgumentError, check_type, check_word
+from gearmon.machine.fields import Choice, Count, Text, check_fields, held, optional, within
 
 #: Half the width of the 90 % interval of a loss, in standard deviations.
 HALF_OF_90 = 1.6448536269514722
@@ -61,26 +61,20 @@ class Place:
         If a number is not finite or a sigma not above zero.
     """
 
-    stage: int
-    gear: str
-    teeth: int | None = None
-    tooth: int | None = None
-    statistic: float | None = None
-    log10_probability: float | None = None
-    loss: float | None = None
-    loss_low: float | None = None
-    loss_high: float | None = None
-    loss_sigma: float | None = None
+    stage: int = held(Count(1, _MUCH))
+    gear: str = held(Text())
+    teeth: int | None = held(Count(1, _MUCH), None)
+    tooth: int | None = held(Count(1, _MUCH), None)
+    statistic: float | None = optional(-_MUCH, _MUCH)
+    log10_probability: float | None = optional(-_MUCH, _MUCH)
+    loss: float | None = optional(-_MUCH, _MUCH)
+    loss_low: float | None = optional(-_MUCH, _MUCH)
+    loss_high: float | None = optional(-_MUCH, _MUCH)
+    loss_sigma: float | None = optional(0, _MUCH, open_low=True)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_type("gear", self.gear, str, "a text")
-        for name in PLACE:
-            value = getattr(self, name)
-            if name != "gear" and value is not None:
-                check_range(name, value, 1 if name in COUNTED else -_MUCH, _MUCH)
-        if self.loss_sigma is not None:
-            check_positive("loss_sigma", self.loss_sigma)
+        check_fields(self)
         if self.loss is not None and self.loss_sigma is None:
             raise ArgumentError(f"loss={self.loss} needs loss_sigma beside it: how sure is it?")
 
