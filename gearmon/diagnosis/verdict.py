@@ -153,23 +153,19 @@ class Flagging:
 
     def _spread_flag(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag a departure that one tooth does not explain, by its kind where one is clear."""
-        (stage, gear), spread = finding.best.key, finding.best.spread
+        best, spread = finding.best, finding.best.spread
+        stage, gear = best.key
         evidence = [f"the {gear} of stage {stage} departs from its healthy pattern around its turn"]
         if spread is not None:
             evidence += [_explained(spread), *_second_told(spread)]
-        judged = self._judged_departure(finding)
+        # what departs repeats with all gears on its shaft: the one that changed most tells its kind
+        focused, order = finding.of(*self._focus), best.deviation.order
+        alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
+        judged = self._clear(self._focus if alike else best.key)
         if judged is None:
             return self._flag(_UNCLEAR, strength, evidence, stage, gear)
         told = (*evidence, *_told(judged))
-        return self._flag(judged.kind, strength, told, judged.stage or stage, judged.gear)
-
-    def _judged_departure(self, finding: ToothFinding) -> KindJudgement | None:
-        """Judge the kind of a departure that one tooth does not explain; None if none is clear."""
-        best, focus = finding.best, self._focus
-        focused, order = finding.of(*focus), best.deviation.order
-        if focused is None or abs(focused.deviation.order - order) > 1e-9 * order:
-            focus = best.key
-        return self._clear(focus)
+        return self._flag(judged.kind, strength, told, judged.stage, judged.gear)
 
     @property
     def _focus(self) -> tuple[int, str]:
@@ -457,13 +453,12 @@ def unheard(
         (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
     )
     least = LIMITS.about * must_notice
-    deaf = [own for own in gears if own[0] in hidden or loss.get(own, 1.0) > least]
+    deaf = [_gear(*own) for own in gears if own[0] in hidden or loss.get(own, 1.0) > least]
     told = []
     if deaf:
-        named = ", ".join(f"the {gear} of stage {stage}" for stage, gear in deaf)
         told.append(
             f"Even a loss of {100 * must_notice:.0f} % of a tooth's stiffness might have gone "
-            f"unnoticed on {named}: record longer, under load, or nearer to it."
+            f"unnoticed on {', '.join(deaf)}: record longer, under load, or nearer to it."
         )
         told += [
             f"A sun that floats hides damage in its set: if that of stage {stage} does not, give "
