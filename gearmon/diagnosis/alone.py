@@ -152,7 +152,7 @@ def own_teeth_reason(profiles: Sequence[ToothProfile], why: str) -> str:
     )
 
 
-def without_mesh(signature: MeasuredSignature, machine: Machine) -> Analysis:
+def no_mesh(signature: MeasuredSignature, machine: Machine) -> Analysis:
     """Say that no mesh of the machine stands out of a recording."""
     reasons = "; ".join(f"stage {mesh.stage}: {mesh.reason}" for mesh in signature.meshes)
     return Analysis(
@@ -174,7 +174,7 @@ def mesh_lost(found: Analysis, deviation: MachineDeviation, references: int) -> 
     Parameters
     ----------
     found : Analysis
-        As of `without_mesh`.
+        As of `no_mesh`.
     deviation : MachineDeviation
         From the healthy machine.
     references : int

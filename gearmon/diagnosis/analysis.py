@@ -11,24 +11,8 @@ from typing import Any
 import numpy as np
 
 from gearmon.diagnosis import verdict
-from gearmon.diagnosis.alone import (
-    judged_alone,
-    mesh_lost,
-    own_teeth,
-    own_teeth_flags,
-    without_mesh,
-)
-from gearmon.diagnosis.evidence import (
-    LIMITS,
-    Evidence,
-    decide,
-    false_alarm_probability,
-    hidden_stages,
-    noticed_from,
-    path_change,
-    score_of,
-    tooth_strength,
-)
+from gearmon.diagnosis.alone import judged_alone, mesh_lost, no_mesh, own_teeth, own_teeth_flags
+from gearmon.diagnosis.evidence import LIMITS, Evidence, noticed_from, path_change, tooth_strength
 from gearmon.diagnosis.fault_types.kinds import kind_features
 from gearmon.diagnosis.hypotheses import turns
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding, find_tooth, told_losses
@@ -198,7 +182,7 @@ def analyse(
     if reference is not None:
         answer = _Compared(signature, machine, reference).answer(told, must_notice)
     else:
-        answer = (judged_alone if told else without_mesh)(signature, machine)
+        answer = (judged_alone if told else no_mesh)(signature, machine)
     return replace(answer, indicators=indicators)
 
 
@@ -273,7 +257,7 @@ class _Compared:
         notes = recording_notes(self.signature, self.reference)
         notes = machine_notes(self.machine, self.reference) + notes
         if not told:
-            found = without_mesh(self.signature, self.machine)
+            found = no_mesh(self.signature, self.machine)
             deviation = _law_of(self.known, self.machine).deviation(self.own)
             found = mesh_lost(found, deviation, len(self.reference.profiles))
             return replace(found, warnings=(*found.warnings, *notes))
@@ -288,11 +272,11 @@ class _Compared:
         families, shared = self._families(evidence.deviation), self.known.channel_names
         changes = verdict.level_changes(evidence.deviation.levels, shared, families)
         undetected = [mesh.stage for mesh in signature.meshes if not mesh.found]
-        hidden = hidden_stages(evidence.searched, undetected)
+        hidden = verdict.hidden_stages(evidence.searched, undetected)
         profiles = tuple(_profiles(evidence, hidden))
         silent = [name for name in self.reference.channel_names if name not in shared]
         deaf = verdict.unheard(evidence, self.machine, silent, must_notice, hidden)
-        answer = decide(evidence, deaf)
+        answer = verdict.decide(evidence, deaf)
         flags: tuple[Flag, ...] = ()
         if answer == "fault":
             energies = {(own.stage, own.gear): own.energy for own in profiles}
@@ -307,7 +291,7 @@ class _Compared:
             machine=self.machine.name,
             verdict=answer,
             reason=verdict.reason(answer, evidence, flags, changes, profiles, deaf),
-            score=score_of(evidence.comparable),
+            score=evidence.score,
             false_alarm_probability=evidence.probability,
             compared_with="reference",
             signature=signature,
@@ -372,14 +356,13 @@ class _Compared:
 
 def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
     """Give what was found around the turn of each gear that was searched."""
-    finding, gap = evidence.finding, evidence.deviation.gap
+    finding = evidence.finding
     if finding is None:
         return
     for gear in finding.searched:
-        deviation, strength = gear.deviation, tooth_strength(gear.believed)
+        deviation, chance = gear.deviation, evidence.chance(tooth_strength(gear.believed))
         tooth, position = gear.place
         loss, sigma = told_losses(finding, gear)
-        probability = false_alarm_probability(strength, evidence.references, gap)
         yield ToothProfile(
             stage=deviation.stage,
             gear=deviation.gear,
@@ -389,7 +372,7 @@ def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
             tooth=tooth,
             position=position,
             ratio=deviation.peak,
-            log10_probability=float(np.log10(probability)),
+            log10_probability=float(np.log10(chance)),
             against="reference",
             counted_from=gear.counted_from,
             loss_by_tooth=loss,

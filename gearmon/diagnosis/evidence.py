@@ -28,7 +28,7 @@ sidebands, or the mesh, against the rest of the band, and does so in all channel
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from importlib import resources
@@ -424,6 +424,11 @@ class Evidence:
         return max(self.strengths.values())
 
     @property
+    def score(self) -> float:
+        """Score of all tests together."""
+        return score_of(self.comparable)
+
+    @property
     def comparable(self) -> float:
         """Strength of the strongest test where all are as strong as they are rare."""
         told = self.strengths.items()
@@ -432,7 +437,28 @@ class Evidence:
     @property
     def probability(self) -> float:
         """Probability that a healthy machine shows as much, by the calibration."""
-        return false_alarm_probability(self.comparable, self.references, self.deviation.gap)
+        return self.chance(self.comparable)
+
+    def chance(self, strength: float) -> float:
+        """Probability that a healthy machine shows evidence of a strength, by the calibration."""
+        return false_alarm_probability(strength, self.references, self.deviation.gap)
+
+    @property
+    def noise_rose(self) -> bool:
+        """Whether the spectrum between the lines rose, and by more than the lines did.
+
+        A bearing, a loose part or a neighbour fills the spectrum between the lines of the gears; a
+        sensor that was moved raises and lowers both alike, and noise that is added lowers no part
+        of the spectrum.
+        """
+        broadband, lines_db = self.deviation.broadband, self.deviation.levels.gain_db
+        if broadband is None or broadband_strength(broadband) < LIMITS.noise_strength:
+            return False
+        changed_db = broadband.rest_db + broadband.gain_db[:, None]
+        fell_db = np.nanquantile(changed_db, _LOWEST, axis=1) - np.minimum(lines_db, 0.0)
+        if np.any(fell_db < -LIMITS.noise_rise_db):
+            return False
+        return bool(np.median(broadband.gain_db - lines_db) > LIMITS.noise_rise_db)
 
 
 def comparable(strength: float) -> float:
@@ -472,45 +498,6 @@ def rare_strength(log10_probabilities: Sequence[float]) -> float:
     """Strength of the least probable of some findings that are asked for beside the others."""
     least = min(log10_probabilities, default=0.0)
     return -least - LIMITS.rare_share
-
-
-def decide(evidence: Evidence, unheard: str = "") -> str:
-    """Judge the evidence.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Against the healthy machine.
-    unheard : str
-        What this recording, with this reference, could not have told of; "" if nothing.
-
-    Returns
-    -------
-    {"healthy", "fault", "cannot tell"}
-    """
-    if evidence.strength >= LIMITS.fault:
-        return "fault"
-    open_ = evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare
-    if open_ or unheard or evidence.angle_lost or evidence.heavier_db or evidence.knocked:
-        return "cannot tell"
-    return "healthy"
-
-
-def noise_rose(deviation: MachineDeviation) -> bool:
-    """Whether the spectrum between the lines rose, and by more than the lines did.
-
-    A bearing, a loose part or a neighbour fills the spectrum between the lines of the gears; a
-    sensor that was moved raises and lowers both alike, and noise that is added lowers no part of
-    the spectrum.
-    """
-    broadband, lines_db = deviation.broadband, deviation.levels.gain_db
-    if broadband is None or broadband_strength(broadband) < LIMITS.noise_strength:
-        return False
-    changed_db = broadband.rest_db + broadband.gain_db[:, None]
-    fell_db = np.nanquantile(changed_db, _LOWEST, axis=1) - np.minimum(lines_db, 0.0)
-    if np.any(fell_db < -LIMITS.noise_rise_db):
-        return False
-    return bool(np.median(broadband.gain_db - lines_db) > LIMITS.noise_rise_db)
 
 
 # The factor is a mean over all losses held possible, of which a quarter or so explain a departure.
@@ -555,26 +542,6 @@ def heard_from(gear: GearEvidence) -> float | None:
     if gear.deviation.load < FULL_LOAD or gear.instead is not None:
         return noticed_from(gear)
     return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
-
-
-# Gears of stages whose axes stand still.
-_OF_PAIRS = ("pinion", "gear")
-
-
-def hidden_stages(searched: Sequence[GearEvidence], undetected: Collection[int]) -> set[int]:
-    """Name the stages of which nothing is heard.
-
-    Parameters
-    ----------
-    searched : sequence of GearEvidence
-        All gears.
-    undetected : collection of int
-        Stages whose mesh was not detected: what is heard at its lines may be pitch errors of a gear
-        on the same shaft, unless they stand out of the other lines of both gears. Those of a
-        planetary set stand where its planets put them.
-    """
-    asked = [own for own in searched if own.key[0] in undetected and own.key[1] in _OF_PAIRS]
-    return {own.key[0] for own in asked if not own.mesh_stands_out}
 
 
 def noticed_from(gear: GearEvidence) -> float | None:

@@ -13,15 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.evidence import (
-    LIMITS,
-    Evidence,
-    false_alarm_probability,
-    heard_from,
-    lines_strength,
-    noise_rose,
-    rare_strength,
-)
+from gearmon.diagnosis.evidence import LIMITS, Evidence, heard_from, lines_strength, rare_strength
 from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
@@ -47,8 +39,51 @@ _SENTENCES = 4
 # blamed in 24 of 32 below it, in 254 of 255 beyond.
 _SURE_LEAD = 4.0
 _RESONANCES = "resonances may change levels, so that levels alone call no fault"
+# Gears of stages whose axes stand still.
+_OF_PAIRS = ("pinion", "gear")
 # How sentences end that leave open which tooth or planet it is.
 _UNTOLD = ("cannot be told", "may be any of them")
+
+
+def decide(evidence: Evidence, unheard: str = "") -> str:
+    """Judge the evidence.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Against the healthy machine.
+    unheard : str
+        What this recording, with this reference, could not have told of; "" if nothing.
+
+    Returns
+    -------
+    {"healthy", "fault", "cannot tell"}
+    """
+    if evidence.strength >= LIMITS.fault:
+        return "fault"
+    return "cannot tell" if doubt(evidence) or unheard else "healthy"
+
+
+def doubt(evidence: Evidence) -> str:
+    """Say why evidence that calls no fault does not speak for a healthy machine; "" if it does."""
+    if evidence.knocked:
+        return (
+            "Knocks drown the gears: what stands out came in single turns, not in each. Record "
+            "again where the machine runs more quietly, or longer."
+        )
+    if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
+        return "More changed than is usual, but not enough to call it a fault: record again."
+    if evidence.heavier_db:
+        return (
+            f"The gear mesh is {evidence.heavier_db:.0f} dB louder than any healthy recording had "
+            "it: the load is far heavier than those learned, or all teeth are worn."
+        )
+    if evidence.angle_lost:
+        return (
+            "Nothing speaks against the machine, but its angle was lost on the way: record again "
+            "at a steadier speed, or with a tachometer."
+        )
+    return ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -103,8 +138,7 @@ class Flagging:
         **more: Any,
     ) -> Flag:
         """Return a flag of a kind, with the probability of its strength on a healthy machine."""
-        whole = self.evidence
-        chance = false_alarm_probability(strength, whole.references, whole.deviation.gap)
+        chance = self.evidence.chance(strength)
         place: dict[str, Any] = {"stage": stage, "gear": gear or None} | more
         return Flag(kind=kind, false_alarm_probability=chance, evidence=tuple(told), **place)
 
@@ -190,7 +224,7 @@ class Flagging:
             return []
         # none of 51 simulated gears that run out changes the noise or whole bands; bearings and
         # sensors that were moved do, and move single sidebands with them
-        elsewhere = noise_rose(self.evidence.deviation) or self.evidence.path.likely
+        elsewhere = self.evidence.noise_rose or self.evidence.path.likely
         if self._changed >= LIMITS.fault and elsewhere:
             return []
         found = []
@@ -216,7 +250,7 @@ class Flagging:
     def _levels(self, nongear: bool) -> list[Flag]:
         """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
         strongest, strength = sentences(self.changes), self._changed
-        noisy, bands = noise_rose(self.evidence.deviation), self.evidence.strengths["path"]
+        noisy, bands = self.evidence.noise_rose, self.evidence.strengths["path"]
         if self.evidence.path.likely and (bands >= LIMITS.fault or not noisy):
             common = 100 * self.evidence.path.common
             told = (
@@ -421,6 +455,22 @@ def _gear(stage: int | None, gear: str | None) -> str:
     return f"the {gear} of stage {stage}" if gear else f"the gears of stage {stage}"
 
 
+def hidden_stages(searched: Sequence[GearEvidence], undetected: Collection[int]) -> set[int]:
+    """Name the stages of which nothing is heard.
+
+    Parameters
+    ----------
+    searched : sequence of GearEvidence
+        All gears.
+    undetected : collection of int
+        Stages whose mesh was not detected: what is heard at its lines may be pitch errors of a gear
+        on the same shaft, unless they stand out of the other lines of both gears. Those of a
+        planetary set stand where its planets put them.
+    """
+    asked = [own for own in searched if own.key[0] in undetected and own.key[1] in _OF_PAIRS]
+    return {own.key[0] for own in asked if not own.mesh_stands_out}
+
+
 def unheard(
     evidence: Evidence,
     machine: Machine,
@@ -441,7 +491,7 @@ def unheard(
     must_notice : float
         Loss of a pair's stiffness that should have been heard.
     hidden : collection of int
-        Stages of which nothing is heard, see `evidence.hidden_stages`.
+        Stages of which nothing is heard, see `hidden_stages`.
 
     Returns
     -------
@@ -511,26 +561,8 @@ def reason(
     if verdict == "healthy":
         noticed = f"{_noticed(profiles)} {_wear(evidence)}"
         return f"The machine sounds as it did when it was healthy.{noticed} {rested}"
-    if evidence.knocked:
-        told = (
-            "Knocks drown the gears: what stands out came in single turns, not in each. Record "
-            "again where the machine runs more quietly, or longer."
-        )
-    elif evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
-        told = "More changed than is usual, but not enough to call it a fault: record again."
-    elif evidence.heavier_db:
-        told = (
-            f"The gear mesh is {evidence.heavier_db:.0f} dB louder than any healthy recording had "
-            "it: the load is far heavier than those learned, or all teeth are worn."
-        )
-    elif evidence.angle_lost:
-        told = (
-            "Nothing speaks against the machine, but its angle was lost on the way: record again "
-            "at a steadier speed, or with a tachometer."
-        )
-    else:
-        told = "Nothing speaks against the machine, but not all of it was heard."
-    return f"{told} {unheard} {rested}" if unheard else f"{told} {rested}"
+    told = doubt(evidence) or "Nothing speaks against the machine, but not all of it was heard."
+    return " ".join(filter(None, (told, unheard, rested)))
 
 
 def _wear(evidence: Evidence) -> str:

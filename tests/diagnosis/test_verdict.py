@@ -16,7 +16,6 @@ from gearmon.diagnosis.evidence import (
     PathChange,
     broadband_strength,
     comparable,
-    decide,
     false_alarm_probability,
 )
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
@@ -29,6 +28,7 @@ from gearmon.diagnosis.nongear import NonGearFinding
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
 from gearmon.diagnosis.verdict import (
     Flagging,
+    decide,
     fault_sentence,
     level_changes,
     reason,

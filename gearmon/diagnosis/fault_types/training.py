@@ -25,13 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.fault_types.kinds import (
-    KINDS,
-    NAMES,
-    NONE,
-    FeatureVector,
-    kind_features,
-)
+from gearmon.diagnosis.fault_types.kinds import KINDS, NONE, FeatureVector, kind_features
 from gearmon.diagnosis.hypotheses.turns import NEAR, Sidebands, departure_energy, turn_changes
 from gearmon.diagnosis.law.machine import LevelDeviation
 from gearmon.diagnosis.results import Change
@@ -150,7 +144,7 @@ def train_kinds(
 def training_table(made: list[Example]) -> tuple[FloatArray, NDArray[np.str_]]:
     """Return the feature rows in focus and their kinds."""
     rows = np.array([one.features.values[one.features.focus] for one in made])
-    return rows.reshape(len(made), len(NAMES)), np.array([one.kind for one in made])
+    return rows, np.array([one.kind for one in made])
 
 
 def examples(
@@ -575,9 +569,9 @@ class _Sensors:
         told = ("stage", "gear", "teeth", "order", "number", "mesh")
         found = []
         for wheel in (gear.wheel for gear in self.lines.gears):
-            amplitude, variance = (own[:, wheel.lines] for own in measured)
+            amplitude, variance = measured.amplitude[:, wheel.lines], measured.variance
             known = {name: getattr(wheel, name) for name in told}
-            whole = WheelPattern(**known, amplitude=amplitude, variance=variance)
+            whole = WheelPattern(**known, amplitude=amplitude, variance=variance[:, wheel.lines])
             found.append(whole.only(wheel.number * wheel.order < self.top))
         return [own for own in found if len(own.number) > own.teeth]
 

@@ -11,11 +11,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gearmon.diagnosis.results import VERDICTS, Analysis, Flag, ToothProfile
 from gearmon.errors import ArgumentError, check_type, check_word
+from gearmon.files import table_cell
 from gearmon.machine.fields import Choice, Count, Text, check_fields, held, optional, within
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Half the width of the 90 % interval of a loss, in standard deviations.
 HALF_OF_90 = 1.6448536269514722
@@ -212,11 +216,21 @@ class History:
         """Return one row a recording, gear and tooth."""
         return [row for entry in self.entries for row in entry.rows()]
 
+    def frame(self) -> pd.DataFrame:
+        """Return these rows, fit for a table on disk: texts are no formulas of a spreadsheet."""
+        import pandas as pd
 
-#: Columns of an entry, and of a place; and those that hold whole numbers.
+        kinds = dict.fromkeys(("time", *ENTRY, *PLACE), "float")
+        kinds |= dict.fromkeys(("stage", "teeth", "tooth"), "Int64")
+        kinds |= dict.fromkeys(("time", "time_source", "machine", "recording", "verdict"), "str")
+        kinds["gear"] = "object"  # there is none where nothing was looked at
+        rows = [{name: table_cell(v) for name, v in row.items()} for row in self.rows()]
+        return pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
+
+
+#: Columns of an entry, and of a place.
 ENTRY = tuple(f.name for f in fields(Entry) if f.name not in ("findings", "places"))
 PLACE = tuple(f.name for f in fields(Place))
-COUNTED = ("stage", "teeth", "tooth")
 
 
 def duplicate_time(entry: Entry, known: str) -> ArgumentError:
