@@ -194,17 +194,12 @@ def mesh_lost(found: Analysis, deviation: MachineDeviation, references: int) -> 
             "mesh: the machine stood still, or the sensor is dead or disconnected."
         )
     elif strength >= LIMITS.noise_strength:
-        changed = (
+        why = (
             f"the spectrum between the lines changed too ({gain:+.1f} dB in the median): gross "
-            "damage, or a machine that runs at another speed than its file says"
+            "damage, or a machine that runs at another speed than its file says",
+            found.reason,
         )
-        flags = (
-            Flag(
-                kind="mesh lost",
-                false_alarm_probability=probability,
-                evidence=(changed, found.reason),
-            ),
-        )
+        flags = (Flag(kind="mesh lost", false_alarm_probability=probability, evidence=why),)
         told = fault_sentence(flags)
     else:
         return found

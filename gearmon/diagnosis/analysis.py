@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -224,27 +224,15 @@ def evidence_against(
     return _Compared(signature, machine, reference).evidence()
 
 
-@dataclass(frozen=True, eq=False)
 class _Compared:
-    """A recording beside its reference."""
+    """A recording beside its reference: `own` and `known` are both in the channels of both."""
 
-    signature: MeasuredSignature
-    machine: Machine
-    reference: Reference
-
-    @cached_property
-    def known(self) -> Reference:
-        """The reference in the channels of both."""
-        return self.reference.shared_with(self.signature)[0]
-
-    @cached_property
-    def rows(self) -> list[int]:
-        return self.reference.shared_with(self.signature)[1]
-
-    @cached_property
-    def own(self) -> Profile:
-        """The recording in the channels of both."""
-        return Profile.of(self.signature).part(self.rows)
+    def __init__(
+        self, signature: MeasuredSignature, machine: Machine, reference: Reference
+    ) -> None:
+        self.signature, self.machine, self.reference = signature, machine, reference
+        self.known, self.rows = reference.shared_with(signature)
+        self.own = Profile.of(signature).part(self.rows)
 
     @cached_property
     def sidebands(self) -> turns.Sidebands:

@@ -375,7 +375,8 @@ class Evidence:
         # they are, in a lost angle they are smeared: all of it may change levels by any amount
         astray = deviation.speed_off > 1.0 or self.knocks > LIMITS.knocks or self.lost
         capped = {name: min(value, LIMITS.levels_open) for name, value in told.items()}
-        if astray or self.load_unlearned:
+        # nor do levels tell where they may change with the load as they like
+        if astray or any(gear.load_unlearned for gear in self.searched):
             sure = self.path.likely and self.path.differs and path >= _NO_LOAD
             told = capped | ({"path": path} if sure and not astray else {})
         # of a lost angle the smeared lines of the gears look like lines of none
@@ -394,29 +395,6 @@ class Evidence:
                 told[name] = min(told[name], told[name] * LIMITS.unsure_share)
             told["runout"] = min(0.0, told["runout"])
         return told
-
-    @property
-    def load_unlearned(self) -> bool:
-        """Whether levels may change with the load as they like, see `GearEvidence`."""
-        return any(gear.load_unlearned for gear in self.searched)
-
-    @property
-    def angle_lost(self) -> bool:
-        """Whether lines and levels mean little: the angle is off throughout, not after a slip."""
-        return self.lost or LIMITS.angle_unsure < self.angle < LIMITS.angle_slipped
-
-    @property
-    def knocked(self) -> bool:
-        """Whether what stands out came in single turns, as knocks from outside do."""
-        levels = max(self.strengths["levels"], self.strengths["path"])
-        drowned = self.knocks > LIMITS.knocks and levels >= LIMITS.open
-        return self.recurrence < LIMITS.recurs or drowned
-
-    @property
-    def heavier_db(self) -> float:
-        """By how much the mesh is louder than any learned load explains [dB]; 0 if it does."""
-        heavy = self.deviation.heavy
-        return 20.0 / float(np.log(10.0)) * heavy if heavy > LIMITS.heaviest else 0.0
 
     @property
     def strength(self) -> float:

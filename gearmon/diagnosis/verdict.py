@@ -66,19 +66,23 @@ def decide(evidence: Evidence, unheard: str = "") -> str:
 
 def doubt(evidence: Evidence) -> str:
     """Say why evidence that calls no fault does not speak for a healthy machine; "" if it does."""
-    if evidence.knocked:
+    strengths, heavy = evidence.strengths, evidence.deviation.heavy
+    changed = max(strengths["levels"], strengths["path"])
+    drowned = evidence.knocks > LIMITS.knocks and changed >= LIMITS.open
+    if drowned or evidence.recurrence < LIMITS.recurs:
         return (
             "Knocks drown the gears: what stands out came in single turns, not in each. Record "
             "again where the machine runs more quietly, or longer."
         )
     if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
         return "More changed than is usual, but not enough to call it a fault: record again."
-    if evidence.heavier_db:
+    if heavy > LIMITS.heaviest:
         return (
-            f"The gear mesh is {evidence.heavier_db:.0f} dB louder than any healthy recording had "
-            "it: the load is far heavier than those learned, or all teeth are worn."
+            f"The gear mesh is {20.0 / np.log(10.0) * heavy:.0f} dB louder than any healthy "
+            "recording had it: the load is far heavier than those learned, or all teeth are worn."
         )
-    if evidence.angle_lost:
+    # off throughout, and not only after a slip
+    if evidence.lost or LIMITS.angle_unsure < evidence.angle < LIMITS.angle_slipped:
         return (
             "Nothing speaks against the machine, but its angle was lost on the way: record again "
             "at a steadier speed, or with a tachometer."

@@ -16,9 +16,10 @@ recordings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import cycle
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -135,7 +136,12 @@ def train_kinds(
 
     machine = load_machine(machine)
     check_range("count", count, *EXAMPLES_BETWEEN)
-    rows, kinds = training_table(examples(machine, seed, count, operating, progress))
+    drawn, made = examples(machine, seed, operating), []
+    for number in range(count):
+        made.append(next(drawn))
+        if progress is not None:
+            progress((number + 1) / count)
+    rows, kinds = training_table(made)
     classifier = KindClassifier(random_state=seed).fit(rows, kinds)
     classifier.machine_ = tooth_counts(machine)
     return classifier
@@ -147,32 +153,22 @@ def training_table(made: list[Example]) -> tuple[FloatArray, NDArray[np.str_]]:
     return rows, np.array([one.kind for one in made])
 
 
-def examples(
-    machine: Machine,
-    seed: int,
-    count: int,
-    operating: int = 0,
-    progress: Callable[[float], None] | None = None,
-) -> list[Example]:
-    """Draw examples, of every kind in turn.
+def examples(machine: Machine, seed: int, operating: int = 0) -> Iterator[Example]:
+    """Draw examples without end, of every kind in turn.
 
     Parameters
     ----------
-    machine, seed, count, operating, progress
+    machine, seed, operating
         See `train_kinds`.
 
-    Returns
-    -------
-    list of Example
+    Yields
+    ------
+    Example
     """
     generator = np.random.default_rng([seed, 6])
     lines = machine_lines(machine, operating)
-    made = []
-    for number in range(count):
-        made.append(draw_example(lines, KINDS[number % len(KINDS)], generator))
-        if progress is not None:
-            progress((number + 1) / count)
-    return made
+    for kind in cycle(KINDS):
+        yield draw_example(lines, kind, generator)
 
 
 def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator) -> Example:
