@@ -270,7 +270,6 @@ class _Compared:
             energies = {(own.stage, own.gear): own.energy for own in profiles}
             flags = verdict.Flagging(
                 evidence=evidence,
-                machine=self.machine,
                 changes=changes,
                 features=kind_features(changes, energies, self.sidebands),
             ).flags()

@@ -7,7 +7,7 @@ sentences that can be checked on the pictures.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from operator import attrgetter
 from typing import Any
 
@@ -98,8 +98,6 @@ class Flagging:
     ----------
     evidence : Evidence
         What was compared.
-    machine : Machine
-        The machine.
     changes : tuple of Change
         Families of lines.
     features : FeatureVector
@@ -107,7 +105,6 @@ class Flagging:
     """
 
     evidence: Evidence
-    machine: Machine
     changes: tuple[Change, ...]
     features: FeatureVector
 
@@ -176,7 +173,7 @@ class Flagging:
             + (" and may be the cause as well" if lead < _SURE_LEAD else "")
             for name, number, lead in finding.rivals
         ]
-        evidence += _crack(self.machine, finding)
+        evidence += _crack(finding)
         more = {f"stiffness_loss{end}": size for end, size in sizes.items()}
         return self._flag("tooth damage", strength, evidence, stage, gear, tooth=tooth, **more)
 
@@ -348,14 +345,12 @@ def _told(judged: KindJudgement) -> tuple[str, ...]:
     )
 
 
-def _crack(machine: Machine, finding: ToothFinding) -> list[str]:
+def _crack(finding: ToothFinding) -> list[str]:
     """Tell the depth of a crack that would do it, where the geometry of the gears is known."""
     loss = finding.loss
     if loss is None:
         return []
-    depths = [
-        crack_depth_mm(machine, *finding.best.key, own) for own in (loss.loss, loss.low, loss.high)
-    ]
+    depths = [crack_depth_mm(finding.machine, *finding.best.key, own) for own in astuple(loss)]
     if depths[0] is None:
         return []
     size, low, high = (f"{own:.2g}" if own is not None else "?" for own in depths)

@@ -87,7 +87,7 @@ def flags_of(found, known=None, changes=(), common=0.0, together=0.0):
     path = PathChange(common=common, apart=None, together=together, bands=16)
     found = replace(found, path=path)
     known = known or features()
-    told = Flagging(evidence=found, machine=machine(), changes=tuple(changes), features=known)
+    told = Flagging(evidence=found, changes=tuple(changes), features=known)
     return told.flags()
 
 

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -264,17 +265,14 @@ def entry_of(analysis: Analysis, time: datetime, time_source: str = "given") -> 
     """
     if time.tzinfo is None:
         raise ArgumentError(f"time={time.isoformat()} has no offset from UTC; give one, such as Z")
-    places: dict[tuple[int, str, int | None], Place] = {}
-    for profile in analysis.profiles:
-        for place in _places(profile, analysis.flags):
-            places.setdefault(place.key, place)
+    places = (_places(profile, analysis.flags) for profile in analysis.profiles)
     return Entry(
         time_s=time.timestamp(),
         time_source=time_source,
         **{name: getattr(analysis, name) for name in _TOLD},
         speed_hz=float(analysis.signature.speed.estimated_hz),
         findings=tuple(_finding(flag) for flag in analysis.flags),
-        places=tuple(places.values()),
+        places=tuple(chain.from_iterable(places)),
     )
 
 
