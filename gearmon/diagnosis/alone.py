@@ -13,15 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.evidence import (
-    LIMITS,
-    broadband_strength,
-    comparable,
-    false_alarm_probability,
-    score_of,
-)
+from gearmon.diagnosis.evidence import LIMITS, Evidence, broadband_strength, comparable, score_of
 from gearmon.diagnosis.hypotheses.turns import locate
-from gearmon.diagnosis.law.machine import MachineDeviation
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
 from gearmon.diagnosis.verdict import fault_sentence, most_striking, not_found
 from gearmon.errors import GearmonError
@@ -168,25 +161,23 @@ def no_mesh(signature: MeasuredSignature, machine: Machine) -> Analysis:
     )
 
 
-def mesh_lost(found: Analysis, deviation: MachineDeviation, references: int) -> Analysis:
+def mesh_lost(found: Analysis, evidence: Evidence) -> Analysis:
     """Judge a recording that lacks the mesh which its reference has: that is a change too.
 
     Parameters
     ----------
     found : Analysis
         As of `no_mesh`.
-    deviation : MachineDeviation
-        From the healthy machine.
-    references : int
-        Number of healthy recordings.
+    evidence : Evidence
+        The deviation from the healthy machine.
     """
-    broadband = deviation.broadband
+    broadband = evidence.deviation.broadband
     if broadband is None:
         return found
     strength, gain = broadband_strength(broadband), float(np.median(broadband.gain_db))
     if gain > _LOUD_DB:
         strength = max(strength, LIMITS.fault)
-    probability = false_alarm_probability(comparable(strength), references, deviation.gap)
+    probability = evidence.chance(comparable(strength))
     flags: tuple[Flag, ...] = ()
     if gain < _SILENT_DB:
         told = (

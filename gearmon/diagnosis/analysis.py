@@ -245,9 +245,10 @@ class _Compared:
         notes = recording_notes(self.signature, self.reference)
         notes = machine_notes(self.machine, self.reference) + notes
         if not told:
-            found = no_mesh(self.signature, self.machine)
             deviation = _law_of(self.known, self.machine).deviation(self.own)
-            found = mesh_lost(found, deviation, len(self.reference.profiles))
+            known: dict[str, Any] = {"finding": None, "references": len(self.reference.profiles)}
+            evidence = Evidence(deviation=deviation, **known)
+            found = mesh_lost(no_mesh(self.signature, self.machine), evidence)
             return replace(found, warnings=(*found.warnings, *notes))
         if elsewhere := other_speed(self.signature, self.reference):
             return judged_alone(self.signature, self.machine, elsewhere)

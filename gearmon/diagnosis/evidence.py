@@ -29,7 +29,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib import resources
 from typing import Any
@@ -529,14 +529,13 @@ def noticed_from(gear: GearEvidence) -> float | None:
     to the next, and with what is believed of it. Where a sun may float the larger of both losses.
     """
     searches = [own for own in (gear.search, gear.instead) if own is not None]
-    losses = [_noticed_from(replace(gear, search=own)) for own in searches]
-    return max((own for own in losses if own), default=None) if all(losses) else None
+    losses = [_noticed_from(gear, search) for search in searches]
+    return max(filter(None, losses), default=None) if all(losses) else None
 
 
-def _noticed_from(gear: GearEvidence) -> float | None:
+def _noticed_from(gear: GearEvidence, search: SearchedGear) -> float | None:
     """Do the same by one search."""
-    deviation, search = gear.deviation, gear.search
-    assert search is not None
+    deviation = gear.deviation
     expected = search.expected - _prior(gear)
     beside = 2.0 * deviation.lines * deviation.meetings / deviation.teeth
     peak = 1.0 + np.maximum(search.stands_out - _prior(gear), 0.0) / max(1.0, beside)

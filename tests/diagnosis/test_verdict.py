@@ -460,8 +460,9 @@ def test_a_mesh_that_is_gone_is_a_fault_but_where_all_is_quiet(noise, gain_db, v
         indicators={},
         warnings=(),
     )
-    deviation = evidence(noise=noise, noise_gain_db=gain_db).deviation
-    found = mesh_lost(alone, deviation, 3)
+    compared = evidence(noise=noise, noise_gain_db=gain_db)
+    deviation = compared.deviation
+    found = mesh_lost(alone, compared)
     assert found.verdict == verdict
     if verdict == "fault":
         strength = broadband_strength(deviation.broadband)
