@@ -274,11 +274,11 @@ class _Compared:
                 changes=changes,
                 features=kind_features(changes, energies, self.sidebands),
             ).flags()
-        return Analysis(
+        found = Analysis(
             recording=signature.origin,
             machine=self.machine.name,
             verdict=answer,
-            reason=verdict.reason(answer, evidence, flags, changes, profiles, deaf),
+            reason="",
             score=evidence.score,
             false_alarm_probability=evidence.probability,
             compared_with="reference",
@@ -295,6 +295,7 @@ class _Compared:
             ),
             foreign=evidence.nongear,
         )
+        return replace(found, reason=verdict.reason(found, evidence, deaf))
 
     def evidence(self) -> Evidence:
         """Weigh what speaks against a healthy machine."""

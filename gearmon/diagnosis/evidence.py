@@ -397,6 +397,11 @@ class Evidence:
         return told
 
     @property
+    def changed(self) -> float:
+        """Strength of the changed levels, one by one or band by band."""
+        return max(self.strengths["levels"], self.strengths["path"])
+
+    @property
     def strength(self) -> float:
         """Strength of the strongest test."""
         return max(self.strengths.values())

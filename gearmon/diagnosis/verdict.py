@@ -18,7 +18,7 @@ from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgeme
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
 from gearmon.diagnosis.law.machine import SPEED_UNIT, LevelDeviation
-from gearmon.diagnosis.results import Change, Flag, ToothProfile
+from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.measured.line_plan import Family
@@ -41,6 +41,9 @@ _SURE_LEAD = 4.0
 _RESONANCES = "resonances may change levels, so that levels alone call no fault"
 # Gears of stages whose axes stand still.
 _OF_PAIRS = ("pinion", "gear")
+# Stage and gear of a flag.
+_Place = tuple[int | None, str | None]
+_NOWHERE: _Place = (None, None)
 # How sentences end that leave open which tooth or planet it is.
 _UNTOLD = ("cannot be told", "may be any of them")
 
@@ -66,9 +69,8 @@ def decide(evidence: Evidence, unheard: str = "") -> str:
 
 def doubt(evidence: Evidence) -> str:
     """Say why evidence that calls no fault does not speak for a healthy machine; "" if it does."""
-    strengths, heavy = evidence.strengths, evidence.deviation.heavy
-    changed = max(strengths["levels"], strengths["path"])
-    drowned = evidence.knocks > LIMITS.knocks and changed >= LIMITS.open
+    heavy = evidence.deviation.heavy
+    drowned = evidence.knocks > LIMITS.knocks and evidence.changed >= LIMITS.open
     if drowned or evidence.recurrence < LIMITS.recurs:
         return (
             "Knocks drown the gears: what stands out came in single turns, not in each. Record "
@@ -110,38 +112,24 @@ class Flagging:
 
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
-        strengths = self.evidence.strengths
-        found: list[Flag] = []
-        finding = self.evidence.finding
+        whole, found = self.evidence, list[Flag]()
         # another path changes the pattern of every gear: the louder of the two is the cause
-        least = max(LIMITS.open, self._changed if self.evidence.path.likely else 0.0)
-        if finding is not None and strengths["tooth"] >= least:
-            found.append(self._of_finding(finding, strengths["tooth"]))
+        least = max(LIMITS.open, whole.changed if whole.path.likely else 0.0)
+        if whole.finding is not None and whole.strengths["tooth"] >= least:
+            found.append(self._of_finding(whole.finding, whole.strengths["tooth"]))
         found += self._runout({(flag.stage, flag.gear) for flag in found})
         nongear = self._nongear()
-        if self._changed >= LIMITS.fault and not any(flag.tooth for flag in found):
+        if whole.changed >= LIMITS.fault and not any(flag.tooth for flag in found):
             found += self._levels(bool(nongear))
         return (*found, *nongear)
 
-    @property
-    def _changed(self) -> float:
-        """Strength of the changed levels, one by one or band by band."""
-        strengths = self.evidence.strengths
-        return max(strengths["levels"], strengths["path"])
-
     def _flag(
-        self,
-        kind: str,
-        strength: float,
-        told: Iterable[str],
-        stage: int | None = None,
-        gear: str | None = None,
-        **more: Any,
+        self, kind: str, strength: float, told: Iterable[str], place: _Place = _NOWHERE, **more: Any
     ) -> Flag:
         """Return a flag of a kind, with the probability of its strength on a healthy machine."""
-        chance = self.evidence.chance(strength)
-        place: dict[str, Any] = {"stage": stage, "gear": gear or None} | more
-        return Flag(kind=kind, false_alarm_probability=chance, evidence=tuple(told), **place)
+        chance, (stage, gear) = self.evidence.chance(strength), place
+        known: dict[str, Any] = {"stage": stage, "gear": gear or None} | more
+        return Flag(kind=kind, false_alarm_probability=chance, evidence=tuple(told), **known)
 
     def _of_finding(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag the departure that the search found: of one tooth, or of another kind."""
@@ -175,7 +163,7 @@ class Flagging:
         ]
         evidence += _crack(finding)
         more = {f"stiffness_loss{end}": size for end, size in sizes.items()}
-        return self._flag("tooth damage", strength, evidence, stage, gear, tooth=tooth, **more)
+        return self._flag("tooth damage", strength, evidence, best.key, tooth=tooth, **more)
 
     def _least_sure(self, best: GearEvidence) -> float:
         """Probability from which a departure is called that of one tooth."""
@@ -197,10 +185,8 @@ class Flagging:
         focused, order = finding.of(*self._focus), best.deviation.order
         alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
         judged = self._clear(self._focus if alike else best.key)
-        if judged is None:
-            return self._flag(_UNCLEAR, strength, evidence, stage, gear)
-        told = (*evidence, *_told(judged))
-        return self._flag(judged.kind, strength, told, judged.stage, judged.gear)
+        kind, place = (judged.kind, (judged.stage, judged.gear)) if judged else (_UNCLEAR, best.key)
+        return self._flag(kind, strength, (*evidence, *_told(judged)), place)
 
     @property
     def _focus(self) -> tuple[int, str]:
@@ -214,19 +200,18 @@ class Flagging:
             return None
         own = finding.of(*gear) if finding is not None else None
         spread = own.spread if own is not None else None
-        judged = judge_kind(features, stage=gear[0], gear=gear[1], spread=spread)
+        judged = judge_kind(features, gear=gear, spread=spread)
         clear = judged.kind not in (NONE, "tooth damage") and judged.probability >= _NAMED
         return judged if clear else None
 
-    def _runout(self, flagged: set[tuple[int | None, str | None]]) -> list[Flag]:
+    def _runout(self, flagged: set[_Place]) -> list[Flag]:
         """Flag gears whose first or second sidebands have grown beyond the farther ones."""
-        strengths = self.evidence.strengths
-        if strengths["runout"] < LIMITS.fault:
+        if self.evidence.strengths["runout"] < LIMITS.fault:
             return []
         # none of 51 simulated gears that run out changes the noise or whole bands; bearings and
         # sensors that were moved do, and move single sidebands with them
         elsewhere = self.evidence.noise_rose or self.evidence.path.likely
-        if self._changed >= LIMITS.fault and elsewhere:
+        if self.evidence.changed >= LIMITS.fault and elsewhere:
             return []
         found = []
         for growth in self.evidence.runout:
@@ -236,8 +221,7 @@ class Flagging:
                 continue
             judged = self._clear(gear)
             kind = growth.kind if judged is None else judged.kind
-            evidence = [*growth.evidence, *(_told(judged) if judged is not None else ())]
-            found.append(self._flag(kind, strength, evidence, *gear))
+            found.append(self._flag(kind, strength, (*growth.evidence, *_told(judged)), gear))
         return found
 
     def _nongear(self) -> list[Flag]:
@@ -250,7 +234,7 @@ class Flagging:
 
     def _levels(self, nongear: bool) -> list[Flag]:
         """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
-        strongest, strength = sentences(self.changes), self._changed
+        strongest, strength = sentences(self.changes), self.evidence.changed
         noisy, bands = self.evidence.noise_rose, self.evidence.strengths["path"]
         if self.evidence.path.likely and (bands >= LIMITS.fault or not noisy):
             common = 100 * self.evidence.path.common
@@ -279,10 +263,9 @@ class Flagging:
         own = sentences([change for change in self.changes if group(change) == group(first)])
         # the kind of fault that they are most like
         judged = self._clear(self._focus)
-        if judged is None:
-            return [self._flag(f"changed {first.kind}", strength, own, first.stage, first.gear)]
-        told = (*_told(judged), *own)
-        return [self._flag(judged.kind, strength, told, judged.stage, judged.gear)]
+        plain = f"changed {first.kind}", (first.stage, first.gear)
+        kind, place = (judged.kind, (judged.stage, judged.gear)) if judged else plain
+        return [self._flag(kind, strength, (*_told(judged), *own), place)]
 
 
 def _counting(finding: ToothFinding) -> str:
@@ -338,11 +321,11 @@ def _second_told(spread: DepartureSpread) -> list[str]:
     ]
 
 
-def _told(judged: KindJudgement) -> tuple[str, ...]:
-    return (
-        f"most like {judged.kind} ({judged.probability:.0%} by physical rules, not calibrated)",
-        *judged.evidence,
-    )
+def _told(judged: KindJudgement | None) -> tuple[str, ...]:
+    if judged is None:
+        return ()
+    likely = f"{judged.probability:.0%} by physical rules, not calibrated"
+    return f"most like {judged.kind} ({likely})", *judged.evidence
 
 
 def _crack(finding: ToothFinding) -> list[str]:
@@ -531,34 +514,25 @@ def _sun_held(machine: Machine, number: int) -> str:
     return f"its shaft a [[bearing]] (shaft = {shaft}) with its stiffness_n_per_m"
 
 
-def reason(
-    verdict: str,
-    evidence: Evidence,
-    flags: Sequence[Flag],
-    changes: Sequence[Change],
-    profiles: Sequence[ToothProfile],
-    unheard: str = "",
-) -> str:
+def reason(found: Analysis, evidence: Evidence, unheard: str = "") -> str:
     """Give the reason of a verdict on a recording that was compared with a reference.
 
     Parameters
     ----------
-    verdict : {"healthy", "fault", "cannot tell"}
-        As of `decide`.
+    found : Analysis
+        With verdict, flags, changes and profiles.
     evidence : Evidence
         What was compared.
-    flags, changes, profiles
-        Of the analysis.
     unheard : str
         What could not have been told of; "" if nothing.
     """
-    rested = f"{_levels(evidence)} {most_striking(profiles)}"
-    if verdict == "fault":
-        strongest = sentences(changes)[:1]
+    rested = f"{_levels(evidence)} {most_striking(found.profiles)}"
+    if found.verdict == "fault":
+        strongest = sentences(found.changes)[:1]
         most = f" Most of all, {strongest[0]}." if strongest else ""
-        return f"{fault_sentence(flags)} {rested}{most}"
-    if verdict == "healthy":
-        noticed = f"{_noticed(profiles)} {_wear(evidence)}"
+        return f"{fault_sentence(found.flags)} {rested}{most}"
+    if found.verdict == "healthy":
+        noticed = f"{_noticed(found.profiles)} {_wear(evidence)}"
         return f"The machine sounds as it did when it was healthy.{noticed} {rested}"
     told = doubt(evidence) or "Nothing speaks against the machine, but not all of it was heard."
     return " ".join(filter(None, (told, unheard, rested)))

@@ -100,6 +100,9 @@ _ROUGH, _DECAY_DB = 4.0, 6.0
 _OF_A_MESH = ("wear",)
 
 
+_Gear = tuple[int, str]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FeatureVector:
     """Features of every gear that was looked at.
@@ -125,28 +128,28 @@ class FeatureVector:
         evidence = np.maximum(np.max(sides, axis=0), 0.0) + local + 0.5 * column["mesh_rms_db"]
         return int(np.argmax(evidence))
 
-    def row(self, stage: int | None = None, gear: str | None = None) -> int:
-        """Return the row of a gear, or the focus if none is named.
+    def row(self, gear: _Gear | None = None) -> int:
+        """Return the row of a gear (stage and name), or the focus if none is named.
 
         Raises
         ------
         ArgumentError
             If that gear was not looked at.
         """
-        if stage is None:
+        if gear is None:
             return self.focus
-        for index, (own_stage, own_gear) in enumerate(self.gears):
-            if own_stage == stage and gear in (None, own_gear):
-                return index
-        known = ", ".join(f"{gear or 'mesh'} of stage {stage}" for stage, gear in self.gears)
-        raise ArgumentError(f"gear {gear!r} of stage {stage} was not looked at; known: {known}")
+        if gear in self.gears:
+            return self.gears.index(gear)
+        known = ", ".join(f"{name or 'mesh'} of stage {stage}" for stage, name in self.gears)
+        raise ArgumentError(
+            f"gear {gear[1]!r} of stage {gear[0]} was not looked at; known: {known}"
+        )
 
     def named(self, row: int) -> dict[str, float]:
         """Return one row as name -> value."""
         return dict(zip(NAMES, self.values[row].tolist(), strict=True))
 
 
-_Gear = tuple[int, str]
 _NOTHING: Mapping[_Gear, FloatArray] = {}
 
 
@@ -330,8 +333,7 @@ def judge_kind(
     features: FeatureVector,
     classifier: KindClassifier | None = None,
     *,
-    stage: int | None = None,
-    gear: str | None = None,
+    gear: _Gear | None = None,
     spread: DepartureSpread | None = None,
 ) -> KindJudgement:
     """Judge the kind of a fault.
@@ -342,8 +344,9 @@ def judge_kind(
         See `kind_features`.
     classifier : KindClassifier, optional
         Trained by `fault_types.training.train_kinds` on this machine; by default the rules judge.
-    stage, gear : int, str, optional
-        Gear that was found damaged by other means; by default the one with the most evidence.
+    gear : (int, str), optional
+        Stage and gear that was found damaged by other means; by default the gear with the most
+        evidence.
     spread : DepartureSpread, optional
         How far the departure of that gear is one tooth's; the rules then rest on it. A classifier
         has not seen such numbers and passes over it.
@@ -357,7 +360,7 @@ def judge_kind(
     ArgumentError
         If that gear was not looked at, or the classifier was trained on other features.
     """
-    row = features.row(stage, gear)
+    row = features.row(gear)
     if classifier is None:
         probabilities = rule_probabilities(features.named(row), spread)
     else:
@@ -529,8 +532,8 @@ def kind_of_analysis(
         return None
     features = analysis_features(analysis, reference)
     flagged = [(flag.stage, flag.gear) for flag in analysis.flags]
-    stage, gear = next((own for own in flagged if own in features.gears), (None, None))
-    return judge_kind(features, classifier, stage=stage, gear=gear)
+    known = [gear for gear in features.gears if gear in flagged]
+    return judge_kind(features, classifier, gear=min(known, key=flagged.index, default=None))
 
 
 def analysis_features(analysis: Analysis, reference: Reference | None) -> FeatureVector:

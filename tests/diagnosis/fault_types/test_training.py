@@ -224,7 +224,7 @@ def test_a_judgement_names_gear_and_reasons():
         assert judged.probability == max(judged.probabilities.values())
         assert "dB" in judged.evidence[0]
         assert judged.to_dict()["method"] == ("rules" if classifier is None else "classifier")
-    asked = judge_kind(example.features, stage=1, gear="gear")
+    asked = judge_kind(example.features, gear=(1, "gear"))
     assert asked.gear in ("gear", None)
 
 
