@@ -217,7 +217,7 @@ class History:
         """Return one row a recording, gear and tooth."""
         return [row for entry in self.entries for row in entry.rows()]
 
-    def frame(self) -> pd.DataFrame:
+    def to_frame(self) -> pd.DataFrame:
         """Return these rows, fit for a table on disk: texts are no formulas of a spreadsheet."""
         import pandas as pd
 

@@ -377,7 +377,7 @@ def export_history(history: History, path: str | Path) -> Path:
     ArgumentError
         If the name has another ending, or pyarrow is missing for Parquet.
     """
-    target, frame = Path(path), history.frame()
+    target, frame = Path(path), history.to_frame()
     if target.suffix.lower() == ".csv":
         write_atomically(target, frame.to_csv(index=False, lineterminator="\n"))
     elif target.suffix.lower() == ".parquet":
