@@ -41,6 +41,13 @@ _SURE_LEAD = 4.0
 _RESONANCES = "resonances may change levels, so that levels alone call no fault"
 # Gears of stages whose axes stand still.
 _OF_PAIRS = ("pinion", "gear")
+# What numbers of teeth mean, by where they are counted from.
+_COUNTED = {
+    "tacho": "teeth are counted from the one that enters mesh at the tachometer pulse, in this "
+    "recording as in the healthy ones",
+    "reference": "teeth are counted from where the first healthy recording begins: the same number "
+    "is the same tooth in every recording compared with this reference",
+}
 # Stage and gear of a flag.
 _Place = tuple[int | None, str | None]
 _NOWHERE: _Place = (None, None)
@@ -153,7 +160,7 @@ class Flagging:
                 f"as a loss of {100 * loss.loss:.0f} % ({100 * loss.low:.0f} to "
                 f"{100 * loss.high:.0f} %) of the stiffness of that tooth's pair would make it"
             )
-        evidence += [_counting(finding), *_alike(finding)]
+        evidence += [_COUNTED[best.counted_from], *_alike(finding)]
         if spread is not None:
             evidence.append(_explained(spread))
         evidence += [
@@ -266,18 +273,6 @@ class Flagging:
         plain = f"changed {first.kind}", (first.stage, first.gear)
         kind, place = (judged.kind, (judged.stage, judged.gear)) if judged else plain
         return [self._flag(kind, strength, (*_told(judged), *own), place)]
-
-
-def _counting(finding: ToothFinding) -> str:
-    if finding.best.counted_from == "tacho":
-        return (
-            "teeth are counted from the one that enters mesh at the tachometer pulse, in this "
-            "recording as in the healthy ones"
-        )
-    return (
-        "teeth are counted from where the first healthy recording begins: the same number is "
-        "the same tooth in every recording compared with this reference"
-    )
 
 
 def _alike(finding: ToothFinding) -> list[str]:
