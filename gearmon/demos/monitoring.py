@@ -260,7 +260,7 @@ def _told_kind(
 ) -> dict[str, Any]:
     """Tell what is made of a recording; the kind is asked for only where a fault is called."""
     features = analysis_features(analysis, reference)
-    row = features.named(features.row(1, "pinion"))
+    row = features.named(features.row((1, "pinion")))
     kind = judge_kind(features, classifier) if analysis.verdict == "fault" else None
     words = {"healthy": "sound", "fault": kind.kind if kind else ""}
     return {

@@ -13,15 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.evidence import (
-    LIMITS,
-    broadband_strength,
-    comparable,
-    false_alarm_probability,
-    score_of,
-)
+from gearmon.diagnosis.evidence import LIMITS, Evidence, broadband_strength, comparable, score_of
 from gearmon.diagnosis.hypotheses.turns import locate
-from gearmon.diagnosis.law.machine import MachineDeviation
 from gearmon.diagnosis.results import Analysis, Flag, ToothProfile
 from gearmon.diagnosis.verdict import fault_sentence, most_striking, not_found
 from gearmon.errors import GearmonError
@@ -152,7 +145,7 @@ def own_teeth_reason(profiles: Sequence[ToothProfile], why: str) -> str:
     )
 
 
-def without_mesh(signature: MeasuredSignature, machine: Machine) -> Analysis:
+def no_mesh(signature: MeasuredSignature, machine: Machine) -> Analysis:
     """Say that no mesh of the machine stands out of a recording."""
     reasons = "; ".join(f"stage {mesh.stage}: {mesh.reason}" for mesh in signature.meshes)
     return Analysis(
@@ -168,25 +161,23 @@ def without_mesh(signature: MeasuredSignature, machine: Machine) -> Analysis:
     )
 
 
-def mesh_lost(found: Analysis, deviation: MachineDeviation, references: int) -> Analysis:
+def mesh_lost(found: Analysis, evidence: Evidence) -> Analysis:
     """Judge a recording that lacks the mesh which its reference has: that is a change too.
 
     Parameters
     ----------
     found : Analysis
-        As of `without_mesh`.
-    deviation : MachineDeviation
-        From the healthy machine.
-    references : int
-        Number of healthy recordings.
+        As of `no_mesh`.
+    evidence : Evidence
+        The deviation from the healthy machine.
     """
-    broadband = deviation.broadband
+    broadband = evidence.deviation.broadband
     if broadband is None:
         return found
     strength, gain = broadband_strength(broadband), float(np.median(broadband.gain_db))
     if gain > _LOUD_DB:
         strength = max(strength, LIMITS.fault)
-    probability = false_alarm_probability(comparable(strength), references, deviation.gap)
+    probability = evidence.chance(comparable(strength))
     flags: tuple[Flag, ...] = ()
     if gain < _SILENT_DB:
         told = (
@@ -194,17 +185,12 @@ def mesh_lost(found: Analysis, deviation: MachineDeviation, references: int) -> 
             "mesh: the machine stood still, or the sensor is dead or disconnected."
         )
     elif strength >= LIMITS.noise_strength:
-        changed = (
+        why = (
             f"the spectrum between the lines changed too ({gain:+.1f} dB in the median): gross "
-            "damage, or a machine that runs at another speed than its file says"
+            "damage, or a machine that runs at another speed than its file says",
+            found.reason,
         )
-        flags = (
-            Flag(
-                kind="mesh lost",
-                false_alarm_probability=probability,
-                evidence=(changed, found.reason),
-            ),
-        )
+        flags = (Flag(kind="mesh lost", false_alarm_probability=probability, evidence=why),)
         told = fault_sentence(flags)
     else:
         return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,24 +11,8 @@ from typing import Any
 import numpy as np
 
 from gearmon.diagnosis import verdict
-from gearmon.diagnosis.alone import (
-    judged_alone,
-    mesh_lost,
-    own_teeth,
-    own_teeth_flags,
-    without_mesh,
-)
-from gearmon.diagnosis.evidence import (
-    LIMITS,
-    Evidence,
-    decide,
-    false_alarm_probability,
-    hidden_stages,
-    noticed_from,
-    path_change,
-    score_of,
-    tooth_strength,
-)
+from gearmon.diagnosis.alone import judged_alone, mesh_lost, no_mesh, own_teeth, own_teeth_flags
+from gearmon.diagnosis.evidence import LIMITS, Evidence, noticed_from, path_change, tooth_strength
 from gearmon.diagnosis.fault_types.kinds import kind_features
 from gearmon.diagnosis.hypotheses import turns
 from gearmon.diagnosis.hypotheses.tooth_damage import ToothFinding, find_tooth, told_losses
@@ -198,7 +182,7 @@ def analyse(
     if reference is not None:
         answer = _Compared(signature, machine, reference).answer(told, must_notice)
     else:
-        answer = (judged_alone if told else without_mesh)(signature, machine)
+        answer = (judged_alone if told else no_mesh)(signature, machine)
     return replace(answer, indicators=indicators)
 
 
@@ -240,27 +224,15 @@ def evidence_against(
     return _Compared(signature, machine, reference).evidence()
 
 
-@dataclass(frozen=True, eq=False)
 class _Compared:
-    """A recording beside its reference."""
+    """A recording beside its reference: `own` and `known` are both in the channels of both."""
 
-    signature: MeasuredSignature
-    machine: Machine
-    reference: Reference
-
-    @cached_property
-    def known(self) -> Reference:
-        """The reference in the channels of both."""
-        return self.reference.shared_with(self.signature)[0]
-
-    @cached_property
-    def rows(self) -> list[int]:
-        return self.reference.shared_with(self.signature)[1]
-
-    @cached_property
-    def own(self) -> Profile:
-        """The recording in the channels of both."""
-        return Profile.of(self.signature).part(self.rows)
+    def __init__(
+        self, signature: MeasuredSignature, machine: Machine, reference: Reference
+    ) -> None:
+        self.signature, self.machine, self.reference = signature, machine, reference
+        self.known, self.rows = reference.shared_with(signature)
+        self.own = Profile.of(signature).part(self.rows)
 
     @cached_property
     def sidebands(self) -> turns.Sidebands:
@@ -273,9 +245,10 @@ class _Compared:
         notes = recording_notes(self.signature, self.reference)
         notes = machine_notes(self.machine, self.reference) + notes
         if not told:
-            found = without_mesh(self.signature, self.machine)
             deviation = _law_of(self.known, self.machine).deviation(self.own)
-            found = mesh_lost(found, deviation, len(self.reference.profiles))
+            known: dict[str, Any] = {"finding": None, "references": len(self.reference.profiles)}
+            evidence = Evidence(deviation=deviation, **known)
+            found = mesh_lost(no_mesh(self.signature, self.machine), evidence)
             return replace(found, warnings=(*found.warnings, *notes))
         if elsewhere := other_speed(self.signature, self.reference):
             return judged_alone(self.signature, self.machine, elsewhere)
@@ -288,26 +261,25 @@ class _Compared:
         families, shared = self._families(evidence.deviation), self.known.channel_names
         changes = verdict.level_changes(evidence.deviation.levels, shared, families)
         undetected = [mesh.stage for mesh in signature.meshes if not mesh.found]
-        hidden = hidden_stages(evidence.searched, undetected)
+        hidden = verdict.hidden_stages(evidence.searched, undetected)
         profiles = tuple(_profiles(evidence, hidden))
         silent = [name for name in self.reference.channel_names if name not in shared]
         deaf = verdict.unheard(evidence, self.machine, silent, must_notice, hidden)
-        answer = decide(evidence, deaf)
+        answer = verdict.decide(evidence, deaf)
         flags: tuple[Flag, ...] = ()
         if answer == "fault":
             energies = {(own.stage, own.gear): own.energy for own in profiles}
             flags = verdict.Flagging(
                 evidence=evidence,
-                machine=self.machine,
                 changes=changes,
                 features=kind_features(changes, energies, self.sidebands),
             ).flags()
-        return Analysis(
+        found = Analysis(
             recording=signature.origin,
             machine=self.machine.name,
             verdict=answer,
-            reason=verdict.reason(answer, evidence, flags, changes, profiles, deaf),
-            score=score_of(evidence.comparable),
+            reason="",
+            score=evidence.score,
             false_alarm_probability=evidence.probability,
             compared_with="reference",
             signature=signature,
@@ -323,6 +295,7 @@ class _Compared:
             ),
             foreign=evidence.nongear,
         )
+        return replace(found, reason=verdict.reason(found, evidence, deaf))
 
     def evidence(self) -> Evidence:
         """Weigh what speaks against a healthy machine."""
@@ -372,14 +345,13 @@ class _Compared:
 
 def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
     """Give what was found around the turn of each gear that was searched."""
-    finding, gap = evidence.finding, evidence.deviation.gap
+    finding = evidence.finding
     if finding is None:
         return
     for gear in finding.searched:
-        deviation, strength = gear.deviation, tooth_strength(gear.believed)
+        deviation, chance = gear.deviation, evidence.chance(tooth_strength(gear.believed))
         tooth, position = gear.place
         loss, sigma = told_losses(finding, gear)
-        probability = false_alarm_probability(strength, evidence.references, gap)
         yield ToothProfile(
             stage=deviation.stage,
             gear=deviation.gear,
@@ -389,7 +361,7 @@ def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
             tooth=tooth,
             position=position,
             ratio=deviation.peak,
-            log10_probability=float(np.log10(probability)),
+            log10_probability=float(np.log10(chance)),
             against="reference",
             counted_from=gear.counted_from,
             loss_by_tooth=loss,

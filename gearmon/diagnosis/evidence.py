@@ -28,8 +28,8 @@ sidebands, or the mesh, against the rest of the band, and does so in all channel
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from importlib import resources
 from typing import Any
@@ -375,7 +375,8 @@ class Evidence:
         # they are, in a lost angle they are smeared: all of it may change levels by any amount
         astray = deviation.speed_off > 1.0 or self.knocks > LIMITS.knocks or self.lost
         capped = {name: min(value, LIMITS.levels_open) for name, value in told.items()}
-        if astray or self.load_unlearned:
+        # nor do levels tell where they may change with the load as they like
+        if astray or any(gear.load_unlearned for gear in self.searched):
             sure = self.path.likely and self.path.differs and path >= _NO_LOAD
             told = capped | ({"path": path} if sure and not astray else {})
         # of a lost angle the smeared lines of the gears look like lines of none
@@ -396,32 +397,19 @@ class Evidence:
         return told
 
     @property
-    def load_unlearned(self) -> bool:
-        """Whether levels may change with the load as they like, see `GearEvidence`."""
-        return any(gear.load_unlearned for gear in self.searched)
-
-    @property
-    def angle_lost(self) -> bool:
-        """Whether lines and levels mean little: the angle is off throughout, not after a slip."""
-        return self.lost or LIMITS.angle_unsure < self.angle < LIMITS.angle_slipped
-
-    @property
-    def knocked(self) -> bool:
-        """Whether what stands out came in single turns, as knocks from outside do."""
-        levels = max(self.strengths["levels"], self.strengths["path"])
-        drowned = self.knocks > LIMITS.knocks and levels >= LIMITS.open
-        return self.recurrence < LIMITS.recurs or drowned
-
-    @property
-    def heavier_db(self) -> float:
-        """By how much the mesh is louder than any learned load explains [dB]; 0 if it does."""
-        heavy = self.deviation.heavy
-        return 20.0 / float(np.log(10.0)) * heavy if heavy > LIMITS.heaviest else 0.0
+    def changed(self) -> float:
+        """Strength of the changed levels, one by one or band by band."""
+        return max(self.strengths["levels"], self.strengths["path"])
 
     @property
     def strength(self) -> float:
         """Strength of the strongest test."""
         return max(self.strengths.values())
+
+    @property
+    def score(self) -> float:
+        """Score of all tests together."""
+        return score_of(self.comparable)
 
     @property
     def comparable(self) -> float:
@@ -432,7 +420,28 @@ class Evidence:
     @property
     def probability(self) -> float:
         """Probability that a healthy machine shows as much, by the calibration."""
-        return false_alarm_probability(self.comparable, self.references, self.deviation.gap)
+        return self.chance(self.comparable)
+
+    def chance(self, strength: float) -> float:
+        """Probability that a healthy machine shows evidence of a strength, by the calibration."""
+        return false_alarm_probability(strength, self.references, self.deviation.gap)
+
+    @property
+    def noise_rose(self) -> bool:
+        """Whether the spectrum between the lines rose, and by more than the lines did.
+
+        A bearing, a loose part or a neighbour fills the spectrum between the lines of the gears; a
+        sensor that was moved raises and lowers both alike, and noise that is added lowers no part
+        of the spectrum.
+        """
+        broadband, lines_db = self.deviation.broadband, self.deviation.levels.gain_db
+        if broadband is None or broadband_strength(broadband) < LIMITS.noise_strength:
+            return False
+        changed_db = broadband.rest_db + broadband.gain_db[:, None]
+        fell_db = np.nanquantile(changed_db, _LOWEST, axis=1) - np.minimum(lines_db, 0.0)
+        if np.any(fell_db < -LIMITS.noise_rise_db):
+            return False
+        return bool(np.median(broadband.gain_db - lines_db) > LIMITS.noise_rise_db)
 
 
 def comparable(strength: float) -> float:
@@ -472,45 +481,6 @@ def rare_strength(log10_probabilities: Sequence[float]) -> float:
     """Strength of the least probable of some findings that are asked for beside the others."""
     least = min(log10_probabilities, default=0.0)
     return -least - LIMITS.rare_share
-
-
-def decide(evidence: Evidence, unheard: str = "") -> str:
-    """Judge the evidence.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        Against the healthy machine.
-    unheard : str
-        What this recording, with this reference, could not have told of; "" if nothing.
-
-    Returns
-    -------
-    {"healthy", "fault", "cannot tell"}
-    """
-    if evidence.strength >= LIMITS.fault:
-        return "fault"
-    open_ = evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare
-    if open_ or unheard or evidence.angle_lost or evidence.heavier_db or evidence.knocked:
-        return "cannot tell"
-    return "healthy"
-
-
-def noise_rose(deviation: MachineDeviation) -> bool:
-    """Whether the spectrum between the lines rose, and by more than the lines did.
-
-    A bearing, a loose part or a neighbour fills the spectrum between the lines of the gears; a
-    sensor that was moved raises and lowers both alike, and noise that is added lowers no part of
-    the spectrum.
-    """
-    broadband, lines_db = deviation.broadband, deviation.levels.gain_db
-    if broadband is None or broadband_strength(broadband) < LIMITS.noise_strength:
-        return False
-    changed_db = broadband.rest_db + broadband.gain_db[:, None]
-    fell_db = np.nanquantile(changed_db, _LOWEST, axis=1) - np.minimum(lines_db, 0.0)
-    if np.any(fell_db < -LIMITS.noise_rise_db):
-        return False
-    return bool(np.median(broadband.gain_db - lines_db) > LIMITS.noise_rise_db)
 
 
 # The factor is a mean over all losses held possible, of which a quarter or so explain a departure.
@@ -557,26 +527,6 @@ def heard_from(gear: GearEvidence) -> float | None:
     return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
 
 
-# Gears of stages whose axes stand still.
-_OF_PAIRS = ("pinion", "gear")
-
-
-def hidden_stages(searched: Sequence[GearEvidence], undetected: Collection[int]) -> set[int]:
-    """Name the stages of which nothing is heard.
-
-    Parameters
-    ----------
-    searched : sequence of GearEvidence
-        All gears.
-    undetected : collection of int
-        Stages whose mesh was not detected: what is heard at its lines may be pitch errors of a gear
-        on the same shaft, unless they stand out of the other lines of both gears. Those of a
-        planetary set stand where its planets put them.
-    """
-    asked = [own for own in searched if own.key[0] in undetected and own.key[1] in _OF_PAIRS]
-    return {own.key[0] for own in asked if not own.mesh_stands_out}
-
-
 def noticed_from(gear: GearEvidence) -> float | None:
     """Find the loss of one tooth from which it would have been called a fault.
 
@@ -584,14 +534,13 @@ def noticed_from(gear: GearEvidence) -> float | None:
     to the next, and with what is believed of it. Where a sun may float the larger of both losses.
     """
     searches = [own for own in (gear.search, gear.instead) if own is not None]
-    losses = [_noticed_from(replace(gear, search=own)) for own in searches]
-    return max((own for own in losses if own), default=None) if all(losses) else None
+    losses = [_noticed_from(gear, search) for search in searches]
+    return max(filter(None, losses), default=None) if all(losses) else None
 
 
-def _noticed_from(gear: GearEvidence) -> float | None:
+def _noticed_from(gear: GearEvidence, search: SearchedGear) -> float | None:
     """Do the same by one search."""
-    deviation, search = gear.deviation, gear.search
-    assert search is not None
+    deviation = gear.deviation
     expected = search.expected - _prior(gear)
     beside = 2.0 * deviation.lines * deviation.meetings / deviation.teeth
     peak = 1.0 + np.maximum(search.stands_out - _prior(gear), 0.0) / max(1.0, beside)

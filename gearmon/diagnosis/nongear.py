@@ -254,13 +254,12 @@ def disturbed(
     ndarray of bool
         Also where their lines stand under those of gears and so cannot be seen.
     """
-    mask = np.zeros(np.shape(orders), dtype=bool)
-    for finding in findings:
-        swept = [(own.low_order, own.high_order) for own in finding.lines if own.kind == KINDS[0]]
-        swept += [(order - finding.width, order + finding.width) for order in finding.orders]
-        for low, high in swept:
-            mask |= (orders > low - resolution) & (orders < high + resolution)
-    return mask
+    swept = [
+        (own.low_order, own.high_order) for f in findings for own in f.lines if own.kind == KINDS[0]
+    ]
+    swept += [(order - f.width, order + f.width) for f in findings for order in f.orders]
+    low, high = np.reshape(swept, (-1, 2)).T[..., None]
+    return np.asarray(np.any((orders > low - resolution) & (orders < high + resolution), axis=0))
 
 
 def _sentence(change: _LineChange, label: str, channel_names: Sequence[str]) -> str:
@@ -503,14 +502,12 @@ def name_lines(
         need two, or the first.
     """
     naming = _Naming(lines, train, width, top)
-    left = set(range(len(lines)))
-    found = naming.mains({i for i in left if lines[i].locked == "time"})
-    left -= _members(found)
-    turning = {i for i in left if lines[i].locked != "time"}
+    still = {i for i, line in enumerate(lines) if line.locked == "time"}
+    turning = set(range(len(lines))) - still
     # of lines whose lock cannot be told those of the mains must not make up a bearing alone
-    found += naming.of_machine(turning, _members(naming.mains(turning)))
-    found += naming.mains(left - _members(found))
-    for i in sorted(left - _members(found)):
+    found = naming.of_machine(turning, _members(naming.mains(turning)))
+    found += naming.mains(still) + naming.mains(turning - _members(found))
+    for i in sorted(set(range(len(lines))) - _members(found)):
         name = f"unknown line at {lines[i].frequency_hz:.4g} Hz"
         if lines[i].locked == "shaft":
             name = f"unknown line at order {lines[i].order:.4g} of shaft 1"

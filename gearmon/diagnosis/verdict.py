@@ -7,26 +7,18 @@ sentences that can be checked on the pictures.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.evidence import (
-    LIMITS,
-    Evidence,
-    false_alarm_probability,
-    heard_from,
-    lines_strength,
-    noise_rose,
-    rare_strength,
-)
+from gearmon.diagnosis.evidence import LIMITS, Evidence, heard_from, lines_strength, rare_strength
 from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
 from gearmon.diagnosis.law.machine import SPEED_UNIT, LevelDeviation
-from gearmon.diagnosis.results import Change, Flag, ToothProfile
+from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, PlanetaryStage
 from gearmon.signatures.measured.line_plan import Family
@@ -47,8 +39,64 @@ _SENTENCES = 4
 # blamed in 24 of 32 below it, in 254 of 255 beyond.
 _SURE_LEAD = 4.0
 _RESONANCES = "resonances may change levels, so that levels alone call no fault"
+# Gears of stages whose axes stand still.
+_OF_PAIRS = ("pinion", "gear")
+# What numbers of teeth mean, by where they are counted from.
+_COUNTED = {
+    "tacho": "teeth are counted from the one that enters mesh at the tachometer pulse, in this "
+    "recording as in the healthy ones",
+    "reference": "teeth are counted from where the first healthy recording begins: the same number "
+    "is the same tooth in every recording compared with this reference",
+}
+# Stage and gear of a flag.
+_Place = tuple[int | None, str | None]
+_NOWHERE: _Place = (None, None)
 # How sentences end that leave open which tooth or planet it is.
 _UNTOLD = ("cannot be told", "may be any of them")
+
+
+def decide(evidence: Evidence, unheard: str = "") -> str:
+    """Judge the evidence.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Against the healthy machine.
+    unheard : str
+        What this recording, with this reference, could not have told of; "" if nothing.
+
+    Returns
+    -------
+    {"healthy", "fault", "cannot tell"}
+    """
+    if evidence.strength >= LIMITS.fault:
+        return "fault"
+    return "cannot tell" if doubt(evidence) or unheard else "healthy"
+
+
+def doubt(evidence: Evidence) -> str:
+    """Say why evidence that calls no fault does not speak for a healthy machine; "" if it does."""
+    heavy = evidence.deviation.heavy
+    drowned = evidence.knocks > LIMITS.knocks and evidence.changed >= LIMITS.open
+    if drowned or evidence.recurrence < LIMITS.recurs:
+        return (
+            "Knocks drown the gears: what stands out came in single turns, not in each. Record "
+            "again where the machine runs more quietly, or longer."
+        )
+    if evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
+        return "More changed than is usual, but not enough to call it a fault: record again."
+    if heavy > LIMITS.heaviest:
+        return (
+            f"The gear mesh is {20.0 / np.log(10.0) * heavy:.0f} dB louder than any healthy "
+            "recording had it: the load is far heavier than those learned, or all teeth are worn."
+        )
+    # off throughout, and not only after a slip
+    if evidence.lost or LIMITS.angle_unsure < evidence.angle < LIMITS.angle_slipped:
+        return (
+            "Nothing speaks against the machine, but its angle was lost on the way: record again "
+            "at a steadier speed, or with a tachometer."
+        )
+    return ""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -59,8 +107,6 @@ class Flagging:
     ----------
     evidence : Evidence
         What was compared.
-    machine : Machine
-        The machine.
     changes : tuple of Change
         Families of lines.
     features : FeatureVector
@@ -68,45 +114,29 @@ class Flagging:
     """
 
     evidence: Evidence
-    machine: Machine
     changes: tuple[Change, ...]
     features: FeatureVector
 
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
-        strengths = self.evidence.strengths
-        found: list[Flag] = []
-        finding = self.evidence.finding
+        whole, found = self.evidence, list[Flag]()
         # another path changes the pattern of every gear: the louder of the two is the cause
-        least = max(LIMITS.open, self._changed if self.evidence.path.likely else 0.0)
-        if finding is not None and strengths["tooth"] >= least:
-            found.append(self._of_finding(finding, strengths["tooth"]))
+        least = max(LIMITS.open, whole.changed if whole.path.likely else 0.0)
+        if whole.finding is not None and whole.strengths["tooth"] >= least:
+            found.append(self._of_finding(whole.finding, whole.strengths["tooth"]))
         found += self._runout({(flag.stage, flag.gear) for flag in found})
         nongear = self._nongear()
-        if self._changed >= LIMITS.fault and not any(flag.tooth for flag in found):
+        if whole.changed >= LIMITS.fault and not any(flag.tooth for flag in found):
             found += self._levels(bool(nongear))
         return (*found, *nongear)
 
-    @property
-    def _changed(self) -> float:
-        """Strength of the changed levels, one by one or band by band."""
-        strengths = self.evidence.strengths
-        return max(strengths["levels"], strengths["path"])
-
     def _flag(
-        self,
-        kind: str,
-        strength: float,
-        told: Iterable[str],
-        stage: int | None = None,
-        gear: str | None = None,
-        **more: Any,
+        self, kind: str, strength: float, told: Iterable[str], place: _Place = _NOWHERE, **more: Any
     ) -> Flag:
         """Return a flag of a kind, with the probability of its strength on a healthy machine."""
-        whole = self.evidence
-        chance = false_alarm_probability(strength, whole.references, whole.deviation.gap)
-        place: dict[str, Any] = {"stage": stage, "gear": gear or None} | more
-        return Flag(kind=kind, false_alarm_probability=chance, evidence=tuple(told), **place)
+        chance, (stage, gear) = self.evidence.chance(strength), place
+        known: dict[str, Any] = {"stage": stage, "gear": gear or None} | more
+        return Flag(kind=kind, false_alarm_probability=chance, evidence=tuple(told), **known)
 
     def _of_finding(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag the departure that the search found: of one tooth, or of another kind."""
@@ -130,7 +160,7 @@ class Flagging:
                 f"as a loss of {100 * loss.loss:.0f} % ({100 * loss.low:.0f} to "
                 f"{100 * loss.high:.0f} %) of the stiffness of that tooth's pair would make it"
             )
-        evidence += [_counting(finding), *_alike(finding)]
+        evidence += [_COUNTED[best.counted_from], *_alike(finding)]
         if spread is not None:
             evidence.append(_explained(spread))
         evidence += [
@@ -138,9 +168,9 @@ class Flagging:
             + (" and may be the cause as well" if lead < _SURE_LEAD else "")
             for name, number, lead in finding.rivals
         ]
-        evidence += _crack(self.machine, finding)
+        evidence += _crack(finding)
         more = {f"stiffness_loss{end}": size for end, size in sizes.items()}
-        return self._flag("tooth damage", strength, evidence, stage, gear, tooth=tooth, **more)
+        return self._flag("tooth damage", strength, evidence, best.key, tooth=tooth, **more)
 
     def _least_sure(self, best: GearEvidence) -> float:
         """Probability from which a departure is called that of one tooth."""
@@ -153,23 +183,17 @@ class Flagging:
 
     def _spread_flag(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag a departure that one tooth does not explain, by its kind where one is clear."""
-        (stage, gear), spread = finding.best.key, finding.best.spread
+        best, spread = finding.best, finding.best.spread
+        stage, gear = best.key
         evidence = [f"the {gear} of stage {stage} departs from its healthy pattern around its turn"]
         if spread is not None:
             evidence += [_explained(spread), *_second_told(spread)]
-        judged = self._judged_departure(finding)
-        if judged is None:
-            return self._flag(_UNCLEAR, strength, evidence, stage, gear)
-        told = (*evidence, *_told(judged))
-        return self._flag(judged.kind, strength, told, judged.stage or stage, judged.gear)
-
-    def _judged_departure(self, finding: ToothFinding) -> KindJudgement | None:
-        """Judge the kind of a departure that one tooth does not explain; None if none is clear."""
-        best, focus = finding.best, self._focus
-        focused, order = finding.of(*focus), best.deviation.order
-        if focused is None or abs(focused.deviation.order - order) > 1e-9 * order:
-            focus = best.key
-        return self._clear(focus)
+        # what departs repeats with all gears on its shaft: the one that changed most tells its kind
+        focused, order = finding.of(*self._focus), best.deviation.order
+        alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
+        judged = self._clear(self._focus if alike else best.key)
+        kind, place = (judged.kind, (judged.stage, judged.gear)) if judged else (_UNCLEAR, best.key)
+        return self._flag(kind, strength, (*evidence, *_told(judged)), place)
 
     @property
     def _focus(self) -> tuple[int, str]:
@@ -183,19 +207,18 @@ class Flagging:
             return None
         own = finding.of(*gear) if finding is not None else None
         spread = own.spread if own is not None else None
-        judged = judge_kind(features, stage=gear[0], gear=gear[1], spread=spread)
+        judged = judge_kind(features, gear=gear, spread=spread)
         clear = judged.kind not in (NONE, "tooth damage") and judged.probability >= _NAMED
         return judged if clear else None
 
-    def _runout(self, flagged: set[tuple[int | None, str | None]]) -> list[Flag]:
+    def _runout(self, flagged: set[_Place]) -> list[Flag]:
         """Flag gears whose first or second sidebands have grown beyond the farther ones."""
-        strengths = self.evidence.strengths
-        if strengths["runout"] < LIMITS.fault:
+        if self.evidence.strengths["runout"] < LIMITS.fault:
             return []
         # none of 51 simulated gears that run out changes the noise or whole bands; bearings and
         # sensors that were moved do, and move single sidebands with them
-        elsewhere = noise_rose(self.evidence.deviation) or self.evidence.path.likely
-        if self._changed >= LIMITS.fault and elsewhere:
+        elsewhere = self.evidence.noise_rose or self.evidence.path.likely
+        if self.evidence.changed >= LIMITS.fault and elsewhere:
             return []
         found = []
         for growth in self.evidence.runout:
@@ -205,8 +228,7 @@ class Flagging:
                 continue
             judged = self._clear(gear)
             kind = growth.kind if judged is None else judged.kind
-            evidence = [*growth.evidence, *(_told(judged) if judged is not None else ())]
-            found.append(self._flag(kind, strength, evidence, *gear))
+            found.append(self._flag(kind, strength, (*growth.evidence, *_told(judged)), gear))
         return found
 
     def _nongear(self) -> list[Flag]:
@@ -219,8 +241,8 @@ class Flagging:
 
     def _levels(self, nongear: bool) -> list[Flag]:
         """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
-        strongest, strength = sentences(self.changes), self._changed
-        noisy, bands = noise_rose(self.evidence.deviation), self.evidence.strengths["path"]
+        strongest, strength = sentences(self.changes), self.evidence.changed
+        noisy, bands = self.evidence.noise_rose, self.evidence.strengths["path"]
         if self.evidence.path.likely and (bands >= LIMITS.fault or not noisy):
             common = 100 * self.evidence.path.common
             told = (
@@ -248,22 +270,9 @@ class Flagging:
         own = sentences([change for change in self.changes if group(change) == group(first)])
         # the kind of fault that they are most like
         judged = self._clear(self._focus)
-        if judged is None:
-            return [self._flag(f"changed {first.kind}", strength, own, first.stage, first.gear)]
-        told = (*_told(judged), *own)
-        return [self._flag(judged.kind, strength, told, judged.stage, judged.gear)]
-
-
-def _counting(finding: ToothFinding) -> str:
-    if finding.best.counted_from == "tacho":
-        return (
-            "teeth are counted from the one that enters mesh at the tachometer pulse, in this "
-            "recording as in the healthy ones"
-        )
-    return (
-        "teeth are counted from where the first healthy recording begins: the same number is "
-        "the same tooth in every recording compared with this reference"
-    )
+        plain = f"changed {first.kind}", (first.stage, first.gear)
+        kind, place = (judged.kind, (judged.stage, judged.gear)) if judged else plain
+        return [self._flag(kind, strength, (*_told(judged), *own), place)]
 
 
 def _alike(finding: ToothFinding) -> list[str]:
@@ -307,21 +316,19 @@ def _second_told(spread: DepartureSpread) -> list[str]:
     ]
 
 
-def _told(judged: KindJudgement) -> tuple[str, ...]:
-    return (
-        f"most like {judged.kind} ({judged.probability:.0%} by physical rules, not calibrated)",
-        *judged.evidence,
-    )
+def _told(judged: KindJudgement | None) -> tuple[str, ...]:
+    if judged is None:
+        return ()
+    likely = f"{judged.probability:.0%} by physical rules, not calibrated"
+    return f"most like {judged.kind} ({likely})", *judged.evidence
 
 
-def _crack(machine: Machine, finding: ToothFinding) -> list[str]:
+def _crack(finding: ToothFinding) -> list[str]:
     """Tell the depth of a crack that would do it, where the geometry of the gears is known."""
     loss = finding.loss
     if loss is None:
         return []
-    depths = [
-        crack_depth_mm(machine, *finding.best.key, own) for own in (loss.loss, loss.low, loss.high)
-    ]
+    depths = [crack_depth_mm(finding.machine, *finding.best.key, own) for own in astuple(loss)]
     if depths[0] is None:
         return []
     size, low, high = (f"{own:.2g}" if own is not None else "?" for own in depths)
@@ -425,6 +432,22 @@ def _gear(stage: int | None, gear: str | None) -> str:
     return f"the {gear} of stage {stage}" if gear else f"the gears of stage {stage}"
 
 
+def hidden_stages(searched: Sequence[GearEvidence], undetected: Collection[int]) -> set[int]:
+    """Name the stages of which nothing is heard.
+
+    Parameters
+    ----------
+    searched : sequence of GearEvidence
+        All gears.
+    undetected : collection of int
+        Stages whose mesh was not detected: what is heard at its lines may be pitch errors of a gear
+        on the same shaft, unless they stand out of the other lines of both gears. Those of a
+        planetary set stand where its planets put them.
+    """
+    asked = [own for own in searched if own.key[0] in undetected and own.key[1] in _OF_PAIRS]
+    return {own.key[0] for own in asked if not own.mesh_stands_out}
+
+
 def unheard(
     evidence: Evidence,
     machine: Machine,
@@ -445,7 +468,7 @@ def unheard(
     must_notice : float
         Loss of a pair's stiffness that should have been heard.
     hidden : collection of int
-        Stages of which nothing is heard, see `evidence.hidden_stages`.
+        Stages of which nothing is heard, see `hidden_stages`.
 
     Returns
     -------
@@ -457,13 +480,12 @@ def unheard(
         (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
     )
     least = LIMITS.about * must_notice
-    deaf = [own for own in gears if own[0] in hidden or loss.get(own, 1.0) > least]
+    deaf = [_gear(*own) for own in gears if own[0] in hidden or loss.get(own, 1.0) > least]
     told = []
     if deaf:
-        named = ", ".join(f"the {gear} of stage {stage}" for stage, gear in deaf)
         told.append(
             f"Even a loss of {100 * must_notice:.0f} % of a tooth's stiffness might have gone "
-            f"unnoticed on {named}: record longer, under load, or nearer to it."
+            f"unnoticed on {', '.join(deaf)}: record longer, under load, or nearer to it."
         )
         told += [
             f"A sun that floats hides damage in its set: if that of stage {stage} does not, give "
@@ -487,55 +509,28 @@ def _sun_held(machine: Machine, number: int) -> str:
     return f"its shaft a [[bearing]] (shaft = {shaft}) with its stiffness_n_per_m"
 
 
-def reason(
-    verdict: str,
-    evidence: Evidence,
-    flags: Sequence[Flag],
-    changes: Sequence[Change],
-    profiles: Sequence[ToothProfile],
-    unheard: str = "",
-) -> str:
+def reason(found: Analysis, evidence: Evidence, unheard: str = "") -> str:
     """Give the reason of a verdict on a recording that was compared with a reference.
 
     Parameters
     ----------
-    verdict : {"healthy", "fault", "cannot tell"}
-        As of `decide`.
+    found : Analysis
+        With verdict, flags, changes and profiles.
     evidence : Evidence
         What was compared.
-    flags, changes, profiles
-        Of the analysis.
     unheard : str
         What could not have been told of; "" if nothing.
     """
-    rested = f"{_levels(evidence)} {most_striking(profiles)}"
-    if verdict == "fault":
-        strongest = sentences(changes)[:1]
+    rested = f"{_levels(evidence)} {most_striking(found.profiles)}"
+    if found.verdict == "fault":
+        strongest = sentences(found.changes)[:1]
         most = f" Most of all, {strongest[0]}." if strongest else ""
-        return f"{fault_sentence(flags)} {rested}{most}"
-    if verdict == "healthy":
-        noticed = f"{_noticed(profiles)} {_wear(evidence)}"
+        return f"{fault_sentence(found.flags)} {rested}{most}"
+    if found.verdict == "healthy":
+        noticed = f"{_noticed(found.profiles)} {_wear(evidence)}"
         return f"The machine sounds as it did when it was healthy.{noticed} {rested}"
-    if evidence.knocked:
-        told = (
-            "Knocks drown the gears: what stands out came in single turns, not in each. Record "
-            "again where the machine runs more quietly, or longer."
-        )
-    elif evidence.strength >= LIMITS.open or evidence.probability < LIMITS.rare:
-        told = "More changed than is usual, but not enough to call it a fault: record again."
-    elif evidence.heavier_db:
-        told = (
-            f"The gear mesh is {evidence.heavier_db:.0f} dB louder than any healthy recording had "
-            "it: the load is far heavier than those learned, or all teeth are worn."
-        )
-    elif evidence.angle_lost:
-        told = (
-            "Nothing speaks against the machine, but its angle was lost on the way: record again "
-            "at a steadier speed, or with a tachometer."
-        )
-    else:
-        told = "Nothing speaks against the machine, but not all of it was heard."
-    return f"{told} {unheard} {rested}" if unheard else f"{told} {rested}"
+    told = doubt(evidence) or "Nothing speaks against the machine, but not all of it was heard."
+    return " ".join(filter(None, (told, unheard, rested)))
 
 
 def _wear(evidence: Evidence) -> str:

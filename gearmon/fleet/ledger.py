@@ -36,17 +36,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gearmon import __version__
+from gearmon.diagnosis.history import store as histories
 from gearmon.diagnosis.history.entries import ENTRY, Entry, time_text
-from gearmon.diagnosis.history.store import (
-    append_to,
-    as_text,
-    largest_loss,
-    opened,
-    put,
-    recording,
-    sound,
-    summarise,
-)
 from gearmon.errors import ArgumentError
 from gearmon.files import made_folder, replacing
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook, Job
@@ -120,7 +111,7 @@ class Outcome:
 
 def writing(fleet: Fleet, *, known: bool = False) -> AbstractContextManager[Connection]:
     """Open the store of a fleet to write: one transaction."""
-    return opened(fleet.store, create=True, more=_TABLES, known=known)
+    return histories.opened(fleet.store, create=True, more=_TABLES, known=known)
 
 
 def known(fleet: Fleet) -> dict[str, list[Any]]:
@@ -147,22 +138,24 @@ def _kept(store: Connection, outcome: Outcome) -> str:
     if outcome.entry is not None:
         try:
             # in the place of what the same file said before, of no other's
-            append_to(store, outcome.entry, replace=None)
-            summarise(store, [outcome.entry.machine])
+            histories.append_to(store, outcome.entry, replace=None)
+            histories.summarise(store, [outcome.entry.machine])
         except ArgumentError as error:
             why = str(error)
     state = "being written" if outcome.growing else "failed" if why else "done"
     own = {name: getattr(job, name) for name in ("path", "time_s", "size", "changed")}
     own |= {"machine": job.machine.name, "class": job.operating_class, "hash": outcome.hash}
     own |= {"state": state, "why": why, "version": __version__}
-    store.execute("DELETE FROM ledger WHERE path = ?", (as_text(job.path),))  # its number ends
-    put(store, "ledger", own | {"indicators": json.dumps(outcome.indicators)})
+    store.execute(
+        "DELETE FROM ledger WHERE path = ?", (histories.as_text(job.path),)
+    )  # its number ends
+    histories.put(store, "ledger", own | {"indicators": json.dumps(outcome.indicators)})
     return why or state
 
 
 def counts(fleet: Fleet) -> dict[str, int]:
     """Return how many recordings of each state the ledger knows."""
-    with opened(fleet.store, create=False) as store:
+    with histories.opened(fleet.store, create=False) as store:
         return dict(map(tuple, store.execute("SELECT state, count(*) FROM ledger GROUP BY state")))
 
 
@@ -190,10 +183,10 @@ def recorded(store: Connection, where: str, values: Sequence[Any]) -> list[dict[
     """
     rows, asked = [], f"SELECT * FROM ledger WHERE {where}"  # noqa: S608 - ours
     for row in store.execute(asked, values).fetchall():
-        own = sound(row) | {"id": row["id"]}
+        own = histories.sound(row) | {"id": row["id"]}
         kept: dict[str, Any] = dict.fromkeys(ENTRY) | {"findings": "[]", "places": "[]"}
         if own["state"] == "done":
-            kept = recording(store, own["machine"], own["time_s"])
+            kept = histories.recording(store, own["machine"], own["time_s"])
             if not kept:
                 raise ValueError(f"a recording of {own['machine']!r} is missing")
         told = json.loads(own["indicators"]).items()
@@ -236,11 +229,11 @@ def write_results(fleet: Fleet) -> list[Path]:
 
 
 def _results(fleet: Fleet, after: int) -> list[dict[str, Any]]:
-    with opened(fleet.store, create=False) as store:
+    with histories.opened(fleet.store, create=False) as store:
         # a state that is none is damage, and said to be
         new = "state NOT IN ('failed', 'being written') AND id > ? ORDER BY id LIMIT ?"
         rows = recorded(store, new, (after, _ROWS))
-    return [row | {"ledger_id": row["id"]} | largest_loss(row["places"]) for row in rows]
+    return [row | {"ledger_id": row["id"]} | histories.largest_loss(row["places"]) for row in rows]
 
 
 def renew(fleet: Fleet) -> None:
@@ -265,14 +258,14 @@ def _renew(store: Connection, machine: FleetMachine) -> None:
         for finding, since, until in episodes(rows, machine.alarm_after, machine.alarm_clear)
     }
     rows = store.execute("SELECT * FROM alarms WHERE machine = ?", (machine.name,)).fetchall()
-    before = {tuple(row[name] for name in _KEY): sound(row) for row in rows}
+    before = {tuple(row[name] for name in _KEY): histories.sound(row) for row in rows}
     # a recording that arrived late has taken them back, or moved their begin
     gone = {key: row for key, row in before.items() if key not in now}
     moved = {key[:3]: row for key, row in gone.items()}
     for key, until in now.items():
         own = before.get(key, {"told": "[]", "acknowledged": 0})
         own = moved.get(key[:3], own) if own["told"] == "[]" else own
-        put(store, "alarms", own | dict(zip(_KEY, key, strict=True)) | {"until_s": until})
+        histories.put(store, "alarms", own | dict(zip(_KEY, key, strict=True)) | {"until_s": until})
     for key in gone:
         store.execute(
             "DELETE FROM alarms WHERE (machine, class, finding, since_s) = (?, ?, ?, ?)", key
@@ -338,13 +331,13 @@ def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
         id, machine, class, finding, since and until (times in words; None while it lasts), over,
         acknowledged and told (targets that know of it), among others.
     """
-    with opened(fleet.store, create=False) as store:
+    with histories.opened(fleet.store, create=False) as store:
         rows = store.execute(
             "SELECT rowid AS id, * FROM alarms WHERE machine = coalesce(?, machine) "
             "ORDER BY since_s DESC, machine, class, finding",
             (machine,),
         ).fetchall()
-        return [_alarm(sound(row) | {"id": row["id"]}) for row in rows]
+        return [_alarm(histories.sound(row) | {"id": row["id"]}) for row in rows]
 
 
 def _alarm(row: dict[str, Any]) -> dict[str, Any]:
@@ -405,7 +398,7 @@ def _note(fleet: Fleet, number: int, **known: str | int) -> None:
     """Change what an alarm's row says, if there still is one."""
     with writing(fleet) as store:
         for row in store.execute("SELECT * FROM alarms WHERE rowid = ?", (number,)).fetchall():
-            put(store, "alarms", sound(row) | known)
+            histories.put(store, "alarms", histories.sound(row) | known)
 
 
 def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -470,7 +463,7 @@ def rank(fleet: Fleet) -> list[dict[str, Any]]:
 
     rows: list[dict[str, Any]] = []
     for machine in fleet.machines:
-        with opened(fleet.store, create=False) as store:
+        with histories.opened(fleet.store, create=False) as store:
             every = recorded(store, "machine = ? ORDER BY time_s", (machine.name,))
         told = [row for row in every if row["state"] == "done"]
         if len(told) < FEWEST:
@@ -540,7 +533,7 @@ def _beside(fleet: Fleet, alike: list[FleetMachine]) -> Iterator[dict[str, Any]]
     import pandas as pd
     from scipy.stats import t as student
 
-    with opened(fleet.store, create=False) as store:
+    with histories.opened(fleet.store, create=False) as store:
         order = "machine = ? AND state = 'done' ORDER BY time_s DESC LIMIT ?"
         told = [
             {"machine": own.name, "class": row["class"]} | row["indicators"]

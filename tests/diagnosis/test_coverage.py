@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from reference.gear_departures import complex_noise
 
-from gearmon.diagnosis.evidence import Evidence, heard_from, hidden_stages, noticed_from
+from gearmon.diagnosis.evidence import Evidence, heard_from, noticed_from
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence
 from gearmon.diagnosis.hypotheses.tooth_match import search_gear
 from gearmon.diagnosis.law.gear_lines import FULL_LOAD, BandDeviation, GearDeviation
-from gearmon.diagnosis.verdict import unheard
+from gearmon.diagnosis.verdict import hidden_stages, unheard
 from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signatures.expected.tooth_response import tooth_response
 

@@ -16,7 +16,6 @@ from gearmon.diagnosis.evidence import (
     PathChange,
     broadband_strength,
     comparable,
-    decide,
     false_alarm_probability,
 )
 from gearmon.diagnosis.fault_types import NAMES, FeatureVector
@@ -29,6 +28,7 @@ from gearmon.diagnosis.nongear import NonGearFinding
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
 from gearmon.diagnosis.verdict import (
     Flagging,
+    decide,
     fault_sentence,
     level_changes,
     reason,
@@ -87,8 +87,14 @@ def flags_of(found, known=None, changes=(), common=0.0, together=0.0):
     path = PathChange(common=common, apart=None, together=together, bands=16)
     found = replace(found, path=path)
     known = known or features()
-    told = Flagging(evidence=found, machine=machine(), changes=tuple(changes), features=known)
+    told = Flagging(evidence=found, changes=tuple(changes), features=known)
     return told.flags()
+
+
+def told_of(verdict, found, deaf=""):
+    """The reason of a verdict without flags, changes or gears."""
+    bare = SimpleNamespace(verdict=verdict, flags=(), changes=(), profiles=())
+    return reason(bare, found, deaf)
 
 
 def change(level_db, kind="sidebands", gear_name="pinion", harmonic=1, scatter_db=0.5):
@@ -310,7 +316,7 @@ def test_levels_alone_call_no_fault_in_a_lost_angle_or_between_knocks(why):
     found = replace(evidence(lines=4.0), **why)
     assert decide(evidence(lines=4.0)) == "fault"
     assert decide(found) == "cannot tell"
-    told = reason(decide(found), found, (), (), ())
+    told = told_of(decide(found), found)
     assert ("Knocks drown the gears" in told) == ("knocks" in why)
     # nor is a clean bill of health given in an angle that was lost
     assert (decide(replace(evidence(), **why)) == "healthy") == ("knocks" in why)
@@ -328,7 +334,7 @@ def test_what_could_not_be_heard_leaves_the_answer_open_and_is_said():
     found, deaf = evidence(), "Damage of the gear might have gone unnoticed."
     assert decide(found) == "healthy"
     assert decide(found, deaf) == "cannot tell"
-    told = reason("cannot tell", found, (), (), (), deaf)
+    told = told_of("cannot tell", found, deaf)
     assert told.startswith(
         f"Nothing speaks against the machine, but not all of it was heard. {deaf}"
     )
@@ -340,13 +346,13 @@ def test_a_mesh_far_louder_than_any_learned_load_leaves_the_answer_open(heavy, v
     found = evidence(heavy=heavy)
     decision = decide(found)
     assert decision == verdict
-    told = reason(decision, found, (), (), ())
+    told = told_of(decision, found)
     assert ("8 dB louder" in told) == (verdict == "cannot tell")
 
 
 def test_a_healthy_verdict_says_how_much_wear_would_pass_for_load():
     found = evidence(heavy=-0.1)
-    told = reason(decide(found), found, (), (), ())
+    told = told_of(decide(found), found)
     assert f"below a loss of about {100 * (1 - np.exp(-0.85)):.0f} %" in told
 
 
@@ -460,8 +466,9 @@ def test_a_mesh_that_is_gone_is_a_fault_but_where_all_is_quiet(noise, gain_db, v
         indicators={},
         warnings=(),
     )
-    deviation = evidence(noise=noise, noise_gain_db=gain_db).deviation
-    found = mesh_lost(alone, deviation, 3)
+    compared = evidence(noise=noise, noise_gain_db=gain_db)
+    deviation = compared.deviation
+    found = mesh_lost(alone, compared)
     assert found.verdict == verdict
     if verdict == "fault":
         strength = broadband_strength(deviation.broadband)

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from scipy.special import softmax
 
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.hypotheses.turns import Sidebands, aligned, departure_energy, turn_changes
@@ -99,6 +100,9 @@ _ROUGH, _DECAY_DB = 4.0, 6.0
 _OF_A_MESH = ("wear",)
 
 
+_Gear = tuple[int, str]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FeatureVector:
     """Features of every gear that was looked at.
@@ -124,28 +128,28 @@ class FeatureVector:
         evidence = np.maximum(np.max(sides, axis=0), 0.0) + local + 0.5 * column["mesh_rms_db"]
         return int(np.argmax(evidence))
 
-    def row(self, stage: int | None = None, gear: str | None = None) -> int:
-        """Return the row of a gear, or the focus if none is named.
+    def row(self, gear: _Gear | None = None) -> int:
+        """Return the row of a gear (stage and name), or the focus if none is named.
 
         Raises
         ------
         ArgumentError
             If that gear was not looked at.
         """
-        if stage is None:
+        if gear is None:
             return self.focus
-        for index, (own_stage, own_gear) in enumerate(self.gears):
-            if own_stage == stage and gear in (None, own_gear):
-                return index
-        known = ", ".join(f"{gear or 'mesh'} of stage {stage}" for stage, gear in self.gears)
-        raise ArgumentError(f"gear {gear!r} of stage {stage} was not looked at; known: {known}")
+        if gear in self.gears:
+            return self.gears.index(gear)
+        known = ", ".join(f"{name or 'mesh'} of stage {stage}" for stage, name in self.gears)
+        raise ArgumentError(
+            f"gear {gear[1]!r} of stage {gear[0]} was not looked at; known: {known}"
+        )
 
     def named(self, row: int) -> dict[str, float]:
         """Return one row as name -> value."""
         return dict(zip(NAMES, self.values[row].tolist(), strict=True))
 
 
-_Gear = tuple[int, str]
 _NOTHING: Mapping[_Gear, FloatArray] = {}
 
 
@@ -182,22 +186,18 @@ def kind_features(
     """
     groups = _grouped(changes)
     shafts = {(c.stage, c.gear): c.shaft for c in changes if c.shaft is not None and c.gear}
-    shapes = {gear: _shape(energy) for gear, energy in energies.items()}
-    gears = {key[1:] for key in groups if key[0] != "mesh"} | sidebands.keys() | shapes.keys()
+    gears = {key[1:] for key in groups if key[0] != "mesh"} | sidebands.keys() | energies.keys()
     gears |= {(stage, "") for _, stage, _ in groups if stage not in {own for own, _ in gears}}
     if not gears:
         raise ArgumentError("no change of level and no turn of a gear to tell a kind of fault from")
     ranked = tuple(sorted(gears))
-    single = {
-        gear: _levels(groups, gear, sidebands.get(gear)) | shapes.get(gear, _NO_SHAPE)
-        for gear in ranked
-    }
-    overall = _rms(np.concatenate([g.change for g in groups.values()])) if groups else 0.0
-    rows = []
-    for gear in ranked:
-        found = single[gear] | _others(gear, single, shafts) | {"overall_db": overall}
-        rows.append([found[name] for name in NAMES])
-    return FeatureVector(gears=ranked, values=np.array(rows, dtype=np.float64))
+    still = np.zeros(1)  # what could not be compared
+    own = np.array(
+        [(*_levels(groups, g, sidebands.get(g)), *_shape(energies.get(g, still))) for g in ranked]
+    )
+    moved = np.concatenate([group.change for group in groups.values()] or [still])
+    values = np.column_stack([own, _others(own, ranked, shafts), np.full(len(own), _rms(moved))])
+    return FeatureVector(gears=ranked, values=values)
 
 
 class _Group(NamedTuple):
@@ -235,54 +235,39 @@ def _grouped(changes: Sequence[Change]) -> dict[tuple[str, int, str], _Group]:
     return {key: _Group(*np.array(rows, dtype=float).T) for key, rows in members.items()}
 
 
-_LEVELS = {"mesh": "mesh", "sidebands": "near", "residual": "far"}
-_SINGLE = ("once_db", "twice_db", "thrice_db", "several_db", "turns_known")
-
-
 def _levels(
     groups: Mapping[tuple[str, int, str], _Group], gear: _Gear, single: FloatArray | None
-) -> dict[str, float]:
+) -> tuple[float, ...]:
     """Return changes of the mesh of a gear, of its sidebands, and of all that is farther away."""
     mesh = groups.get(("mesh", gear[0], ""), _UNCHANGED)
+    near, far = (groups.get((kind, *gear), _UNCHANGED) for kind in ("sidebands", "residual"))
     first = _Group(*(part[mesh.harmonic == mesh.harmonic.min()] for part in mesh))
-    found = {"mesh_first_db": first.mean, "mesh_rms_db": _rms(mesh.change, mesh.weight)}
-    for kind, name in _LEVELS.items():
-        group = mesh if kind == "mesh" else groups.get((kind, *gear), _UNCHANGED)
-        found |= {f"{name}_db": group.mean, f"{name}_slope_db": group.slope}
-    moved = np.clip([found["near_db"]] * 4 if single is None else single, -LARGEST_DB, LARGEST_DB)
-    told = (*moved[:3].tolist(), float(moved[3:].mean()), float(single is not None))
-    return found | dict(zip(_SINGLE, told, strict=True))
+    moved = np.clip([near.mean] * 4 if single is None else single, -LARGEST_DB, LARGEST_DB)
+    of_mesh = mesh.mean, first.mean, mesh.slope, _rms(mesh.change, mesh.weight)
+    beside = near.mean, near.slope, far.mean, far.slope, *moved[:3].tolist()
+    return *of_mesh, *beside, float(moved[3:].mean()), float(single is not None)
 
 
-_SHAPE = ("peak_db", "second_db", "top_share", "teeth_involved", "peaks", "turn_once", "turn_twice")
-_NO_SHAPE = dict.fromkeys(_SHAPE, 0.0)
-
-
-def _shape(energy: FloatArray) -> dict[str, float]:
-    """Describe how the departure is spread around a turn."""
+def _shape(energy: FloatArray) -> tuple[float, ...]:
+    """Describe how the departure is spread around a turn, by "peak_db" to "turn_twice"."""
     level = np.maximum(np.asarray(energy, dtype=np.float64), 0.0)
     level = level / max(float(level.max(initial=0.0)), np.finfo(float).tiny)
     middle, teeth = float(np.median(level)), len(level)
     excess = np.maximum(level - middle, 0.0)
     total = float(excess.sum())
     if middle <= 0 or total <= 0:
-        return _NO_SHAPE
+        return (0.0,) * 7
     window = sum(np.roll(excess, -i) for i in range(min(_WINDOW_TEETH, teeth)))
     maxima = _maxima(level)
     first, second = maxima[0], maxima[1] or maxima[0]  # a very short turn has no second
     # 60 dB are the most that is told: a median far below it must not divide
-    peaks = np.array([first, second]) / max(middle, 1e-9)
+    peaks = np.minimum(10 * np.log10(np.array([first, second]) / max(middle, 1e-9)), 60.0)
     # half the highest at least, and what stands out
     least = max(middle + 0.5 * (first - middle), 4.0 * middle)
     turns = np.exp(2j * np.pi * np.outer([1, 2], np.arange(teeth)) / teeth)
-    values = (
-        *np.minimum(10 * np.log10(peaks), 60.0),
-        np.max(window) / total,
-        np.log2(total**2 / np.sum(excess**2)),
-        np.count_nonzero(maxima >= least),
-        *(np.abs(turns @ excess) / total),
-    )
-    return {name: float(value) for name, value in zip(_SHAPE, values, strict=True)}
+    share, spread = np.max(window) / total, np.log2(total**2 / np.sum(excess**2))
+    around = np.abs(turns @ excess) / total
+    return *peaks, share, spread, np.count_nonzero(maxima >= least), *around
 
 
 def _maxima(level: FloatArray) -> FloatArray:
@@ -297,26 +282,16 @@ def _maxima(level: FloatArray) -> FloatArray:
     return found
 
 
-def _others(
-    gear: _Gear, single: Mapping[_Gear, Mapping[str, float]], shafts: Mapping[_Gear, int | None]
-) -> dict[str, float]:
-    """Return what the other gears show, for contrast."""
-    others = [other for other in single if other != gear]
-    mates = [other for other in others if other[0] == gear[0]]
-    apart = [other for other in others if other[0] != gear[0]]
-    shaft = shafts.get(gear)
-    coupled = [other for other in apart if shaft is not None and shafts.get(other) == shaft]
-
-    def largest(name: str, of: Sequence[_Gear]) -> float:
-        return max((single[other][name] for other in of), default=0.0)
-
-    return {
-        "mate_near_db": largest("near_db", mates),
-        "mate_far_db": largest("far_db", mates),
-        "rival_peak_db": largest("peak_db", others),
-        "shaft_near_db": largest("near_db", coupled),
-        "elsewhere_mesh_db": largest("mesh_rms_db", apart),
-    }
+def _others(own: FloatArray, gears: Sequence[_Gear], shafts: Mapping[_Gear, int]) -> FloatArray:
+    """Return what the other gears show, for contrast, "mate_near_db" to "elsewhere_mesh_db"."""
+    stage, shaft = np.array([(gear[0], shafts.get(gear, 0)) for gear in gears]).T
+    others, mates = ~np.eye(len(gears), dtype=bool), stage[:, None] == stage
+    coupled = ~mates & (shaft[:, None] == shaft) & (shaft > 0)
+    names = ("near_db", "far_db", "peak_db", "near_db", "mesh_rms_db")
+    among = np.stack([mates & others, mates & others, others, coupled, ~mates])
+    column = own[:, [NAMES.index(name) for name in names]].T
+    shown = np.where(among, column[:, None], -np.inf).max(axis=2)
+    return np.where(np.isfinite(shown), shown, 0.0).T
 
 
 def _rms(values: FloatArray, weight: FloatArray | None = None) -> float:
@@ -358,8 +333,7 @@ def judge_kind(
     features: FeatureVector,
     classifier: KindClassifier | None = None,
     *,
-    stage: int | None = None,
-    gear: str | None = None,
+    gear: _Gear | None = None,
     spread: DepartureSpread | None = None,
 ) -> KindJudgement:
     """Judge the kind of a fault.
@@ -370,8 +344,9 @@ def judge_kind(
         See `kind_features`.
     classifier : KindClassifier, optional
         Trained by `fault_types.training.train_kinds` on this machine; by default the rules judge.
-    stage, gear : int, str, optional
-        Gear that was found damaged by other means; by default the one with the most evidence.
+    gear : (int, str), optional
+        Stage and gear that was found damaged by other means; by default the gear with the most
+        evidence.
     spread : DepartureSpread, optional
         How far the departure of that gear is one tooth's; the rules then rest on it. A classifier
         has not seen such numbers and passes over it.
@@ -385,7 +360,7 @@ def judge_kind(
     ArgumentError
         If that gear was not looked at, or the classifier was trained on other features.
     """
-    row = features.row(stage, gear)
+    row = features.row(gear)
     if classifier is None:
         probabilities = rule_probabilities(features.named(row), spread)
     else:
@@ -429,9 +404,8 @@ def rule_probabilities(
         Of every kind of `KINDS`; they sum to 1.
     """
     weights = _of_teeth(row, spread) | _of_lines(row, spread is not None)
-    values = np.array([weights[kind] for kind in KINDS]) / _SOFTNESS_DB
-    shares = np.exp(values - values.max())
-    return dict(zip(KINDS, (shares / shares.sum()).tolist(), strict=True))
+    shares = softmax(np.array([weights[kind] for kind in KINDS]) / _SOFTNESS_DB)
+    return dict(zip(KINDS, shares.tolist(), strict=True))
 
 
 def _of_teeth(row: Mapping[str, float], spread: DepartureSpread | None) -> dict[str, float]:
@@ -558,8 +532,8 @@ def kind_of_analysis(
         return None
     features = analysis_features(analysis, reference)
     flagged = [(flag.stage, flag.gear) for flag in analysis.flags]
-    stage, gear = next((own for own in flagged if own in features.gears), (None, None))
-    return judge_kind(features, classifier, stage=stage, gear=gear)
+    known = [gear for gear in features.gears if gear in flagged]
+    return judge_kind(features, classifier, gear=min(known, key=flagged.index, default=None))
 
 
 def analysis_features(analysis: Analysis, reference: Reference | None) -> FeatureVector:

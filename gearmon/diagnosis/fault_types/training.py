@@ -16,22 +16,17 @@ recordings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import cycle
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
-from gearmon.diagnosis.fault_types.kinds import (
-    KINDS,
-    NAMES,
-    NONE,
-    FeatureVector,
-    kind_features,
-)
+from gearmon.diagnosis.fault_types.kinds import KINDS, NONE, FeatureVector, kind_features
 from gearmon.diagnosis.hypotheses.turns import NEAR, Sidebands, departure_energy, turn_changes
 from gearmon.diagnosis.law.machine import LevelDeviation
 from gearmon.diagnosis.results import Change
@@ -141,7 +136,12 @@ def train_kinds(
 
     machine = load_machine(machine)
     check_range("count", count, *EXAMPLES_BETWEEN)
-    rows, kinds = training_table(examples(machine, seed, count, operating, progress))
+    drawn, made = examples(machine, seed, operating), []
+    for number in range(count):
+        made.append(next(drawn))
+        if progress is not None:
+            progress((number + 1) / count)
+    rows, kinds = training_table(made)
     classifier = KindClassifier(random_state=seed).fit(rows, kinds)
     classifier.machine_ = tooth_counts(machine)
     return classifier
@@ -150,35 +150,25 @@ def train_kinds(
 def training_table(made: list[Example]) -> tuple[FloatArray, NDArray[np.str_]]:
     """Return the feature rows in focus and their kinds."""
     rows = np.array([one.features.values[one.features.focus] for one in made])
-    return rows.reshape(len(made), len(NAMES)), np.array([one.kind for one in made])
+    return rows, np.array([one.kind for one in made])
 
 
-def examples(
-    machine: Machine,
-    seed: int,
-    count: int,
-    operating: int = 0,
-    progress: Callable[[float], None] | None = None,
-) -> list[Example]:
-    """Draw examples, of every kind in turn.
+def examples(machine: Machine, seed: int, operating: int = 0) -> Iterator[Example]:
+    """Draw examples without end, of every kind in turn.
 
     Parameters
     ----------
-    machine, seed, count, operating, progress
+    machine, seed, operating
         See `train_kinds`.
 
-    Returns
-    -------
-    list of Example
+    Yields
+    ------
+    Example
     """
     generator = np.random.default_rng([seed, 6])
     lines = machine_lines(machine, operating)
-    made = []
-    for number in range(count):
-        made.append(draw_example(lines, KINDS[number % len(KINDS)], generator))
-        if progress is not None:
-            progress((number + 1) / count)
-    return made
+    for kind in cycle(KINDS):
+        yield draw_example(lines, kind, generator)
 
 
 def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator) -> Example:
@@ -318,65 +308,56 @@ def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
     plan = line_plan(train, top, 0.5 * slowest)
     healthy = np.zeros((len(machine.stages), len(plan.orders)), dtype=np.complex128)
     gears = []
-    for stage in range(1, len(machine.stages) + 1):
-        mesh = _Mesh(machine, stage, operating)
-        own = [wheel for wheel in plan.wheels if wheel.stage == stage]
-        gears += [mesh.gear(wheel) for wheel in own]
-        for wheel in own[:1]:
+    for stage, own in enumerate(healthy, 1):
+        place = MeshPlace(machine, stage, operating)
+        sound = _lines(place)
+        wheels = [wheel for wheel in plan.wheels if wheel.stage == stage]
+        gears += [_gear_lines(place, wheel, sound) for wheel in wheels]
+        for wheel in wheels[:1]:
             chosen = wheel.number % wheel.teeth == 0
-            sound = _on(mesh.sound, wheel.number // wheel.teeth)
-            healthy[stage - 1, wheel.lines[chosen]] = sound[chosen]
+            own[wheel.lines[chosen]] = _on(sound, wheel.number[chosen] // wheel.teeth)
     return MachineLines(plan=plan, healthy=healthy, gears=tuple(gears))
 
 
-class _Mesh:
-    """The mesh of one stage at one operating point."""
+def _lines(place: MeshPlace, wrong: Sequence[str] = (), teeth: int = 1) -> ComplexArray:
+    """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
+    mesh_hz = kinematics(place.machine).mesh(place.stage).order * place.point.shaft1_hz
+    (solved,) = faulty_lines(place.alone(), [place.alone(wrong)], _TOP * mesh_hz, _TOLERANCE)
+    lines = np.zeros(int(np.ceil(_TOP * teeth)) + 1, dtype=np.complex128)
+    lines[solved.number * (teeth // solved.period)] = 2 * solved.acceleration
+    return lines
 
-    def __init__(self, machine: Machine, stage: int, operating: int) -> None:
-        self.machine, self.stage, self.operating = machine, stage, operating
-        own, point = machine.stages[stage - 1], MeshPlace(machine, stage, operating).point
-        self.max_hz = _TOP * kinematics(machine).mesh(stage).order * point.shaft1_hz
-        self.module_m = 1e-3 * (_USUAL_MODULE_MM if own.module_mm is None else own.module_mm)
-        self.sound = self._lines([])
-        self.rms = float(np.linalg.norm(self.sound))
 
-    def gear(self, wheel: WheelLines) -> GearLines:
-        """Return what can be wrong with a gear."""
-        added = {kind: self._added(kind, wheel) / LOSS for kind in _LOSSES}
-        for kind in ("pitch", "eccentricity", "profile"):
-            added[kind] = self._unit(self._added(kind, wheel))
-        # summed over z random teeth, z times the power of one
-        added["pitch"] /= np.sqrt(wheel.teeth)
-        for size in _WOBBLES:
-            wobble = self._added("misalignment", wheel, size)
-            if np.linalg.norm(wobble) > 0.05 * self.rms:
-                break
-        added["misalignment"] = self._unit(wobble)
-        half = wheel.teeth // 2
-        distance = (wheel.number + half) % wheel.teeth - half
-        return GearLines(wheel=wheel, distance=distance, added=added)
+def _gear_lines(place: MeshPlace, wheel: WheelLines, sound: ComplexArray) -> GearLines:
+    """Return what can be wrong with a gear, beside the sound lines of its mesh."""
+    module_mm = place.machine.stages[place.stage - 1].module_mm or _USUAL_MODULE_MM
+    rms, half, of_ring = float(np.linalg.norm(sound)), wheel.teeth // 2, wheel.gear == "ring"
 
-    def _unit(self, lines: ComplexArray) -> ComplexArray:
-        size = float(np.linalg.norm(lines))
-        # what does not act (a gap that the load closes) leaves rounding errors
-        return np.asarray(lines * (self.rms / size if size > 1e-6 * self.rms else 0.0))
-
-    def _added(self, kind: str, wheel: WheelLines, modules: float = SIZE) -> ComplexArray:
+    def added(kind: str, modules: float = SIZE) -> ComplexArray:
         tooth = 1 if kind in _OF_A_TOOTH else "all"
-        size = f"{LOSS}" if kind in _LOSSES else f"{1e6 * modules * self.module_m}um"
-        wrong = f"{kind}:{self.stage}:{wheel.gear}:{tooth}:{size}"
-        lines = self._lines([wrong], wheel.teeth, mesh=int(wheel.gear == "ring"))
+        size = f"{LOSS}" if kind in _LOSSES else f"{1e3 * modules * module_mm}um"
+        wrong = f"{kind}:{wheel.stage}:{wheel.gear}:{tooth}:{size}"
+        lines = _lines(replace(place, mesh=int(of_ring)), [wrong], wheel.teeth)
         common = lines[:: wheel.teeth]
-        common -= common if wheel.gear == "ring" else self.sound[: len(common)]
+        common -= common if of_ring else sound[: len(common)]
         return _on(lines, wheel.number)
 
-    def _lines(self, wrong: list[str], teeth: int = 1, mesh: int = 0) -> ComplexArray:
-        """Return acceleration lines 0, 1, ... of the turn of a gear (of the mesh: 1 tooth)."""
-        place = MeshPlace(self.machine, self.stage, self.operating, mesh=mesh)
-        (solved,) = faulty_lines(place.alone(), [place.alone(wrong)], self.max_hz, _TOLERANCE)
-        lines = np.zeros(int(np.ceil(_TOP * teeth)) + 1, dtype=np.complex128)
-        lines[solved.number * (teeth // solved.period)] = 2 * solved.acceleration
-        return lines
+    def unit(lines: ComplexArray) -> ComplexArray:
+        size = float(np.linalg.norm(lines))
+        # what does not act (a gap that the load closes) leaves rounding errors
+        return np.asarray(lines * (rms / size if size > 1e-6 * rms else 0.0))
+
+    found = {kind: added(kind) / LOSS for kind in _LOSSES}
+    found |= {kind: unit(added(kind)) for kind in ("pitch", "eccentricity", "profile")}
+    # summed over z random teeth, z times the power of one
+    found["pitch"] /= np.sqrt(wheel.teeth)
+    for size in _WOBBLES:
+        wobble = added("misalignment", size)
+        if np.linalg.norm(wobble) > 0.05 * rms:
+            break
+    found["misalignment"] = unit(wobble)
+    distance = (wheel.number + half) % wheel.teeth - half
+    return GearLines(wheel=wheel, distance=distance, added=found)
 
 
 def _on(lines: ComplexArray, number: IntArray) -> ComplexArray:
@@ -566,29 +547,29 @@ class _Sensors:
         self, one: _Measured, two: _Measured
     ) -> tuple[dict[tuple[int, str], FloatArray], Sidebands]:
         """Look around the turn of every gear, and at its single sidebands."""
-        gears = self.lines.gears
-        pairs = [(self._pattern(g.wheel, one), self._pattern(g.wheel, two)) for g in gears]
-        pairs = [(old, new) for old, new in pairs if len(new.number) > new.teeth]
+        before, after = self._patterns(one), self._patterns(two)
         near = NEAR if self.rng.uniform() < 0.5 else 0
         # what the two recordings do not share beyond their lines fills all of the turn
         floor = log_uniform(self.rng, 0.003, 0.3)
         energies = {}
-        for old, new in pairs:
+        for old, new in zip(before, after, strict=True):
             energy = departure_energy(new, old, near)
             raised = energy + floor * energy.mean()
             energies[new.stage, new.gear] = raised / np.median(raised)
         if self.rng.uniform() < 0.1:  # a caller may have families of lines only
             return energies, {}
-        return energies, turn_changes([new for _, new in pairs], [[old for old, _ in pairs]])
+        return energies, turn_changes(after, [before])
 
-    def _pattern(self, wheel: WheelLines, measured: _Measured) -> WheelPattern:
+    def _patterns(self, measured: _Measured) -> list[WheelPattern]:
+        """Return the patterns of the gears of which more than a mesh order is in range."""
         told = ("stage", "gear", "teeth", "order", "number", "mesh")
-        whole = WheelPattern(
-            **{name: getattr(wheel, name) for name in told},
-            amplitude=measured.amplitude[:, wheel.lines],
-            variance=measured.variance[:, wheel.lines],
-        )
-        return whole.only(wheel.number * wheel.order < self.top)
+        found = []
+        for wheel in (gear.wheel for gear in self.lines.gears):
+            amplitude, variance = measured.amplitude[:, wheel.lines], measured.variance
+            known = {name: getattr(wheel, name) for name in told}
+            whole = WheelPattern(**known, amplitude=amplitude, variance=variance[:, wheel.lines])
+            found.append(whole.only(wheel.number * wheel.order < self.top))
+        return [own for own in found if len(own.number) > own.teeth]
 
 
 def _echoes(orders: FloatArray, rng: np.random.Generator) -> ComplexArray:

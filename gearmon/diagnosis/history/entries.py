@@ -10,12 +10,17 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from gearmon.diagnosis.results import VERDICTS, Analysis, Flag, ToothProfile
-from gearmon.errors import ArgumentError, check_positive, check_range, check_type, check_word
-from gearmon.machine.fields import Choice, check_fields, held, within
+from gearmon.errors import ArgumentError, check_type, check_word
+from gearmon.files import table_cell
+from gearmon.machine.fields import Choice, Count, Text, check_fields, held, optional, within
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 #: Half the width of the 90 % interval of a loss, in standard deviations.
 HALF_OF_90 = 1.6448536269514722
@@ -61,26 +66,20 @@ class Place:
         If a number is not finite or a sigma not above zero.
     """
 
-    stage: int
-    gear: str
-    teeth: int | None = None
-    tooth: int | None = None
-    statistic: float | None = None
-    log10_probability: float | None = None
-    loss: float | None = None
-    loss_low: float | None = None
-    loss_high: float | None = None
-    loss_sigma: float | None = None
+    stage: int = held(Count(1, _MUCH))
+    gear: str = held(Text())
+    teeth: int | None = held(Count(1, _MUCH), None)
+    tooth: int | None = held(Count(1, _MUCH), None)
+    statistic: float | None = optional(-_MUCH, _MUCH)
+    log10_probability: float | None = optional(-_MUCH, _MUCH)
+    loss: float | None = optional(-_MUCH, _MUCH)
+    loss_low: float | None = optional(-_MUCH, _MUCH)
+    loss_high: float | None = optional(-_MUCH, _MUCH)
+    loss_sigma: float | None = optional(0, _MUCH, open_low=True)
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        check_type("gear", self.gear, str, "a text")
-        for name in PLACE:
-            value = getattr(self, name)
-            if name != "gear" and value is not None:
-                check_range(name, value, 1 if name in COUNTED else -_MUCH, _MUCH)
-        if self.loss_sigma is not None:
-            check_positive("loss_sigma", self.loss_sigma)
+        check_fields(self)
         if self.loss is not None and self.loss_sigma is None:
             raise ArgumentError(f"loss={self.loss} needs loss_sigma beside it: how sure is it?")
 
@@ -218,11 +217,21 @@ class History:
         """Return one row a recording, gear and tooth."""
         return [row for entry in self.entries for row in entry.rows()]
 
+    def to_frame(self) -> pd.DataFrame:
+        """Return these rows, fit for a table on disk: texts are no formulas of a spreadsheet."""
+        import pandas as pd
 
-#: Columns of an entry, and of a place; and those that hold whole numbers.
+        kinds = dict.fromkeys(("time", *ENTRY, *PLACE), "float")
+        kinds |= dict.fromkeys(("stage", "teeth", "tooth"), "Int64")
+        kinds |= dict.fromkeys(("time", "time_source", "machine", "recording", "verdict"), "str")
+        kinds["gear"] = "object"  # there is none where nothing was looked at
+        rows = [{name: table_cell(v) for name, v in row.items()} for row in self.rows()]
+        return pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
+
+
+#: Columns of an entry, and of a place.
 ENTRY = tuple(f.name for f in fields(Entry) if f.name not in ("findings", "places"))
 PLACE = tuple(f.name for f in fields(Place))
-COUNTED = ("stage", "teeth", "tooth")
 
 
 def duplicate_time(entry: Entry, known: str) -> ArgumentError:
@@ -256,17 +265,14 @@ def entry_of(analysis: Analysis, time: datetime, time_source: str = "given") -> 
     """
     if time.tzinfo is None:
         raise ArgumentError(f"time={time.isoformat()} has no offset from UTC; give one, such as Z")
-    places: dict[tuple[int, str, int | None], Place] = {}
-    for profile in analysis.profiles:
-        for place in _places(profile, analysis.flags):
-            places.setdefault(place.key, place)
+    places = (_places(profile, analysis.flags) for profile in analysis.profiles)
     return Entry(
         time_s=time.timestamp(),
         time_source=time_source,
         **{name: getattr(analysis, name) for name in _TOLD},
         speed_hz=float(analysis.signature.speed.estimated_hz),
         findings=tuple(_finding(flag) for flag in analysis.flags),
-        places=tuple(places.values()),
+        places=tuple(chain.from_iterable(places)),
     )
 
 

@@ -21,17 +21,9 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from gearmon.diagnosis.history.entries import (
-    COUNTED,
-    ENTRY,
-    PLACE,
-    Entry,
-    History,
-    Place,
-    duplicate_time,
-)
+from gearmon.diagnosis.history.entries import ENTRY, Entry, History, Place, duplicate_time
 from gearmon.errors import ArgumentError, GearmonError, SignatureError
-from gearmon.files import replacing, table_cell, write_atomically
+from gearmon.files import replacing, write_atomically
 
 #: "GMhi": SQLite files of other programs have another mark.
 APPLICATION_ID = 0x474D6869
@@ -238,23 +230,21 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
         If the file holds several machines and none was named.
     """
     with opened(Path(path), create=False) as store:
-        if machine is None:
-            names = [row[0] for row in store.execute("SELECT machine FROM latest ORDER BY machine")]
-            if len(names) != 1:
-                listed = ", ".join(map(repr, names)) or "none"
-                raise ArgumentError(f"{path}: name one of its machines: {listed}")
-            machine = names[0]
-        named = (as_text(machine),)
+        counted = "SELECT machine, recordings FROM latest ORDER BY machine"
+        known = dict(map(tuple, store.execute(counted)))
+        if machine is None and len(known) != 1:
+            listed = ", ".join(map(repr, known)) or "none"
+            raise ArgumentError(f"{path}: name one of its machines: {listed}")
+        name = as_text(machine if machine is not None else next(iter(known)))
         asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
-        rows = store.execute(asked, named).fetchall()
-        told = store.execute("SELECT recordings FROM latest WHERE machine = ?", named).fetchone()
+        rows = store.execute(asked, (name,)).fetchall()
         try:
-            if len(rows) != (told[0] if told else 0):
-                raise ValueError(f"recordings of {machine!r} are missing")
+            if len(rows) != known.get(name, 0):
+                raise ValueError(f"recordings of {name!r} are missing")
             entries = tuple(map(_entry, rows))
         except (ArgumentError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise _damaged(Path(path), "is a damaged history file", error) from None
-    return History(machine=as_text(machine), entries=entries)
+    return History(machine=name, entries=entries)
 
 
 def _entry(row: sqlite3.Row) -> Entry:
@@ -387,14 +377,7 @@ def export_history(history: History, path: str | Path) -> Path:
     ArgumentError
         If the name has another ending, or pyarrow is missing for Parquet.
     """
-    import pandas as pd
-
-    target = Path(path)
-    kinds = dict.fromkeys(("time", *ENTRY, *PLACE), "float") | dict.fromkeys(COUNTED, "Int64")
-    kinds |= dict.fromkeys(("time", "time_source", "machine", "recording", "verdict"), "str")
-    kinds["gear"] = "object"  # there is none where nothing was looked at
-    rows = [{name: table_cell(v) for name, v in row.items()} for row in history.rows()]
-    frame = pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
+    target, frame = Path(path), history.to_frame()
     if target.suffix.lower() == ".csv":
         write_atomically(target, frame.to_csv(index=False, lineterminator="\n"))
     elif target.suffix.lower() == ".parquet":

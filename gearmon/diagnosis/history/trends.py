@@ -292,9 +292,7 @@ def _reached(times: FloatArray, values: FloatArray, limit: float) -> float | Non
     last = int(below[-1])
     if last + 1 >= len(times):
         return None
-    one, two = values[last], values[last + 1]
-    share = (limit - one) / (two - one) if math.isfinite(one) and math.isfinite(two) else 1.0
-    return float(times[last] + share * (times[last + 1] - times[last]))
+    return float(np.interp(limit, values[last : last + 2], times[last : last + 2]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -89,14 +89,14 @@ def test_known_changes_come_back():
         return 7.0 if (kind, stage, gear) == ("residual", 1, "pinion") else 0.0
 
     found = kind_features(levels(change))
-    row = found.named(found.row(1, "pinion"))
+    row = found.named(found.row((1, "pinion")))
     assert found.gears[found.focus] == (1, "pinion")
     assert row["far_db"] == pytest.approx(7.0)
     assert row["near_db"] == pytest.approx(0.0)
     assert row["mesh_first_db"] == pytest.approx(3.0)
     assert row["mesh_slope_db"] == pytest.approx(2.0)
-    assert found.named(found.row(1, "gear"))["mate_far_db"] == pytest.approx(7.0)
-    assert found.named(found.row(2, "gear"))["elsewhere_mesh_db"] == pytest.approx(
+    assert found.named(found.row((1, "gear")))["mate_far_db"] == pytest.approx(7.0)
+    assert found.named(found.row((2, "gear")))["elsewhere_mesh_db"] == pytest.approx(
         row["mesh_rms_db"]
     )
 
@@ -106,8 +106,8 @@ def test_gears_on_one_shaft_know_of_each_other():
         return 5.0 if family[:3] == ("sidebands", 1, "gear") else 0.0
 
     found = kind_features(levels(change))
-    assert found.named(found.row(2, "pinion"))["shaft_near_db"] == pytest.approx(5.0)
-    assert found.named(found.row(2, "gear"))["shaft_near_db"] == 0.0
+    assert found.named(found.row((2, "pinion")))["shaft_near_db"] == pytest.approx(5.0)
+    assert found.named(found.row((2, "gear")))["shaft_near_db"] == 0.0
 
 
 def test_one_tooth_is_one_peak():
@@ -189,7 +189,7 @@ def test_nothing_to_look_at_is_said():
     with pytest.raises(ArgumentError, match="no change of level"):
         kind_features([])
     with pytest.raises(ArgumentError, match="was not looked at"):
-        kind_features(levels()).row(3, "sun")
+        kind_features(levels()).row((3, "sun"))
 
 
 def pattern(amplitude, teeth=20):
@@ -275,5 +275,5 @@ def test_means_weigh_each_change_by_its_scatter_and_one_decibel():
         for k, (gear, change, scatter) in enumerate(moved, start=1)
     ]
     found = kind_features([*still, *sides])
-    near = found.named(found.row(1, "pinion"))["near_db"]
+    near = found.named(found.row((1, "pinion")))["near_db"]
     assert near == pytest.approx((6.0 / 2 + 1.0 / 10) / (1 / 2 + 1 / 10))
