@@ -53,6 +53,9 @@ _SPARE_WIDTHS = 0.5
 # So many unrelated lines have as many chances of a rise as n of one source: n to this power. With
 # three quarters of their variance in common, from three standard deviations on, to a tenth.
 _ALIKE_POWER = 0.7
+# A gearbox of the same kind beside this one turns at its speed within this share; so many of its
+# mesh harmonics, among so many of the loudest lines, tell one speed to this share.
+_NEIGHBOUR, _TELLING, _LOUDEST, _ONE_SPEED = 0.1, 3, 30, 1e-3
 # Least probability that is told, as a power of ten.
 _LEAST_LOG10 = -300.0
 # Lines that change with such a probability help to name what they belong to.
@@ -354,12 +357,29 @@ class _Comparison(NamedTuple):
         # a level that is read in noise, mean over channels
         variance = (share * (10 / np.log(10)) ** 2 / 10 ** (np.minimum(over, 200.0) / 10)).sum(1)
         if in_spectrum:
-            moves = min(abs(self.lines.speed_hz / other.speed_hz - 1) for other in self.healthy)
-            variance += (own["locked"] != "time") * speed_scatter_db(moves) ** 2 / count
+            turned = np.array([self._turned(other) for other in self.healthy])
+            speeds = np.array([other.speed_hz for other in self.healthy])
+            moves = np.abs(self.lines.speed_hz / (speeds[:, None] * turned) - 1).min(axis=0)
+            moving = (own["locked"] != "time") | (turned != 1.0).any(axis=0)
+            scatter = np.array([speed_scatter_db(each) for each in moves.tolist()])
+            variance += moving * scatter**2 / count
         then = (levels * share).sum(axis=2).T
         change = (now * share).sum(axis=1) - then.mean(axis=1)
         peaks = grid.looked_at * noise_exceeds(10 ** (highest / 10), grid.pieces)
         return own["place"], change, then, listed.T, variance, peaks
+
+    def _turned(self, other: NonGearLines) -> FloatArray:
+        """Order of each line of the spectrum in another recording, over that in this one.
+
+        1 but for what may be of a neighbour that is heard in both: it turns at a speed of its own.
+        """
+        own, grid = self.lines.columns[KINDS[0]]["order"], self.lines.grid(KINDS[0])
+        here, there = (_neighbour(lines, self.train) for lines in (self.lines, other))
+        if here is None or there is None:
+            return np.ones(len(own))
+        away = distance_to(known_orders(self.train, grid.top, grid.width), own / here)
+        its = away <= np.maximum(OWN_WIDTHS * grid.width, _SAME_SHARE * own)
+        return np.where(its, there / here, 1.0)
 
     def _levels_in(self, other: NonGearLines, kind: str) -> tuple[FloatArray, NDArray[np.bool_]]:
         """Levels of lines in a healthy recording, NaN if it cannot tell; whether it lists them."""
@@ -369,6 +389,11 @@ class _Comparison(NamedTuple):
         # a line that keeps its frequency stands at another order when the speed is another
         order = np.where(still, moved, own["order"])
         same = _same(own, there, width)
+        if kind == KINDS[0]:
+            turned = self._turned(other)[:, None]
+            again = turned * own["order"][:, None]
+            near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * again)
+            same |= (turned != 1.0) & (np.abs(there["order"] - again) <= near)
         listed = np.asarray(same.any(axis=1))
         level = np.where(same[..., None], there["level_db"], -np.inf).max(axis=1, initial=-np.inf)
         level = np.maximum(level, grid.unseen_at(order).T)
@@ -385,6 +410,26 @@ class _Comparison(NamedTuple):
             unasked = ~(still | mains)[:, None] | (listed[:, None] & np.isnan(highest))
             level = np.where(unasked, level, np.maximum(level, highest))
         return level, listed
+
+
+@lru_cache(maxsize=64)
+def _neighbour(lines: NonGearLines, train: Kinematics) -> float | None:
+    """Speed of a gearbox of the same kind beside this one, over its own; None if none is heard.
+
+    On either side of a tractor there is the same final drive, in the next row the same unit. Each
+    turns at a speed of its own, so that its lines would be new in every recording.
+    """
+    own = lines.columns[KINDS[0]]
+    loudest = np.argsort(-own["over_noise_db"].max(axis=1, initial=0.0))[:_LOUDEST]
+    order, meshes = own["order"][loudest, None], np.array([mesh.order for mesh in train.meshes])
+    harmonic = meshes * np.maximum(1.0, np.rint(order / meshes))
+    ratio = order / harmonic
+    usable = np.abs(ratio - 1.0) <= _NEIGHBOUR
+    found = [usable & (np.abs(ratio / one - 1.0) <= _ONE_SPEED) for one in ratio[usable]]
+    told = [len(np.unique(harmonic[agree])) for agree in found]
+    if max(told, default=0) < _TELLING:
+        return None
+    return float(np.median(ratio[found[int(np.argmax(told))]]))
 
 
 @lru_cache(maxsize=64)

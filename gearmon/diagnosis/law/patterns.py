@@ -31,14 +31,14 @@ NEAR = 2
 # deviation of its angle at the first mesh harmonic [rad], and errors of sidebands by the path, over
 # the mesh harmonic. Highest mesh harmonic by which the angle is told, time after time: those above
 # turn by more than a radian until it is known.
-_PULSES, _UNEVEN, _PATH = 4, 0.1, 0.1
+_PULSES, _UNEVEN, _PATH, _HARMONICS = 4, 0.1, 0.1, 3
 _UP_TO, _ROUNDS_OF_SWAY = (3, 3, 6, 12, 1000, 1000), 3
-# It is told from this gain of the logarithm of likelihood and this angle on [rad], where the
-# highest order has less than this share of its power: of one tooth all orders are alike, and its
-# crack would be taken for it. Machines that turn evenly, cracked or not, gain 0.0 to 1.2, or up to
-# 37 by an angle of 0.004 or by orders alike (lightly loaded teeth); uneven ones 3.4 to 50 by 0.009
-# to 0.06.
-_TOLD, _FAINT, _HIGHEST = 4.0, 0.006, 0.16
+# It is told where the logarithm of likelihood gains so many times what is left of it a line, from
+# this angle on [rad], where the highest order has less than this share of its power: of one tooth
+# all orders are alike, and its crack would be taken for it. Gears that turn unevenly gain 13 to 70
+# by an angle of 0.009 to 0.06; those of a real rig whose load changes up to 10, lightly loaded ones
+# up to 50, by 0.005 or by orders alike.
+_TOLD, _FAINT, _HIGHEST = 12.0, 0.006, 0.1
 # Two angles, with the near sidebands and without, are one within so many teeth; the second is taken
 # where it leaves so much less at the others: of 80 sound recordings of engine driven gears it left
 # 0.6 to 0.82 where the first was wrong, 0.93 and more where it was right.
@@ -183,7 +183,7 @@ class GearPattern:
         """
         first = teeth - teeth // 2
         harmonics = (self.top + 1 - first) // teeth
-        if len(self.usable) > 1 or harmonics < 1 or teeth <= 2 * _PULSES:
+        if len(self.usable) > 1 or harmonics < _HARMONICS or teeth <= 2 * _PULSES:
             return self
         inside, shape = slice(first, first + harmonics * teeth), (self.channels, harmonics, teeth)
         own, other = (each.amplitude[:, inside].reshape(shape) for each in (self, new))
@@ -261,7 +261,9 @@ class _Bands(NamedTuple):
             ahead = ahead + pull.sum(axis=(0, 1)) / (power.sum(axis=(0, 1)) + 1.0 / _UNEVEN**2)
         least, power, best = min(tried, key=lambda one: one[0])
         smooth = power[-1] < _HIGHEST * power.sum() and power.max() > _FAINT**2
-        return best if smooth and tried[0][0] - least > _TOLD else np.zeros_like(best)
+        lines = np.count_nonzero(self.mesh) * 2 * _PULSES
+        clear = (tried[0][0] - least) * lines > _TOLD * least
+        return best if smooth and clear else np.zeros_like(best)
 
     def beyond(self, common: ComplexArray) -> ComplexArray:
         """Exponents by which single bands sway beyond what they have in common.

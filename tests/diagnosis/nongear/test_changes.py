@@ -337,3 +337,41 @@ def test_measured_signatures_compare_with_a_reference():
     found = nongear_findings(Profile.of(humming), reference(), train_)
     assert found[0].kind == "electrical"
     assert found[0].false_alarm_probability < BELOW
+
+
+def beside(ratio, seed, size=0.05):
+    """Mesh harmonics of a gearbox of the same kind that turns at a speed of its own."""
+    orders = np.array([k * mesh.order for mesh in train().meshes for k in (1, 2, 3, 4)])
+    phases = np.random.default_rng([5, seed]).uniform(0, 6.28, orders.size)
+
+    def added(_time_s, turns, _generator):
+        return size * sum(
+            np.cos(2 * np.pi * ratio * order * turns + phase)
+            for order, phase in zip(orders, phases, strict=True)
+        )
+
+    return added
+
+
+def test_a_gearbox_of_the_same_kind_beside_it_may_turn_at_any_speed():
+    known = [heard(20 + n, added=beside(ratio, n)) for n, ratio in enumerate((0.983, 1.021))]
+    for seed, ratio in enumerate((1.012, 0.975, 1.034)):
+        assert flagged(heard(30 + seed, added=beside(ratio, 9)), known) == [], ratio
+
+
+def test_one_that_was_never_heard_before_and_one_that_grew_are_told(healthy):
+    assert flagged(heard(40, added=beside(1.012, 9, size=0.3)), healthy)
+    known = [heard(20 + n, added=beside(ratio, n)) for n, ratio in enumerate((0.983, 1.021))]
+    assert flagged(heard(41, added=beside(1.012, 9, size=0.8)), known)
+
+
+def test_beside_a_neighbour_a_bearing_is_still_told():
+    known = [heard(20 + n, added=beside(ratio, n)) for n, ratio in enumerate((0.983, 1.021))]
+    order = bearing_order("outer race")
+
+    def both(time_s, turns, generator):
+        waves = [np.cos(2 * np.pi * k * 0.99 * order * turns + k) for k in range(1, 6)]
+        return beside(1.012, 9)(time_s, turns, generator) + 0.05 * np.sum(waves, axis=0)
+
+    found = flagged(heard(42, added=both), known)
+    assert [one.kind for one in found][:1] == ["bearing"]
