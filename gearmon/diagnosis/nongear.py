@@ -374,7 +374,10 @@ class _Comparison(NamedTuple):
         1 but for what may be of a neighbour that is heard in both: it turns at a speed of its own.
         """
         own, grid = self.lines.columns[KINDS[0]]["order"], self.lines.grid(KINDS[0])
-        here, there = (_neighbour(lines, self.train) for lines in (self.lines, other))
+        both = (self.lines, other)
+        # where one of both tells it, less does in the other
+        sure = any(_neighbour(lines, self.train, _TELLING) for lines in both)
+        here, there = (_neighbour(lines, self.train, _TELLING - sure) for lines in both)
         if here is None or there is None:
             return np.ones(len(own))
         away = distance_to(known_orders(self.train, grid.top, grid.width), own / here)
@@ -413,11 +416,12 @@ class _Comparison(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def _neighbour(lines: NonGearLines, train: Kinematics) -> float | None:
+def _neighbour(lines: NonGearLines, train: Kinematics, least: int) -> float | None:
     """Speed of a gearbox of the same kind beside this one, over its own; None if none is heard.
 
-    On either side of a tractor there is the same final drive, in the next row the same unit. Each
-    turns at a speed of its own, so that its lines would be new in every recording.
+    At least so many harmonics of its meshes tell it. On either side of a tractor there is the same
+    final drive, in the next row the same unit. Each turns at a speed of its own, so that its lines
+    would be new in every recording.
     """
     own = lines.columns[KINDS[0]]
     loudest = np.argsort(-own["over_noise_db"].max(axis=1, initial=0.0))[:_LOUDEST]
@@ -427,7 +431,7 @@ def _neighbour(lines: NonGearLines, train: Kinematics) -> float | None:
     usable = np.abs(ratio - 1.0) <= _NEIGHBOUR
     found = [usable & (np.abs(ratio / one - 1.0) <= _ONE_SPEED) for one in ratio[usable]]
     told = [len(np.unique(harmonic[agree])) for agree in found]
-    if max(told, default=0) < _TELLING:
+    if max(told, default=0) < least:
         return None
     return float(np.median(ratio[found[int(np.argmax(told))]]))
 
