@@ -361,8 +361,10 @@ class _Comparison(NamedTuple):
             speeds = np.array([other.speed_hz for other in self.healthy])
             moves = np.abs(self.lines.speed_hz / (speeds[:, None] * turned) - 1).min(axis=0)
             moving = (own["locked"] != "time") | (turned != 1.0).any(axis=0)
-            scatter = np.array([speed_scatter_db(each) for each in moves.tolist()])
-            variance += moving * scatter**2 / count
+            # nearly all lines move alike
+            each, which = np.unique(moves, return_inverse=True)
+            scatter = np.array([speed_scatter_db(move) for move in each.tolist()])
+            variance += moving * scatter[which] ** 2 / count
         then = (levels * share).sum(axis=2).T
         change = (now * share).sum(axis=1) - then.mean(axis=1)
         peaks = grid.looked_at * noise_exceeds(10 ** (highest / 10), grid.pieces)

@@ -7,7 +7,9 @@ the gain, a small change of speed moves every line to another place of the path'
 the gain vary. Gains have a prior about one: they explain little that no healthy machine would do.
 Beyond that, every line departs by a share of how loud the pattern is about it: the prior of the
 state's law, sharpened band by band by how far the references depart from one another. Pitch errors
-and eccentricities of the machine itself cancel.
+and eccentricities of the machine itself cancel. Where an engine or a joint drives the gear
+unevenly, in another phase each time, the healthy pattern is modulated as the new one is
+(`patterns`).
 
 Every healthy quantity is taken as a Gaussian process of the operating state, of unknown mean, with
 a scatter from recording to recording and a slope per unit of state: from one reference the
@@ -522,7 +524,7 @@ class GearLaw:
         known, parts = self._predicted(state)
         known = known.up_to(top)
         known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
-        known = known.swayed_to(new, wheel.teeth)
+        known = known.modulated_as(new, wheel.teeth)
         turn = np.exp(2j * np.pi * angle * np.arange(top + 1))
         left_out = self._departures[:, :, : top + 1] * turn
         bands = tuple(self._bands(new, known, parts, self._scales, left_out))

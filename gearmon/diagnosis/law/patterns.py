@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -32,16 +33,16 @@ NEAR = 2
 # the mesh harmonic. Highest mesh harmonic by which the angle is told, time after time: those above
 # turn by more than a radian until it is known.
 _PULSES, _UNEVEN, _PATH, _HARMONICS = 4, 0.1, 0.1, 3
-_UP_TO, _ROUNDS_OF_SWAY = (3, 3, 6, 12, 1000, 1000), 3
+_UP_TO, _BAND_ROUNDS = (3, 3, 6, 12, 1000, 1000), 3
 # It is told where the logarithm of likelihood gains so many times what is left of it a line, from
 # this angle on [rad], where the highest order has less than this share of its power: of one tooth
-# all orders are alike, and its crack would be taken for it. Gears that turn unevenly gain 13 to 70
-# by an angle of 0.009 to 0.06; those of a real rig whose load changes up to 10, lightly loaded ones
-# up to 50, by 0.005 or by orders alike.
+# all orders are alike, and its crack would be taken for it. Gears driven unevenly gain 12 to 370 by
+# an angle of 0.009 to 0.06, those of a real rig whose load changes up to 10; lightly loaded ones up
+# to 50, nearly always by less than 0.006 or by orders alike.
 _TOLD, _FAINT, _HIGHEST = 12.0, 0.006, 0.1
 # Two angles, with the near sidebands and without, are one within so many teeth; the second is taken
-# where it leaves so much less at the others: of 80 sound recordings of engine driven gears it left
-# 0.6 to 0.82 where the first was wrong, 0.93 and more where it was right.
+# where it leaves so much less at the others: of 60 sound recordings of gears driven unevenly it
+# left 0.57 to 0.83 where the first was wrong, 0.93 and more where it was right.
 _ANOTHER, _LEFT = 0.2, 0.85
 # Angles that are tried, a good half of a tooth apart, and the share of the teeth, the quietest,
 # that choose among them: a damaged tooth and those about it must not.
@@ -132,7 +133,7 @@ class GearPattern:
         """
         angle = turning(self, new, teeth)
         if len(self.usable) == 1:
-            angle = self._not_by_sway(new, teeth, angle)
+            angle = self._angle_of_teeth(new, teeth, angle)
         found = self.turned(angle)
         told = found.amplitude.conj() * new.amplitude / (found.variance + new.variance)
         told = told.reshape(len(self.usable), self.channels, -1).sum(axis=1)
@@ -142,17 +143,17 @@ class GearPattern:
         turned = found.amplitude * np.repeat(phase, self.channels)[:, None]
         return replace(found, amplitude=turned), angle
 
-    def _not_by_sway(self, new: GearPattern, teeth: int, angle: float) -> float:
+    def _angle_of_teeth(self, new: GearPattern, teeth: int, angle: float) -> float:
         """Of an angle, and that without the near sidebands, which one leaves less beyond these."""
         other = turning(self, new, teeth, NEAR)
         if abs((other - angle + 0.5) % 1.0 - 0.5) * teeth < _ANOTHER:
             return angle
-        turned = (self.turned(each).swayed_to(new, teeth) for each in (angle, other))
+        turned = (self.turned(each).modulated_as(new, teeth) for each in (angle, other))
         left = [_Pair.of(known, new, teeth, NEAR).left(np.zeros(1))[0] for known in turned]
         return other if left[1] < _LEFT * left[0] else angle
 
-    def swayed_to(self, new: GearPattern, teeth: int) -> GearPattern:
-        """Return the same pattern as a gear has it that turns as unevenly as in another.
+    def modulated_as(self, new: GearPattern, teeth: int) -> GearPattern:
+        """Return the same pattern, modulated as another is: of a gear that turns as unevenly.
 
         Parameters
         ----------
@@ -189,14 +190,15 @@ class GearPattern:
         own, other = (each.amplitude[:, inside].reshape(shape) for each in (self, new))
         noise = (self.variance + new.variance)[:, inside].reshape(shape)
         bands = _Bands(own, other, noise)
-        change = np.where(bands.own != 0, bands.swayed() - bands.own, 0.0).reshape(shape[0], -1)
+        change = np.where(own != 0, bands.as_other() - own, 0.0).reshape(shape[0], -1)
         amplitude, variance = self.amplitude.copy(), self.variance.copy()
         amplitude[:, inside] += change
         variance[:, inside] += np.abs(change) ** 2
         return replace(self, amplitude=amplitude, variance=variance)
 
 
-class _Bands(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Bands:
     """Lines about each mesh harmonic of two patterns, shape (channels, harmonics, teeth)."""
 
     own: ComplexArray
@@ -213,23 +215,28 @@ class _Bands(NamedTuple):
         """Number of each mesh harmonic."""
         return np.arange(1, self.own.shape[1] + 1)
 
-    @property
+    @cached_property
     def mesh(self) -> ComplexArray:
         """The other's mesh harmonics; 0 where one of both is not heard."""
         return np.where(self.own[:, :, self.middle] != 0, self.other[:, :, self.middle], 0.0)
 
-    def swayed(self) -> ComplexArray:
+    @cached_property
+    def around(self) -> ComplexArray:
+        """Own bands around the turn, at two steps a tooth."""
+        return np.asarray(np.fft.ifft(self.own, 2 * self.own.shape[2]))
+
+    def as_other(self) -> ComplexArray:
         """Own lines as they are where the gear turns as unevenly as in the other pattern."""
         common = self.common()
         return self.modulated(common + self.beyond(common)) if common.any() else self.own
 
     def modulated(self, exponent: ComplexArray) -> ComplexArray:
         """Own lines times exp of a course, whose lines -_PULSES .. _PULSES are given."""
-        size = 2 * self.own.shape[2]
+        size = self.around.shape[2]
         course = np.zeros((*exponent.shape[:2], size), dtype=complex)
         course[..., np.arange(-_PULSES, _PULSES + 1)] = exponent
         gain = np.exp(np.fft.ifft(course) * size)
-        return np.asarray(np.fft.fft(np.fft.ifft(self.own, size) * gain)[..., : self.own.shape[2]])
+        return np.asarray(np.fft.fft(self.around * gain)[..., : self.own.shape[2]])
 
     def left(self, lines: ComplexArray) -> ComplexArray:
         """Return what lines leave of the other's, each mesh harmonic with its gain."""
@@ -266,23 +273,23 @@ class _Bands(NamedTuple):
         return best if smooth and clear else np.zeros_like(best)
 
     def beyond(self, common: ComplexArray) -> ComplexArray:
-        """Exponents by which single bands sway beyond what they have in common.
+        """Exponents by which single bands are modulated beyond what they have in common.
 
         The torque pulsates with the angle, about as much; what an even turn shows beside a mesh
         harmonic is eccentricity, or a damaged tooth.
         """
         beside = np.r_[-NEAR:0, 1 : NEAR + 1]
-        sway = np.zeros((*self.own.shape[:2], 2 * _PULSES + 1), dtype=complex)
+        found = np.zeros((*self.own.shape[:2], 2 * _PULSES + 1), dtype=complex)
         mesh, near = self.mesh[..., None], self.middle + beside
         expected = np.sum(np.abs(common) ** 2, axis=2)[..., None]
         power = expected * np.abs(mesh) ** 2 + self.noise[..., near]
         told = expected * mesh.conj() / power
-        for _ in range(_ROUNDS_OF_SWAY):
-            left = self.left(self.modulated(common + sway))
-            sway[..., _PULSES + beside] += told * left[..., near]
+        for _ in range(_BAND_ROUNDS):
+            left = self.left(self.modulated(common + found))
+            found[..., _PULSES + beside] += told * left[..., near]
             # what turns by more than a radian is no modulation
-            sway[np.sum(np.abs(sway) ** 2, axis=2) > 1.0] = 0.0
-        return sway
+            found[np.sum(np.abs(found) ** 2, axis=2) > 1.0] = 0.0
+        return found
 
 
 def mesh_bands(teeth: int, top: int) -> list[IntArray]:
@@ -469,5 +476,5 @@ def turned_alike(wheels: Sequence[WheelPattern], *, same_zero: bool) -> tuple[Ge
             # the mean of those that are turned already: it is surer than any one
             mean = GearPattern.combined(found, np.full(len(found), 1.0 / len(found)))
             pattern, _ = pattern.turned_to(mean, wheel.teeth)
-        found.append(pattern.swayed_to(found[0], wheel.teeth) if found else pattern)
+        found.append(pattern.modulated_as(found[0], wheel.teeth) if found else pattern)
     return tuple(found)

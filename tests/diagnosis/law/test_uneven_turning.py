@@ -78,12 +78,12 @@ def off(known, new):
 def test_lines_of_an_even_turn_become_those_of_an_uneven_one(seed, twice):
     bands = excitation(seed)
     known, new = patterns(wheel(bands, 1), wheel(bands, 2, ahead=pulsating(twice, 0.7 + seed)))
-    swayed = known.swayed_to(new, TEETH)
+    moved = known.modulated_as(new, TEETH)
     # noise alone leaves 1
     assert off(known, new) > 10.0
-    assert off(swayed, new) < 1.5 + 0.01 * off(known, new)
-    change = np.abs(swayed.amplitude - known.amplitude) ** 2
-    np.testing.assert_allclose(swayed.variance, known.variance + change)
+    assert off(moved, new) < 1.5 + 0.01 * off(known, new)
+    change = np.abs(moved.amplitude - known.amplitude) ** 2
+    np.testing.assert_allclose(moved.variance, known.variance + change)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -91,7 +91,7 @@ def test_what_each_band_answers_to_the_torque_goes_with_the_angle(seed):
     bands = excitation(seed)
     new = wheel(bands, 2, ahead=pulsating(0.06, 0.7 + seed), torque=0.2)
     known, new = patterns(wheel(bands, 1), new)
-    assert off(known.swayed_to(new, TEETH), new) < 1.5 + 0.04 * off(known, new)
+    assert off(known.modulated_as(new, TEETH), new) < 1.5 + 0.04 * off(known, new)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -99,7 +99,7 @@ def test_an_uneven_turn_becomes_another(seed):
     bands = excitation(seed)
     first, second = (wheel(bands, n, ahead=pulsating(0.06, 2.0 * n)) for n in (1, 2))
     known, new = patterns(first, second)
-    assert off(known.swayed_to(new, TEETH), new) < 0.1 * off(known, new)
+    assert off(known.modulated_as(new, TEETH), new) < 0.1 * off(known, new)
 
 
 @pytest.mark.parametrize("event", [0.0, 0.003, 0.01, 0.03, 0.1])
@@ -108,7 +108,7 @@ def test_of_a_gear_that_turns_evenly_nothing_is_taken_damaged_or_not(seed, event
     bands = excitation(seed)
     place = np.exp(-2j * np.pi * NUMBER * 0.3)
     known, new = patterns(wheel(bands, 1), wheel(bands, 2, event=event * place))
-    np.testing.assert_array_equal(known.swayed_to(new, TEETH).amplitude, known.amplitude)
+    np.testing.assert_array_equal(known.modulated_as(new, TEETH).amplitude, known.amplitude)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -139,4 +139,4 @@ def test_where_planets_pass_the_sensor_nothing_is_taken():
     bands = excitation(1)
     known, new = patterns(wheel(bands, 1), wheel(bands, 2, ahead=pulsating(0.06, 1.0)))
     known, new = (replace(own, usable=np.repeat(own.usable, 3, axis=0)) for own in (known, new))
-    assert known.swayed_to(new, TEETH) is known
+    assert known.modulated_as(new, TEETH) is known
