@@ -509,7 +509,18 @@ class OrderSums:
         def part(first: int) -> FloatArray:
             """Sum weights, angles and waves, as pairs of reals, over some stretches."""
             own = slice(first, first + _TOGETHER)
-            window = _sliding_window((middle[own] - low) / hop, steps[own], count)
+            # Hann windows four hops long about each hop, over stretches at ascending places [hops];
+            # the angles that these span are their weights
+            place = (middle[own] - low) / hop
+            number = np.floor(place).astype(np.intp)[:, None] + np.arange(-1, 3)
+            weight = 0.5 + 0.5 * np.cos(0.5 * np.pi * (place[:, None] - number))
+            weight *= steps[own, None] * ((number >= 0) & (number < count))
+            entries = (
+                weight.ravel(),
+                number.clip(0, count - 1).ravel(),
+                4 * np.arange(len(place) + 1),
+            )
+            window = csc_array(entries, shape=(count, len(place)))
             waves = phasors(np.outer(middle[own], -self.orders))
             columns = [np.ones(len(waves)), middle[own]]
             columns += [(sums[own] * waves).view(float) for sums in read.sums]
@@ -534,18 +545,6 @@ class OrderSums:
         self._noise = {}
         self._read = Stretches(self.samples, self.sampling_rate_hz, track, self.orders)
         return track.turns_at(self._read.edges_s), self._read
-
-
-def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csc_array:
-    """Hann windows four hops long about each hop, over stretches, shape (count, stretches).
-
-    The stretches lie at ascending places [hops] and span angles of their own, their weights.
-    """
-    number = np.floor(place).astype(np.intp)[:, None] + np.arange(-1, 3)
-    weight = 0.5 + 0.5 * np.cos(0.5 * np.pi * (place[:, None] - number))
-    weight *= steps[:, None] * ((number >= 0) & (number < count))
-    inside, ends = number.clip(0, count - 1), 4 * np.arange(len(place) + 1)
-    return csc_array((weight.ravel(), inside.ravel(), ends), shape=(count, len(place)))
 
 
 class Stretches:
