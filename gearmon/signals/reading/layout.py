@@ -126,7 +126,9 @@ class Dialect:
                 if not stamps_allowed or to_microseconds(field) is None:
                     return None
                 stamps_allowed = False  # one such column at most
-        return fields if any(map(_says_number, fields)) else None
+        # a line of dashes is no row; one of NaN is
+        says = (any(map(str.isdigit, own)) or own[-3:].lower() in ("nan", "inf") for own in fields)
+        return fields if any(says) else None
 
     def fitting(self, line: str) -> list[str] | None:
         """Return the fields of the line if it is a row of this table, else None."""
@@ -218,7 +220,9 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect:
         damaged.
     """
     for count in (_SAMPLE, len(lines)):  # is there a text below the rows?
-        sample = _sample(lines, count)
+        # the last lines that are neither remarks nor empty
+        filled = (line for line in reversed(lines) if line.strip(_EMPTY) and not is_comment(line))
+        sample = list(islice(filled, count))[::-1]
         dialect = _most_likely(sample)
         if dialect is not None:
             break
@@ -232,7 +236,13 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect:
     rows = [line for line in sample if dialect.fitting(line) is not None]
     first, above = _first_row(path, lines, dialect)
     dialect = _widened(_decided(path, dialect, rows, above), rows, above)
-    dialect = replace(dialect, first_line=first, rate_hint=_rate_hint(above))
+    # what seems to tell the sampling rate in the lines of text above the first row
+    told = (
+        f"line {number} says '{shortened(text.strip())}'"
+        for number, text in above
+        if _RATE.search(text) and any(map(str.isdigit, text))
+    )
+    dialect = replace(dialect, first_line=first, rate_hint=next(told, ""))
     dialect = _with_names(path, dialect, above)
     return _with_counted_names(dialect, lines[first - 1], rows)
 
@@ -256,12 +266,6 @@ def _without_rows(lines: Sequence[str]) -> str:
         f"{what} in its {counted(len(lines), 'line')} (line {number} reads '{shortened(text)}'); "
         "a recording has one line of numbers per sample, and no column of text"
     )
-
-
-def _sample(lines: Sequence[str], count: int) -> list[str]:
-    """Return the last lines that are neither remarks nor empty."""
-    filled = (line for line in reversed(lines) if line.strip(_EMPTY) and not is_comment(line))
-    return list(islice(filled, count))[::-1]
 
 
 def _most_likely(sample: Sequence[str]) -> Dialect | None:
@@ -291,11 +295,6 @@ def _fitted(sample: Sequence[str], dialect: Dialect) -> tuple[Dialect | None, in
     origin = 0 if stamp is None else moments[stamp] or 0
     dialect = replace(dialect, columns=columns, trailing=length > columns)
     return replace(dialect, stamp=stamp, stamp_origin=origin), count
-
-
-def _says_number(field: str) -> bool:
-    # A line of dashes is no row; one of NaN is.
-    return any(character.isdigit() for character in field) or field[-3:].lower() in ("nan", "inf")
 
 
 def _first_row(path: str, lines: Sequence[str], dialect: Dialect) -> tuple[int, list[Line]]:
@@ -383,14 +382,6 @@ def _with_counted_names(dialect: Dialect, first: str, rows: Sequence[str]) -> Di
     if whole or len(below) < _FEWEST_BELOW:
         return dialect
     return replace(dialect, first_line=dialect.first_line + 1, names=cells)
-
-
-def _rate_hint(above: Sequence[Line]) -> str:
-    """Return what seems to tell the sampling rate in the lines of text above the first row."""
-    for number, text in above:
-        if _RATE.search(text) and any(character.isdigit() for character in text):
-            return f"line {number} says '{shortened(text.strip())}'"
-    return ""
 
 
 def _with_names(path: str, dialect: Dialect, above: Sequence[Line]) -> Dialect:
