@@ -170,15 +170,10 @@ def band_spectrum(cells: FloatArray, oversampling: int) -> ComplexArray:
     count = cells.shape[-1]
     kept = count // oversampling // 2 + 1
     frequency = np.arange(kept) / count
-    # triangular weights roll off as sinc^2
-    correction = _low_pass(frequency * oversampling) / np.sinc(frequency) ** 2 / oversampling
+    # of the anti-aliasing filter; triangular weights roll off as sinc^2
+    fall = np.clip((frequency * oversampling - FLAT_SHARE) / (0.5 - FLAT_SHARE), 0.0, 1.0)
+    correction = (0.5 + 0.5 * np.cos(np.pi * fall)) / np.sinc(frequency) ** 2 / oversampling
     return np.stack([np.fft.rfft(row)[:kept] * correction for row in cells])
-
-
-def _low_pass(share: FloatArray) -> FloatArray:
-    """Response of the anti-aliasing filter at shares of the sampling rate."""
-    fall = np.clip((share - FLAT_SHARE) / (0.5 - FLAT_SHARE), 0.0, 1.0)
-    return np.asarray(0.5 + 0.5 * np.cos(np.pi * fall))
 
 
 def fade_ends(rows: FloatArray, flank: int) -> None:
@@ -209,17 +204,6 @@ class _Grid:
         return (cell - self.lead * self.oversampling) * self.cell_s
 
 
-def _grid(settings: Settings, path: ModalPath, fastest_hz: float) -> _Grid:
-    rate = settings.sampling_rate_hz
-    flank = math.ceil(_FLANK_S * rate) + 8
-    lead = flank + math.ceil(path.decay_s() * rate)
-    samples = 2 * next_fast_len(-(-(settings.samples + lead + 2 * flank) // 2), real=True)
-    cells = max(CELLS_PER_SAMPLE, math.ceil(CELLS_PER_PERIOD * fastest_hz / rate))
-    return _Grid(
-        samples=samples, lead=lead, oversampling=next_fast_len(cells, real=True), rate_hz=rate
-    )
-
-
 def mesh_vibration(
     train: Train, drive: Drive, settings: Settings, progress: Progress | None
 ) -> tuple[FloatArray, Integration]:
@@ -241,13 +225,19 @@ def mesh_vibration(
     stages = len(train.carrier_orders)
     path = random_path(settings.machine_seed, settings.channels, stages, train.gear_mass_kg)
     frequencies = train.system.natural_frequencies_hz(train.greatest_stiffness)
-    grid = _grid(settings, path, frequencies[-1])
+    rate = settings.sampling_rate_hz
+    flank = math.ceil(_FLANK_S * rate) + 8
+    lead = flank + math.ceil(path.decay_s() * rate)
+    samples = 2 * next_fast_len(-(-(settings.samples + lead + 2 * flank) // 2), real=True)
+    cells = max(CELLS_PER_SAMPLE, math.ceil(CELLS_PER_PERIOD * frequencies[-1] / rate))
+    oversampling = next_fast_len(cells, real=True)
+    grid = _Grid(samples=samples, lead=lead, oversampling=oversampling, rate_hz=rate)
     forces, integration = _stage_forces(train, drive, grid, frequencies, progress)
     _add_profile(forces, train, drive, grid)
     fade_ends(forces, math.ceil(_FLANK_S / grid.cell_s))
     spectra = band_spectrum(forces, grid.oversampling)
-    heard = through_path(path, spectra, grid.samples, grid.rate_hz)
-    return heard[:, grid.lead : grid.lead + settings.samples].copy(), integration
+    heard = through_path(path, spectra, samples, rate)
+    return heard[:, lead : lead + settings.samples].copy(), integration
 
 
 def _stage_forces(
@@ -255,7 +245,10 @@ def _stage_forces(
 ) -> tuple[FloatArray, Integration]:
     """Return the dynamic force that every stage puts on the housing, cell by cell."""
     fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
-    step_s = _longest_step_s(np.append(frequencies_hz, fastest_hz), grid.rate_hz)
+    every_hz = np.append(frequencies_hz, fastest_hz)
+    carried_hz = every_hz[every_hz <= CARRIED_SHARE * grid.rate_hz].max(initial=0.0)
+    fast = STEPS_PER_FAST_PERIOD * float(every_hz.max())
+    step_s = 1 / max(STEPS_PER_PERIOD * float(carried_hz), fast)
     run_in_s = RUN_IN_CONSTANTS / train.system.decay_rate
     in_memory = STEPS_PER_BLOCK // len(train.meshes) * step_s
     per_block = max(1, min(grid.cells, int(in_memory / grid.cell_s)))
@@ -278,12 +271,6 @@ def _stage_forces(
         state, before_s = result.end_state, span[1]
         mismatch, steps = max(mismatch, result.joint_mismatch), steps + course.pieces * SUBSTEPS
     return forces, Integration(longest_step_s=step_s, steps=steps, joint_mismatch=mismatch)
-
-
-def _longest_step_s(frequencies_hz: FloatArray, rate_hz: float) -> float:
-    carried = frequencies_hz[frequencies_hz <= CARRIED_SHARE * rate_hz]
-    slow = STEPS_PER_PERIOD * float(carried.max(initial=0.0))
-    return 1 / max(slow, STEPS_PER_FAST_PERIOD * float(frequencies_hz.max()))
 
 
 def _add_to_stages(
