@@ -388,32 +388,26 @@ def without_knocks(lines: OrderLines, chosen: IntArray, number: IntArray) -> Ord
     count, amplitude, knocked = len(lines.amplitude), lines.amplitude, 0
     edges = np.linspace(0, count, max(1, count // _BESIDE_KNOCK) + 1).astype(int).tolist()
     for start, stop in pairwise(edges):
-        number_of, beyond = _knocks(lines.amplitude[start:stop][:, :, chosen], number)
-        knocked += number_of
-        if beyond is not None:
-            amplitude = lines.amplitude.copy() if amplitude is lines.amplitude else amplitude
-            amplitude[start:stop, :, chosen] -= beyond
+        blocks = lines.amplitude[start:stop][:, :, chosen]
+        if len(blocks) < _FEWEST_BLOCKS or not len(number):
+            continue
+        middle = median_along(blocks.real) + 1j * median_along(blocks.imag)
+        scale = np.sqrt(median_along(np.abs(blocks - middle) ** 2)).clip(np.finfo(float).tiny)
+        rest = (blocks - middle) / scale
+        power = np.mean(np.abs(rest) ** 2, axis=2)
+        bearing = int(np.sum((power > _KNOCKED * np.median(power)).any(axis=1)))
+        knocked += bearing
+        if not bearing or len(blocks) < _CLIPPED_FROM:
+            continue
+        size = fast_length(2 * (int(number.max()) + 1))
+        half = np.zeros((*blocks.shape[:2], size // 2 + 1), dtype=complex)
+        half[..., number] = rest
+        around = np.fft.irfft(half, n=size)
+        limit = _FARTHEST * float(np.median(np.abs(around))) / _NORMAL_MEDIAN
+        beyond = np.fft.rfft(around - np.clip(around, -limit, limit))
+        amplitude = lines.amplitude.copy() if amplitude is lines.amplitude else amplitude
+        amplitude[start:stop, :, chosen] -= scale * beyond[..., number]
     return replace(lines, amplitude=amplitude, knocked=max(lines.knocked, knocked / max(count, 1)))
-
-
-def _knocks(blocks: ComplexArray, number: IntArray) -> tuple[int, ComplexArray | None]:
-    """Return how many blocks bear knocks, and what is clipped of them, None if nothing is."""
-    if len(blocks) < _FEWEST_BLOCKS or not len(number):
-        return 0, None
-    middle = median_along(blocks.real) + 1j * median_along(blocks.imag)
-    scale = np.sqrt(median_along(np.abs(blocks - middle) ** 2)).clip(np.finfo(float).tiny)
-    rest = (blocks - middle) / scale
-    power = np.mean(np.abs(rest) ** 2, axis=2)
-    knocked = int(np.sum((power > _KNOCKED * np.median(power)).any(axis=1)))
-    if not knocked or len(blocks) < _CLIPPED_FROM:
-        return knocked, None
-    size = fast_length(2 * (int(number.max()) + 1))
-    half = np.zeros((*blocks.shape[:2], size // 2 + 1), dtype=complex)
-    half[..., number] = rest
-    around = np.fft.irfft(half, n=size)
-    limit = _FARTHEST * float(np.median(np.abs(around))) / _NORMAL_MEDIAN
-    beyond = np.fft.rfft(around - np.clip(around, -limit, limit))
-    return knocked, np.asarray(scale * beyond[..., number])
 
 
 @dataclass(frozen=True, kw_only=True)

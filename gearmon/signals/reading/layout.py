@@ -12,7 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import islice, product
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import LONGEST_QUOTE, Column, describe_columns, shortened
@@ -269,32 +269,30 @@ def _without_rows(lines: Sequence[str]) -> str:
 
 
 def _most_likely(sample: Sequence[str]) -> Dialect | None:
-    """Return the dialect in which most lines of the sample are rows of one length."""
+    """Return the dialect in which most lines of the sample are rows of one length.
+
+    It has what these rows tell.
+    """
     commas, quotes = (any(mark in line for line in sample) for mark in ',"')
-    tried = (
-        _fitted(sample, Dialect(separator=mark, decimal=decimal))
-        for mark in _SEPARATORS
-        for decimal in ".,"
-        if decimal == "." or (commas and (mark != "," or quotes))
-    )
-    return max(tried, key=lambda found: found[1])[0]
-
-
-def _fitted(sample: Sequence[str], dialect: Dialect) -> tuple[Dialect | None, int]:
-    """Return the dialect with what the rows that the sample has in it tell, and their number."""
-    mark = dialect.separator
-    rows = [(line, row) for line in sample if (row := dialect.row(line)) is not None]
-    parted = sum(len(line.split()) > 1 if mark == " " else mark in line for line, _ in rows)
-    if not rows or 2 * parted < len(rows):
-        return None, 0
-    length, count = Counter(len(row) for _, row in rows).most_common(1)[0]
-    alike = [row for _, row in rows if len(row) == length]
-    columns = max(len(without_empty_end(row)) for row in alike)
-    moments = [*map(to_microseconds, alike[0])]
-    stamp = next((k for k, own in enumerate(moments) if own is not None), None)
-    origin = 0 if stamp is None else moments[stamp] or 0
-    dialect = replace(dialect, columns=columns, trailing=length > columns)
-    return replace(dialect, stamp=stamp, stamp_origin=origin), count
+    best, most = None, 0
+    for mark, decimal in product(_SEPARATORS, ".,"):
+        if decimal == "," and not (commas and (mark != "," or quotes)):
+            continue
+        dialect = Dialect(separator=mark, decimal=decimal)
+        rows = [(line, row) for line in sample if (row := dialect.row(line)) is not None]
+        parted = sum(len(line.split()) > 1 if mark == " " else mark in line for line, _ in rows)
+        lengths = Counter(len(row) for _, row in rows).most_common(1)
+        if 2 * parted < len(rows) or not lengths or lengths[0][1] <= most:
+            continue
+        length, most = lengths[0]
+        alike = [row for _, row in rows if len(row) == length]
+        columns = max(len(without_empty_end(row)) for row in alike)
+        moments = [*map(to_microseconds, alike[0])]
+        stamp = next((k for k, own in enumerate(moments) if own is not None), None)
+        origin = 0 if stamp is None else moments[stamp] or 0
+        best = replace(dialect, columns=columns, trailing=length > columns)
+        best = replace(best, stamp=stamp, stamp_origin=origin)
+    return best
 
 
 def _first_row(path: str, lines: Sequence[str], dialect: Dialect) -> tuple[int, list[Line]]:
