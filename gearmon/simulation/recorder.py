@@ -23,7 +23,6 @@ from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
 from gearmon.simulation.train import Settings, Train, build_train, stream
 from gearmon.simulation.vibration import (
     BEARING_SLIP,
-    Integration,
     mesh_vibration,
     noise,
     shaft_lines,
@@ -307,7 +306,7 @@ def _truth(
     point: OperatingPoint,
     train: Train,
     drive: Drive,
-    integration: Integration,
+    integration: dict[str, float],
 ) -> dict[str, Any]:
     """Return all that is known of a simulated recording, in built-in types.
 
@@ -349,11 +348,7 @@ def _truth(
         ],
         "meshes": [_mesh(train, drive, number) for number in range(len(train.meshes))],
         "natural_frequencies_hz": train.system.natural_frequencies_hz().tolist(),
-        "integration": {
-            "longest_step_s": integration.longest_step_s,
-            "steps": integration.steps,
-            "joint_mismatch": integration.joint_mismatch,
-        },
+        "integration": integration,
         "notes": [*train.notes, *_remarks(integration, train)],
     }
 
@@ -414,9 +409,9 @@ def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
     }
 
 
-def _remarks(integration: Integration, train: Train) -> list[str]:
+def _remarks(integration: dict[str, float], train: Train) -> list[str]:
     remarks = [warning for m in train.mechanics for warning in m.stiffness.warnings]
-    if integration.joint_mismatch > IRREGULAR:
+    if integration["joint_mismatch"] > IRREGULAR:
         remarks.append(
             "irregular motion with loss of contact: parts of the record are faded from one "
             "possible motion into another"

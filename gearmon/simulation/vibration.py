@@ -62,24 +62,6 @@ BEARING_SLIP = 0.01
 NOISE_CORNER = 0.02
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Integration:
-    """How the equations of motion were integrated.
-
-    Parameters
-    ----------
-    longest_step_s : float
-        [s].
-    steps : int
-    joint_mismatch : float
-        Largest disagreement where chunks join: root of its energy over that at rest.
-    """
-
-    longest_step_s: float
-    steps: int
-    joint_mismatch: float
-
-
 def triangle_means(
     forces: MeshForces, start_s: float, cell_s: float, cells: int, before: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
@@ -206,7 +188,7 @@ class _Grid:
 
 def mesh_vibration(
     train: Train, drive: Drive, settings: Settings, progress: Progress | None
-) -> tuple[FloatArray, Integration]:
+) -> tuple[FloatArray, dict[str, float]]:
     """Integrate the motion of a train and return what the sensors hear of its meshes.
 
     Parameters
@@ -219,8 +201,11 @@ def mesh_vibration(
 
     Returns
     -------
-    (ndarray, Integration)
-        Accelerations [m/s2], shape (channels, samples), and how they were computed.
+    heard : ndarray, shape (channels, samples)
+        Accelerations [m/s2].
+    integration : dict of str to float
+        How they were computed: ``longest_step_s``, ``steps``, and ``joint_mismatch``, the largest
+        disagreement where chunks join: root of its energy over that at rest.
     """
     stages = len(train.carrier_orders)
     path = random_path(settings.machine_seed, settings.channels, stages, train.gear_mass_kg)
@@ -242,7 +227,7 @@ def mesh_vibration(
 
 def _stage_forces(
     train: Train, drive: Drive, grid: _Grid, frequencies_hz: FloatArray, progress: Progress | None
-) -> tuple[FloatArray, Integration]:
+) -> tuple[FloatArray, dict[str, float]]:
     """Return the dynamic force that every stage puts on the housing, cell by cell."""
     fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
     every_hz = np.append(frequencies_hz, fastest_hz)
@@ -267,24 +252,18 @@ def _stage_forces(
             result, grid.edge_s(first), grid.cell_s, last - first, carried
         )
         means -= train.static_force[:, None]
-        _add_to_stages(forces[:, first:last], train, drive, means, grid, first)
+        # to the stages they belong to, those of planets louder as they pass
+        times = grid.edge_s(first) + grid.cell_s * np.arange(last - first)
+        turns = drive.motion.turns(times) if any(train.carrier_orders) else times
+        for mesh, mean in zip(train.meshes, means, strict=True):
+            carrier = train.carrier_orders[mesh.stage - 1]
+            if carrier:
+                passing = 0.5 + 0.5 * np.cos(2 * np.pi * (carrier * turns + mesh.place_turns))
+                mean *= 1 - PLANET_PASS_DEPTH * (1 - passing)
+            forces[mesh.stage - 1, first:last] += mean
         state, before_s = result.end_state, span[1]
         mismatch, steps = max(mismatch, result.joint_mismatch), steps + course.pieces * SUBSTEPS
-    return forces, Integration(longest_step_s=step_s, steps=steps, joint_mismatch=mismatch)
-
-
-def _add_to_stages(
-    forces: FloatArray, train: Train, drive: Drive, means: FloatArray, grid: _Grid, first: int
-) -> None:
-    """Add the mesh forces of some cells to the stages they belong to, in place."""
-    times = grid.edge_s(first) + grid.cell_s * np.arange(means.shape[1])
-    turns = drive.motion.turns(times) if any(train.carrier_orders) else times
-    for mesh, mean in zip(train.meshes, means, strict=True):
-        carrier = train.carrier_orders[mesh.stage - 1]
-        if carrier:
-            passing = 0.5 + 0.5 * np.cos(2 * np.pi * (carrier * turns + mesh.place_turns))
-            mean *= 1 - PLANET_PASS_DEPTH * (1 - passing)
-        forces[mesh.stage - 1] += mean
+    return forces, {"longest_step_s": step_s, "steps": steps, "joint_mismatch": mismatch}
 
 
 def _add_profile(forces: FloatArray, train: Train, drive: Drive, grid: _Grid) -> None:
