@@ -395,9 +395,9 @@ def without_knocks(lines: OrderLines, chosen: IntArray, number: IntArray) -> Ord
         scale = np.sqrt(median_along(np.abs(blocks - middle) ** 2)).clip(np.finfo(float).tiny)
         rest = (blocks - middle) / scale
         power = np.mean(np.abs(rest) ** 2, axis=2)
-        bearing = int(np.sum((power > _KNOCKED * np.median(power)).any(axis=1)))
-        knocked += bearing
-        if not bearing or len(blocks) < _CLIPPED_FROM:
+        hit = int(np.sum((power > _KNOCKED * np.median(power)).any(axis=1)))
+        knocked += hit
+        if not hit or len(blocks) < _CLIPPED_FROM:
             continue
         size = fast_length(2 * (int(number.max()) + 1))
         half = np.zeros((*blocks.shape[:2], size // 2 + 1), dtype=complex)
