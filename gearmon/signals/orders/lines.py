@@ -509,11 +509,8 @@ class OrderSums:
             number = np.floor(place).astype(np.intp)[:, None] + np.arange(-1, 3)
             weight = 0.5 + 0.5 * np.cos(0.5 * np.pi * (place[:, None] - number))
             weight *= steps[own, None] * ((number >= 0) & (number < count))
-            entries = (
-                weight.ravel(),
-                number.clip(0, count - 1).ravel(),
-                4 * np.arange(len(place) + 1),
-            )
+            inside, ends = number.clip(0, count - 1), 4 * np.arange(len(place) + 1)
+            entries = weight.ravel(), inside.ravel(), ends
             window = csc_array(entries, shape=(count, len(place)))
             waves = phasors(np.outer(middle[own], -self.orders))
             columns = [np.ones(len(waves)), middle[own]]

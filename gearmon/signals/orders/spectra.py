@@ -295,6 +295,7 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
     for level, own in zip(spectrum.power, ratio, strict=True):
         high = np.flatnonzero(own > least_ratio)
         high = high[high > 2 * per_width]
+        # those that are no part and no side lobe of another one
         value, kept = level[high], np.ones(len(high), dtype=bool)
         for widths, share in _LOBES:
             reach = round(widths * per_width)
