@@ -91,9 +91,9 @@ def triangle_means(
     step the force is the parabola with the known integral and the known values at both ends.
     """
     edges = start_s + cell_s * np.arange(cells + 1, dtype=np.float64)
-    rows = [forces.impulses_ns, forces.starts_n, forces.ends_n]
+    rows, steps_s = [forces.impulses_ns, forces.starts_n, forces.ends_n], forces.steps_s
     parts = [
-        _moments(rows, forces.steps_s, edges[first : first + CELLS_PER_BLOCK + 1])
+        _moments(rows, steps_s, edges[first : first + CELLS_PER_BLOCK + 1])
         for first in range(0, cells, CELLS_PER_BLOCK)
     ]
     whole, earlier = np.concatenate(parts, axis=2)
@@ -117,7 +117,7 @@ def _moments(rows: list[Floats32], steps_s: FloatArray, edges_s: FloatArray) -> 
     half, middle = 0.5 * np.diff(grid)[real], 0.5 * (grid[1:] + grid[:-1])[real]
     cell = np.cumsum(new_cell)[real] - 1
     step = np.clip(first - 1 + np.cumsum(~new_cell)[real], 0, len(steps_s) - 2)
-    begin, length = steps_s[step], np.diff(steps_s)[step]
+    begin, length = steps_s[step], steps_s[step + 1] - steps_s[step]
     places = [middle - half / math.sqrt(3), middle + half / math.sqrt(3)]
     shares = [(place - begin) / length for place in places]
     begun = edges_s[cell]
