@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gearmon.arrays import BoolArray, FloatArray, IntArray, runs_where
+from gearmon.arrays import BoolArray, FloatArray, runs_where
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording
@@ -96,8 +96,17 @@ def bad_stretches(values: FloatArray) -> list[BadStretch]:
     list of BadStretch
         In the order of time.
     """
-    if (clipped := _clipped(values)) is not None:
-        return [clipped]
+    # a channel that stays at an extreme; files are searched for it as they are read. One of one
+    # value or two is silent, or no vibration at all
+    defect = find_defect(values)
+    if defect is not None and defect.fatal and defect.row >= 0:
+        # a tone of whole samples a period has its extremes as often, but few values, and no extreme
+        # twice in a row; of fast vibration that is cut off they are far apart as well
+        again = values[1:][values[1:] == values[:-1]]
+        at_it = np.count_nonzero((again == values.min()) | (again == values.max()))
+        in_a_row = at_it >= _CLIPPED_SHARE * len(values)
+        if in_a_row or len(np.unique(values)) > 2 / _CLIPPED_SHARE:
+            return [BadStretch(0, len(values), defect.text)]
     still = list(_standing_still(values))
     found = [*still, *_spikes(values), *_level_changes(values, still)]
     return sorted(found, key=lambda bad: bad.start)
@@ -147,7 +156,11 @@ def inspected(recording: Recording) -> Recording:
     samples = samples.copy() if mended else samples
     for row, bad in sorted(mended, key=lambda one: not one[1].bridged):
         if bad.bridged:
-            _bridge(samples[row], bad)
+            # a straight line from the sample before to the one behind
+            beside = [k for k in (bad.start - 1, bad.stop) if 0 <= k < samples.shape[1]]
+            ends = samples[row, beside[0]], samples[row, beside[-1]]
+            straight = np.linspace(ends[0], ends[1], bad.stop - bad.start + 2)
+            samples[row, bad.start : bad.stop] = straight[1:-1]
         else:
             samples[vibrates, bad.start : bad.stop] = 0.0
     out = tuple(sorted((bad.start, bad.stop) for _, bad in mended if not bad.bridged))
@@ -212,27 +225,6 @@ def _where(recording: Recording) -> str:
     return f"{recording.origin}: " if recording.origin else ""
 
 
-def _bridge(values: FloatArray, bad: BadStretch) -> None:
-    """Put a straight line in place of a few samples."""
-    ends = [values[place] for place in (bad.start - 1, bad.stop) if 0 <= place < len(values)]
-    values[bad.start : bad.stop] = np.linspace(ends[0], ends[-1], bad.stop - bad.start + 2)[1:-1]
-
-
-def _clipped(values: FloatArray) -> BadStretch | None:
-    """Tell of a channel that stays at an extreme; files are searched for it as they are read."""
-    defect = find_defect(values)
-    if defect is None or not defect.fatal or defect.row < 0:
-        return None  # a channel of one value or two is silent, or no vibration at all
-    # a tone of whole samples a period has its extremes as often, but few values, and no extreme
-    # twice in a row; of fast vibration that is cut off they are far apart as well
-    again = values[1:][values[1:] == values[:-1]]
-    at_it = np.count_nonzero((again == values.min()) | (again == values.max()))
-    in_a_row = at_it >= _CLIPPED_SHARE * len(values)
-    if in_a_row or len(np.unique(values)) > 2 / _CLIPPED_SHARE:
-        return BadStretch(0, len(values), defect.text)
-    return None
-
-
 def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
     """Find runs of equal samples that are far longer than rounding makes them."""
     runs = runs_where(values[1:] == values[:-1])
@@ -257,8 +249,15 @@ def _spikes(values: FloatArray) -> Iterator[BadStretch]:
     middle = float(np.median(some))
     if not np.median(np.abs(some - middle)):
         return
-    # as many as stretches can hold, and one
-    place, size = _largest(values, middle, _SPIKE_SAMPLES * most)
+    # places and sizes of the largest departures, as many as stretches can hold, and one; in pieces:
+    # files are long
+    place, size, count = np.zeros(0, dtype=np.int64), np.zeros(0), _SPIKE_SAMPLES * most
+    for first in range(0, len(values), _CHUNK):
+        part = np.abs(values[first : first + _CHUNK] - middle)
+        largest = np.argpartition(part, max(0, len(part) - count))[-count:]
+        place, size = np.append(place, first + largest), np.append(size, part[largest])
+    order = np.argsort(-size)[:count]
+    place, size = place[order], size[order]
     # those above the widest gap in size among them
     height = np.maximum(size[:most], np.finfo(float).tiny)
     high = np.sort(place[: 1 + int(np.argmax(height[:-1] / height[1:]))])
@@ -275,17 +274,6 @@ def _spikes(values: FloatArray) -> Iterator[BadStretch]:
         if peak > _OVER_REST * rest and rings < max(_RINGS * peak, 1.5 * rest):
             what = f"jumps to {peak / rest:.3g} times the largest other sample"
             yield BadStretch(start, stop, what, bridged=True)
-
-
-def _largest(values: FloatArray, middle: float, most: int) -> tuple[IntArray, FloatArray]:
-    """Places and sizes of the largest departures, the largest first; in pieces: files are long."""
-    place, size = np.zeros(0, dtype=np.int64), np.zeros(0)
-    for start in range(0, len(values), _CHUNK):
-        part = np.abs(values[start : start + _CHUNK] - middle)
-        largest = np.argpartition(part, max(0, len(part) - most))[-most:]
-        place, size = np.append(place, start + largest), np.append(size, part[largest])
-    order = np.argsort(-size)[:most]
-    return place[order], size[order]
 
 
 def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[BadStretch]:
