@@ -51,8 +51,14 @@ _SPREAD = np.array([0.84, 0.50, 0.16])
 # far below its median level a channel is silent [dB]. Sound: steps of 9 and levels of -9 dB at
 # most. A range changed by 6 dB: 0, 10 dB: 53, 12 dB: 166, 20 dB: 175, 40 dB: 180.
 _STEP_DB, _STEP_TIMES, _SILENT_DB = 10.0, 6.0, 25.0
+# A machine that begins to work raises channels at one moment, each as it hears it; an amplifier or
+# a range all of them by the same: within 1.1 dB in four seconds of a load that wanders, where gears
+# of a lumped model that begin to rattle differ by 2.
+_ALIKE_DB = 1.5
 # Share of a channel that may be bad, and of the recording that must be left.
 _MOST_BAD, _LEAST_LEFT = 0.2, 0.3
+# Of another state of the machine.
+_WORKS = "the machine itself changed, as when a clutch engages"
 # How notes end.
 _TOLD = "not taken into account", "the channel is left out"
 
@@ -69,12 +75,16 @@ class BadStretch:
         What is wrong, as the rest of a sentence that begins with the channel.
     bridged : bool
         Whether so few samples are concerned that a straight line does in their place.
+    step_db : float
+        By how much the level is higher behind it, or behind its start, at once [dB]; 0 if it is bad
+        for another reason.
     """
 
     start: int
     stop: int
     what: str
     bridged: bool = False
+    step_db: float = 0.0
 
     def told(self, rate: float) -> str:
         """Return when it is, and what is wrong."""
@@ -135,13 +145,15 @@ def inspected(recording: Recording) -> Recording:
     samples, rate = recording.samples, recording.sampling_rate_hz
     vibrates = [kind == "vibration" for kind in recording.channel_kinds]
     notes, lost, mended = [], {}, []
-    for row in np.flatnonzero(vibrates).tolist():
-        own, name = bad_stretches(samples[row]), recording.channel_names[row]
+    found = {row: bad_stretches(samples[row]) for row in np.flatnonzero(vibrates).tolist()}
+    for row, own in _of_machine(found, samples.shape[1]).items():
+        name = recording.channel_names[row]
         if not own:
             continue
         label = name if name.startswith("channel") else f"channel {name}"
         told = [f"{label} {bad.told(rate)}" for bad in own]
-        lasting = sum(bad.stop - bad.start for bad in own if not bad.bridged)
+        spoilt = (bad for bad in own if not bad.bridged and not bad.what.endswith(_WORKS))
+        lasting = sum(bad.stop - bad.start for bad in spoilt)
         if lasting > _MOST_BAD * samples.shape[1]:
             lost[row] = told[0]
         else:
@@ -219,6 +231,23 @@ def sound_part(recording: Recording, least: float = _LEAST_LEFT) -> Recording:
 def _with(recording: Recording, notes: Sequence[str], **changed: Any) -> Recording:
     """Return a recording with further notes and other samples, which are as finite as its own."""
     return replace(recording, notes=(*recording.notes, *notes), known_finite=True, **changed)
+
+
+def _of_machine(found: dict[int, list[BadStretch]], samples: int) -> dict[int, list[BadStretch]]:
+    """Tell a step of level that the machine makes: at one moment in all of several channels."""
+    steps = {row: bad for row, own in found.items() for bad in own if bad.step_db}
+    if len(steps) < max(2, len(found)):
+        return found
+    told = [(bad.start, bad.stop, abs(bad.step_db)) for bad in steps.values()]
+    begin, end, size = np.ptp(told, axis=0)
+    frames = 2 * max(_FRAME_SAMPLES, samples // _FRAMES)
+    if max(begin, end) > frames or size < _ALIKE_DB or np.max(told, axis=0)[2] >= _SILENT_DB:
+        return found
+    changed = {}
+    for row, bad in steps.items():
+        told_so = replace(bad, what=f"{bad.what.split(' than')[0]}, as all are: {_WORKS}")
+        changed[row] = [told_so if own is bad else own for own in found[row]]
+    return changed
 
 
 def _where(recording: Recording) -> str:
@@ -317,7 +346,8 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     )
     # somewhere within the frame at which it was seen
     edge = int(where[first])
-    yield framed(0, edge + 1, what) if before_is_bad else framed(edge - 1, count + 1, what)
+    bad = framed(0, edge + 1, what) if before_is_bad else framed(edge - 1, count + 1, what)
+    yield replace(bad, step_db=change)
 
 
 def _finest_step(values: FloatArray) -> float:
