@@ -365,9 +365,10 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
     Notes
     -----
     The density is the median in time, over ln 2: that of stationary noise, whose power in a bin is
-    spread exponentially. Stones, ruts and what else knocks now and then are loud, but short: of 15
-    sound recordings of lumped machines with two knocks a second up to 15 times as loud as the rest,
-    beside three references with as many, 11 were left open by Welch's mean, none is by this.
+    spread exponentially. Stones, ruts and what else knocks now and then are loud, but short: of
+    eight lumped machines with two knocks a second, up to 15 times as loud as the rest, in each of
+    their recordings, 46 of 96 sound ones (beside one and three references) were left open by
+    Welch's mean, and of six with a crack the channels looked exchanged; 2 and none by the median.
     """
     length = samples.shape[-1]
     block = min(_BAND_SAMPLES, length // 8)
