@@ -273,8 +273,17 @@ class GearDeviation:
             left += float(np.sum(np.abs(band.rest) ** 2) - np.sum(followed[kept]))
             freedom += band.rest.size - np.count_nonzero(kept)
         if freedom < _LEAST_LEFT * self.lines:
-            # one line in N tells of a sun's places; of a small pinion all lines tell, and ring on
-            return self._beside_event if self.meetings > 1 else 1.0
+            # of a small pinion all lines tell, and ring on
+            if self.meetings == 1:
+                return 1.0
+            # one line in N tells of a sun's places: the quietest quarter of the turn tells, less
+            # what the lines that are heard let leak of the event to the median place
+            turn = np.exp(-2j * np.pi * CONTACT_CENTRE / self.teeth)
+            alone = self._around(
+                [np.broadcast_to(turn**band.number, band.rest.shape) for band in self.bands]
+            )
+            leak = float(np.median(alone) / alone.max() * self._energy.max())
+            return max(1.0, (float(np.quantile(self._energy, _QUIET)) - leak) / self.lines)
         left /= max(freedom, 1.0)
         leaked = _LEFT_BY_EVENT * float(self._energy.max()) / self.lines
         return max(left - leaked, min(left, 1.0), LEAST_MISFIT)
@@ -337,20 +346,6 @@ class GearDeviation:
     def expected_by_tooth(self) -> FloatArray:
         """`expected_around` at each tooth's contact, shape (teeth,)."""
         return self.expected_around[np.arange(self.teeth) * _STEPS]
-
-    @cached_property
-    def _beside_event(self) -> float:
-        """Mean square of the rest in the quietest quarter of the turn, at least 1.
-
-        What the lines that are heard let leak there of the greatest event is taken off, as much as
-        to the median place.
-        """
-        place = np.exp(2j * np.pi * CONTACT_CENTRE / self.teeth)
-        alone = self._around(
-            [np.broadcast_to(place**-band.number, band.rest.shape) for band in self.bands]
-        )
-        leak = float(np.median(alone) / alone.max() * self._energy.max())
-        return max(1.0, (float(np.quantile(self._energy, _QUIET)) - leak) / self.lines)
 
     def recurrence(
         self, tooth: int, blocks: ComplexArray, wheel: WheelLines, swings: bool = False
@@ -454,51 +449,41 @@ class GearLaw:
     indexed: bool = False
 
     @cached_property
-    def _left_out(self) -> list[tuple[list[BandDeviation], FloatArray]]:
-        """How each reference departs from what the others predict; nothing of one reference."""
-        count, found = len(self.patterns), []
-        nothing = np.zeros((0, *self.patterns[0].amplitude.shape), dtype=complex)
-        for row in range(count if count > 1 else 0):
-            rest = [n for n in range(count) if n != row]
-            others = replace(
-                self, patterns=tuple(self.patterns[n] for n in rest), states=self.states[rest]
-            )
-            pattern, parts = others._predicted(self.states[row])
-            found.append((others._bands(self.patterns[row], pattern, parts, {}, nothing), parts))
-        return found
+    def _learned(self) -> tuple[ComplexArray, dict[tuple[int, int], FloatArray]]:
+        """How each reference departs from what the others predict; nothing of one reference.
 
-    @cached_property
-    def _scales(self) -> dict[tuple[int, int], FloatArray]:
-        """Variances of departures over their priors, by band: how references depart from another.
-
-        Where they depart less than the prior has it, the machine is steady in all parts, scatter
-        and change with the state. Where they depart more, each tells of the parts by their
-        shares in it: a machine that changes much with its load need not scatter much beside a
-        reference of the same load, nor change with its speed. Shape (parts, channels).
+        Returns
+        -------
+        departures : ndarray of complex, shape (references, rows, top + 1)
+            Whitened, on the grid of their patterns.
+        scales : dict of (int, int) to ndarray of float, shape (parts, channels)
+            Variances of departures over their priors, by side and harmonic of the band. Where they
+            depart less than the prior has it, the machine is steady in all parts, scatter and
+            change with the state. Where they depart more, each tells of the parts by their shares
+            in it: a machine that changes much with its load need not scatter much beside a
+            reference of the same load, nor change with its speed.
         """
+        grid, every = self.patterns[0], np.arange(len(self.patterns))
+        references = len(every) if len(every) > 1 else 0
+        departures = np.zeros((references, *grid.amplitude.shape), dtype=complex)
         found: dict[tuple[int, int], list[tuple[FloatArray, FloatArray]]] = {}
-        for bands, parts in self._left_out:
-            for band in bands:
-                seen = np.mean(np.abs(band.rest) ** 2, axis=1)
-                found.setdefault((band.side, band.harmonic), []).append((parts / parts.sum(), seen))
+        for row, own in enumerate(departures):
+            rest = np.delete(every, row)
+            known = tuple(self.patterns[n] for n in rest)
+            others = replace(self, patterns=known, states=self.states[rest])
+            pattern, parts = others._predicted(self.states[row])
+            for band in others._bands(self.patterns[row], pattern, parts, {}, departures[:0]):
+                first = _SIDES.index(band.side) * grid.channels
+                own[first : first + grid.channels, band.number] = band.rest
+                told = parts / parts.sum(), np.mean(np.abs(band.rest) ** 2, axis=1)
+                found.setdefault((band.side, band.harmonic), []).append(told)
         scales = {}
-        for place, told in found.items():
-            share, seen = (np.array(each) for each in zip(*told, strict=True))
+        for place, each in found.items():
+            share, seen = (np.array(column) for column in zip(*each, strict=True))
             common = (_WORTH + seen.sum(axis=0)) / (_WORTH + len(seen))
             parts = (_WORTH + share.T @ seen) / (_WORTH + share.sum(axis=0)[:, None])
             scales[place] = np.clip(np.minimum(common, parts), _LEAST_SCALE, _MOST_SCALE)
-        return scales
-
-    @cached_property
-    def _departures(self) -> ComplexArray:
-        """Departures of the references, whitened, on the grid of their patterns."""
-        grid = self.patterns[0].amplitude
-        found = np.zeros((len(self._left_out), *grid.shape), dtype=complex)
-        for own, (bands, _) in zip(found, self._left_out, strict=True):
-            for band in bands:
-                first = _SIDES.index(band.side) * self.patterns[0].channels
-                own[first : first + len(band.rest), band.number] = band.rest
-        return found
+        return departures, scales
 
     def deviation(
         self, wheel: WheelPattern, state: FloatArray, *, same_zero: bool
@@ -526,8 +511,9 @@ class GearLaw:
         known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
         known = known.modulated_as(new, wheel.teeth)
         turn = np.exp(2j * np.pi * angle * np.arange(top + 1))
-        left_out = self._departures[:, :, : top + 1] * turn
-        bands = tuple(self._bands(new, known, parts, self._scales, left_out))
+        departures, scales = self._learned
+        left_out = departures[:, :, : top + 1] * turn
+        bands = tuple(self._bands(new, known, parts, scales, left_out))
         lines = new.amplitude[:, :: wheel.teeth]
         meshes = np.abs(lines) ** 2
         if not bands:

@@ -144,12 +144,6 @@ class StateGauge:
         return change / _DB
 
 
-def _in_speed_units(states: FloatArray) -> FloatArray:
-    """Speed of states and how far it swung, both in `SPEED_UNIT`, shape (..., 2)."""
-    swing = np.sqrt(states[..., 2]) * (FLUCTUATION_UNIT / SPEED_UNIT)
-    return np.stack([states[..., 1], swing], axis=-1)
-
-
 def _slope(values: FloatArray, along: FloatArray) -> float:
     """Factor of a direction that leaves the least sum of magnitudes of some values."""
     told = ~np.isnan(values) & (along != 0.0)
@@ -396,7 +390,10 @@ class HealthyMachine:
                 f"{own.origin}: shares no family of lines with the reference: sampling rate or "
                 "length differ too much"
             )
-        speeds, now = (_in_speed_units(one) for one in (self.states, state))
+        # how far the speed swung, in its own unit
+        every = np.vstack([state, self.states])
+        swing = np.sqrt(every[:, 2]) * (FLUCTUATION_UNIT / SPEED_UNIT)
+        off = np.maximum(*(np.abs(own[1:] - own[0]) for own in (every[:, 1], swing)))
         placed = in_units(self.states, self.lightest), in_units(state, self.lightest)
         healthy = [profile.of_families(names) for profile in self.profiles]
         bands = [profile.bands for profile in self.profiles]
@@ -406,7 +403,7 @@ class HealthyMachine:
             state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
             heavy=float(state[0] - self.states[:, 0].max()),
-            speed_off=float(np.abs(speeds - now).max(axis=1).min()),
+            speed_off=float(off.min()),
             length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
             gears=tuple(filter(None, gears)),
             family_names=tuple(names),
