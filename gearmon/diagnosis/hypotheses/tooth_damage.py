@@ -290,13 +290,27 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
     searched = tuple(_searched(own, deviation, machine))
     if not searched:
         return None
-    best, rivals = _blamed(searched, machine, own.speed_hz)
+    best = first = max(searched, key=lambda one: one.believed)
+    rivals: tuple[tuple[SearchedGear, float], ...] = ()
+    # those with a template compete by what either should sound like
+    if first.search is not None and first.believed > 0.0:
+        # a gear whose evidence is hardly believed does not compete, however loud it is, unless it
+        # has its lines in common with the first: what stands out in the turn of one does in
+        # either's
+        competing = []
+        for one in searched:
+            sure = one.believed >= _COMPETES * first.believed
+            loud = one.log_factor >= _AS_LOUD * first.log_factor
+            if one.search and (sure or (loud and share_lines(one.search, first.search))):
+                competing.append(one.search)
+        blamed, rivals = most_likely(competing, machine, own.speed_hz)
+        best = next(one for one in searched if one.search is blamed)
     return ToothFinding(
         best=best,
         machine=machine,
         speed_hz=own.speed_hz,
-        evidence=max(one.believed for one in searched),
-        rivals=rivals,
+        evidence=first.believed,
+        rivals=tuple((gear.difference.gear, gear.difference.stage, lead) for gear, lead in rivals),
         searched=searched,
     )
 
@@ -466,27 +480,6 @@ def _by_neighbours(power: FloatArray, expected: FloatArray, harmonic: int) -> Fl
     alone = [k for k in (harmonic - 1, harmonic + 1) if k <= last]
     told = power[:, alone].sum(axis=1) / expected[alone].sum()
     return np.asarray(told * expected[harmonic])
-
-
-def _blamed(
-    searched: Sequence[GearEvidence], machine: Machine, speed_hz: float
-) -> tuple[GearEvidence, tuple[tuple[str, int, float], ...]]:
-    """Choose the gear to blame; those with a template compete by what either should sound like."""
-    first = max(searched, key=lambda one: one.believed)
-    if first.search is None or first.believed <= 0.0:
-        return first, ()
-    # a gear whose evidence is hardly believed does not compete, however loud it is, unless it has
-    # its lines in common with the first: what stands out in the turn of one does in either's
-    known = [(one, one.search) for one in searched if one.search is not None]
-    sure = [own for one, own in known if one.believed >= _COMPETES * first.believed]
-    loud = [own for one, own in known if one.log_factor >= _AS_LOUD * first.log_factor]
-    alike = [own for own in loud if share_lines(own, first.search)]
-    competing = [own for _, own in known if own in sure or own in alike]
-    best, rivals = most_likely(competing or [first.search], machine, speed_hz)
-    blamed = next(one for one in searched if one.search is best)
-    return blamed, tuple(
-        (gear.difference.gear, gear.difference.stage, lead) for gear, lead in rivals
-    )
 
 
 def losses_by_tooth(gear: SearchedGear) -> tuple[FloatArray, FloatArray]:
