@@ -275,11 +275,8 @@ class MachineDeviation:
 
     Parameters
     ----------
-    state : ndarray of float, shape (3,)
-        Operating state of the recording: load [Np] and speed beside the first reference, and
-        square of how far the speed swung.
     gap : float
-        Distance to the nearest reference's state.
+        Distance of its operating state to the nearest reference's.
     heavy : float
         By how much its load is heavier than that of every reference [Np]; negative if it is not.
     speed_off : float, >= 0
@@ -297,7 +294,6 @@ class MachineDeviation:
         Of the broadband spectrum; None where the recordings have other bands.
     """
 
-    state: FloatArray
     gap: float
     heavy: float
     speed_off: float
@@ -400,7 +396,6 @@ class HealthyMachine:
         shape = own.band_db.shape
         alike = shape[1] > 0 and all(one.level_db.shape == shape for one in bands)
         return MachineDeviation(
-            state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
             heavy=float(state[0] - self.states[:, 0].max()),
             speed_off=float(off.min()),
