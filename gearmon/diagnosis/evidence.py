@@ -290,26 +290,21 @@ def path_change(levels: LevelDeviation, families: Sequence[Family]) -> PathChang
     several = count > 1
     count, whole, squares = count[several], total[several] ** 2 / count[several], squares[several]
     spread = squares - whole
+    # by how much mesh harmonics differ between channels, beyond chance
+    apart, mesh = None, levels.standardised[:, [family.kind == "mesh" for family in families]]
+    if len(mesh) > 1:
+        mesh = mesh[:, np.isfinite(mesh).all(axis=0)]
+        differ = np.sum((mesh - mesh.mean(axis=0)) ** 2) - (len(mesh) - 1) * mesh.shape[1]
+        apart = float(max(differ, 0.0) / max(np.sum(changes**2), np.finfo(float).tiny))
     # of unrelated changes the mean of `count` has a variance of one part in `count`
     between = np.sum(np.maximum(whole - spread / (count - 1), 0.0))
     within = np.sum(spread * count / (count - 1))
     return PathChange(
         common=float(between / max(between + within, np.finfo(float).tiny)),
-        apart=_apart(levels, families),
+        apart=apart,
         together=float(np.sum(whole)) / max(len(count), 1),
         bands=len(count),
     )
-
-
-def _apart(levels: LevelDeviation, families: Sequence[Family]) -> float | None:
-    """Share of the change by which mesh harmonics differ between channels, beyond chance."""
-    mesh = levels.standardised[:, [family.kind == "mesh" for family in families]]
-    if len(mesh) < 2:
-        return None
-    mesh = mesh[:, np.isfinite(mesh).all(axis=0)]
-    differ = np.sum((mesh - mesh.mean(axis=0)) ** 2) - (len(mesh) - 1) * mesh.shape[1]
-    whole = np.nansum(levels.standardised**2)
-    return float(max(differ, 0.0) / max(whole, np.finfo(float).tiny))
 
 
 # Quantile of the broadband spectrum's changes that tells whether any part of it fell: with added
@@ -564,5 +559,7 @@ def _first(gear: GearEvidence, evidence: FloatArray, strength: float) -> float |
     told = np.maximum.accumulate([tooth_strength(value) for value in evidence.tolist()])
     if told[-1] < strength:
         return None
-    loss = float(np.exp(np.interp(strength, told, np.log(LOSSES)))) / gear.loaded
+    loss = float(np.exp(np.interp(strength, told, np.log(LOSSES))))
+    # teeth that are loaded less than the response supposes have to lose more
+    loss /= min(1.0, gear.deviation.load)
     return loss if loss <= LOSSES[-1] else None

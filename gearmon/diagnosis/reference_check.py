@@ -147,8 +147,14 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
         CheckedGear(stage=stage, gear=gear, noticed_from=loss if math.isfinite(loss) else None)
         for (stage, gear), loss in heard.items()
     )
+    deaf = (
+        f"Damage of one tooth of the {own.gear} of stage {own.stage} might go unnoticed: record "
+        "longer, under load, or nearer to it."
+        for own in gears
+        if own.noticed_from is None or own.noticed_from > LIMITS.must_notice
+    )
     # what was doubtful when it was learned comes first
-    advice = (*reference.notes, *_missing_loads(recordings), *_deaf(gears))
+    advice = (*reference.notes, *_missing_loads(recordings), *deaf)
     return ReferenceCheck(
         machine=reference.machine, recordings=tuple(recordings), gears=gears, advice=advice
     )
@@ -172,12 +178,3 @@ def _missing_loads(recordings: list[CheckedRecording]) -> list[str]:
             "lies near it."
         ]
     return []
-
-
-def _deaf(gears: tuple[CheckedGear, ...]) -> list[str]:
-    return [
-        f"Damage of one tooth of the {own.gear} of stage {own.stage} might go unnoticed: record "
-        "longer, under load, or nearer to it."
-        for own in gears
-        if own.noticed_from is None or own.noticed_from > LIMITS.must_notice
-    ]

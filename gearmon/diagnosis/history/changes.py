@@ -425,13 +425,6 @@ def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint:
     )
 
 
-def _between(knots: FloatArray, about: int, most: int) -> FloatArray:
-    """Return about so many places at and between recordings."""
-    between = int(np.clip(about // max(1, len(knots)), 1, _BETWEEN))
-    numbers = np.linspace(0, len(knots) - 1, min(most, between * (len(knots) - 1) + 1))
-    return np.interp(numbers, np.arange(len(knots)), knots)
-
-
 def _solver(series: Series, changes: Sequence[ChangePoint]) -> FloatArray:
     """Return what makes values, in standard deviations, the constant and the sizes of changes."""
     columns = change_columns(series.time_s, changes) / series.sigma[:, None]
@@ -473,8 +466,12 @@ class Fits:
         most = int(np.clip(_MOST_NUMBERS // max(1, len(times)), *_FOUND_AT))
         steps = 0.5 * (times[1:] + times[:-1])[BORNE_BY - 1 : len(times) - BORNE_BY]
         steps = steps[np.linspace(0, len(steps) - 1, min(most, len(steps))).astype(int)]
-        ends = _TIMED_AT if bent else (most, most)
-        begun = _between(times[: -1 if bent else -BORNE_BY], *ends)
+        # about so many places at and between recordings, and how many at most
+        about, limit = _TIMED_AT if bent else (most, most)
+        knots = times[: -1 if bent else -BORNE_BY]
+        between = int(np.clip(about // max(1, len(knots)), 1, _BETWEEN))
+        numbers = np.linspace(0, len(knots) - 1, min(limit, between * (len(knots) - 1) + 1))
+        begun = np.interp(numbers, np.arange(len(knots)), knots)
         growths = range(1, len(COURSES) if bent else 2)
         places = np.concatenate([steps, np.tile(begun, len(growths))])
         courses = np.repeat([0, *growths], [len(steps), *[len(begun)] * len(growths)])

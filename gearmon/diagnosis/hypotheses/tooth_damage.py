@@ -123,11 +123,6 @@ class GearEvidence:
         return not told or bool(np.mean(told) > 0.5)
 
     @property
-    def loaded(self) -> float:
-        """How nearly the teeth are loaded as much as the response supposes, at most 1."""
-        return min(1.0, self.deviation.load)
-
-    @property
     def load_unlearned(self) -> bool:
         """Whether nothing tells what the load changes: teeth loaded lightly, one reference."""
         return self.deviation.load < FULL_LOAD and not len(self.deviation.bands[0].known)
@@ -147,7 +142,11 @@ class GearEvidence:
         """
         deviation, entry = self.deviation, float(self.tooth)
         if self.search is not None and not deviation.same_zero:
-            entry += _between(self.search.log_place, self.tooth)
+            # the maximum of a parabola through the best tooth and its neighbours
+            told = np.take(self.search.log_place, self.tooth + np.arange(-1, 2), mode="wrap")
+            bend = -np.diff(told, 2)[0]
+            shift = 0.5 * (told[2] - told[0]) / bend if bend > 0 else 0.0
+            entry += float(np.clip(shift, -0.5, 0.5))
         turned = 0.0 if deviation.same_zero else deviation.shift_turns * deviation.teeth
         position = (entry + CONTACT_CENTRE) / deviation.teeth % 1.0
         return round(entry + turned) % deviation.teeth + 1, position
@@ -219,13 +218,6 @@ class GearEvidence:
         """Log likelihood ratio of the largest of gamma variables, the tooth unknown."""
         teeth = self.deviation.teeth / self.deviation.meetings
         return float(shape * (peak - 1.0 - np.log(peak)) - np.log(max(1.0, teeth)))
-
-
-def _between(log_place: FloatArray, index: int) -> float:
-    """Place of the maximum of a parabola through the best tooth and its neighbours."""
-    before, here, after = log_place[[index - 1, index, (index + 1) % len(log_place)]]
-    bend = 2.0 * here - before - after
-    return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0 else 0.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -326,30 +318,23 @@ def _searched(
         if not shown:
             # what drowns in another mesh on the same lines tells neither size nor gear
             alone = replace(alone, mesh_lines=None)
+        found, top = [], max(int(band.number[-1]) for band in alone.bands) + gear.teeth
         # nothing may tell how a sun is held
-        seats = (machine, with_floating_sun(machine, gear.stage))
-        found = [_matched(own, alone, deviation, each) for each in seats if each is not None]
+        for seat in filter(None, (machine, with_floating_sun(machine, gear.stage))):
+            # of a set whose file says too little, only an event of unknown form is looked for
+            with suppress(ArgumentError):
+                response = tooth_response(seat, gear.stage, gear.gear, top * gear.order)
+                power = own_mesh_power(alone, response, deviation.gears)
+                # where planets cancel, neighbours do not tell the path: it falls below its
+                # resonances
+                told = tuple(b for b in alone.bands if np.all(response.mesh[b.harmonic :][:1]))
+                heard = replace(alone, bands=told, mesh_power=power)
+                found.append(search_gear(heard, response, own.speed_hz))
         ranked = sorted(filter(None, found), key=lambda search: -search.log_gear)
         if ranked or alone.meetings > 1:
             best, instead = (*ranked, None, None)[:2]
             alone = best.difference if best is not None else alone
             yield GearEvidence(deviation=alone, search=best, shown=shown, instead=instead)
-
-
-def _matched(
-    own: Profile, gear: GearDeviation, deviation: MachineDeviation, machine: Machine
-) -> SearchedGear | None:
-    """Search a gear by the response of a machine's teeth; None without one."""
-    top = max(int(band.number[-1]) for band in gear.bands) + gear.teeth
-    # of a set whose file says too little, only an event of unknown form is looked for
-    with suppress(ArgumentError):
-        response = tooth_response(machine, gear.stage, gear.gear, top * gear.order)
-        power = own_mesh_power(gear, response, deviation.gears)
-        # where planets cancel, neighbours do not tell the path: it falls below its resonances
-        told = tuple(b for b in gear.bands if np.all(response.mesh[b.harmonic :][:1]))
-        heard = replace(gear, bands=told, mesh_power=power)
-        return search_gear(heard, response, own.speed_hz)
-    return None
 
 
 def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:
