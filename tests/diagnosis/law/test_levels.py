@@ -149,7 +149,7 @@ def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
     law = HealthyMachine.of(healthy, machine())
 
     def held_at(load):
-        gears = {key: replace(own, load=load) for key, own in law.gears.items()}
+        gears = tuple(replace(own, load=load) for own in law.gears)
         return replace(law, lightest=load, gears=gears).deviation(new)
 
     full, light = held_at(np.inf), held_at(FULL_LOAD * share)
