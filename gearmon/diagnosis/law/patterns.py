@@ -8,7 +8,7 @@ is where the gear turns as unevenly as in the new recording.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -337,17 +337,17 @@ def turning(known: GearPattern, new: GearPattern, teeth: int, beyond: int = 0) -
     angles = pair.likely_angles()
     angle = float(angles[int(np.argmin(pair.left(angles)))])
     # how much louder it is than the healthy pattern, in the median of bands and channels
-    powers = [np.sum(np.abs([old, value]) ** 2, axis=2) for _, old, value, _ in pair.lines()]
-    healthy, own = np.array(powers).swapaxes(0, 1)
+    both = [np.array(lines) * scale for _, *lines, scale in pair.bands]
+    healthy, own = np.array([np.sum(np.abs(lines) ** 2, axis=2) for lines in both]).swapaxes(0, 1)
     told = healthy > 0
     drowned = told.any() and np.median(own[told] / healthy[told]) > _DROWNED
     for _ in range(_ROUNDS if drowned else 0):
-        event = pair._replace(known=known.turned(angle)).event()
+        event = _Pair.of(known.turned(angle), new, teeth, beyond).event()
         if event is None:
             break
         beside = replace(new, amplitude=new.amplitude - event)
         # a loud event leaks to all teeth: what is left at them tells nothing then
-        moved = float(pair._replace(new=beside).likely_angles()[0])
+        moved = float(_Pair.of(known, beside, teeth, beyond).likely_angles()[0])
         step = abs((moved - angle + 0.5) % 1.0 - 0.5) * teeth
         angle = moved
         if step < _SETTLED:
@@ -356,11 +356,14 @@ def turning(known: GearPattern, new: GearPattern, teeth: int, beyond: int = 0) -
 
 
 class _Pair(NamedTuple):
-    """A healthy pattern and a new one, about the mesh harmonics whose lines both have."""
+    """A healthy pattern and a new one, about the mesh harmonics whose lines both have.
 
-    known: GearPattern
+    Numbers of the lines of each band, healthy and new lines over the standard deviation of what
+    differs, and that deviation.
+    """
+
+    bands: Sequence[tuple[IntArray, ComplexArray, ComplexArray, FloatArray]]
     new: GearPattern
-    bands: Sequence[IntArray]
     teeth: int
 
     @classmethod
@@ -368,16 +371,13 @@ class _Pair(NamedTuple):
         """Take the bands in which so many lines are shared that they tell anything."""
         usable = new.usable[0] & known.usable[0]
         away = (np.arange(len(usable)) + teeth // 2) % teeth - teeth // 2
-        usable = usable & (np.abs(away) > beyond)
-        bands = [band[usable[band]] for band in mesh_bands(teeth, new.top)]
-        return cls(known, new, [band for band in bands if len(band) >= LEAST_LINES], teeth)
-
-    def lines(self) -> Iterator[tuple[IntArray, ComplexArray, ComplexArray, FloatArray]]:
-        """Give numbers, healthy and new lines of each band, and the variance of what differs."""
-        known, new = self.known, self.new
-        for band in self.bands:
-            variance = new.variance[:, band] + known.variance[:, band]
-            yield band, known.amplitude[:, band], new.amplitude[:, band], variance
+        usable, scale = usable & (np.abs(away) > beyond), np.sqrt(new.variance + known.variance)
+        both, bands = (known.amplitude / scale, new.amplitude / scale, scale), []
+        for band in mesh_bands(teeth, new.top):
+            use = band[usable[band]]
+            if len(use) >= LEAST_LINES:
+                bands.append((use, *(own[:, use] for own in both)))
+        return cls(bands, new, teeth)
 
     def left(self, angles: FloatArray) -> FloatArray:
         """Mean energy left at most of the teeth, the quietest, for each angle.
@@ -385,13 +385,12 @@ class _Pair(NamedTuple):
         One gain a band is fitted.
         """
         left = np.zeros((len(angles), self.teeth))
-        for band, old, value, variance in self.lines():
+        for band, old, value, _ in self.bands:
             healthy = old * np.exp(2j * np.pi * np.outer(angles, band))[:, None]
-            power = np.sum(np.abs(old) ** 2 / variance, axis=1)
-            gain = np.sum(healthy.conj() * (value - healthy) / variance, axis=2)
+            power = np.sum(np.abs(old) ** 2, axis=1)
+            gain = np.sum(healthy.conj() * (value - healthy), axis=2)
             gain = 1.0 + gain / (power + 1.0 / GAIN**2)
-            rest = (value - gain[:, :, None] * healthy) / np.sqrt(variance)
-            left += turn_energy(rest, band, self.teeth)
+            left += turn_energy(value - gain[:, :, None] * healthy, band, self.teeth)
         quietest = np.sort(left, axis=1)[:, : max(1, int(_SOUND_TEETH * self.teeth))]
         return np.asarray(quietest.mean(axis=1))
 
@@ -402,36 +401,32 @@ class _Pair(NamedTuple):
         the pattern in its place, at the very angle that is in doubt.
         """
         energy = np.zeros(_PLACES * self.teeth)
-        for band, old, value, variance in self.lines():
-            power = np.sum(np.abs(old) ** 2 / variance, axis=1)
-            gain = np.sum(old.conj() * value / variance, axis=1)
-            gain /= np.maximum(power, np.finfo(float).tiny)
-            rest = (value - gain[:, None] * old) / np.sqrt(variance)
-            energy += turn_energy(rest, band, len(energy))
+        for band, old, value, _ in self.bands:
+            power = np.maximum(np.sum(np.abs(old) ** 2, axis=1), np.finfo(float).tiny)
+            gain = np.sum(old.conj() * value, axis=1) / power
+            energy += turn_energy(value - gain[:, None] * old, band, len(energy))
         window = uniform_filter1d(energy, _EVENT_TEETH * _PLACES, mode="wrap")
         if float(window.max()) < _EVENT * float(np.median(window)):
             return None
         delay = (int(np.argmax(window)) / _PLACES + AROUND) / self.teeth
         event = np.zeros_like(self.new.amplitude)
-        for band, _, value, variance in self.lines():
+        for band, _, value, scales in self.bands:
             waves = np.exp(-2j * np.pi * np.outer(band, delay))
-            for channel, scale in enumerate(np.sqrt(variance)):
-                told = value[channel] / scale
-                size = np.linalg.lstsq(waves / scale[:, None], told, rcond=RANK)[0]
+            for channel, scale in enumerate(scales):
+                size = np.linalg.lstsq(waves / scale[:, None], value[channel], rcond=RANK)[0]
                 event[channel, band] = waves @ size
         return event
 
     def likely_angles(self) -> FloatArray:
         """Angles [turns] at which the healthy pattern explains most of the new one, best first."""
-        top = self.new.top
         # eight steps per cycle of the highest line: the best angle is met within 3 per cent of
         # power
-        steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
+        steps = 1 << int(np.ceil(np.log2(8 * (self.new.top + 1))))
         explained = np.zeros(steps)
-        for band, old, value, variance in self.lines():
-            product = np.zeros((len(variance), steps), dtype=complex)
-            product[:, band] = old.conj() * value / variance
-            power = np.sum(np.abs(old) ** 2 / variance, axis=1)
+        for band, old, value, _ in self.bands:
+            product = np.zeros((len(old), steps), dtype=complex)
+            product[:, band] = old.conj() * value
+            power = np.sum(np.abs(old) ** 2, axis=1)
             match = np.abs(np.fft.fft(product, axis=1)) ** 2
             explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
         angles, apart = [], max(1, int(_APART * steps / self.teeth))
