@@ -20,7 +20,7 @@ instead of counted as scatter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -546,8 +546,9 @@ class GearLaw:
         parts: FloatArray,
         scales: dict[tuple[int, int], FloatArray],
         left_out: ComplexArray,
-    ) -> list[BandDeviation]:
-        teeth, found = self.wheel.teeth, []
+    ) -> Iterator[BandDeviation]:
+        """Give what the law leaves about each mesh harmonic, on each side of the lines."""
+        teeth = self.wheel.teeth
         harmonics = enumerate(mesh_bands(teeth, new.top), start=1)
         every = product(enumerate(known.usable & new.usable), harmonics)
         for (place, usable), (harmonic, band) in every:
@@ -558,44 +559,36 @@ class GearLaw:
                 continue
             rows = slice(place * new.channels, (place + 1) * new.channels)
             scale = scales.get((side, harmonic), np.ones((len(parts), new.channels)))
-            pattern = known.amplitude[rows, use]
+            healthy = known.amplitude[rows, use]
             noise = new.variance[rows, use] + known.variance[rows, use]
-            variance = noise + (parts @ scale)[:, None] * _loudness(pattern, offset)
-            rest = _without_gain(
-                new.amplitude[rows, use] - pattern, pattern, variance, offset / teeth
+            deviation = np.sqrt(noise + (parts @ scale)[:, None] * _loudness(healthy, offset))
+            pattern = healthy / deviation
+            rest = new.amplitude[rows, use] / deviation - pattern
+            yield BandDeviation(
+                harmonic=harmonic,
+                number=use[far],
+                rest=_without_gain(rest, pattern, offset / teeth)[:, far],
+                deviation=deviation[:, far],
+                noise=np.sqrt(noise[:, far]),
+                pattern=pattern[:, far],
+                known=left_out[:, rows, use[far]],
+                changing=1.0 - float(parts[0] * scale[0].sum() / (parts @ scale).sum()),
+                side=side,
             )
-            found.append(
-                BandDeviation(
-                    harmonic=harmonic,
-                    number=use[far],
-                    rest=rest[:, far],
-                    deviation=np.sqrt(variance[:, far]),
-                    noise=np.sqrt(noise[:, far]),
-                    pattern=(pattern / np.sqrt(variance))[:, far],
-                    known=left_out[:, rows, use[far]],
-                    changing=1.0 - float(parts[0] * scale[0].sum() / (parts @ scale).sum()),
-                    side=side,
-                )
-            )
-        return found
 
 
-def _without_gain(
-    rest: ComplexArray, pattern: ComplexArray, variance: FloatArray, place: FloatArray
-) -> ComplexArray:
+def _without_gain(rest: ComplexArray, pattern: ComplexArray, place: FloatArray) -> ComplexArray:
     """Whitened rest after a gain, its slope and its bend across the band have been fitted.
 
     Ridge regression with the gains' prior; what it takes away of the degrees of freedom is made up.
     """
-    weight = 1.0 / np.sqrt(variance)
-    columns = GAIN * _powers(place) * (pattern * weight)[:, None, :]
-    value = rest * weight
+    columns = GAIN * _powers(place) * pattern[:, None, :]
     gram = columns.conj() @ columns.swapaxes(1, 2)
     inverse = np.linalg.inv(gram + np.eye(gram.shape[1]))
-    gain = np.einsum("cij,cjn,cn->ci", inverse, columns.conj(), value)
-    left = value - np.einsum("ci,cin->cn", gain, columns)
+    gain = np.einsum("cij,cjn,cn->ci", inverse, columns.conj(), rest)
+    left = rest - np.einsum("ci,cin->cn", gain, columns)
     freedom = np.einsum("cij,cji->c", inverse, gram).real
-    lines = value.shape[1]
+    lines = rest.shape[1]
     return np.asarray(left * np.sqrt(lines / np.maximum(1.0, lines - freedom))[:, None])
 
 
