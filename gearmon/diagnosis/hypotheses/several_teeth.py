@@ -83,10 +83,7 @@ class Band:
         """Powers and directions of an event for each of `RINGING`."""
         return [event(self, ringing) for ringing in RINGING]
 
-    @property
-    def whole(self) -> float:
-        """Energy of the departure."""
-        return float(np.sum(np.abs(self.rest) ** 2))
+
 
 
 def bands_of(gear: SearchedGear) -> Iterator[Band]:
@@ -191,7 +188,7 @@ def log_likelihood(band: Band, power: FloatArray, energy: FloatArray) -> FloatAr
     ndarray of float, shape (len(SHARES), events)
         Up to a constant of the band.
     """
-    lines, whole = len(band.rest), band.whole
+    lines, whole = len(band.rest), float(np.sum(np.abs(band.rest) ** 2))
     size = max(whole / lines - 1.0, _LEAST_POWER) * _POWERS[:, None]
     spread = 1.0 + size * SHARES
     across = (size * (1.0 - SHARES))[:, :, None, None] * np.atleast_2d(power)
