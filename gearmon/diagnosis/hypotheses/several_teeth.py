@@ -84,8 +84,6 @@ class Band:
         return [event(self, ringing) for ringing in RINGING]
 
 
-
-
 def bands_of(gear: SearchedGear) -> Iterator[Band]:
     """Return the departure of a gear about each mesh harmonic in each channel."""
     teeth, difference = gear.difference.teeth, gear.difference
