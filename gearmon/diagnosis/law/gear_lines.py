@@ -561,7 +561,11 @@ class GearLaw:
             scale = scales.get((side, harmonic), np.ones((len(parts), new.channels)))
             healthy = known.amplitude[rows, use]
             noise = new.variance[rows, use] + known.variance[rows, use]
-            deviation = np.sqrt(noise + (parts @ scale)[:, None] * _loudness(healthy, offset))
+            # mean power of the lines about each, the mesh harmonic left out
+            told, window = (offset != 0).astype(float), np.ones(2 * _BESIDE + 1)
+            total = convolve1d(told * np.abs(healthy) ** 2, window, mode="constant")
+            loudness = total / np.maximum(convolve1d(told, window, mode="constant"), 1.0)
+            deviation = np.sqrt(noise + (parts @ scale)[:, None] * loudness)
             pattern = healthy / deviation
             rest = new.amplitude[rows, use] / deviation - pattern
             yield BandDeviation(
@@ -596,11 +600,3 @@ def _powers(place: FloatArray) -> FloatArray:
     """Course of a gain, its slope and its bend across a band, as far as its lines bear them."""
     told = max(1, min(_GAINS, len(place) // _LINES_A_GAIN))
     return np.asarray(place ** np.arange(told)[:, None])
-
-
-def _loudness(pattern: ComplexArray, offset: IntArray) -> FloatArray:
-    """Mean power of the lines about each, the mesh harmonic left out."""
-    told = (offset != 0).astype(float)
-    power, window = np.abs(pattern) ** 2, np.ones(2 * _BESIDE + 1)
-    count, total = (convolve1d(own, window, mode="constant") for own in (told, told * power))
-    return np.asarray(total / np.maximum(count, 1.0))
