@@ -296,7 +296,7 @@ class GearDeviation:
     @cached_property
     def by_tooth(self) -> FloatArray:
         """Energy about each tooth's contact over that beside the largest, by what is expected."""
-        return self._standing_out[np.arange(self.teeth) * _STEPS]
+        return self._standing_out[::_STEPS]
 
     @cached_property
     def expected_around(self) -> FloatArray:
@@ -324,9 +324,8 @@ class GearDeviation:
         """
         loud = np.maximum(1.0, self._uneven([band.pattern for band in self.bands]))
         expected = 1.0 + self.departs * (loud - 1.0)
-        rests = [[band.known[r] for band in self.bands] for r in range(len(self.bands[0].known))]
-        learned = [self._uneven(rest) for rest in rests]
-        if not learned:
+        learned = self._uneven([band.known for band in self.bands])
+        if not len(learned):
             return expected
         changing = float(np.mean([band.changing for band in self.bands]))
         return np.asarray(np.maximum(expected, 1.0 + changing * (np.mean(learned, axis=0) - 1.0)))
@@ -334,7 +333,8 @@ class GearDeviation:
     def _uneven(self, lines_of_bands: Sequence[ComplexArray]) -> FloatArray:
         """Energy around the turn over that of the median place."""
         energy = self._around(lines_of_bands)
-        return energy / max(float(np.median(energy)), np.finfo(float).tiny)
+        middle = np.median(energy, axis=-1, keepdims=True)
+        return np.asarray(energy / np.maximum(middle, np.finfo(float).tiny))
 
     @cached_property
     def departs(self) -> float:
@@ -345,7 +345,7 @@ class GearDeviation:
     @cached_property
     def expected_by_tooth(self) -> FloatArray:
         """`expected_around` at each tooth's contact, shape (teeth,)."""
-        return self.expected_around[np.arange(self.teeth) * _STEPS]
+        return self.expected_around[::_STEPS]
 
     def recurrence(
         self, tooth: int, blocks: ComplexArray, wheel: WheelLines, swings: bool = False
@@ -413,15 +413,17 @@ class GearDeviation:
         return np.asarray(self._energy / self.expected_around / (self.misfit * self.lines))
 
     def _around(self, lines_of_bands: Sequence[ComplexArray]) -> FloatArray:
-        """Energy in windows of two teeth around the turn, centred on each step."""
+        """Energy in windows of two teeth around the turn, centred on each step.
+
+        Of several recordings, lines of shape (recordings, channels, lines), that of each.
+        """
         steps = _STEPS * self.teeth
-        energy = np.zeros(steps)
-        for band, values in zip(self.bands, lines_of_bands, strict=True):
-            energy += turn_energy(values, band.number, steps)
-        window = np.roll(uniform_filter1d(energy, 2 * _STEPS, mode="wrap"), -_STEPS - _WINDOW)
+        both = zip(self.bands, lines_of_bands, strict=True)
+        energy = np.sum([turn_energy(lines, band.number, steps) for band, lines in both], axis=0)
+        window = uniform_filter1d(energy, 2 * _STEPS, mode="wrap")
         again = np.rint(np.arange(self.meetings) * steps / self.meetings).astype(int)
-        met: FloatArray = window[(np.arange(steps)[:, None] + again) % steps].mean(axis=1)
-        return met
+        met = np.arange(steps)[:, None] + again + _STEPS + _WINDOW
+        return np.asarray(window[..., met % steps].mean(axis=-1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
