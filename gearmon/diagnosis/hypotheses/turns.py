@@ -362,22 +362,21 @@ def runout_growth(
         contrast = _contrast(change)
         first = int(np.argmax(contrast))
         chance = places * max(float(stdtr(worth, -contrast[first] / sigma)), 1e-300)
-        growth = RunoutGrowth(
-            stage=stage,
-            gear=gear,
-            times=first + 1,
-            change_db=float(change[first]),
-            others_db=float(np.mean(change[_OTHERS])),
-            sigma_db=sigma,
-            log10_probability=min(0.0, float(np.log10(chance))),
+        found.append(
+            RunoutGrowth(
+                stage=stage,
+                gear=gear,
+                times=first + 1,
+                change_db=float(change[first]),
+                others_db=float(np.mean(change[_OTHERS])),
+                sigma_db=sigma,
+                log10_probability=min(0.0, float(np.log10(chance))),
+            )
         )
-        found.append(growth)
     return tuple(sorted(found, key=lambda growth: growth.log10_probability))
 
 
-def healthy_turns(
-    healthy: Sequence[Sequence[WheelPattern]],
-) -> tuple[Sidebands, ...]:
+def healthy_turns(healthy: Sequence[Sequence[WheelPattern]]) -> tuple[Sidebands, ...]:
     """Compare each healthy recording with the others.
 
     Parameters

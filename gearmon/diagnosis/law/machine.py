@@ -17,13 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.law.gear_lines import (
-    GearDeviation,
-    GearLaw,
-    Kriging,
-    in_units,
-    load_unit,
-)
+from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, Kriging, in_units, load_unit
 from gearmon.diagnosis.law.patterns import turned_alike
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import load_share
