@@ -319,7 +319,7 @@ def change_probability(series: Series) -> float:
     return _search(series, []).false_alarm_probability if len(series) >= FEWEST else 1.0
 
 
-def permuted_probability(series: Series, *, permutations: int = 4999, seed: int = 0) -> float:
+def permuted_probability(series: Series, *, permutations: int = 4999) -> float:
     """Probability that a series in random order shows a change as clear as this one.
 
     Parameters
@@ -327,9 +327,7 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
     series : Series
         Its standard deviations must be equal, or the order has a meaning.
     permutations : int, > 0
-        Random orders.
-    seed : int
-        Of these.
+        Random orders, always the same.
 
     Returns
     -------
@@ -341,7 +339,7 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
     if len(series) < FEWEST or np.ptp(series.value) <= 1e-12 * np.abs(series.value).max():
         return 1.0
     paths, _, rest = Fits.of(series, ()).freed
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     clearest, as_clear = float(np.abs(paths @ rest).max()), 0
     for start in range(0, permutations, 500):
         count = min(500, permutations - start)
