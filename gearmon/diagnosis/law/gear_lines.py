@@ -140,26 +140,19 @@ class Kriging:
         slope : float, >= 0
             Standard deviation of the change per unit of state.
         """
-        count = len(known)
-        size = (slope * LENGTH) ** 2
-
-        def shared(a: FloatArray, b: FloatArray) -> FloatArray:
-            far = np.sum((a[:, None] - b[None]) ** 2, axis=-1)
-            return np.asarray(size * np.exp(-0.5 * far / LENGTH**2))
-
-        system = np.ones((count + 1, count + 1))
-        system[:count, :count] = shared(known, known) + scatter**2 * np.eye(count)
-        system[count, count] = 0.0
-        right = np.append(shared(known, state[None])[:, 0], 1.0)
+        count, size = len(known), (slope * LENGTH) ** 2
+        # the state itself stands last
+        states = np.vstack([known, state])
+        far = ((states[:, None] - states) / LENGTH).T ** 2
+        shared = size * np.exp(-0.5 * far.sum(axis=0))
+        system = shared + scatter**2 * np.eye(count + 1)
+        system[count], system[:, count], system[count, count] = 1.0, 1.0, 0.0
+        right = np.append(shared[:count, count], 1.0)
         weights = np.linalg.solve(system, right)[:count]
-
-        def changed(which: FloatArray) -> float:
-            own, here = known * which, state * which
-            between = weights @ shared(own, here[None])[:, 0]
-            return float(size - 2.0 * between + weights @ shared(own, own) @ weights)
-
-        each = np.array([max(changed(which), 0.0) for which in np.eye(len(state))])
-        each *= max(changed(np.ones(len(state))), 0.0) / max(each.sum(), np.finfo(float).tiny)
+        # variance of the prediction less the truth, and what each coordinate alone would make of it
+        apart = np.append(weights, -1.0)
+        each = np.maximum(apart @ (size * np.exp(-0.5 * far)) @ apart, 0.0)
+        each *= max(apart @ shared @ apart, 0.0) / max(each.sum(), np.finfo(float).tiny)
         parts = [scatter**2 * (1.0 + weights @ weights), *each]
         return cls(weights=weights, parts=np.array(parts))
 
