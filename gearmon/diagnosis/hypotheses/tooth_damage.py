@@ -14,6 +14,7 @@ from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import convolve1d
 
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.hypotheses.mesh_harmonics import (
@@ -406,17 +407,15 @@ def own_mesh_power(
     alike = [one.mesh_power for one in gears if one.stage == gear.stage]
     known = min(one.shape[1] for one in alike)
     power: FloatArray = np.max([one[:, :known] for one in alike], axis=0)
-    expected = np.abs(response.mesh) ** 2
-    last = min(len(expected), power.shape[1]) - 1
+    told = _by_neighbours(gear.mesh_power[:, :known], response)
     for other in gears:
         ratio = Fraction(gear.order * gear.teeth / (other.order * other.teeth))
         near = ratio.limit_denominator(_FINEST_RATIO)
         step = near.denominator
         if other.stage == gear.stage or step == 1 or abs(near / ratio - 1) > 1e-9:
             continue
-        for k in range(step, last + 1, step):
-            told = _by_neighbours(gear.mesh_power[:, :known], expected, k)
-            power[:, k] = np.minimum(told, power[:, k])
+        both = slice(step, told.shape[1], step)
+        power[:, both] = np.minimum(told[:, both], power[:, both])
     return power
 
 
@@ -449,22 +448,23 @@ def mesh_shown(gear: GearDeviation, gears: Sequence[GearDeviation], machine: Mac
         of_set = isinstance(machine.stages[other.stage - 1], PlanetaryStage)
         if other.stage == gear.stage or of_set or step < 2 or abs(ratio / step - 1) > 1e-9:
             continue
-        top = other.mesh_power.shape[1] - 1
-        response = tooth_response(machine, other.stage, other.gear, top * other.order * other.teeth)
-        expected = np.abs(response.mesh) ** 2
-        power, last = other.mesh_power, min(top, len(expected) - 1)
-        louder = [power[:, k] > _by_neighbours(power, expected, k) for k in range(step, last, step)]
-        if not np.any(louder):
+        top = (other.mesh_power.shape[1] - 1) * other.order * other.teeth
+        response = tooth_response(machine, other.stage, other.gear, top)
+        told = _by_neighbours(other.mesh_power, response)
+        both = slice(step, told.shape[1] - 1, step)
+        if not np.any(other.mesh_power[:, both] > told[:, both]):
             return False
     return True
 
 
-def _by_neighbours(power: FloatArray, expected: FloatArray, harmonic: int) -> FloatArray:
-    """Power of a mesh harmonic as those beside it, which stand alone, let expect it."""
-    last = min(len(expected), power.shape[1]) - 1
-    alone = [k for k in (harmonic - 1, harmonic + 1) if k <= last]
-    told = power[:, alone].sum(axis=1) / expected[alone].sum()
-    return np.asarray(told * expected[harmonic])
+def _by_neighbours(power: FloatArray, response: ToothResponse) -> FloatArray:
+    """Power of each mesh harmonic as those beside it, if they stand alone, let expect it."""
+    count = min(len(response.mesh), power.shape[1])
+    expected = np.abs(response.mesh[:count]) ** 2
+    told, beside = (
+        convolve1d(own, [1.0, 0.0, 1.0], mode="constant") for own in (power[:, :count], expected)
+    )
+    return np.asarray(told * np.divide(expected, beside, out=np.zeros(count), where=beside > 0))
 
 
 def losses_by_tooth(gear: SearchedGear) -> tuple[FloatArray, FloatArray]:
