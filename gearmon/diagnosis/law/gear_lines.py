@@ -419,6 +419,10 @@ class GearDeviation:
         return np.asarray(window[..., met % steps].mean(axis=-1))
 
 
+# Departures of references, and variances of such departures by side and harmonic of their bands.
+_Learned = tuple[ComplexArray, dict[tuple[int, int], FloatArray]]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GearLaw:
     """The law of one gear's healthy lines.
@@ -444,7 +448,7 @@ class GearLaw:
     indexed: bool = False
 
     @cached_property
-    def _learned(self) -> tuple[ComplexArray, dict[tuple[int, int], FloatArray]]:
+    def _learned(self) -> _Learned:
         """How each reference departs from what the others predict; nothing of one reference.
 
         Returns
@@ -467,7 +471,7 @@ class GearLaw:
             known = tuple(self.patterns[n] for n in rest)
             others = replace(self, patterns=known, states=self.states[rest])
             pattern, parts = others._predicted(self.states[row])
-            for band in others._bands(self.patterns[row], pattern, parts, {}, departures[:0]):
+            for band in others._bands(self.patterns[row], pattern, parts, (departures[:0], {})):
                 first = _SIDES.index(band.side) * grid.channels
                 own[first : first + grid.channels, band.number] = band.rest
                 told = parts / parts.sum(), np.mean(np.abs(band.rest) ** 2, axis=1)
@@ -507,8 +511,8 @@ class GearLaw:
         known = known.modulated_as(new, wheel.teeth)
         turn = np.exp(2j * np.pi * angle * np.arange(top + 1))
         departures, scales = self._learned
-        left_out = departures[:, :, : top + 1] * turn
-        bands = tuple(self._bands(new, known, parts, scales, left_out))
+        learned = departures[:, :, : top + 1] * turn, scales
+        bands = tuple(self._bands(new, known, parts, learned))
         lines = new.amplitude[:, :: wheel.teeth]
         meshes = np.abs(lines) ** 2
         if not bands:
@@ -535,15 +539,10 @@ class GearLaw:
         return GearPattern.combined(self.patterns, kriging.weights), kriging.parts
 
     def _bands(
-        self,
-        new: GearPattern,
-        known: GearPattern,
-        parts: FloatArray,
-        scales: dict[tuple[int, int], FloatArray],
-        left_out: ComplexArray,
+        self, new: GearPattern, known: GearPattern, parts: FloatArray, learned: _Learned
     ) -> Iterator[BandDeviation]:
         """Give what the law leaves about each mesh harmonic, on each side of the lines."""
-        teeth = self.wheel.teeth
+        teeth, (departures, scales) = self.wheel.teeth, learned
         harmonics = enumerate(mesh_bands(teeth, new.top), start=1)
         every = product(enumerate(known.usable & new.usable), harmonics)
         for (place, usable), (harmonic, band) in every:
@@ -570,7 +569,7 @@ class GearLaw:
                 deviation=deviation[:, far],
                 noise=np.sqrt(noise[:, far]),
                 pattern=pattern[:, far],
-                known=left_out[:, rows, use[far]],
+                known=departures[:, rows, use[far]],
                 changing=1.0 - float(parts[0] * scale[0].sum() / (parts @ scale).sum()),
                 side=side,
             )
