@@ -96,17 +96,14 @@ def learned(signatures: Sequence[MeasuredSignature], machine: Machine) -> Refere
     GearmonError
         If a recording cannot be used.
     """
-    reference = make_reference(signatures, machine)
-    return replace(reference, notes=tuple(_doubts(signatures, machine)))
-
-
-def _doubts(signatures: Sequence[MeasuredSignature], machine: Machine) -> Iterator[str]:
-    """Name recordings that do not look like those of a sound machine."""
+    reference, doubts = make_reference(signatures, machine), []
     for number, own in enumerate(signatures):
         if own_teeth_flags(own_teeth(own)):
-            yield f"{own.origin}: one tooth stands out of its gear already; is the machine sound?"
+            doubts.append(
+                f"{own.origin}: one tooth stands out of its gear already; is the machine sound?"
+            )
         if own.angle_lost:
-            yield (
+            doubts.append(
                 f"{own.origin}: its angle was lost on the way, so that it teaches little; record "
                 "at a steadier speed, or with a tachometer"
             )
@@ -116,10 +113,11 @@ def _doubts(signatures: Sequence[MeasuredSignature], machine: Machine) -> Iterat
             continue
         strength = evidence_against(own, machine, make_reference(others, machine)).strength
         if strength >= LIMITS.fault:
-            yield (
+            doubts.append(
                 f"{own.origin}: departs from the other recordings as a fault would (strength "
                 f"{strength:.1f}); was the machine sound, and everything as in the others?"
             )
+    return replace(reference, notes=tuple(doubts))
 
 
 def analyse(

@@ -38,7 +38,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding
-from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, SearchedGear
+from gearmon.diagnosis.hypotheses.tooth_match import LOSSES, path_power
 from gearmon.diagnosis.hypotheses.turns import RunoutGrowth
 from gearmon.diagnosis.law.gear_lines import FULL_LOAD
 from gearmon.diagnosis.law.machine import LevelDeviation, MachineDeviation
@@ -290,26 +290,21 @@ def path_change(levels: LevelDeviation, families: Sequence[Family]) -> PathChang
     several = count > 1
     count, whole, squares = count[several], total[several] ** 2 / count[several], squares[several]
     spread = squares - whole
+    # by how much mesh harmonics differ between channels, beyond chance
+    apart, mesh = None, levels.standardised[:, [family.kind == "mesh" for family in families]]
+    if len(mesh) > 1:
+        mesh = mesh[:, np.isfinite(mesh).all(axis=0)]
+        differ = np.sum((mesh - mesh.mean(axis=0)) ** 2) - (len(mesh) - 1) * mesh.shape[1]
+        apart = float(max(differ, 0.0) / max(np.sum(changes**2), np.finfo(float).tiny))
     # of unrelated changes the mean of `count` has a variance of one part in `count`
     between = np.sum(np.maximum(whole - spread / (count - 1), 0.0))
     within = np.sum(spread * count / (count - 1))
     return PathChange(
         common=float(between / max(between + within, np.finfo(float).tiny)),
-        apart=_apart(levels, families),
+        apart=apart,
         together=float(np.sum(whole)) / max(len(count), 1),
         bands=len(count),
     )
-
-
-def _apart(levels: LevelDeviation, families: Sequence[Family]) -> float | None:
-    """Share of the change by which mesh harmonics differ between channels, beyond chance."""
-    mesh = levels.standardised[:, [family.kind == "mesh" for family in families]]
-    if len(mesh) < 2:
-        return None
-    mesh = mesh[:, np.isfinite(mesh).all(axis=0)]
-    differ = np.sum((mesh - mesh.mean(axis=0)) ** 2) - (len(mesh) - 1) * mesh.shape[1]
-    whole = np.nansum(levels.standardised**2)
-    return float(max(differ, 0.0) / max(whole, np.finfo(float).tiny))
 
 
 # Quantile of the broadband spectrum's changes that tells whether any part of it fell: with added
@@ -520,11 +515,23 @@ def heard_from(gear: GearEvidence) -> float | None:
     healthy beside what is heard if it is held, 9 do. Of a mesh that is not heard by itself nothing
     is.
     """
-    if gear.search is None or not gear.shown:
+    search = gear.search
+    if search is None or not gear.shown:
         return None
     if gear.deviation.load < FULL_LOAD or gear.instead is not None:
         return noticed_from(gear)
-    return _first(gear, _log_ratio(gear.search) - _prior(gear), LIMITS.open)
+    response, difference = search.response, search.difference
+    ratio, size = np.full(len(LOSSES), -_prior(gear)), response.amplitude(LOSSES)
+    # between the mesh harmonics that tell of it the path is interpolated in its logarithm
+    path = path_power(difference.mesh_power, response.mesh, mean=True)
+    told = np.flatnonzero(path.all(axis=0))
+    for band in difference.bands:
+        place, number = band.number / difference.teeth, band.number.astype(np.float64)
+        power = np.exp([np.interp(place, told, row) for row in np.log(path[:, told])])
+        heard = np.sum(power * response.band_power(number) / band.noise**2, axis=1)
+        energy = heard[:, None] * size**2
+        ratio += np.sum(energy - _DIRECTIONS * np.log1p(energy / _DIRECTIONS), axis=0)
+    return _first(gear, ratio, LIMITS.open)
 
 
 def noticed_from(gear: GearEvidence) -> float | None:
@@ -533,20 +540,14 @@ def noticed_from(gear: GearEvidence) -> float | None:
     The same as `heard_from`, but beside all that this machine departs by from one healthy recording
     to the next, and with what is believed of it. Where a sun may float the larger of both losses.
     """
-    searches = [own for own in (gear.search, gear.instead) if own is not None]
-    losses = [_noticed_from(gear, search) for search in searches]
+    deviation, prior, losses = gear.deviation, _prior(gear), []
+    beside = max(1.0, 2.0 * deviation.lines * deviation.meetings / deviation.teeth)
+    for search in filter(None, (gear.search, gear.instead)):
+        peak = 1.0 + np.maximum(search.stands_out - prior, 0.0) / beside
+        told = [search.expected - prior, peak, search.matched_peak, search.directions]
+        believed = [gear.believes(*each) for each in np.transpose(told).tolist()]
+        losses.append(_first(gear, np.array(believed), LIMITS.fault))
     return max(filter(None, losses), default=None) if all(losses) else None
-
-
-def _noticed_from(gear: GearEvidence, search: SearchedGear) -> float | None:
-    """Do the same by one search."""
-    deviation = gear.deviation
-    expected = search.expected - _prior(gear)
-    beside = 2.0 * deviation.lines * deviation.meetings / deviation.teeth
-    peak = 1.0 + np.maximum(search.stands_out - _prior(gear), 0.0) / max(1.0, beside)
-    told = np.transpose([expected, peak, search.matched_peak, search.directions]).tolist()
-    believed = np.array([gear.believes(*each) for each in told])
-    return _first(gear, believed, LIMITS.fault)
 
 
 def _prior(gear: GearEvidence) -> float:
@@ -558,16 +559,7 @@ def _first(gear: GearEvidence, evidence: FloatArray, strength: float) -> float |
     told = np.maximum.accumulate([tooth_strength(value) for value in evidence.tolist()])
     if told[-1] < strength:
         return None
-    loss = float(np.exp(np.interp(strength, told, np.log(LOSSES)))) / gear.loaded
+    loss = float(np.exp(np.interp(strength, told, np.log(LOSSES))))
+    # teeth that are loaded less than the response supposes have to lose more
+    loss /= min(1.0, gear.deviation.load)
     return loss if loss <= LOSSES[-1] else None
-
-
-def _log_ratio(search: SearchedGear) -> FloatArray:
-    """Mean log likelihood ratio of damage, for each of `LOSSES`."""
-    size = search.response.amplitude(LOSSES)
-    total = np.zeros(len(LOSSES))
-    for band in search.difference.bands:
-        power = search.expected_power(band.number.astype(np.float64))
-        energy = np.sum(power / band.noise**2, axis=1)[:, None] * size**2
-        total += np.sum(energy - _DIRECTIONS * np.log1p(energy / _DIRECTIONS), axis=0)
-    return total

@@ -16,7 +16,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import product
+from itertools import product, repeat
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +25,6 @@ from scipy.special import spence, stdtr
 
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.law.machine import channel_gain
-from gearmon.errors import check_finite
 from gearmon.gears.kinematics import Kinematics, Line, Shaft
 from gearmon.signatures.measured.line_plan import distance_to, known_orders
 from gearmon.signatures.measured.nongear_lines import (
@@ -347,7 +346,9 @@ class _Comparison(NamedTuple):
         peaks of mere noise are as high.
         """
         own, grid, in_spectrum = self.lines.columns[kind], self.lines.grid(kind), kind == KINDS[0]
-        asked = (self._levels_in(other, kind) for other in self.healthy)
+        alike = np.ones(len(own))
+        turned = np.array([self._turned(o) if in_spectrum else alike for o in self.healthy])
+        asked = map(self._levels_in, self.healthy, repeat(kind), turned)
         levels, listed = (np.array(told) for told in zip(*asked, strict=True))
         over, highest = own["over_noise_db"], own["over_noise_db"].max(axis=1)
         heard = over >= np.minimum(grid.least_db, highest)[:, None]
@@ -357,14 +358,10 @@ class _Comparison(NamedTuple):
         # a level that is read in noise, mean over channels
         variance = (share * (10 / np.log(10)) ** 2 / 10 ** (np.minimum(over, 200.0) / 10)).sum(1)
         if in_spectrum:
-            turned = np.array([self._turned(other) for other in self.healthy])
             speeds = np.array([other.speed_hz for other in self.healthy])
             moves = np.abs(self.lines.speed_hz / (speeds[:, None] * turned) - 1).min(axis=0)
             moving = (own["locked"] != "time") | (turned != 1.0).any(axis=0)
-            # nearly all lines move alike
-            each, which = np.unique(moves, return_inverse=True)
-            scatter = np.array([speed_scatter_db(move) for move in each.tolist()])
-            variance += moving * scatter[which] ** 2 / count
+            variance += moving * speed_scatter_db(moves) ** 2 / count
         then = (levels * share).sum(axis=2).T
         change = (now * share).sum(axis=1) - then.mean(axis=1)
         peaks = grid.looked_at * noise_exceeds(10 ** (highest / 10), grid.pieces)
@@ -386,19 +383,22 @@ class _Comparison(NamedTuple):
         its = away <= np.maximum(OWN_WIDTHS * grid.width, _SAME_SHARE * own)
         return np.where(its, there / here, 1.0)
 
-    def _levels_in(self, other: NonGearLines, kind: str) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """Levels of lines in a healthy recording, NaN if it cannot tell; whether it lists them."""
+    def _levels_in(
+        self, other: NonGearLines, kind: str, turned: FloatArray
+    ) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Levels of lines in a healthy recording, NaN if it cannot tell; whether it lists them.
+
+        Their orders there may be `turned` times those here.
+        """
         own, there, grid = self.lines.columns[kind], other.columns[kind], other.grid(kind)
         width, hertz = max(grid.width, self.lines.grid(kind).width), own["frequency_hz"]
         still, moved = own["locked"] == "time", hertz / other.speed_hz
         # a line that keeps its frequency stands at another order when the speed is another
         order = np.where(still, moved, own["order"])
-        same = _same(own, there, width)
-        if kind == KINDS[0]:
-            turned = self._turned(other)[:, None]
-            again = turned * own["order"][:, None]
-            near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * again)
-            same |= (turned != 1.0) & (np.abs(there["order"] - again) <= near)
+        again = turned[:, None] * own["order"][:, None]
+        near = np.maximum(_SAME_WIDTHS * width, _SAME_SHARE * again)
+        same = (turned[:, None] != 1.0) & (np.abs(there["order"] - again) <= near)
+        same |= _same(own, there, width)
         listed = np.asarray(same.any(axis=1))
         level = np.where(same[..., None], there["level_db"], -np.inf).max(axis=1, initial=-np.inf)
         level = np.maximum(level, grid.unseen_at(order).T)
@@ -464,19 +464,21 @@ def _same(own: NDArray[np.void], there: NDArray[np.void], width: float) -> NDArr
     return np.asarray(turning & (one["locked"] != "time") | still & (one["locked"] != "shaft"))
 
 
-def speed_scatter_db(relative_change: float, damping_ratio: float = _DAMPING_RATIO) -> float:
+def speed_scatter_db(
+    relative_change: FloatArray | float, damping_ratio: float = _DAMPING_RATIO
+) -> FloatArray:
     """Return the standard deviation of the change of a line's level when the speed changes.
 
     Parameters
     ----------
-    relative_change : float
+    relative_change : ndarray of float, shape (...)
         Change of speed over speed, of either sign.
     damping_ratio : float, > 0
         Damping ratio of the modes on the way to the sensor.
 
     Returns
     -------
-    float
+    ndarray of float, shape (...)
         0 dB at equal speeds, rising to 7.9 dB.
 
     Notes
@@ -496,11 +498,10 @@ def speed_scatter_db(relative_change: float, damping_ratio: float = _DAMPING_RAT
     Schroeder, Frequency-correlation functions of frequency responses in rooms, J. Acoust. Soc. Am.
     34 (1962) 1819-1823.
     """
-    shift = check_finite("relative_change", relative_change) / (2 * damping_ratio)
-    rho = 1 / (1 + shift**2)
+    rho = 1 / (1 + np.square(relative_change / (2 * damping_ratio)))
     # spence(1 - x) is the dilogarithm Li2(x)
-    left = max(0.0, 1 - 6 / math.pi**2 * float(spence(1 - rho)))
-    return _FIELD_DB * math.sqrt(2 * left)
+    left = np.maximum(1 - 6 / math.pi**2 * spence(1 - rho), 0.0)
+    return np.asarray(_FIELD_DB * np.sqrt(2 * left))
 
 
 @dataclass(frozen=True, kw_only=True)

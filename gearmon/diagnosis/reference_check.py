@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -141,14 +140,20 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
             )
         )
         for gear in evidence.searched:
-            loss = noticed_from(gear)
-            heard[gear.key] = max(heard.get(gear.key, 0.0), math.inf if loss is None else loss)
+            # even the loss of all might not be noticed
+            heard[gear.key] = max(heard.get(gear.key, 0.0), noticed_from(gear) or 1.0)
     gears = tuple(
-        CheckedGear(stage=stage, gear=gear, noticed_from=loss if math.isfinite(loss) else None)
+        CheckedGear(stage=stage, gear=gear, noticed_from=loss if loss < 1.0 else None)
         for (stage, gear), loss in heard.items()
     )
+    deaf = (
+        f"Damage of one tooth of the {gear} of stage {stage} might go unnoticed: record "
+        "longer, under load, or nearer to it."
+        for (stage, gear), loss in heard.items()
+        if loss > LIMITS.must_notice
+    )
     # what was doubtful when it was learned comes first
-    advice = (*reference.notes, *_missing_loads(recordings), *_deaf(gears))
+    advice = (*reference.notes, *_missing_loads(recordings), *deaf)
     return ReferenceCheck(
         machine=reference.machine, recordings=tuple(recordings), gears=gears, advice=advice
     )
@@ -172,12 +177,3 @@ def _missing_loads(recordings: list[CheckedRecording]) -> list[str]:
             "lies near it."
         ]
     return []
-
-
-def _deaf(gears: tuple[CheckedGear, ...]) -> list[str]:
-    return [
-        f"Damage of one tooth of the {own.gear} of stage {own.stage} might go unnoticed: record "
-        "longer, under load, or nearer to it."
-        for own in gears
-        if own.noticed_from is None or own.noticed_from > LIMITS.must_notice
-    ]

@@ -228,16 +228,16 @@ def test_a_recording_is_heavy_by_what_it_is_beyond_the_heaviest_learned():
     law = HealthyMachine.of(reference(), machine())
     loads = law.states[:, 0]
     assert np.ptp(loads) > 0.2
-    heavy = [law.deviation(own).heavy for own in law.profiles]
+    heavy = [law.deviation(own).heavy for own in law.reference.profiles]
     np.testing.assert_allclose(heavy, loads - loads.max(), atol=1e-12)
 
 
 def test_a_recording_counts_by_its_length_beside_the_shortest_learned():
-    law = HealthyMachine.of(reference(), machine())
-    learned = [replace(p, duration_s=s) for p, s in zip(law.profiles, (4.0, 8.0, 6.0), strict=True)]
-    law = replace(law, profiles=tuple(learned))
+    known = reference().profiles
+    learned = [replace(p, duration_s=s) for p, s in zip(known, (4.0, 8.0, 6.0), strict=True)]
+    law = HealthyMachine.of(replace(reference(), profiles=tuple(learned)), machine())
     for seconds, length in ((1.0, 0.25), (3.0, 0.75), (4.0, 1.0), (10.0, 1.0)):
-        own = replace(law.profiles[0], duration_s=seconds)
+        own = replace(known[0], duration_s=seconds)
         assert law.deviation(own).length == pytest.approx(length)
 
 

@@ -64,7 +64,6 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off
         )
         vars(finding)["loss"] = LossEstimate(loss=0.2, low=0.15, high=0.25)
     deviation = MachineDeviation(
-        state=np.zeros(3),
         gap=0.0,
         **({"heavy": 0.0, "speed_off": 0.0} | off),
         length=1.0,

@@ -157,10 +157,18 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         """Fit one network a fold, and the temperature on what each has not seen."""
         random, each = check_random_state(self.random_state), np.arange(len(rows))
         folds = StratifiedKFold(n_splits=_FOLDS, shuffle=True, random_state=random)
+        size = {"hidden_layer_sizes": (_NEURONS,), "alpha": _DECAY, "max_iter": _STEPS}
         unseen_by, networks = np.empty(len(rows), dtype=np.intp), []
         for fold, (kept, held) in enumerate(folds.split(rows, codes)):
             unseen_by[held] = fold
-            networks.append(_network(rows[kept], codes[kept], random.randint(2**31 - 1)))
+            seed = random.randint(2**31 - 1)
+            network = MLPClassifier(activation="tanh", solver="lbfgs", random_state=seed, **size)
+            with warnings.catch_warnings():
+                # stopping early is a choice: the temperature corrects what it costs
+                warnings.simplefilter("ignore", ConvergenceWarning)
+                network.fit(rows[kept], codes[kept])
+            (first, second), (bias, end) = network.coefs_, network.intercepts_
+            networks.append([first, bias, second, end])
         self.networks_ = [np.stack(part) for part in zip(*networks, strict=True)]
         unseen = self._logits(rows)[unseen_by, each]
 
@@ -176,18 +184,6 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         """Return what each network says, shape (networks, rows, classes)."""
         first, bias, second, end = self.networks_
         return np.asarray(np.tanh(scaled @ first + bias[:, None]) @ second + end[:, None])
-
-
-def _network(rows: FloatArray, codes: NDArray[np.intp], seed: int) -> list[FloatArray]:
-    """Return weights and biases of both layers of a trained network."""
-    size = {"hidden_layer_sizes": (_NEURONS,), "alpha": _DECAY, "max_iter": _STEPS}
-    network = MLPClassifier(activation="tanh", solver="lbfgs", random_state=seed, **size)
-    with warnings.catch_warnings():
-        # stopping early is a choice: the temperature corrects what it costs
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        network.fit(rows, codes)
-    (first, second), (bias, end) = network.coefs_, network.intercepts_
-    return [first, bias, second, end]
 
 
 _ARRAYS = ("classes_", "mean_", "scale_", "centres_", "whitener_")

@@ -184,7 +184,16 @@ def kind_features(
     From the changes of each channel their median over all families is taken away. Means over
     channels and harmonics weigh each change by ``1/(scatter^2 + 1 dB^2)``.
     """
-    groups = _grouped(changes)
+    moved_db = np.array([change.change_db for change in changes], dtype=np.float64)
+    channel = np.array([change.channel for change in changes])
+    for name in set(channel.tolist()):
+        moved_db[channel == name] -= np.median(moved_db[channel == name])
+    moved_db = np.clip(moved_db, -LARGEST_DB, LARGEST_DB)
+    members: dict[tuple[str, int, str], list[tuple[float, float, int]]] = {}
+    for change, own_db in zip(changes, moved_db.tolist(), strict=True):
+        row = (own_db, 1.0 / (change.scatter_db**2 + 1.0), change.harmonic)
+        members.setdefault((change.kind, change.stage, change.gear), []).append(row)
+    groups = {key: _Group(*np.array(rows, dtype=float).T) for key, rows in members.items()}
     shafts = {(c.stage, c.gear): c.shaft for c in changes if c.shaft is not None and c.gear}
     gears = {key[1:] for key in groups if key[0] != "mesh"} | sidebands.keys() | energies.keys()
     gears |= {(stage, "") for _, stage, _ in groups if stage not in {own for own, _ in gears}}
@@ -195,8 +204,8 @@ def kind_features(
     own = np.array(
         [(*_levels(groups, g, sidebands.get(g)), *_shape(energies.get(g, still))) for g in ranked]
     )
-    moved = np.concatenate([group.change for group in groups.values()] or [still])
-    values = np.column_stack([own, _others(own, ranked, shafts), np.full(len(own), _rms(moved))])
+    overall = np.full(len(own), _rms(moved_db if len(moved_db) else still))
+    values = np.column_stack([own, _others(own, ranked, shafts), overall])
     return FeatureVector(gears=ranked, values=values)
 
 
@@ -222,19 +231,6 @@ class _Group(NamedTuple):
 _UNCHANGED = _Group(np.zeros(1), np.ones(1), np.ones(1))
 
 
-def _grouped(changes: Sequence[Change]) -> dict[tuple[str, int, str], _Group]:
-    """Sort changes by kind, stage and gear, freed of the gain of their channels."""
-    moved_db = np.array([change.change_db for change in changes], dtype=np.float64)
-    channel = np.array([change.channel for change in changes])
-    for name in set(channel.tolist()):
-        moved_db[channel == name] -= np.median(moved_db[channel == name])
-    members: dict[tuple[str, int, str], list[tuple[float, float, int]]] = {}
-    for change, cut_db in zip(changes, np.clip(moved_db, -LARGEST_DB, LARGEST_DB), strict=True):
-        row = (cut_db, 1.0 / (change.scatter_db**2 + 1.0), change.harmonic)
-        members.setdefault((change.kind, change.stage, change.gear), []).append(row)
-    return {key: _Group(*np.array(rows, dtype=float).T) for key, rows in members.items()}
-
-
 def _levels(
     groups: Mapping[tuple[str, int, str], _Group], gear: _Gear, single: FloatArray | None
 ) -> tuple[float, ...]:
@@ -258,7 +254,13 @@ def _shape(energy: FloatArray) -> tuple[float, ...]:
     if middle <= 0 or total <= 0:
         return (0.0,) * 7
     window = sum(np.roll(excess, -i) for i in range(min(_WINDOW_TEETH, teeth)))
-    maxima = _maxima(level)
+    # the highest values well apart from one another, the highest first; 0 for none
+    left, maxima = level.copy(), np.zeros(_MOST_PEAKS)
+    apart = max(_APART, round(_APART_SHARE * teeth))
+    for number in range(_MOST_PEAKS):
+        place = int(left.argmax())
+        maxima[number] = left[place]
+        left[(place + np.arange(1 - apart, apart)) % teeth] = 0.0
     first, second = maxima[0], maxima[1] or maxima[0]  # a very short turn has no second
     # 60 dB are the most that is told: a median far below it must not divide
     peaks = np.minimum(10 * np.log10(np.array([first, second]) / max(middle, 1e-9)), 60.0)
@@ -268,18 +270,6 @@ def _shape(energy: FloatArray) -> tuple[float, ...]:
     share, spread = np.max(window) / total, np.log2(total**2 / np.sum(excess**2))
     around = np.abs(turns @ excess) / total
     return *peaks, share, spread, np.count_nonzero(maxima >= least), *around
-
-
-def _maxima(level: FloatArray) -> FloatArray:
-    """Return the highest values well apart from one another, the highest first; 0 for none."""
-    left, teeth, found = level.copy(), len(level), np.zeros(_MOST_PEAKS)
-    apart = max(_APART, round(_APART_SHARE * teeth))
-    around = np.arange(1 - apart, apart)
-    for number in range(_MOST_PEAKS):
-        place = int(left.argmax())
-        found[number] = left[place]
-        left[(place + around) % teeth] = 0.0
-    return found
 
 
 def _others(own: FloatArray, gears: Sequence[_Gear], shafts: Mapping[_Gear, int]) -> FloatArray:

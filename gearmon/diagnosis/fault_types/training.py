@@ -27,9 +27,8 @@ from numpy.typing import NDArray
 
 from gearmon.arrays import ComplexArray, FloatArray, IntArray
 from gearmon.diagnosis.fault_types.kinds import KINDS, NONE, FeatureVector, kind_features
-from gearmon.diagnosis.hypotheses.turns import NEAR, Sidebands, departure_energy, turn_changes
+from gearmon.diagnosis.hypotheses.turns import NEAR, departure_energy, turn_changes
 from gearmon.diagnosis.law.machine import LevelDeviation
-from gearmon.diagnosis.results import Change
 from gearmon.diagnosis.verdict import level_changes
 from gearmon.errors import check_range
 from gearmon.gears.kinematics import kinematics
@@ -183,7 +182,7 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
     generator : numpy.random.Generator
     """
     errors, spread = _errors(lines, generator)
-    wrong = []
+    sound, wrong = lines.healthy + errors, []
     if kind == "looseness":
         wrong = _loose(lines, spread, generator)
     elif kind != NONE:
@@ -195,8 +194,8 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
     moved = load * lines.healthy + errors
     for wheel, added in wrong:
         moved[wheel.stage - 1, wheel.lines] += load * added.stiffness + added.displacement
-    sensors = _Sensors(lines, lines.healthy + errors, generator)
-    one = sensors.measured(lines.healthy + errors)
+    sensors = _Sensors(lines, sound, generator)
+    one = sensors.measured(sound)
     # another speed moves every line along the resonances, the same way in every channel
     curve = _smooth(lines.plan.orders, generator, 2.0 / sensors.top)
     drift = np.exp(log_uniform(generator, 0.01, 0.1) * curve)
@@ -204,7 +203,7 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
     if kind == NONE and generator.uniform() < 0.4:
         two = _with_strange_lines(two, generator)
     return Example(
-        features=kind_features(sensors.changes(one, two), *sensors.turns(one, two)),
+        features=sensors.features(one, two),
         kind=kind,
         gears=tuple((wheel.stage, wheel.gear) for wheel, _ in wrong),
         size=max((added.size for _, added in wrong), default=0.0),
@@ -521,8 +520,8 @@ class _Sensors:
         amplitude = self.gain[:, None] ** self.rng.integers(0, 2) * amplitude
         return _Measured(amplitude + np.sqrt(variance) * second, variance)
 
-    def changes(self, one: _Measured, two: _Measured) -> tuple[Change, ...]:
-        """Compare the families of lines, channel by channel."""
+    def features(self, one: _Measured, two: _Measured) -> FeatureVector:
+        """Compare families of lines, channel by channel, turns of the gears, single sidebands."""
         before, before_scatter = self._levels(one)
         after, after_scatter = self._levels(two)
         after += self.rng.normal(0, self.rng.uniform(0.3, 1.5), after.shape)
@@ -534,7 +533,18 @@ class _Sensors:
             sigma_db=np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2),
             gain_db=np.zeros(len(before)),
         )
-        return level_changes(deviation, [*map(str, range(len(before)))], families)
+        changes = level_changes(deviation, [*map(str, range(len(before)))], families)
+        old, new = self._patterns(one), self._patterns(two)
+        near = NEAR if self.rng.uniform() < 0.5 else 0
+        # what the two recordings do not share beyond their lines fills all of the turn
+        floor, energies = log_uniform(self.rng, 0.003, 0.3), {}
+        for known, own in zip(old, new, strict=True):
+            energy = departure_energy(own, known, near)
+            raised = energy + floor * energy.mean()
+            energies[own.stage, own.gear] = raised / np.median(raised)
+        # a caller may have families of lines only
+        sidebands = {} if self.rng.uniform() < 0.1 else turn_changes(new, [old])
+        return kind_features(changes, energies, sidebands)
 
     def _levels(self, measured: _Measured) -> tuple[FloatArray, FloatArray]:
         """Levels of the families and their standard errors, as of recordings [dB]."""
@@ -542,23 +552,6 @@ class _Sensors:
         power = self.lines.plan.by_family(size - variance)
         spread = np.sqrt(self.lines.plan.by_family(variance**2 + 2 * variance * size))
         return level_and_error_db(power, spread)
-
-    def turns(
-        self, one: _Measured, two: _Measured
-    ) -> tuple[dict[tuple[int, str], FloatArray], Sidebands]:
-        """Look around the turn of every gear, and at its single sidebands."""
-        before, after = self._patterns(one), self._patterns(two)
-        near = NEAR if self.rng.uniform() < 0.5 else 0
-        # what the two recordings do not share beyond their lines fills all of the turn
-        floor = log_uniform(self.rng, 0.003, 0.3)
-        energies = {}
-        for old, new in zip(before, after, strict=True):
-            energy = departure_energy(new, old, near)
-            raised = energy + floor * energy.mean()
-            energies[new.stage, new.gear] = raised / np.median(raised)
-        if self.rng.uniform() < 0.1:  # a caller may have families of lines only
-            return energies, {}
-        return energies, turn_changes(after, [before])
 
     def _patterns(self, measured: _Measured) -> list[WheelPattern]:
         """Return the patterns of the gears of which more than a mesh order is in range."""

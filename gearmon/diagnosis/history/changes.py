@@ -319,7 +319,7 @@ def change_probability(series: Series) -> float:
     return _search(series, []).false_alarm_probability if len(series) >= FEWEST else 1.0
 
 
-def permuted_probability(series: Series, *, permutations: int = 4999, seed: int = 0) -> float:
+def permuted_probability(series: Series, *, permutations: int = 4999) -> float:
     """Probability that a series in random order shows a change as clear as this one.
 
     Parameters
@@ -327,9 +327,7 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
     series : Series
         Its standard deviations must be equal, or the order has a meaning.
     permutations : int, > 0
-        Random orders.
-    seed : int
-        Of these.
+        Random orders, always the same.
 
     Returns
     -------
@@ -341,7 +339,7 @@ def permuted_probability(series: Series, *, permutations: int = 4999, seed: int 
     if len(series) < FEWEST or np.ptp(series.value) <= 1e-12 * np.abs(series.value).max():
         return 1.0
     paths, _, rest = Fits.of(series, ()).freed
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     clearest, as_clear = float(np.abs(paths @ rest).max()), 0
     for start in range(0, permutations, 500):
         count = min(500, permutations - start)
@@ -425,13 +423,6 @@ def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint:
     )
 
 
-def _between(knots: FloatArray, about: int, most: int) -> FloatArray:
-    """Return about so many places at and between recordings."""
-    between = int(np.clip(about // max(1, len(knots)), 1, _BETWEEN))
-    numbers = np.linspace(0, len(knots) - 1, min(most, between * (len(knots) - 1) + 1))
-    return np.interp(numbers, np.arange(len(knots)), knots)
-
-
 def _solver(series: Series, changes: Sequence[ChangePoint]) -> FloatArray:
     """Return what makes values, in standard deviations, the constant and the sizes of changes."""
     columns = change_columns(series.time_s, changes) / series.sigma[:, None]
@@ -473,8 +464,12 @@ class Fits:
         most = int(np.clip(_MOST_NUMBERS // max(1, len(times)), *_FOUND_AT))
         steps = 0.5 * (times[1:] + times[:-1])[BORNE_BY - 1 : len(times) - BORNE_BY]
         steps = steps[np.linspace(0, len(steps) - 1, min(most, len(steps))).astype(int)]
-        ends = _TIMED_AT if bent else (most, most)
-        begun = _between(times[: -1 if bent else -BORNE_BY], *ends)
+        # about so many places at and between recordings, and how many at most
+        about, limit = _TIMED_AT if bent else (most, most)
+        knots = times[: -1 if bent else -BORNE_BY]
+        between = int(np.clip(about // max(1, len(knots)), 1, _BETWEEN))
+        numbers = np.linspace(0, len(knots) - 1, min(limit, between * (len(knots) - 1) + 1))
+        begun = np.interp(numbers, np.arange(len(knots)), knots)
         growths = range(1, len(COURSES) if bent else 2)
         places = np.concatenate([steps, np.tile(begun, len(growths))])
         courses = np.repeat([0, *growths], [len(steps), *[len(begun)] * len(growths)])

@@ -24,7 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,8 +40,8 @@ from gearmon.diagnosis.law.gear_lines import BandDeviation
 from gearmon.machine import Machine
 from gearmon.signatures.expected.tooth_response import GROWN, grown_lines
 
-# Losses that are told apart; the last is the largest there is.
-_FINE = np.geomspace(LOSSES[0], 0.95, 200)
+# Logarithms of losses that are told apart; the last is the largest there is.
+_FINE = np.log(np.geomspace(LOSSES[0], 0.95, 200))
 # Standard deviations of the logarithm of a loss: by the search alone (0.34 and 0.42 on two kinds of
 # simulated machines); what all lines have in common, above all the load that this tooth carries by
 # its own pitch error; of a mesh harmonic, whose line flank errors make as well; of the response
@@ -110,20 +110,21 @@ def loss_estimate(gear: SearchedGear, machine: Machine, speed_hz: float) -> Loss
     LossEstimate
         Of the likelihood over the logarithm of the loss.
     """
-    steps, fine = np.log(LOSSES), np.log(_FINE)
+    steps = np.log(LOSSES)
     likely = _blurred(gear.log_likelihood[:, gear.best], steps, _SEARCHED)
-    total = np.interp(fine, steps, np.log(likely))
+    total = np.interp(_FINE, steps, np.log(likely))
     for harmonic in _harmonics(gear, machine, speed_hz):
         # a line that is out of phase is not the event's alone
-        most = 1.0 / np.sum(1.0 / harmonic.noise) + harmonic.turned**2
-        unsure = np.interp(fine, _GRID, most + harmonic.unsure)
+        each = harmonic.ratio / (np.abs(harmonic.ratio) * harmonic.noise)
+        most = 1.0 / np.sum(1.0 / harmonic.noise) + np.angle(np.sum(each, axis=1)) ** 2
+        unsure = np.interp(_FINE, _GRID, most + harmonic.unsure)
         off = _apart(harmonic.mean)
         misfit = 0.5 * (_FREEDOM + 1.0) * np.log1p(off**2 / (_FREEDOM * unsure))
         total -= misfit + 0.5 * np.log(unsure)
     loaded = min(1.0, gear.difference.load)
-    chance = _blurred(total, fine, _COMMON / np.sqrt(loaded))
+    chance = _blurred(total, _FINE, _COMMON / np.sqrt(loaded))
     share = np.cumsum(chance) - 0.5 * chance
-    low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], share / chance.sum(), fine)).tolist()
+    low, middle, high = np.exp(np.interp([0.05, 0.5, 0.95], share / chance.sum(), _FINE)).tolist()
     return LossEstimate(loss=middle, low=low, high=high)
 
 
@@ -139,40 +140,21 @@ _GRID = np.log(GROWN)
 def _apart(ratio: FloatArray) -> FloatArray:
     """Logarithm of damage over each of `_FINE`, by that over what `GROWN` add."""
     # below what is told the logarithms of line and loss go together
-    fine = np.log(_FINE)
-    return np.asarray(np.interp(fine, _GRID, ratio + _GRID) - fine)
+    return np.asarray(np.interp(_FINE, _GRID, ratio + _GRID) - _FINE)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Harmonic:
+class _Harmonic(NamedTuple):
     """What an event adds at a mesh harmonic over what each of `GROWN` losses adds.
 
     `ratio` has the shape (losses, channels); `noise` is the variance of the logarithm of each
-    channel's. `correction` is the logarithm of what a loss adds over loss / z of the mesh, `usual`,
-    shape (losses,), that of how far harmonics grow in the median from the first of the losses on.
+    channel's. `mean` is the logarithm of its size, mean over channels, and `unsure` the variance of
+    the logarithm of what is expected of it in all channels, both of shape (losses,).
     """
 
     ratio: ComplexArray
     noise: FloatArray
-    correction: float
-    usual: FloatArray
-
-    @cached_property
-    def mean(self) -> FloatArray:
-        """Mean over channels of the logarithm of its size."""
-        told = np.average(np.log(np.abs(self.ratio)), axis=1, weights=1.0 / self.noise)
-        return np.asarray(told)
-
-    @property
-    def turned(self) -> FloatArray:
-        """Mean over channels of its phase [rad]."""
-        return np.asarray(np.angle(np.sum(self.ratio / (np.abs(self.ratio) * self.noise), axis=1)))
-
-    @property
-    def unsure(self) -> FloatArray:
-        """Variance of the logarithm of what is expected of it in all channels."""
-        odd = _GROWTH * (self.mean[0] - self.mean - self.usual)
-        return np.asarray(_LINE**2 + (_RESPONSE * self.correction) ** 2 + odd**2)
+    mean: FloatArray
+    unsure: FloatArray
 
 
 def _harmonics(gear: SearchedGear, machine: Machine, speed_hz: float) -> Iterator[_Harmonic]:
@@ -201,13 +183,13 @@ def _harmonics(gear: SearchedGear, machine: Machine, speed_hz: float) -> Iterato
         heard = alone & (np.abs(value * mesh) > 0)
         if not heard.any():
             continue
-        corrected = teeth * grown[0, k * teeth] / (GROWN[0] * sound[k])
-        yield _Harmonic(
-            ratio=value[heard] / mesh[heard] * sound[k] / expected[:, heard],
-            noise=variance[heard] / np.abs(value[heard]) ** 2,
-            correction=float(np.log(np.abs(corrected))),
-            usual=usual,
-        )
+        ratio = value[heard] / mesh[heard] * sound[k] / expected[:, heard]
+        noise = variance[heard] / np.abs(value[heard]) ** 2
+        mean = np.average(np.log(np.abs(ratio)), axis=1, weights=1.0 / noise)
+        # what the first of the losses adds over loss / z of the mesh; growth unlike most harmonics'
+        correction = np.log(np.abs(teeth * grown[0, k * teeth] / (GROWN[0] * sound[k])))
+        odd = _GROWTH * (mean[0] - mean - usual)
+        yield _Harmonic(ratio, noise, mean, _LINE**2 + (_RESPONSE * correction) ** 2 + odd**2)
 
 
 def _at_mesh(
@@ -252,12 +234,12 @@ def log_caused(gear: SearchedGear, machine: Machine, speed_hz: float) -> float:
         each channel in size and phase, over lines that have nothing to do with the mesh; 0 where no
         harmonic tells.
     """
-    near = np.abs(np.log(_FINE)[:, None] - _GRID).argmin(axis=1)
+    near = np.abs(_FINE[:, None] - _GRID).argmin(axis=1)
     total = np.zeros(len(_FINE))
     for harmonic in _harmonics(gear, machine, speed_hz):
         for ratio, noise in zip(harmonic.ratio.T, harmonic.noise, strict=True):
             square = _apart(np.log(np.abs(ratio))) ** 2 + np.angle(ratio)[near] ** 2
-            width = np.interp(np.log(_FINE), _GRID, noise + _WIDER**2 * harmonic.unsure)
+            width = np.interp(_FINE, _GRID, noise + _WIDER**2 * harmonic.unsure)
             # Student's law of two variables, over that of lines of another cause
             least = 1.0 + square / (_FREEDOM * width)
             factor = _NEPERS / width * least ** (-0.5 * _FREEDOM - 1.0)

@@ -83,11 +83,6 @@ class Band:
         """Powers and directions of an event for each of `RINGING`."""
         return [event(self, ringing) for ringing in RINGING]
 
-    @property
-    def whole(self) -> float:
-        """Energy of the departure."""
-        return float(np.sum(np.abs(self.rest) ** 2))
-
 
 def bands_of(gear: SearchedGear) -> Iterator[Band]:
     """Return the departure of a gear about each mesh harmonic in each channel."""
@@ -191,7 +186,7 @@ def log_likelihood(band: Band, power: FloatArray, energy: FloatArray) -> FloatAr
     ndarray of float, shape (len(SHARES), events)
         Up to a constant of the band.
     """
-    lines, whole = len(band.rest), band.whole
+    lines, whole = len(band.rest), float(np.sum(np.abs(band.rest) ** 2))
     size = max(whole / lines - 1.0, _LEAST_POWER) * _POWERS[:, None]
     spread = 1.0 + size * SHARES
     across = (size * (1.0 - SHARES))[:, :, None, None] * np.atleast_2d(power)
@@ -370,10 +365,15 @@ def second_tooth(
     teeth = len(by_tooth)
     if teeth < 2 * (_NEAR + 1):
         return None
-    distances = _distances(bands, first, by_tooth)
-    tried = [(distance, size) for distance in distances for size in SIZES]
-    distance, size = (np.array(each) for each in zip(*tried, strict=True))
-    by_ringing = np.zeros((len(RINGING), len(SHARES), len(tried)))
+    # the nearest on either side, and those after which the departure repeats
+    distances = [sign * near for near in range(1, _NEAR + 1) for sign in (1, -1)]
+    farther = np.argsort(-repetition(bands, teeth)[_NEAR + 1 : teeth // 2 + 1], kind="stable")
+    for away in (farther[:_DISTANCES] + _NEAR + 1).tolist():
+        # the sooner of two events alike is as far from the later as that from the next turn's
+        after, before = by_tooth[(first + away) % teeth], by_tooth[(first - away) % teeth]
+        distances.append(away if after >= before else -away)
+    distance, size = np.array([(away, size) for away in distances for size in SIZES]).T
+    by_ringing = np.zeros((len(RINGING), len(SHARES), len(size)))
     for band in bands:
         turn = np.exp(-2j * np.pi / teeth * np.outer(distance, band.number))
         factor = np.asarray(1.0 + size[:, None] * turn, dtype=np.complex128)
@@ -389,18 +389,6 @@ def second_tooth(
     return SecondTooth(
         log_likelihood=total[:, best], distance=int(distance[best]), size=float(size[best])
     )
-
-
-def _distances(bands: Sequence[Band], first: int, by_tooth: FloatArray) -> list[int]:
-    """Distances of a second tooth from the first: the nearest, and those after which it repeats."""
-    teeth = len(by_tooth)
-    farther = np.argsort(-repetition(bands, teeth)[_NEAR + 1 : teeth // 2 + 1], kind="stable")
-    found = [sign * near for near in range(1, _NEAR + 1) for sign in (1, -1)]
-    for distance in (farther[:_DISTANCES] + _NEAR + 1).tolist():
-        # the sooner of two events alike is as far from the later as that from the next turn's
-        after, before = by_tooth[(first + distance) % teeth], by_tooth[(first - distance) % teeth]
-        found.append(distance if after >= before else -distance)
-    return found
 
 
 def repetition(bands: Sequence[Band], teeth: int) -> FloatArray:

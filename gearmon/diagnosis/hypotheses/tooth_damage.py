@@ -14,6 +14,7 @@ from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import convolve1d
 
 from gearmon.arrays import FloatArray
 from gearmon.diagnosis.hypotheses.mesh_harmonics import (
@@ -123,11 +124,6 @@ class GearEvidence:
         return not told or bool(np.mean(told) > 0.5)
 
     @property
-    def loaded(self) -> float:
-        """How nearly the teeth are loaded as much as the response supposes, at most 1."""
-        return min(1.0, self.deviation.load)
-
-    @property
     def load_unlearned(self) -> bool:
         """Whether nothing tells what the load changes: teeth loaded lightly, one reference."""
         return self.deviation.load < FULL_LOAD and not len(self.deviation.bands[0].known)
@@ -147,7 +143,11 @@ class GearEvidence:
         """
         deviation, entry = self.deviation, float(self.tooth)
         if self.search is not None and not deviation.same_zero:
-            entry += _between(self.search.log_place, self.tooth)
+            # the maximum of a parabola through the best tooth and its neighbours
+            told = np.take(self.search.log_place, self.tooth + np.arange(-1, 2), mode="wrap")
+            bend = -np.diff(told, 2)[0]
+            shift = 0.5 * (told[2] - told[0]) / bend if bend > 0 else 0.0
+            entry += float(np.clip(shift, -0.5, 0.5))
         turned = 0.0 if deviation.same_zero else deviation.shift_turns * deviation.teeth
         position = (entry + CONTACT_CENTRE) / deviation.teeth % 1.0
         return round(entry + turned) % deviation.teeth + 1, position
@@ -221,13 +221,6 @@ class GearEvidence:
         return float(shape * (peak - 1.0 - np.log(peak)) - np.log(max(1.0, teeth)))
 
 
-def _between(log_place: FloatArray, index: int) -> float:
-    """Place of the maximum of a parabola through the best tooth and its neighbours."""
-    before, here, after = log_place[[index - 1, index, (index + 1) % len(log_place)]]
-    bend = 2.0 * here - before - after
-    return float(np.clip(0.5 * (after - before) / bend, -0.5, 0.5)) if bend > 0 else 0.0
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ToothFinding:
     """The tooth whose damage explains a deviation best.
@@ -290,13 +283,27 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
     searched = tuple(_searched(own, deviation, machine))
     if not searched:
         return None
-    best, rivals = _blamed(searched, machine, own.speed_hz)
+    best = first = max(searched, key=lambda one: one.believed)
+    rivals: tuple[tuple[SearchedGear, float], ...] = ()
+    # those with a template compete by what either should sound like
+    if first.search is not None and first.believed > 0.0:
+        # a gear whose evidence is hardly believed does not compete, however loud it is, unless it
+        # has its lines in common with the first: what stands out in the turn of one does in
+        # either's
+        competing = []
+        for one in searched:
+            sure = one.believed >= _COMPETES * first.believed
+            loud = one.log_factor >= _AS_LOUD * first.log_factor
+            if one.search and (sure or (loud and share_lines(one.search, first.search))):
+                competing.append(one.search)
+        blamed, rivals = most_likely(competing, machine, own.speed_hz)
+        best = next(one for one in searched if one.search is blamed)
     return ToothFinding(
         best=best,
         machine=machine,
         speed_hz=own.speed_hz,
-        evidence=max(one.believed for one in searched),
-        rivals=rivals,
+        evidence=first.believed,
+        rivals=tuple((gear.difference.gear, gear.difference.stage, lead) for gear, lead in rivals),
         searched=searched,
     )
 
@@ -312,30 +319,23 @@ def _searched(
         if not shown:
             # what drowns in another mesh on the same lines tells neither size nor gear
             alone = replace(alone, mesh_lines=None)
+        found, top = [], max(int(band.number[-1]) for band in alone.bands) + gear.teeth
         # nothing may tell how a sun is held
-        seats = (machine, with_floating_sun(machine, gear.stage))
-        found = [_matched(own, alone, deviation, each) for each in seats if each is not None]
+        for seat in filter(None, (machine, with_floating_sun(machine, gear.stage))):
+            # of a set whose file says too little, only an event of unknown form is looked for
+            with suppress(ArgumentError):
+                response = tooth_response(seat, gear.stage, gear.gear, top * gear.order)
+                power = own_mesh_power(alone, response, deviation.gears)
+                # where planets cancel, neighbours do not tell the path: it falls below its
+                # resonances
+                told = tuple(b for b in alone.bands if np.all(response.mesh[b.harmonic :][:1]))
+                heard = replace(alone, bands=told, mesh_power=power)
+                found.append(search_gear(heard, response, own.speed_hz))
         ranked = sorted(filter(None, found), key=lambda search: -search.log_gear)
         if ranked or alone.meetings > 1:
             best, instead = (*ranked, None, None)[:2]
             alone = best.difference if best is not None else alone
             yield GearEvidence(deviation=alone, search=best, shown=shown, instead=instead)
-
-
-def _matched(
-    own: Profile, gear: GearDeviation, deviation: MachineDeviation, machine: Machine
-) -> SearchedGear | None:
-    """Search a gear by the response of a machine's teeth; None without one."""
-    top = max(int(band.number[-1]) for band in gear.bands) + gear.teeth
-    # of a set whose file says too little, only an event of unknown form is looked for
-    with suppress(ArgumentError):
-        response = tooth_response(machine, gear.stage, gear.gear, top * gear.order)
-        power = own_mesh_power(gear, response, deviation.gears)
-        # where planets cancel, neighbours do not tell the path: it falls below its resonances
-        told = tuple(b for b in gear.bands if np.all(response.mesh[b.harmonic :][:1]))
-        heard = replace(gear, bands=told, mesh_power=power)
-        return search_gear(heard, response, own.speed_hz)
-    return None
 
 
 def as_heard(gear: GearDeviation, machine: Machine) -> GearDeviation:
@@ -407,17 +407,15 @@ def own_mesh_power(
     alike = [one.mesh_power for one in gears if one.stage == gear.stage]
     known = min(one.shape[1] for one in alike)
     power: FloatArray = np.max([one[:, :known] for one in alike], axis=0)
-    expected = np.abs(response.mesh) ** 2
-    last = min(len(expected), power.shape[1]) - 1
+    told = _by_neighbours(gear.mesh_power[:, :known], response)
     for other in gears:
         ratio = Fraction(gear.order * gear.teeth / (other.order * other.teeth))
         near = ratio.limit_denominator(_FINEST_RATIO)
         step = near.denominator
         if other.stage == gear.stage or step == 1 or abs(near / ratio - 1) > 1e-9:
             continue
-        for k in range(step, last + 1, step):
-            told = _by_neighbours(gear.mesh_power[:, :known], expected, k)
-            power[:, k] = np.minimum(told, power[:, k])
+        both = slice(step, told.shape[1], step)
+        power[:, both] = np.minimum(told[:, both], power[:, both])
     return power
 
 
@@ -450,43 +448,23 @@ def mesh_shown(gear: GearDeviation, gears: Sequence[GearDeviation], machine: Mac
         of_set = isinstance(machine.stages[other.stage - 1], PlanetaryStage)
         if other.stage == gear.stage or of_set or step < 2 or abs(ratio / step - 1) > 1e-9:
             continue
-        top = other.mesh_power.shape[1] - 1
-        response = tooth_response(machine, other.stage, other.gear, top * other.order * other.teeth)
-        expected = np.abs(response.mesh) ** 2
-        power, last = other.mesh_power, min(top, len(expected) - 1)
-        louder = [power[:, k] > _by_neighbours(power, expected, k) for k in range(step, last, step)]
-        if not np.any(louder):
+        top = (other.mesh_power.shape[1] - 1) * other.order * other.teeth
+        response = tooth_response(machine, other.stage, other.gear, top)
+        told = _by_neighbours(other.mesh_power, response)
+        both = slice(step, told.shape[1] - 1, step)
+        if not np.any(other.mesh_power[:, both] > told[:, both]):
             return False
     return True
 
 
-def _by_neighbours(power: FloatArray, expected: FloatArray, harmonic: int) -> FloatArray:
-    """Power of a mesh harmonic as those beside it, which stand alone, let expect it."""
-    last = min(len(expected), power.shape[1]) - 1
-    alone = [k for k in (harmonic - 1, harmonic + 1) if k <= last]
-    told = power[:, alone].sum(axis=1) / expected[alone].sum()
-    return np.asarray(told * expected[harmonic])
-
-
-def _blamed(
-    searched: Sequence[GearEvidence], machine: Machine, speed_hz: float
-) -> tuple[GearEvidence, tuple[tuple[str, int, float], ...]]:
-    """Choose the gear to blame; those with a template compete by what either should sound like."""
-    first = max(searched, key=lambda one: one.believed)
-    if first.search is None or first.believed <= 0.0:
-        return first, ()
-    # a gear whose evidence is hardly believed does not compete, however loud it is, unless it has
-    # its lines in common with the first: what stands out in the turn of one does in either's
-    known = [(one, one.search) for one in searched if one.search is not None]
-    sure = [own for one, own in known if one.believed >= _COMPETES * first.believed]
-    loud = [own for one, own in known if one.log_factor >= _AS_LOUD * first.log_factor]
-    alike = [own for own in loud if share_lines(own, first.search)]
-    competing = [own for _, own in known if own in sure or own in alike]
-    best, rivals = most_likely(competing or [first.search], machine, speed_hz)
-    blamed = next(one for one in searched if one.search is best)
-    return blamed, tuple(
-        (gear.difference.gear, gear.difference.stage, lead) for gear, lead in rivals
+def _by_neighbours(power: FloatArray, response: ToothResponse) -> FloatArray:
+    """Power of each mesh harmonic as those beside it, if they stand alone, let expect it."""
+    count = min(len(response.mesh), power.shape[1])
+    expected = np.abs(response.mesh[:count]) ** 2
+    told, beside = (
+        convolve1d(own, [1.0, 0.0, 1.0], mode="constant") for own in (power[:, :count], expected)
     )
+    return np.asarray(told * np.divide(expected, beside, out=np.zeros(count), where=beside > 0))
 
 
 def losses_by_tooth(gear: SearchedGear) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -136,23 +135,6 @@ class SearchedGear:
         heard = told[nearest].max(axis=0)
         chance = np.log(_MEETS_AGAIN) + heard
         return float(np.logaddexp(chance, np.log1p(-_MEETS_AGAIN)).sum())
-
-    def expected_power(self, number: FloatArray) -> FloatArray:
-        """Mean power of the response to a unit loss at multiples of the rotation, through the path.
-
-        Between mesh harmonics the path is interpolated in its logarithm.
-        """
-        told, path = self._path
-        levels = [np.interp(number / self.difference.teeth, told, row) for row in path]
-        power: FloatArray = np.exp(np.array(levels)) * self.response.band_power(number)
-        return power
-
-    @cached_property
-    def _path(self) -> tuple[NDArray[np.int64], FloatArray]:
-        """Mesh harmonics that tell of the path, and the logarithm of its power there."""
-        path = path_power(self.difference.mesh_power, self.response.mesh, mean=True)
-        told = np.flatnonzero(path.all(axis=0))
-        return told, np.log(path[:, told])
 
 
 def _any_loss(log_likelihood: FloatArray) -> FloatArray:

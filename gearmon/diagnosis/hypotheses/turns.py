@@ -19,7 +19,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -246,18 +245,19 @@ def turn_changes(
         found[wheel.stage, wheel.gear] = change, np.sqrt(new_scatter + old_scatter)
     if not found:
         return {}
-    gain = _gains([*found.values()])[:, None, None]
-    weighted = partial(np.average, axis=(0, 1))
-    return {
-        gear: weighted(_beyond_mesh(change - gain), weights=1.0 / (spread[..., 1:] ** 2 + 1.0))
-        for gear, (change, spread) in found.items()
-    }
-
-
-def _beyond_mesh(change: FloatArray) -> FloatArray:
-    """Take the rise of the mesh harmonic, the first column, off that of its sidebands."""
-    rise = np.maximum(np.nan_to_num(change[..., :1]), 0.0)
-    return np.nan_to_num(np.clip(change[..., 1:] - rise, -30.0, 30.0))
+    # the gain of each channel is the median change of its clear lines
+    limit = 10 / np.log(10) * 10 ** (-_CLEAR_DB / 20) * np.sqrt(2)
+    clear = [np.where(spread < limit, change, np.nan)[..., 1:] for change, spread in found.values()]
+    rows = np.concatenate([own.reshape(len(own), -1) for own in clear], axis=1)
+    gain = np.nan_to_num(channel_gain(rows))[:, None, None]
+    grown = {}
+    for gear, (change, spread) in found.items():
+        # the mesh harmonic is the first column
+        mesh, sides = np.split(change - gain, [1], axis=2)
+        beyond = np.clip(sides - np.maximum(np.nan_to_num(mesh), 0.0), -30.0, 30.0)
+        weight = 1.0 / (spread[..., 1:] ** 2 + 1.0)
+        grown[gear] = np.average(np.nan_to_num(beyond), axis=(0, 1), weights=weight)
+    return grown
 
 
 def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray]:
@@ -277,14 +277,6 @@ def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray
     # lines that do not exist, such as those of another mesh, carry no weight
     scatter = np.where(total > _TINY, scatter, 1e3)
     return 10 * np.log10(clean), scatter**2
-
-
-def _gains(found: Sequence[tuple[FloatArray, FloatArray]]) -> FloatArray:
-    """Return the median change of the clear lines of each channel [dB]."""
-    limit = 10 / np.log(10) * 10 ** (-_CLEAR_DB / 20) * np.sqrt(2)
-    clear = [np.where(spread < limit, change, np.nan)[..., 1:] for change, spread in found]
-    rows = [own.reshape(len(own), -1) for own in clear]
-    return np.nan_to_num(channel_gain(np.concatenate(rows, axis=1)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -363,17 +355,28 @@ def runout_growth(
     # gears of one recording move together: they count as one
     worth = PRIOR_WORTH + len(healthy)
     square = PRIOR_WORTH * PRIOR_DB**2
-    if seen:
-        square += len(healthy) * float(np.mean(np.square(seen)))
+    square += len(healthy) * float(np.mean(np.square(seen))) if seen else 0.0
     sigma = float(np.sqrt(square / worth + (SLOPE_DB * gap) ** 2))
-    places = 2 * len(sidebands)
-    found = [_growth(*own, sigma, worth, places) for own in sidebands.items()]
+    places, found = 2 * len(sidebands), []
+    for (stage, gear), change in sidebands.items():
+        contrast = _contrast(change)
+        first = int(np.argmax(contrast))
+        chance = places * max(float(stdtr(worth, -contrast[first] / sigma)), 1e-300)
+        found.append(
+            RunoutGrowth(
+                stage=stage,
+                gear=gear,
+                times=first + 1,
+                change_db=float(change[first]),
+                others_db=float(np.mean(change[_OTHERS])),
+                sigma_db=sigma,
+                log10_probability=min(0.0, float(np.log10(chance))),
+            )
+        )
     return tuple(sorted(found, key=lambda growth: growth.log10_probability))
 
 
-def healthy_turns(
-    healthy: Sequence[Sequence[WheelPattern]],
-) -> tuple[Sidebands, ...]:
+def healthy_turns(healthy: Sequence[Sequence[WheelPattern]]) -> tuple[Sidebands, ...]:
     """Compare each healthy recording with the others.
 
     Parameters
@@ -397,25 +400,3 @@ def healthy_turns(
 def _contrast(change: FloatArray) -> FloatArray:
     """Growth of the first and the second sidebands beyond that of farther ones [dB]."""
     return np.asarray(change[:2] - max(float(np.mean(change[_OTHERS])), 0.0))
-
-
-def _growth(
-    gear: tuple[int, str], change: FloatArray, sigma: float, worth: float, places: int
-) -> RunoutGrowth:
-    contrast = _contrast(change)
-    first = int(np.argmax(contrast))
-    log10 = _log10_student(float(contrast[first]) / sigma, worth) + float(np.log10(places))
-    return RunoutGrowth(
-        stage=gear[0],
-        gear=gear[1],
-        times=first + 1,
-        change_db=float(change[first]),
-        others_db=float(np.mean(change[_OTHERS])),
-        sigma_db=sigma,
-        log10_probability=min(0.0, log10),
-    )
-
-
-def _log10_student(value: float, freedom: float) -> float:
-    """log10 of the probability that Student's t exceeds a value."""
-    return float(np.log10(max(float(stdtr(freedom, -value)), 1e-300)))

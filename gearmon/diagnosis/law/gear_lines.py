@@ -20,7 +20,7 @@ instead of counted as scatter.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import product
@@ -140,26 +140,19 @@ class Kriging:
         slope : float, >= 0
             Standard deviation of the change per unit of state.
         """
-        count = len(known)
-        size = (slope * LENGTH) ** 2
-
-        def shared(a: FloatArray, b: FloatArray) -> FloatArray:
-            far = np.sum((a[:, None] - b[None]) ** 2, axis=-1)
-            return np.asarray(size * np.exp(-0.5 * far / LENGTH**2))
-
-        system = np.ones((count + 1, count + 1))
-        system[:count, :count] = shared(known, known) + scatter**2 * np.eye(count)
-        system[count, count] = 0.0
-        right = np.append(shared(known, state[None])[:, 0], 1.0)
+        count, size = len(known), (slope * LENGTH) ** 2
+        # the state itself stands last
+        states = np.vstack([known, state])
+        far = ((states[:, None] - states) / LENGTH).T ** 2
+        shared = size * np.exp(-0.5 * far.sum(axis=0))
+        system = shared + scatter**2 * np.eye(count + 1)
+        system[count], system[:, count], system[count, count] = 1.0, 1.0, 0.0
+        right = np.append(shared[:count, count], 1.0)
         weights = np.linalg.solve(system, right)[:count]
-
-        def changed(which: FloatArray) -> float:
-            own, here = known * which, state * which
-            between = weights @ shared(own, here[None])[:, 0]
-            return float(size - 2.0 * between + weights @ shared(own, own) @ weights)
-
-        each = np.array([max(changed(which), 0.0) for which in np.eye(len(state))])
-        each *= max(changed(np.ones(len(state))), 0.0) / max(each.sum(), np.finfo(float).tiny)
+        # variance of the prediction less the truth, and what each coordinate alone would make of it
+        apart = np.append(weights, -1.0)
+        each = np.maximum(apart @ (size * np.exp(-0.5 * far)) @ apart, 0.0)
+        each *= max(apart @ shared @ apart, 0.0) / max(each.sum(), np.finfo(float).tiny)
         parts = [scatter**2 * (1.0 + weights @ weights), *each]
         return cls(weights=weights, parts=np.array(parts))
 
@@ -273,8 +266,17 @@ class GearDeviation:
             left += float(np.sum(np.abs(band.rest) ** 2) - np.sum(followed[kept]))
             freedom += band.rest.size - np.count_nonzero(kept)
         if freedom < _LEAST_LEFT * self.lines:
-            # one line in N tells of a sun's places; of a small pinion all lines tell, and ring on
-            return self._beside_event if self.meetings > 1 else 1.0
+            # of a small pinion all lines tell, and ring on
+            if self.meetings == 1:
+                return 1.0
+            # one line in N tells of a sun's places: the quietest quarter of the turn tells, less
+            # what the lines that are heard let leak of the event to the median place
+            turn = np.exp(-2j * np.pi * CONTACT_CENTRE / self.teeth)
+            alone = self._around(
+                [np.broadcast_to(turn**band.number, band.rest.shape) for band in self.bands]
+            )
+            leak = float(np.median(alone) / alone.max() * self._energy.max())
+            return max(1.0, (float(np.quantile(self._energy, _QUIET)) - leak) / self.lines)
         left /= max(freedom, 1.0)
         leaked = _LEFT_BY_EVENT * float(self._energy.max()) / self.lines
         return max(left - leaked, min(left, 1.0), LEAST_MISFIT)
@@ -287,7 +289,7 @@ class GearDeviation:
     @cached_property
     def by_tooth(self) -> FloatArray:
         """Energy about each tooth's contact over that beside the largest, by what is expected."""
-        return self._standing_out[np.arange(self.teeth) * _STEPS]
+        return self._standing_out[::_STEPS]
 
     @cached_property
     def expected_around(self) -> FloatArray:
@@ -315,9 +317,8 @@ class GearDeviation:
         """
         loud = np.maximum(1.0, self._uneven([band.pattern for band in self.bands]))
         expected = 1.0 + self.departs * (loud - 1.0)
-        rests = [[band.known[r] for band in self.bands] for r in range(len(self.bands[0].known))]
-        learned = [self._uneven(rest) for rest in rests]
-        if not learned:
+        learned = self._uneven([band.known for band in self.bands])
+        if not len(learned):
             return expected
         changing = float(np.mean([band.changing for band in self.bands]))
         return np.asarray(np.maximum(expected, 1.0 + changing * (np.mean(learned, axis=0) - 1.0)))
@@ -325,7 +326,8 @@ class GearDeviation:
     def _uneven(self, lines_of_bands: Sequence[ComplexArray]) -> FloatArray:
         """Energy around the turn over that of the median place."""
         energy = self._around(lines_of_bands)
-        return energy / max(float(np.median(energy)), np.finfo(float).tiny)
+        middle = np.median(energy, axis=-1, keepdims=True)
+        return np.asarray(energy / np.maximum(middle, np.finfo(float).tiny))
 
     @cached_property
     def departs(self) -> float:
@@ -336,21 +338,7 @@ class GearDeviation:
     @cached_property
     def expected_by_tooth(self) -> FloatArray:
         """`expected_around` at each tooth's contact, shape (teeth,)."""
-        return self.expected_around[np.arange(self.teeth) * _STEPS]
-
-    @cached_property
-    def _beside_event(self) -> float:
-        """Mean square of the rest in the quietest quarter of the turn, at least 1.
-
-        What the lines that are heard let leak there of the greatest event is taken off, as much as
-        to the median place.
-        """
-        place = np.exp(2j * np.pi * CONTACT_CENTRE / self.teeth)
-        alone = self._around(
-            [np.broadcast_to(place**-band.number, band.rest.shape) for band in self.bands]
-        )
-        leak = float(np.median(alone) / alone.max() * self._energy.max())
-        return max(1.0, (float(np.quantile(self._energy, _QUIET)) - leak) / self.lines)
+        return self.expected_around[::_STEPS]
 
     def recurrence(
         self, tooth: int, blocks: ComplexArray, wheel: WheelLines, swings: bool = False
@@ -418,15 +406,21 @@ class GearDeviation:
         return np.asarray(self._energy / self.expected_around / (self.misfit * self.lines))
 
     def _around(self, lines_of_bands: Sequence[ComplexArray]) -> FloatArray:
-        """Energy in windows of two teeth around the turn, centred on each step."""
+        """Energy in windows of two teeth around the turn, centred on each step.
+
+        Of several recordings, lines of shape (recordings, channels, lines), that of each.
+        """
         steps = _STEPS * self.teeth
-        energy = np.zeros(steps)
-        for band, values in zip(self.bands, lines_of_bands, strict=True):
-            energy += turn_energy(values, band.number, steps)
-        window = np.roll(uniform_filter1d(energy, 2 * _STEPS, mode="wrap"), -_STEPS - _WINDOW)
+        both = zip(self.bands, lines_of_bands, strict=True)
+        energy = np.sum([turn_energy(lines, band.number, steps) for band, lines in both], axis=0)
+        window = uniform_filter1d(energy, 2 * _STEPS, mode="wrap")
         again = np.rint(np.arange(self.meetings) * steps / self.meetings).astype(int)
-        met: FloatArray = window[(np.arange(steps)[:, None] + again) % steps].mean(axis=1)
-        return met
+        met = np.arange(steps)[:, None] + again + _STEPS + _WINDOW
+        return np.asarray(window[..., met % steps].mean(axis=-1))
+
+
+# Departures of references, and variances of such departures by side and harmonic of their bands.
+_Learned = tuple[ComplexArray, dict[tuple[int, int], FloatArray]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -454,51 +448,41 @@ class GearLaw:
     indexed: bool = False
 
     @cached_property
-    def _left_out(self) -> list[tuple[list[BandDeviation], FloatArray]]:
-        """How each reference departs from what the others predict; nothing of one reference."""
-        count, found = len(self.patterns), []
-        nothing = np.zeros((0, *self.patterns[0].amplitude.shape), dtype=complex)
-        for row in range(count if count > 1 else 0):
-            rest = [n for n in range(count) if n != row]
-            others = replace(
-                self, patterns=tuple(self.patterns[n] for n in rest), states=self.states[rest]
-            )
-            pattern, parts = others._predicted(self.states[row])
-            found.append((others._bands(self.patterns[row], pattern, parts, {}, nothing), parts))
-        return found
+    def _learned(self) -> _Learned:
+        """How each reference departs from what the others predict; nothing of one reference.
 
-    @cached_property
-    def _scales(self) -> dict[tuple[int, int], FloatArray]:
-        """Variances of departures over their priors, by band: how references depart from another.
-
-        Where they depart less than the prior has it, the machine is steady in all parts, scatter
-        and change with the state. Where they depart more, each tells of the parts by their
-        shares in it: a machine that changes much with its load need not scatter much beside a
-        reference of the same load, nor change with its speed. Shape (parts, channels).
+        Returns
+        -------
+        departures : ndarray of complex, shape (references, rows, top + 1)
+            Whitened, on the grid of their patterns.
+        scales : dict of (int, int) to ndarray of float, shape (parts, channels)
+            Variances of departures over their priors, by side and harmonic of the band. Where they
+            depart less than the prior has it, the machine is steady in all parts, scatter and
+            change with the state. Where they depart more, each tells of the parts by their shares
+            in it: a machine that changes much with its load need not scatter much beside a
+            reference of the same load, nor change with its speed.
         """
+        grid, every = self.patterns[0], np.arange(len(self.patterns))
+        references = len(every) if len(every) > 1 else 0
+        departures = np.zeros((references, *grid.amplitude.shape), dtype=complex)
         found: dict[tuple[int, int], list[tuple[FloatArray, FloatArray]]] = {}
-        for bands, parts in self._left_out:
-            for band in bands:
-                seen = np.mean(np.abs(band.rest) ** 2, axis=1)
-                found.setdefault((band.side, band.harmonic), []).append((parts / parts.sum(), seen))
+        for row, own in enumerate(departures):
+            rest = np.delete(every, row)
+            known = tuple(self.patterns[n] for n in rest)
+            others = replace(self, patterns=known, states=self.states[rest])
+            pattern, parts = others._predicted(self.states[row])
+            for band in others._bands(self.patterns[row], pattern, parts, (departures[:0], {})):
+                first = _SIDES.index(band.side) * grid.channels
+                own[first : first + grid.channels, band.number] = band.rest
+                told = parts / parts.sum(), np.mean(np.abs(band.rest) ** 2, axis=1)
+                found.setdefault((band.side, band.harmonic), []).append(told)
         scales = {}
-        for place, told in found.items():
-            share, seen = (np.array(each) for each in zip(*told, strict=True))
+        for place, each in found.items():
+            share, seen = (np.array(column) for column in zip(*each, strict=True))
             common = (_WORTH + seen.sum(axis=0)) / (_WORTH + len(seen))
             parts = (_WORTH + share.T @ seen) / (_WORTH + share.sum(axis=0)[:, None])
             scales[place] = np.clip(np.minimum(common, parts), _LEAST_SCALE, _MOST_SCALE)
-        return scales
-
-    @cached_property
-    def _departures(self) -> ComplexArray:
-        """Departures of the references, whitened, on the grid of their patterns."""
-        grid = self.patterns[0].amplitude
-        found = np.zeros((len(self._left_out), *grid.shape), dtype=complex)
-        for own, (bands, _) in zip(found, self._left_out, strict=True):
-            for band in bands:
-                first = _SIDES.index(band.side) * self.patterns[0].channels
-                own[first : first + len(band.rest), band.number] = band.rest
-        return found
+        return departures, scales
 
     def deviation(
         self, wheel: WheelPattern, state: FloatArray, *, same_zero: bool
@@ -526,8 +510,9 @@ class GearLaw:
         known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
         known = known.modulated_as(new, wheel.teeth)
         turn = np.exp(2j * np.pi * angle * np.arange(top + 1))
-        left_out = self._departures[:, :, : top + 1] * turn
-        bands = tuple(self._bands(new, known, parts, self._scales, left_out))
+        departures, scales = self._learned
+        learned = departures[:, :, : top + 1] * turn, scales
+        bands = tuple(self._bands(new, known, parts, learned))
         lines = new.amplitude[:, :: wheel.teeth]
         meshes = np.abs(lines) ** 2
         if not bands:
@@ -554,14 +539,10 @@ class GearLaw:
         return GearPattern.combined(self.patterns, kriging.weights), kriging.parts
 
     def _bands(
-        self,
-        new: GearPattern,
-        known: GearPattern,
-        parts: FloatArray,
-        scales: dict[tuple[int, int], FloatArray],
-        left_out: ComplexArray,
-    ) -> list[BandDeviation]:
-        teeth, found = self.wheel.teeth, []
+        self, new: GearPattern, known: GearPattern, parts: FloatArray, learned: _Learned
+    ) -> Iterator[BandDeviation]:
+        """Give what the law leaves about each mesh harmonic, on each side of the lines."""
+        teeth, (departures, scales) = self.wheel.teeth, learned
         harmonics = enumerate(mesh_bands(teeth, new.top), start=1)
         every = product(enumerate(known.usable & new.usable), harmonics)
         for (place, usable), (harmonic, band) in every:
@@ -572,44 +553,40 @@ class GearLaw:
                 continue
             rows = slice(place * new.channels, (place + 1) * new.channels)
             scale = scales.get((side, harmonic), np.ones((len(parts), new.channels)))
-            pattern = known.amplitude[rows, use]
+            healthy = known.amplitude[rows, use]
             noise = new.variance[rows, use] + known.variance[rows, use]
-            variance = noise + (parts @ scale)[:, None] * _loudness(pattern, offset)
-            rest = _without_gain(
-                new.amplitude[rows, use] - pattern, pattern, variance, offset / teeth
+            # mean power of the lines about each, the mesh harmonic left out
+            told, window = (offset != 0).astype(float), np.ones(2 * _BESIDE + 1)
+            total = convolve1d(told * np.abs(healthy) ** 2, window, mode="constant")
+            loudness = total / np.maximum(convolve1d(told, window, mode="constant"), 1.0)
+            deviation = np.sqrt(noise + (parts @ scale)[:, None] * loudness)
+            pattern = healthy / deviation
+            rest = new.amplitude[rows, use] / deviation - pattern
+            yield BandDeviation(
+                harmonic=harmonic,
+                number=use[far],
+                rest=_without_gain(rest, pattern, offset / teeth)[:, far],
+                deviation=deviation[:, far],
+                noise=np.sqrt(noise[:, far]),
+                pattern=pattern[:, far],
+                known=departures[:, rows, use[far]],
+                changing=1.0 - float(parts[0] * scale[0].sum() / (parts @ scale).sum()),
+                side=side,
             )
-            found.append(
-                BandDeviation(
-                    harmonic=harmonic,
-                    number=use[far],
-                    rest=rest[:, far],
-                    deviation=np.sqrt(variance[:, far]),
-                    noise=np.sqrt(noise[:, far]),
-                    pattern=(pattern / np.sqrt(variance))[:, far],
-                    known=left_out[:, rows, use[far]],
-                    changing=1.0 - float(parts[0] * scale[0].sum() / (parts @ scale).sum()),
-                    side=side,
-                )
-            )
-        return found
 
 
-def _without_gain(
-    rest: ComplexArray, pattern: ComplexArray, variance: FloatArray, place: FloatArray
-) -> ComplexArray:
+def _without_gain(rest: ComplexArray, pattern: ComplexArray, place: FloatArray) -> ComplexArray:
     """Whitened rest after a gain, its slope and its bend across the band have been fitted.
 
     Ridge regression with the gains' prior; what it takes away of the degrees of freedom is made up.
     """
-    weight = 1.0 / np.sqrt(variance)
-    columns = GAIN * _powers(place) * (pattern * weight)[:, None, :]
-    value = rest * weight
+    columns = GAIN * _powers(place) * pattern[:, None, :]
     gram = columns.conj() @ columns.swapaxes(1, 2)
     inverse = np.linalg.inv(gram + np.eye(gram.shape[1]))
-    gain = np.einsum("cij,cjn,cn->ci", inverse, columns.conj(), value)
-    left = value - np.einsum("ci,cin->cn", gain, columns)
+    gain = np.einsum("cij,cjn,cn->ci", inverse, columns.conj(), rest)
+    left = rest - np.einsum("ci,cin->cn", gain, columns)
     freedom = np.einsum("cij,cji->c", inverse, gram).real
-    lines = value.shape[1]
+    lines = rest.shape[1]
     return np.asarray(left * np.sqrt(lines / np.maximum(1.0, lines - freedom))[:, None])
 
 
@@ -617,11 +594,3 @@ def _powers(place: FloatArray) -> FloatArray:
     """Course of a gain, its slope and its bend across a band, as far as its lines bear them."""
     told = max(1, min(_GAINS, len(place) // _LINES_A_GAIN))
     return np.asarray(place ** np.arange(told)[:, None])
-
-
-def _loudness(pattern: ComplexArray, offset: IntArray) -> FloatArray:
-    """Mean power of the lines about each, the mesh harmonic left out."""
-    told = (offset != 0).astype(float)
-    power, window = np.abs(pattern) ** 2, np.ones(2 * _BESIDE + 1)
-    count, total = (convolve1d(own, window, mode="constant") for own in (told, told * power))
-    return np.asarray(total / np.maximum(count, 1.0))

@@ -13,18 +13,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.diagnosis.law.gear_lines import (
-    GearDeviation,
-    GearLaw,
-    Kriging,
-    in_units,
-    load_unit,
-)
+from gearmon.diagnosis.law.gear_lines import GearDeviation, GearLaw, Kriging, in_units, load_unit
 from gearmon.diagnosis.law.patterns import turned_alike
 from gearmon.errors import ArgumentError
 from gearmon.gears.mechanics import load_share
@@ -142,12 +135,6 @@ class StateGauge:
         moved = np.where(own.heard & base.heard, own.level_db - base.level_db, np.nan)
         change[:, [known.index(name) for name in names]] = moved
         return change / _DB
-
-
-def _in_speed_units(states: FloatArray) -> FloatArray:
-    """Speed of states and how far it swung, both in `SPEED_UNIT`, shape (..., 2)."""
-    swing = np.sqrt(states[..., 2]) * (FLUCTUATION_UNIT / SPEED_UNIT)
-    return np.stack([states[..., 1], swing], axis=-1)
 
 
 def _slope(values: FloatArray, along: FloatArray) -> float:
@@ -281,11 +268,8 @@ class MachineDeviation:
 
     Parameters
     ----------
-    state : ndarray of float, shape (3,)
-        Operating state of the recording: load [Np] and speed beside the first reference, and
-        square of how far the speed swung.
     gap : float
-        Distance to the nearest reference's state.
+        Distance of its operating state to the nearest reference's.
     heavy : float
         By how much its load is heavier than that of every reference [Np]; negative if it is not.
     speed_off : float, >= 0
@@ -303,7 +287,6 @@ class MachineDeviation:
         Of the broadband spectrum; None where the recordings have other bands.
     """
 
-    state: FloatArray
     gap: float
     heavy: float
     speed_off: float
@@ -320,32 +303,29 @@ class HealthyMachine:
 
     Parameters
     ----------
-    profiles : tuple of Profile
+    reference : Reference
         The healthy recordings.
-    family_names : tuple of str
-        Families of lines that all of them have.
     gauge : StateGauge
         Tells operating states.
     states : ndarray of float, shape (references, 3)
         Those of the healthy recordings.
-    gears : dict
-        (stage, gear) to its law.
+    gears : tuple of GearLaw
+        One for each gear that all of them resolve.
     lightest : float, > 0
         How the teeth of the stage that is loaded least are loaded (`gears.mechanics.load_share`).
     """
 
-    profiles: tuple[Profile, ...]
-    family_names: tuple[str, ...]
+    reference: Reference
     gauge: StateGauge
     states: FloatArray
-    gears: dict[tuple[int, str], GearLaw]
+    gears: tuple[GearLaw, ...]
     lightest: float
 
     @classmethod
     def of(cls, reference: Reference, machine: Machine) -> HealthyMachine:
         """Build the law of a machine from a reference."""
         profiles = reference.profiles
-        gears: dict[tuple[int, str], GearLaw] = {}
+        gears: list[GearLaw] = []
         loads = [load_share(machine, number + 1) for number in range(len(machine.stages))]
         gauge = StateGauge.of(profiles, min(loads))
         states = np.array([gauge.state(profile) for profile in profiles])
@@ -356,16 +336,12 @@ class HealthyMachine:
             # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
             indexed = all(p.tacho for p in profiles) and abs(wheel.order - 1.0) < 1e-12
             patterns = turned_alike(same, same_zero=indexed)
-            told: dict[str, Any] = {"load": loads[wheel.stage - 1], "indexed": indexed}
-            law = GearLaw(wheel=wheel, patterns=patterns, states=states, **told)
-            gears[wheel.stage, wheel.gear] = law
+            load = loads[wheel.stage - 1]
+            gears.append(
+                GearLaw(wheel=wheel, patterns=patterns, states=states, load=load, indexed=indexed)
+            )
         return cls(
-            profiles=profiles,
-            family_names=tuple(reference.family_names),
-            gauge=gauge,
-            states=states,
-            gears=gears,
-            lightest=min(loads),
+            reference=reference, gauge=gauge, states=states, gears=tuple(gears), lightest=min(loads)
         )
 
     def deviation(self, own: Profile, left_out: Sequence[str] = ()) -> MachineDeviation:
@@ -384,30 +360,33 @@ class HealthyMachine:
             If no family of lines is left.
         """
         state = self.gauge.state(own)
-        both = [(self.gears.get((wheel.stage, wheel.gear)), wheel) for wheel in own.wheels]
+        profiles = self.reference.profiles
         gears = [
             law.deviation(wheel, state, same_zero=own.tacho and law.indexed)
-            for law, wheel in both
-            if law is not None and law.wheel.teeth == wheel.teeth
+            for law in self.gears
+            if (wheel := law.wheel.same_in(own.wheels))
         ]
-        names = [n for n in own.family_names if n in self.family_names and n not in left_out]
+        known = set(self.reference.family_names) - set(left_out)
+        names = [name for name in own.family_names if name in known]
         if not names:
             raise ArgumentError(
                 f"{own.origin}: shares no family of lines with the reference: sampling rate or "
                 "length differ too much"
             )
-        speeds, now = (_in_speed_units(one) for one in (self.states, state))
+        # how far the speed swung, in its own unit
+        every = np.vstack([state, self.states])
+        swing = np.sqrt(every[:, 2]) * (FLUCTUATION_UNIT / SPEED_UNIT)
+        off = np.maximum(*(np.abs(one[1:] - one[0]) for one in (every[:, 1], swing)))
         placed = in_units(self.states, self.lightest), in_units(state, self.lightest)
-        healthy = [profile.of_families(names) for profile in self.profiles]
-        bands = [profile.bands for profile in self.profiles]
+        healthy = [profile.of_families(names) for profile in profiles]
+        bands = [profile.bands for profile in profiles]
         shape = own.band_db.shape
         alike = shape[1] > 0 and all(one.level_db.shape == shape for one in bands)
         return MachineDeviation(
-            state=state,
             gap=float(np.min(np.linalg.norm(self.states - state, axis=1))),
             heavy=float(state[0] - self.states[:, 0].max()),
-            speed_off=float(np.abs(speeds - now).max(axis=1).min()),
-            length=min(1.0, own.duration_s / min(p.duration_s for p in self.profiles)),
+            speed_off=float(off.min()),
+            length=min(1.0, own.duration_s / min(p.duration_s for p in profiles)),
             gears=tuple(filter(None, gears)),
             family_names=tuple(names),
             levels=level_deviation(own.of_families(names), healthy, *placed),

@@ -8,7 +8,7 @@ is where the gear turns as unevenly as in the new recording.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -132,8 +132,12 @@ class GearPattern:
         lines at one place beside the gear's by one phase.
         """
         angle = turning(self, new, teeth)
-        if len(self.usable) == 1:
-            angle = self._angle_of_teeth(new, teeth, angle)
+        # without the near sidebands another angle may be found: of both that which leaves less
+        other = turning(self, new, teeth, NEAR) if len(self.usable) == 1 else angle
+        if abs((other - angle + 0.5) % 1.0 - 0.5) * teeth >= _ANOTHER:
+            both = (self.turned(each).modulated_as(new, teeth) for each in (angle, other))
+            left = [_Pair.of(known, new, teeth, NEAR).left(np.zeros(1))[0] for known in both]
+            angle = other if left[1] < _LEFT * left[0] else angle
         found = self.turned(angle)
         told = found.amplitude.conj() * new.amplitude / (found.variance + new.variance)
         told = told.reshape(len(self.usable), self.channels, -1).sum(axis=1)
@@ -142,15 +146,6 @@ class GearPattern:
         phase /= np.maximum(np.abs(phase), np.finfo(float).tiny)
         turned = found.amplitude * np.repeat(phase, self.channels)[:, None]
         return replace(found, amplitude=turned), angle
-
-    def _angle_of_teeth(self, new: GearPattern, teeth: int, angle: float) -> float:
-        """Of an angle, and that without the near sidebands, which one leaves less beyond these."""
-        other = turning(self, new, teeth, NEAR)
-        if abs((other - angle + 0.5) % 1.0 - 0.5) * teeth < _ANOTHER:
-            return angle
-        turned = (self.turned(each).modulated_as(new, teeth) for each in (angle, other))
-        left = [_Pair.of(known, new, teeth, NEAR).left(np.zeros(1))[0] for known in turned]
-        return other if left[1] < _LEFT * left[0] else angle
 
     def modulated_as(self, new: GearPattern, teeth: int) -> GearPattern:
         """Return the same pattern, modulated as another is: of a gear that turns as unevenly.
@@ -167,7 +162,8 @@ class GearPattern:
         GearPattern
             Its near sidebands are those of the other, but for the gains of the mesh harmonics; the
             lines beyond are what follows from these. What changes is no surer than it is large:
-            its square is added to the variance. Itself where planets pass the sensor.
+            its square is added to the variance. Itself where planets pass the sensor, or where the
+            other turns as evenly.
 
         Notes
         -----
@@ -190,7 +186,11 @@ class GearPattern:
         own, other = (each.amplitude[:, inside].reshape(shape) for each in (self, new))
         noise = (self.variance + new.variance)[:, inside].reshape(shape)
         bands = _Bands(own, other, noise)
-        change = np.where(own != 0, bands.as_other() - own, 0.0).reshape(shape[0], -1)
+        common = bands.common()
+        if not common.any():
+            return self
+        moved = bands.modulated(common + bands.beyond(common)) - own
+        change = np.where(own != 0, moved, 0.0).reshape(self.channels, -1)
         amplitude, variance = self.amplitude.copy(), self.variance.copy()
         amplitude[:, inside] += change
         variance[:, inside] += np.abs(change) ** 2
@@ -210,11 +210,6 @@ class _Bands:
         """Where the mesh harmonic is."""
         return int(self.own.shape[2]) // 2
 
-    @property
-    def order(self) -> IntArray:
-        """Number of each mesh harmonic."""
-        return np.arange(1, self.own.shape[1] + 1)
-
     @cached_property
     def mesh(self) -> ComplexArray:
         """The other's mesh harmonics; 0 where one of both is not heard."""
@@ -225,11 +220,6 @@ class _Bands:
         """Own bands around the turn, at two steps a tooth."""
         return np.asarray(np.fft.ifft(self.own, 2 * self.own.shape[2]))
 
-    def as_other(self) -> ComplexArray:
-        """Own lines as they are where the gear turns as unevenly as in the other pattern."""
-        common = self.common()
-        return self.modulated(common + self.beyond(common)) if common.any() else self.own
-
     def modulated(self, exponent: ComplexArray) -> ComplexArray:
         """Own lines times exp of a course, whose lines -_PULSES .. _PULSES are given."""
         size = self.around.shape[2]
@@ -238,9 +228,10 @@ class _Bands:
         gain = np.exp(np.fft.ifft(course) * size)
         return np.asarray(np.fft.fft(self.around * gain)[..., : self.own.shape[2]])
 
-    def left(self, lines: ComplexArray) -> ComplexArray:
-        """Return what lines leave of the other's, each mesh harmonic with its gain."""
-        own, mesh = lines[:, :, self.middle], self.mesh
+    def left(self, exponent: ComplexArray) -> ComplexArray:
+        """Return what own lines so modulated leave of the other's, one gain a harmonic."""
+        lines, mesh = self.modulated(exponent), self.mesh
+        own = lines[:, :, self.middle]
         gain = np.divide(mesh, own, out=np.zeros_like(own), where=own != 0)
         return np.asarray(self.other - gain[..., None] * lines)
 
@@ -251,16 +242,17 @@ class _Bands:
         must not tell it. Nothing where the gear turns evenly.
         """
         above, middle = np.arange(1, _PULSES + 1), self.middle
+        order = np.arange(1, self.own.shape[1] + 1)
         at = np.r_[middle - above[::-1], middle + above]
         weight = 1.0 / (self.noise + _PATH**2 * np.abs(self.mesh[..., None]) ** 2)
         ahead, tried = np.zeros(_PULSES, dtype=complex), []
         for highest in (*_UP_TO, 0):
             course = np.r_[ahead[::-1].conj(), 0.0, ahead]
-            exponent = 1j * self.order[None, :, None] * course
-            left = self.left(self.modulated(exponent))
+            exponent = 1j * order[None, :, None] * course
+            left = self.left(exponent)
             off = np.log1p(weight * np.abs(left) ** 2)
             tried.append((float(off[self.mesh != 0][:, at].sum()), np.abs(ahead) ** 2, exponent))
-            slope = np.where(self.order <= highest, 1j * self.order * self.mesh, 0.0)[..., None]
+            slope = np.where(order <= highest, 1j * order * self.mesh, 0.0)[..., None]
             told = weight * np.exp(-off)
             pull = slope.conj() * (told * left)[..., middle + above]
             pull += slope * (told * left)[..., middle - above].conj()
@@ -285,8 +277,7 @@ class _Bands:
         power = expected * np.abs(mesh) ** 2 + self.noise[..., near]
         told = expected * mesh.conj() / power
         for _ in range(_BAND_ROUNDS):
-            left = self.left(self.modulated(common + found))
-            found[..., _PULSES + beside] += told * left[..., near]
+            found[..., _PULSES + beside] += told * self.left(common + found)[..., near]
             # what turns by more than a radian is no modulation
             found[np.sum(np.abs(found) ** 2, axis=2) > 1.0] = 0.0
         return found
@@ -343,14 +334,20 @@ def turning(known: GearPattern, new: GearPattern, teeth: int, beyond: int = 0) -
     pair = _Pair.of(known, new, teeth, beyond)
     if not pair.bands:
         return 0.0
-    angle = pair.best_angle()
-    for _ in range(_ROUNDS if pair.louder() > _DROWNED else 0):
-        event = pair._replace(known=known.turned(angle)).event()
+    angles = pair.likely_angles()
+    angle = float(angles[int(np.argmin(pair.left(angles)))])
+    # how much louder it is than the healthy pattern, in the median of bands and channels
+    both = [np.array(lines) * scale for _, *lines, scale in pair.bands]
+    healthy, own = np.array([np.sum(np.abs(lines) ** 2, axis=2) for lines in both]).swapaxes(0, 1)
+    told = healthy > 0
+    drowned = told.any() and np.median(own[told] / healthy[told]) > _DROWNED
+    for _ in range(_ROUNDS if drowned else 0):
+        event = _Pair.of(known.turned(angle), new, teeth, beyond).event()
         if event is None:
             break
         beside = replace(new, amplitude=new.amplitude - event)
         # a loud event leaks to all teeth: what is left at them tells nothing then
-        moved = float(pair._replace(new=beside).likely_angles()[0])
+        moved = float(_Pair.of(known, beside, teeth, beyond).likely_angles()[0])
         step = abs((moved - angle + 0.5) % 1.0 - 0.5) * teeth
         angle = moved
         if step < _SETTLED:
@@ -359,11 +356,14 @@ def turning(known: GearPattern, new: GearPattern, teeth: int, beyond: int = 0) -
 
 
 class _Pair(NamedTuple):
-    """A healthy pattern and a new one, about the mesh harmonics whose lines both have."""
+    """A healthy pattern and a new one, about the mesh harmonics whose lines both have.
 
-    known: GearPattern
+    Numbers of the lines of each band, healthy and new lines over the standard deviation of what
+    differs, and that deviation.
+    """
+
+    bands: Sequence[tuple[IntArray, ComplexArray, ComplexArray, FloatArray]]
     new: GearPattern
-    bands: Sequence[IntArray]
     teeth: int
 
     @classmethod
@@ -371,33 +371,28 @@ class _Pair(NamedTuple):
         """Take the bands in which so many lines are shared that they tell anything."""
         usable = new.usable[0] & known.usable[0]
         away = (np.arange(len(usable)) + teeth // 2) % teeth - teeth // 2
-        usable = usable & (np.abs(away) > beyond)
-        bands = [band[usable[band]] for band in mesh_bands(teeth, new.top)]
-        return cls(known, new, [band for band in bands if len(band) >= LEAST_LINES], teeth)
-
-    def lines(self) -> Iterator[tuple[IntArray, ComplexArray, ComplexArray, FloatArray]]:
-        """Give numbers, healthy and new lines of each band, and the variance of what differs."""
-        known, new = self.known, self.new
-        for band in self.bands:
-            variance = new.variance[:, band] + known.variance[:, band]
-            yield band, known.amplitude[:, band], new.amplitude[:, band], variance
-
-    def louder(self) -> float:
-        """Power of the new pattern over that of the healthy one, median of bands and channels."""
-        both = [np.sum(np.abs([value, old]) ** 2, axis=2) for _, old, value, _ in self.lines()]
-        own, healthy = np.array(both).swapaxes(0, 1)
-        told = healthy > 0
-        return float(np.median(own[told] / healthy[told])) if told.any() else 0.0
-
-    def best_angle(self) -> float:
-        """Of the likely angles that which leaves least at most of the teeth."""
-        angles = self.likely_angles()
-        return float(angles[int(np.argmin(self.left(angles)))])
+        usable, scale = usable & (np.abs(away) > beyond), np.sqrt(new.variance + known.variance)
+        both, bands = (known.amplitude / scale, new.amplitude / scale, scale), []
+        for band in mesh_bands(teeth, new.top):
+            use = band[usable[band]]
+            if len(use) >= LEAST_LINES:
+                bands.append((use, *(own[:, use] for own in both)))
+        return cls(bands, new, teeth)
 
     def left(self, angles: FloatArray) -> FloatArray:
-        """Mean energy left at most of the teeth, the quietest, for each angle."""
-        left = np.sort(self.left_at_teeth(angles), axis=1)
-        return np.asarray(left[:, : max(1, int(_SOUND_TEETH * self.teeth))].mean(axis=1))
+        """Mean energy left at most of the teeth, the quietest, for each angle.
+
+        One gain a band is fitted.
+        """
+        left = np.zeros((len(angles), self.teeth))
+        for band, old, value, _ in self.bands:
+            healthy = old * np.exp(2j * np.pi * np.outer(angles, band))[:, None]
+            power = np.sum(np.abs(old) ** 2, axis=1)
+            gain = np.sum(healthy.conj() * (value - healthy), axis=2)
+            gain = 1.0 + gain / (power + 1.0 / GAIN**2)
+            left += turn_energy(value - gain[:, :, None] * healthy, band, self.teeth)
+        quietest = np.sort(left, axis=1)[:, : max(1, int(_SOUND_TEETH * self.teeth))]
+        return np.asarray(quietest.mean(axis=1))
 
     def event(self) -> ComplexArray | None:
         """Lines of the greatest event in what the healthy pattern leaves; None if there is none.
@@ -406,36 +401,32 @@ class _Pair(NamedTuple):
         the pattern in its place, at the very angle that is in doubt.
         """
         energy = np.zeros(_PLACES * self.teeth)
-        for band, old, value, variance in self.lines():
-            power = np.sum(np.abs(old) ** 2 / variance, axis=1)
-            gain = np.sum(old.conj() * value / variance, axis=1)
-            gain /= np.maximum(power, np.finfo(float).tiny)
-            rest = (value - gain[:, None] * old) / np.sqrt(variance)
-            energy += turn_energy(rest, band, len(energy))
+        for band, old, value, _ in self.bands:
+            power = np.maximum(np.sum(np.abs(old) ** 2, axis=1), np.finfo(float).tiny)
+            gain = np.sum(old.conj() * value, axis=1) / power
+            energy += turn_energy(value - gain[:, None] * old, band, len(energy))
         window = uniform_filter1d(energy, _EVENT_TEETH * _PLACES, mode="wrap")
         if float(window.max()) < _EVENT * float(np.median(window)):
             return None
         delay = (int(np.argmax(window)) / _PLACES + AROUND) / self.teeth
         event = np.zeros_like(self.new.amplitude)
-        for band, _, value, variance in self.lines():
+        for band, _, value, scales in self.bands:
             waves = np.exp(-2j * np.pi * np.outer(band, delay))
-            for channel, scale in enumerate(np.sqrt(variance)):
-                told = value[channel] / scale
-                size = np.linalg.lstsq(waves / scale[:, None], told, rcond=RANK)[0]
+            for channel, scale in enumerate(scales):
+                size = np.linalg.lstsq(waves / scale[:, None], value[channel], rcond=RANK)[0]
                 event[channel, band] = waves @ size
         return event
 
     def likely_angles(self) -> FloatArray:
         """Angles [turns] at which the healthy pattern explains most of the new one, best first."""
-        top = self.new.top
         # eight steps per cycle of the highest line: the best angle is met within 3 per cent of
         # power
-        steps = 1 << int(np.ceil(np.log2(8 * (top + 1))))
+        steps = 1 << int(np.ceil(np.log2(8 * (self.new.top + 1))))
         explained = np.zeros(steps)
-        for band, old, value, variance in self.lines():
-            product = np.zeros((len(variance), steps), dtype=complex)
-            product[:, band] = old.conj() * value / variance
-            power = np.sum(np.abs(old) ** 2 / variance, axis=1)
+        for band, old, value, _ in self.bands:
+            product = np.zeros((len(old), steps), dtype=complex)
+            product[:, band] = old.conj() * value
+            power = np.sum(np.abs(old) ** 2, axis=1)
             match = np.abs(np.fft.fft(product, axis=1)) ** 2
             explained += (match / np.maximum(power, np.finfo(float).tiny)[:, None]).sum(axis=0)
         angles, apart = [], max(1, int(_APART * steps / self.teeth))
@@ -444,18 +435,6 @@ class _Pair(NamedTuple):
             angles.append(best / steps)
             explained[np.arange(best - apart, best + apart + 1) % steps] = -1.0
         return np.array(angles)
-
-    def left_at_teeth(self, angles: FloatArray) -> FloatArray:
-        """Energy left at each tooth for each angle, one gain a band fitted, (angles, teeth)."""
-        left = np.zeros((len(angles), self.teeth))
-        for band, old, value, variance in self.lines():
-            healthy = old * np.exp(2j * np.pi * np.outer(angles, band))[:, None]
-            power = np.sum(np.abs(old) ** 2 / variance, axis=1)
-            gain = np.sum(healthy.conj() * (value - healthy) / variance, axis=2)
-            gain = 1.0 + gain / (power + 1.0 / GAIN**2)
-            rest = (value - gain[:, :, None] * healthy) / np.sqrt(variance)
-            left += turn_energy(rest, band, self.teeth)
-        return left
 
 
 def turned_alike(wheels: Sequence[WheelPattern], *, same_zero: bool) -> tuple[GearPattern, ...]:

@@ -149,13 +149,13 @@ def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
     law = HealthyMachine.of(healthy, machine())
 
     def held_at(load):
-        gears = {key: replace(own, load=load) for key, own in law.gears.items()}
+        gears = tuple(replace(own, load=load) for own in law.gears)
         return replace(law, lightest=load, gears=gears).deviation(new)
 
     full, light = held_at(np.inf), held_at(FULL_LOAD * share)
     assert full.gap == light.gap > 0.2
     # from one reference: 2 (1 - exp(-x^2/2)) of the variance of the slope, x in lengths
-    load, speed, swing = full.state - law.states[0]
+    load, speed, swing = law.gauge.state(new) - law.states[0]
     lengths = np.array([load, load / min(share, 1.0)]) ** 2 + speed**2 + swing**2
     near, far = 2 * (0.6 * LENGTH * 20 / np.log(10)) ** 2 * (1 - np.exp(-lengths / 2 / LENGTH**2))
     more = light.levels.sigma_db**2 - full.levels.sigma_db**2
