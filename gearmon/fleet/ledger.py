@@ -337,14 +337,13 @@ def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
             "ORDER BY since_s DESC, machine, class, finding",
             (machine,),
         ).fetchall()
-        return [_alarm(histories.sound(row) | {"id": row["id"]}) for row in rows]
-
-
-def _alarm(row: dict[str, Any]) -> dict[str, Any]:
-    until = row.pop("until_s")
-    ended = {"until": None if until is None else time_text(until), "over": until is not None}
-    told = {"since": time_text(row["since_s"]), "acknowledged": bool(row["acknowledged"])}
-    return row | told | ended | {"told": json.loads(row["told"])}
+        found = [histories.sound(row) | {"id": row["id"]} for row in rows]
+    for own in found:
+        until = own.pop("until_s")
+        own |= {"since": time_text(own["since_s"]), "acknowledged": bool(own["acknowledged"])}
+        own |= {"until": None if until is None else time_text(until), "over": until is not None}
+        own["told"] = json.loads(own["told"])
+    return found
 
 
 def acknowledge(fleet: Fleet, number: int) -> None:

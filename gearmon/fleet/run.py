@@ -352,10 +352,17 @@ def run_fleet(
         jobs, refused = arrived(fleet)
         if before is None:
             before = _seen(jobs)
-            if any(_fresh(job) for job in jobs):
+            # written to lately, or the clock has jumped back since
+            written_s = [int(job.changed) / 1e9 for job in jobs if job.changed.isdecimal()]
+            if written_s and time.time() - max(written_s) < SETTLED_S:
                 time.sleep(SETTLED_S)
                 jobs, refused = arrived(fleet)
-        new = list(_new(jobs, known(fleet), again))
+        ledger, new = known(fleet), []
+        for job in jobs:
+            *state, what, version = ledger.get(as_text(job.path), (0, "", "", ""))
+            old = again and (what == "failed" or version != __version__)
+            if tuple(state) != job.state or what == "being written" or old:
+                new.append(job)
         growing = [job for job in new if before.get(job.path) != job.state]
         told = keep(fleet, (Outcome(job=job, growing=True) for job in growing))
         ready = [job for job in new if job.path not in told]
@@ -377,21 +384,6 @@ def run_fleet(
 def _seen(jobs: Sequence[Job]) -> dict[str, Any]:
     """Return how large recordings are and when they changed: two looks tell which are settled."""
     return {job.path: job.state for job in jobs}
-
-
-def _fresh(job: Job) -> bool:
-    """Whether a file was written to lately; also where the clock has jumped back since."""
-    changed = job.changed
-    return changed.isdecimal() and time.time() - int(changed) / 1e9 < SETTLED_S
-
-
-def _new(jobs: Sequence[Job], ledger: dict[str, Any], again: bool) -> Iterator[Job]:
-    """Give the recordings that the ledger does not know as they are now."""
-    for job in jobs:
-        *state, what, version = ledger.get(as_text(job.path), (0, "", "", ""))
-        old = again and (what == "failed" or version != __version__)
-        if tuple(state) != job.state or what == "being written" or old:
-            yield job
 
 
 @contextmanager

@@ -71,15 +71,12 @@ class Number:
         above = number > self.low if self.open_low else number >= self.low
         below = number < self.high if self.open_high else number <= self.high
         if not (above and below and math.isfinite(number)):
+            left, right = "(" if self.open_low else "[", ")" if self.open_high else "]"
+            unit = f" {self.unit}" if self.unit else ""
             because = f": {self.why}" if self.why else ""
-            raise FieldError(key, f"must lie in {self.range_text()}{because}", value)
+            allowed = f"{left}{self.low:g}, {self.high:g}{right}{unit}"
+            raise FieldError(key, f"must lie in {allowed}{because}", value)
         return number
-
-    def range_text(self) -> str:
-        """Return the range and unit as in ``(0, 100] mm``."""
-        left, right = "(" if self.open_low else "[", ")" if self.open_high else "]"
-        unit = f" {self.unit}" if self.unit else ""
-        return f"{left}{self.low:g}, {self.high:g}{right}{unit}"
 
 
 @dataclass(frozen=True)
@@ -94,10 +91,6 @@ class Count(Number):
             raise FieldError(key, "must be a whole number, without quotes or decimal point", value)
         super().checked(key, value)
         return int(value)
-
-    def range_text(self) -> str:
-        """Return the range as in ``[5, 2000]``."""
-        return f"[{self.low}, {self.high}]"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -355,7 +348,7 @@ def read_source(path: str | Path) -> MachineSource:
         If there is no such file, or it is not TOML in UTF-8.
     """
     shown = str(path)
-    text = _decoded(shown, _read_bytes(Path(path), shown))
+    text = _text_of(Path(path), shown)
     return MachineSource(path=shown, document=_parsed(shown, text), lines=key_lines(text))
 
 
@@ -386,7 +379,7 @@ def key_lines(text: str) -> dict[str, int]:
     return found
 
 
-def _read_bytes(path: Path, shown: str) -> bytes:
+def _text_of(path: Path, shown: str) -> str:
     try:
         size, ordinary = path.stat().st_size, path.is_file()
         data = path.read_bytes() if ordinary and size <= LARGEST_FILE_BYTES else b""
@@ -404,10 +397,6 @@ def _read_bytes(path: Path, shown: str) -> bytes:
     if size > LARGEST_FILE_BYTES:
         reason = f"has {size / 1e6:.1f} MB; a machine file is a short text (at most 1 MB)"
         raise MachineFileError(f"{shown}: {reason}")
-    return data
-
-
-def _decoded(shown: str, data: bytes) -> str:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise MachineFileError(f"{shown}: is UTF-16 text; save it as UTF-8")
     if b"\0" in data:
@@ -446,16 +435,12 @@ def _syntax_error(shown: str, text: str, message: str) -> MachineFileError:
     printed = "".join(letter if letter.isprintable() else "?" for letter in line)
     here = f", in: {printed if len(printed) <= 60 else f'{printed[:57]}...'}" if line else ""
     here += " (decimal numbers take a point)" if _DECIMAL_COMMA.search(line) else ""
-    complaint = _one_line(_reworded(match[1]))
-    return MachineFileError(f"{shown}:{place}: not valid TOML: {complaint}{here}")
-
-
-def _reworded(complaint: str) -> str:
+    complaint = _one_line(match[1])
     if complaint == "Cannot overwrite a value":
-        return "this key stands here for the second time"
-    if complaint.startswith("Cannot declare") and complaint.endswith("twice"):
-        return "this [table] stands here for the second time; a list of them takes [[table]]"
-    return complaint
+        complaint = "this key stands here for the second time"
+    elif complaint.startswith("Cannot declare") and complaint.endswith("twice"):
+        complaint = "this [table] stands here for the second time; a list of them takes [[table]]"
+    return MachineFileError(f"{shown}:{place}: not valid TOML: {complaint}{here}")
 
 
 def _one_line(text: str) -> str:

@@ -385,7 +385,15 @@ class PlanetaryStage(StageData):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._settle_members()
+        if not self.driving:
+            object.__setattr__(self, "driving", "carrier" if self.fixed == "sun" else "sun")
+        if self.driving == self.fixed:
+            reason = "is also the fixed member; name the member on the input shaft"
+            raise FieldError("driving", reason, self.driving)
+        place = f"position_{self.fixed}_mm"
+        if getattr(self, place) is not None:
+            reason = f"is for members on shafts: the {self.fixed} is fixed"
+            raise FieldError(place, reason, getattr(self, place))
         self._check_teeth()
         self._check_centre_distance(self.sun_teeth + self.planet_teeth)
         self._check_gear("sun", self.sun_teeth)
@@ -427,17 +435,6 @@ class PlanetaryStage(StageData):
                 f"{self.planets} planets: they cannot be equally spaced"
             )
         return tuple(notes)
-
-    def _settle_members(self) -> None:
-        if not self.driving:
-            object.__setattr__(self, "driving", "carrier" if self.fixed == "sun" else "sun")
-        if self.driving == self.fixed:
-            reason = "is also the fixed member; name the member on the input shaft"
-            raise FieldError("driving", reason, self.driving)
-        place = f"position_{self.fixed}_mm"
-        if getattr(self, place) is not None:
-            reason = f"is for members on shafts: the {self.fixed} is fixed"
-            raise FieldError(place, reason, getattr(self, place))
 
     def _check_teeth(self) -> None:
         if abs(self.tooth_deviation) > LARGEST_TOOTH_DEVIATION:
