@@ -440,6 +440,9 @@ def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
         own = families[number]
         off = plan.orders[line] - own.harmonic * mesh_hz[own.stage] / signature.speed.estimated_hz
         numbers.append(round(off / own.spacing) if own.spacing else 0)
+    # what a reader switches: meshes first, what else repeats last
+    rank = {"mesh": 0, "sidebands": 1, "residual": 2}
+    groups = map(_group, sorted(families, key=lambda own: rank[own.kind]))
     size = np.abs(signature.lines.mean[:, index])
     amplitudes = {"measured": size, "low": low, "high": high}
     return {
@@ -447,7 +450,7 @@ def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
         "number": numbers,
         "family": [number for _, number in chosen],
         "families": [_family(own, analysis) for own in families],
-        "groups": _groups(families),
+        "groups": list(dict.fromkeys(groups)),
     } | {name: [_numbers(row) for row in own[:_MOST_CHANNELS]] for name, own in amplitudes.items()}
 
 
@@ -485,12 +488,6 @@ def _group(family: Family) -> str:
         return f"mesh {family.stage}"
     what = "sidebands" if family.kind == "sidebands" else "other multiples"
     return f"{what} of {wording.shaft_text(family.shaft, family.gear)}"
-
-
-def _groups(families: Sequence[Family]) -> list[str]:
-    """Return the groups that a reader switches, meshes first, what else repeats last."""
-    rank = {"mesh": 0, "sidebands": 1, "residual": 2}
-    return list(dict.fromkeys(map(_group, sorted(families, key=lambda own: rank[own.kind]))))
 
 
 def _healthy_range(

@@ -193,9 +193,12 @@ def plot_teeth(picture: TeethPicture, ax: Axes) -> None:
     """Draw the pair of teeth, cut square to their flanks, to scale."""
     # the body of the first gear lies below its teeth, that of the second above, a ring's too
     for gear, colour, side in zip(picture.gears, (plots.BLUE, plots.GREEN), (-1, 1), strict=True):
-        body = _with_body(gear.outline, side)
+        row = gear.outline
+        far = side * (2 * np.ptp(row[:, 1]) + np.ptp(row[:, 0]))
+        edge = (row[:, 1].max() if side > 0 else row[:, 1].min()) + far
+        body = np.concatenate([row, [[row[-1, 0], edge], [row[0, 0], edge]]])
         ax.fill(*body.T, facecolor=colour, alpha=0.18, linewidth=0)
-        ax.plot(*gear.outline.T, color=colour, linewidth=1.2, label=gear.tooth.name)
+        ax.plot(*row.T, color=colour, linewidth=1.2, label=gear.tooth.name)
     for damage in picture.gears[0].damage + picture.gears[1].damage:
         if damage.kind == "crack":
             ax.plot(*damage.section.T, color=plots.VERMILLION, linewidth=2.2, label="crack")
@@ -209,14 +212,6 @@ def plot_teeth(picture: TeethPicture, ax: Axes) -> None:
     ax.set(xlim=(x - reach, x + reach), ylim=(y - 0.95 * reach, y + 0.95 * reach), aspect="equal")
     ax.set(xlabel="across the line of centres in mm", ylabel="along the line of centres in mm")
     ax.legend(loc="upper right", fontsize=8)
-
-
-def _with_body(outline: FloatArray, side: int) -> FloatArray:
-    """Return a row of teeth closed far above or below it."""
-    far = side * (2 * np.ptp(outline[:, 1]) + np.ptp(outline[:, 0]))
-    edge = (outline[:, 1].max() if side > 0 else outline[:, 1].min()) + far
-    corners = np.array([[outline[-1, 0], edge], [outline[0, 0], edge]])
-    return np.concatenate([outline, corners])
 
 
 def plot_flank(gear: DrawnGear, ax: Axes) -> None:

@@ -94,20 +94,16 @@ def analysis_text(
         lines.append(f"  shaft 1 at {running_text(analysis.signature.speed)}")
     lines += [f"  {sentence}" for sentence in mesh_sentences(analysis)]
     for flag in analysis.flags:
-        lines += _flag_lines(flag)
+        loss = flag_loss(flag)
+        lost = f", loss of stiffness {loss}" if loss else ""
+        chance = f"false-alarm probability {probability_text(flag.false_alarm_probability)}"
+        place = gear_text(flag.stage, flag.gear, flag.tooth)
+        lines.append(f"  flag: {flag.kind}, {place}{lost}, {chance}")
+        lines += [f"    {sentence}" for sentence in flag.evidence[:_SENTENCES]]
     # the flags' own evidence names the strongest changes already
     lines += _change_lines(analysis, 0 if analysis.flags else most_changes)
     lines += [f"  note: {warning}" for warning in analysis.warnings]
     return "\n".join(lines)
-
-
-def _flag_lines(flag: Flag) -> list[str]:
-    loss = flag_loss(flag)
-    head = f"  flag: {flag.kind}, {gear_text(flag.stage, flag.gear, flag.tooth)}"
-    if loss:
-        head += f", loss of stiffness {loss}"
-    head += f", false-alarm probability {probability_text(flag.false_alarm_probability)}"
-    return [head, *(f"    {sentence}" for sentence in flag.evidence[:_SENTENCES])]
 
 
 def _change_lines(analysis: Analysis, most: int) -> list[str]:
@@ -234,8 +230,6 @@ class Summary:
 
     Parameters
     ----------
-    verdict : str
-        The verdict.
     what : str
         What is wrong, or that nothing is, in a sentence.
     sure : str
@@ -250,7 +244,6 @@ class Summary:
         What the verdict rests on, in sentences.
     """
 
-    verdict: str
     what: str
     sure: str
     since: str
@@ -279,28 +272,31 @@ def summary(analysis: Analysis, history: HistoryTrends | None = None) -> Summary
     history : HistoryTrends, optional
         Of the machine: tells since when.
     """
-    first, _, rest = analysis.reason.partition(". ")
-    what, because = f"{first.removesuffix('.')}.", rest
+    first, _, because = analysis.reason.partition(". ")
+    what, caution, speed = f"{first.removesuffix('.')}.", "", analysis.signature.speed
     if analysis.flags:
-        what = _with_interval(fault_sentence(analysis.flags), analysis.flags[0])
-        because = analysis.reason.removeprefix(fault_sentence(analysis.flags)).strip()
+        flag, what = analysis.flags[0], fault_sentence(analysis.flags)
+        because = analysis.reason.removeprefix(what).strip()
+        low, high = flag.stiffness_loss_low, flag.stiffness_loss_high
+        if flag.stiffness_loss is not None and low is not None and high is not None:
+            span = f"{100 * low:.0f} to {100 * high:.0f} %, right 9 times in 10"
+            what = f"{what.removesuffix('.')} ({span})."
+    if analysis.signature.found and far_from_nominal(speed):
+        off = speed.estimated_hz / speed.nominal_hz - 1.0
+        caution = (
+            f"the speed found, {60 * speed.estimated_hz:.0f} rpm, is {percent(abs(off), 0)} "
+            f"{'above' if off > 0 else 'below'} the {60 * speed.nominal_hz:.0f} rpm of the machine "
+            "file. If the machine did not run so, all of this is wrong: tell the speed by "
+            "--speed-hint"
+        )
     return Summary(
-        verdict=analysis.verdict,
         what=what,
         sure=_sure(analysis),
         since="" if history is None else _since(analysis, history),
         next=_next(analysis),
-        caution=_caution(analysis),
+        caution=caution,
         because=because,
     )
-
-
-def _with_interval(sentence: str, flag: Flag) -> str:
-    low, high = flag.stiffness_loss_low, flag.stiffness_loss_high
-    if flag.stiffness_loss is None or low is None or high is None:
-        return sentence
-    span = f"{100 * low:.0f} to {100 * high:.0f} %, right 9 times in 10"
-    return f"{sentence.removesuffix('.')} ({span})."
 
 
 def _sure(analysis: Analysis) -> str:
@@ -364,18 +360,6 @@ def _next(analysis: Analysis) -> str:
     return (
         "Record again, longer and under steady load. If the answer stays and the machine is sound, "
         "add healthy recordings at this load to the reference."
-    )
-
-
-def _caution(analysis: Analysis) -> str:
-    speed = analysis.signature.speed
-    if not analysis.signature.found or not far_from_nominal(speed):
-        return ""
-    off = speed.estimated_hz / speed.nominal_hz - 1.0
-    return (
-        f"the speed found, {60 * speed.estimated_hz:.0f} rpm, is {percent(abs(off), 0)} "
-        f"{'above' if off > 0 else 'below'} the {60 * speed.nominal_hz:.0f} rpm of the machine "
-        "file. If the machine did not run so, all of this is wrong: tell the speed by --speed-hint"
     )
 
 
