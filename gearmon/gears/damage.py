@@ -151,7 +151,10 @@ class PairsInMesh(ABC):
         found: list[PulseTerm] = []
         # teeth that are damaged alike, with neighbours alike, lose the same
         known: dict[tuple[PairState, ...], Pulse] = {}
-        for low, high in _face_parts(losses):
+        # parts of the face width in which all damage is uniform along the face
+        parts = chain(*losses[0].values(), *losses[1].values())
+        edges = {0.0, 1.0}.union(*({part.face_start, part.face_end} for part in parts))
+        for low, high in pairwise(sorted(edges)):
             inside = _inside(losses[0], low, high), _inside(losses[1], low, high)
             near = [self._near(*own, period) for own in zip(inside, teeth, strict=True)]
             entries = near[0] & near[1] if all(losses) else near[0] | near[1]
@@ -299,13 +302,6 @@ class TeethInMesh(PairsInMesh):
 def _lost_here(losses: Losses, phase: FloatArray) -> FloatArray:
     """Return the share lost where all of them lie on the face."""
     return np.asarray(sum(p.weight * p.pulse.value(phase) for p in losses), dtype=np.float64)
-
-
-def _face_parts(losses: BothLosses) -> list[tuple[float, float]]:
-    """Return the parts of the face width in which all damage is uniform along the face."""
-    parts = chain(*losses[0].values(), *losses[1].values())
-    edges = {0.0, 1.0}.union(*({part.face_start, part.face_end} for part in parts))
-    return list(pairwise(sorted(edges)))
 
 
 def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
@@ -524,17 +520,15 @@ def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helica
     for low, high in pairwise(_face_edges(damage, pair) if is_helical else (0.0, 1.0)):
         width = pair.first.face_width_m
         local = _slice(damage, low, high, width) if is_helical else damage
-        if not local.is_none:
-            found.append(PulseTerm(_weaker(local, pair, index), 1.0, 0.0, low, high))
+        if local.is_none:
+            continue
+        beams = pair.beams(*((local, SOUND) if index == 0 else (SOUND, local)))
+        edges = distinct([0.0, *pair.corners(beams), pair.contact_ratio], 1e-12)
+        roll = pair.roll(panel_nodes(edges, LOSS_POINTS))
+        sound, hurt = pair.compliances(roll).total, pair.compliances(roll, beams).total
+        lost = Pulse.through(edges, 1 - sound / hurt)
+        found.append(PulseTerm(lost, 1.0, 0.0, low, high))
     return tuple(found)
-
-
-def _weaker(damage: ToothDamage, pair: ToothPair, index: int) -> Pulse:
-    beams = pair.beams(*((damage, SOUND) if index == 0 else (SOUND, damage)))
-    edges = distinct([0.0, *pair.corners(beams), pair.contact_ratio], 1e-12)
-    roll = pair.roll(panel_nodes(edges, LOSS_POINTS))
-    sound, hurt = pair.compliances(roll).total, pair.compliances(roll, beams).total
-    return Pulse.through(edges, 1 - sound / hurt)
 
 
 def _face_edges(damage: ToothDamage, pair: ToothPair) -> list[float]:
