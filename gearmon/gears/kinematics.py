@@ -350,7 +350,19 @@ def kinematics(machine: Machine, pace: Fraction = Fraction(1)) -> Kinematics:
     shafts = tuple(Shaft(own, n, names.get(n, "intermediate")) for n, own in enumerate(orders, 1))
     lines = [Line(own.exact, "shaft", f"{own.name} shaft", shaft=own.number) for own in shafts]
     for mesh in meshes:
-        lines += _mesh_lines(mesh)
+        lines.append(Line(mesh.exact, "mesh", mesh.name, mesh.stage))
+        for one, two in pairwise(mesh.wheels):
+            name = f"{one.gear}-{two.gear}, {one.teeth}/{two.teeth}" if mesh.planets else mesh.name
+            # with a common factor g of the tooth counts a tooth meets only every g-th tooth of the
+            # other wheel; the same two teeth meet again after lcm(z1, z2) mesh periods
+            common, least = math.gcd(one.teeth, two.teeth), math.lcm(one.teeth, two.teeth)
+            lines.append(Line(mesh.exact / common, "assembly phase", name, mesh.stage))
+            lines.append(Line(mesh.exact / least, "hunting tooth", name, mesh.stage))
+        for wheel in mesh.wheels:
+            if wheel.gear == "planet" and wheel.exact:
+                seen = "planet, seen from the housing"
+                lines.append(Line(wheel.exact, "rotation", seen, mesh.stage))
+        lines += [family for family in mesh.modulations if family.shaft is None]
     for bearing in machine.bearings:
         lines += _bearing_lines(bearing, shafts, meshes)
     return Kinematics(shafts=shafts, meshes=tuple(meshes), lines=tuple(lines))
@@ -461,24 +473,6 @@ def _planetary_families(
         Line(past_ring, "rotation", "ring relative to carrier", stage, gear="ring"),
         Line(planets * ring.exact_relative, "local fault", "ring fault", stage, gear="ring"),
     ]
-
-
-def _mesh_lines(mesh: Mesh) -> Iterator[Line]:
-    """Yield the lines of a mesh, of its pairs, and of what turns in it and is no shaft.
-
-    With a common factor g of the tooth counts a tooth meets only every g-th tooth of the other
-    wheel: f_mesh / g. The same two teeth meet again after lcm(z1, z2) mesh periods.
-    """
-    yield Line(mesh.exact, "mesh", mesh.name, mesh.stage)
-    for one, two in pairwise(mesh.wheels):
-        name = f"{one.gear}-{two.gear}, {one.teeth}/{two.teeth}" if mesh.planets else mesh.name
-        common, least = math.gcd(one.teeth, two.teeth), math.lcm(one.teeth, two.teeth)
-        yield Line(mesh.exact / common, "assembly phase", name, mesh.stage)
-        yield Line(mesh.exact / least, "hunting tooth", name, mesh.stage)
-    for wheel in mesh.wheels:
-        if wheel.gear == "planet" and wheel.exact:
-            yield Line(wheel.exact, "rotation", "planet, seen from the housing", mesh.stage)
-    yield from (family for family in mesh.modulations if family.shaft is None)
 
 
 def _bearing_lines(

@@ -158,7 +158,12 @@ def method_b(
     >>> round(b.single, 5), round(b.mesh_alpha, 4)
     (13.43036, 17.5803)
     """
-    first, second = _ordered(one, other)
+    if one.internal and other.internal:
+        raise ArgumentError("internal gears do not mesh with each other: one must be external")
+    # of equal teeth: the standard's range has x1 >= x2
+    first, second = sorted(
+        (one, other), key=lambda own: (own.internal, own.teeth, -own.profile_shift)
+    )
     check_positive("contact_ratio", contact_ratio)
     base = math.asin(math.sin(helix_angle_rad) * math.cos(pressure_angle_rad))
     share = math.cos(base) ** 2 * math.cos(helix_angle_rad)
@@ -189,14 +194,6 @@ def method_b(
         virtual_teeth=virtual,
         warnings=tuple(f"{METHOD}: {note}" for note in limits),
     )
-
-
-def _ordered(one: GearTeeth, other: GearTeeth) -> tuple[GearTeeth, GearTeeth]:
-    if one.internal and other.internal:
-        raise ArgumentError("internal gears do not mesh with each other: one must be external")
-    # of equal teeth: the standard's range has x1 >= x2
-    both = sorted((one, other), key=lambda own: (own.internal, own.teeth, -own.profile_shift))
-    return both[0], both[1]
 
 
 def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, float]) -> float:

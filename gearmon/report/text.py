@@ -100,28 +100,21 @@ def analysis_text(
         place = gear_text(flag.stage, flag.gear, flag.tooth)
         lines.append(f"  flag: {flag.kind}, {place}{lost}, {chance}")
         lines += [f"    {sentence}" for sentence in flag.evidence[:_SENTENCES]]
-    # the flags' own evidence names the strongest changes already
-    lines += _change_lines(analysis, 0 if analysis.flags else most_changes)
+    if analysis.changes:
+        changed = [change for change in strongest_changes(analysis) if is_beyond(change)]
+        # the flags' own evidence names the strongest ones already
+        shown = [] if analysis.flags else changed[: max(0, most_changes)]
+        every = counted(len(analysis.changes), "level")
+        head = f"{len(changed)} of {every} changed by more than {BEYOND:g} standard deviations"
+        ending = ", first of all:" if len(changed) > len(shown) else ":"
+        lines.append(f"  {head}{ending if shown else ''}")
+        lines += [
+            f"    {change.channel}: {change.family} {change.change_db:+.1f} dB "
+            f"(scatter {change.scatter_db:.1f} dB)"
+            for change in shown
+        ]
     lines += [f"  note: {warning}" for warning in analysis.warnings]
     return "\n".join(lines)
-
-
-def _change_lines(analysis: Analysis, most: int) -> list[str]:
-    changed = [change for change in strongest_changes(analysis) if is_beyond(change)]
-    if not analysis.changes:
-        return []
-    head = (
-        f"  {len(changed)} of {counted(len(analysis.changes), 'level')} changed by more than "
-        f"{BEYOND:g} standard deviations"
-    )
-    if not changed or most < 1:
-        return [head]
-    rows = [
-        f"    {change.channel}: {change.family} {change.change_db:+.1f} dB "
-        f"(scatter {change.scatter_db:.1f} dB)"
-        for change in changed[:most]
-    ]
-    return [f"{head}{', first of all' if len(changed) > most else ''}:", *rows]
 
 
 def reference_text(reference: Reference) -> str:
@@ -377,12 +370,8 @@ def worst_first(analyses: Sequence[Analysis]) -> list[int]:
     analyses : sequence of Analysis
         In any order.
     """
-
-    def badness(place: int) -> tuple[int, float]:
-        own = analyses[place]
-        return WORST_FIRST.index(own.verdict), -own.score
-
-    return sorted(range(len(analyses)), key=badness)
+    ranks = [(WORST_FIRST.index(own.verdict), -own.score) for own in analyses]
+    return sorted(range(len(analyses)), key=ranks.__getitem__)
 
 
 def overall(analyses: Sequence[Analysis], failures: int = 0) -> tuple[str, str]:
