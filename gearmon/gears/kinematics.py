@@ -17,11 +17,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import Any, TypeVar
 
 from gearmon.errors import ArgumentError, check_word
-from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
+from gearmon.machine import Bearing, Machine, ParallelStage, PlanetaryStage
 from gearmon.result import Result
 
 _Item = TypeVar("_Item")
@@ -381,13 +381,18 @@ def line_table(machine: Machine) -> LineTable:
         One row for each line and operating point, with notes on lines that coincide.
     """
     train = kinematics(machine)
-    rows = tuple(_row(line, point) for point in machine.operating for line in train.lines)
+    rows = []
+    for point, line in product(machine.operating, train.lines):
+        row = {"operating": point.name or f"{point.speed_rpm:g} rpm", "speed_rpm": point.speed_rpm}
+        row |= {name: getattr(line, name) for name in ("stage", "kind", "name", "shaft", "order")}
+        # of a fraction one rounding only: 500 Hz reads 500.0
+        rows.append(row | {"frequency_hz": float(line.exact * Fraction(point.speed_rpm) / 60)})
     coinciding = tuple(
         f"mesh harmonic {harmonic} of stage {stage} is exactly mesh harmonic "
         f"{other_harmonic} of stage {other_stage}: these lines cannot be told apart"
         for (stage, harmonic), (other_stage, other_harmonic) in train.coincidences()
     )
-    return LineTable(machine=machine.name, rows=rows, notes=machine.notes + coinciding)
+    return LineTable(machine=machine.name, rows=tuple(rows), notes=machine.notes + coinciding)
 
 
 def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
@@ -501,11 +506,3 @@ def _bearing_lines(
     ):
         exact, told = Fraction(factor * turning), f"{bearing.name}: {name}"
         yield Line(exact, "bearing", told, stage, bearing.shaft)
-
-
-def _row(line: Line, point: OperatingPoint) -> dict[str, Any]:
-    # of a fraction one rounding only: 500 Hz reads 500.0
-    hertz = float(line.exact * Fraction(point.speed_rpm) / 60)
-    known = {name: getattr(line, name) for name in ("stage", "kind", "name", "shaft", "order")}
-    at = {"operating": point.name or f"{point.speed_rpm:g} rpm", "speed_rpm": point.speed_rpm}
-    return at | known | {"frequency_hz": hertz}

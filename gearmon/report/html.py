@@ -222,7 +222,11 @@ def _recording_charts(
     signature = analysis.signature
     charts: list[dict[str, Any]] = []
     if recording is not None:
-        charts.append(_spectrum(analysis, recording, points))
+        vibration = curves.vibration_of(analysis, recording)
+        spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
+        place, values = spectrum.frequency_hz[2:], spectrum.values[:, 2:]
+        known = "spectrum", "Frequency (Hz)", signature.speed.estimated_hz
+        charts.append(_spectrum_chart(*known, place, values, points))
         if not signature.found or text.far_from_nominal(signature.speed):
             charts.append(_speed_search(analysis, recording, machine))
     if signature.found:
@@ -294,14 +298,6 @@ def _spectrum_chart(
         "x": _numbers(x),
         "curves": drawn,
     }
-
-
-def _spectrum(analysis: Analysis, recording: Recording, points: int) -> dict[str, Any]:
-    vibration = curves.vibration_of(analysis, recording)
-    spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
-    hertz, values = spectrum.frequency_hz[2:], spectrum.values[:, 2:]
-    speed = analysis.signature.speed.estimated_hz
-    return _spectrum_chart("spectrum", "Frequency (Hz)", speed, hertz, values, points)
 
 
 def _speed_search(analysis: Analysis, recording: Recording, machine: Machine) -> dict[str, Any]:

@@ -162,7 +162,12 @@ def close_up_figure(
         strips = _around(analysis, recording, mesh, harmonic, families)
     else:
         families = []
-        strips = _searched(analysis, recording, mesh)
+        # the spectrum about the place where the mesh was looked for
+        vibration = curves.vibration_of(analysis, recording)
+        spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
+        mark = curves.mesh_marks(replace(signature, meshes=(mesh,)))[0]
+        band = (mark.place * (1 - _SEARCH_SHOWN), mark.place * (1 + _SEARCH_SHOWN))
+        strips = _strips(analysis, spectrum.frequency_hz, spectrum.values, band, [mark])
     if not len(strips.place):
         return None
     figure = _strips_figure(strips, _REPORT_IN)
@@ -355,15 +360,6 @@ def close_up_harmonic(analysis: Analysis, stage: int) -> int:
         if family.kind == "mesh" and family.stage == stage
     ]
     return max(strong)[1] if strong else 1
-
-
-def _searched(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> Strips:
-    """Return the spectrum about the place where a mesh was looked for."""
-    vibration = curves.vibration_of(analysis, recording)
-    spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
-    mark = curves.mesh_marks(replace(analysis.signature, meshes=(mesh,)))[0]
-    band = (mark.place * (1 - _SEARCH_SHOWN), mark.place * (1 + _SEARCH_SHOWN))
-    return _strips(analysis, spectrum.frequency_hz, spectrum.values, band, [mark])
 
 
 def _around(

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -104,34 +104,34 @@ class DrawnGear:
     @cached_property
     def damage(self) -> tuple[DrawnDamage, ...]:
         """Damage of the loaded tooth."""
-        own = [f for f in self.faults if f.gear == self.tooth.name and not f.is_loss]
-        return tuple(self._damage(own))
-
-    def _damage(self, faults: Sequence[Fault]) -> Iterator[DrawnDamage]:
-        tooth, damage = self.tooth, tooth_damage(faults, self.tooth)
+        tooth, found = self.tooth, list[DrawnDamage]()
+        faults = [f for f in self.faults if f.gear == tooth.name and not f.is_loss]
+        damage = tooth_damage(faults, tooth)
         profile, width = half_profile(tooth), tooth.face_width_m
         root, tip = tooth.sign * tooth.root_radius_m, profile[-1].imag
 
-        def drawn(kind: str, section: ComplexArray, *where: float) -> DrawnDamage:
+        def draw(kind: str, section: ComplexArray, *where: float) -> None:
             begin, part, low, high = where
             ends = self.above_root(low), self.above_root(high)
-            return DrawnDamage(kind, self.place(section), 1e3 * begin, 1e3 * part, *ends)
+            drawn = DrawnDamage(kind, self.place(section), 1e3 * begin, 1e3 * part, *ends)
+            found.append(drawn)
 
         if damage.crack is not None:
             crack, start = damage.crack, tooth.crack_start
             line = start - 1j * np.array([0, crack.depths[1]]) * cmath.exp(-1j * crack.angle_rad)
             face = crack.start * width, crack.extent * width
-            yield drawn("crack", line, *face, start.imag, start.imag)
+            draw("crack", line, *face, start.imag, start.imag)
         for hole in damage.holes:
             kind, face = "pits" if hole.round else "spall", (hole.start * width, hole.width_m)
-            yield drawn(kind, _hole(hole, tooth), *face, hole.low_m, hole.high_m)
+            draw(kind, _hole(hole, tooth), *face, hole.low_m, hole.high_m)
         for fault in faults:
             if fault.kind in ("breakage", "missing"):
                 low = root if fault.height is None else tip - 1e-3 * fault.height
                 lost = profile if fault.height is None else profile[profile.imag >= low]
                 part = width if fault.kind == "missing" else 1e-3 * fault.size
                 face = 1e-3 * (fault.start or 0.0), part
-                yield drawn(fault.kind, _between(-lost.conj(), lost), *face, low, tip)
+                draw(fault.kind, _between(-lost.conj(), lost), *face, low, tip)
+        return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
