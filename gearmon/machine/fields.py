@@ -215,17 +215,15 @@ class Checked:
 
 def shown_value(value: object) -> str:
     """Return `value` on one line as a machine file would have it, shortened if long."""
-    text = str(value).lower() if isinstance(value, bool) else _literal(value)
-    return text if len(text) <= LONGEST_VALUE_SHOWN else f"{text[: LONGEST_VALUE_SHOWN - 3]}..."
-
-
-def _literal(value: object) -> str:
-    if isinstance(value, str):
-        inner = repr(value)[1:-1].replace("\\'", "'")
-        return f'"{inner}"'
     if isinstance(value, int) and abs(value) >= 10**LONGEST_VALUE_SHOWN:
         return "an integer of more than 60 digits"
-    return str(value) if isinstance(value, numbers.Number) else repr(value)
+    text = str(value) if isinstance(value, numbers.Number) else repr(value)
+    if isinstance(value, bool):
+        text = text.lower()
+    elif isinstance(value, str):
+        inner = text[1:-1].replace("\\'", "'")
+        text = f'"{inner}"'
+    return text if len(text) <= LONGEST_VALUE_SHOWN else f"{text[: LONGEST_VALUE_SHOWN - 3]}..."
 
 
 LARGEST_FILE_BYTES, MOST_KEYS_LISTED = 1 << 20, 10
