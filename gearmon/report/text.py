@@ -87,7 +87,7 @@ def analysis_text(
     """
     own = summary(analysis, history)
     lines = [f"{printable(analysis.recording)}: {analysis.verdict.upper()}", f"  {own.what}"]
-    lines += [f"  {name}: {text}" for name, text in own.lines()]
+    lines += [f"  {name}: {text}" for name, text in own.more.items()]
     lines += ["  evidence:", *([f"  {own.because}"] if own.because else [])]
     lines.append(f"  score {score_text(analysis.score)}, compared with {analysis.compared_with}")
     if analysis.signature.found:
@@ -225,34 +225,16 @@ class Summary:
     ----------
     what : str
         What is wrong, or that nothing is, in a sentence.
-    sure : str
-        How sure, in words with one number; "" where there is no number that belongs to it.
-    since : str
-        Since when, as a history tells; "" without one.
-    next : str
-        What to do.
-    caution : str
-        What makes all of this doubtful; "" if nothing.
     because : str
         What the verdict rests on, in sentences.
+    more : dict of str to str
+        Further sentences, those that say something: "how sure", in words with one number; "since",
+        as a history tells; "caution", what makes all of this doubtful; "next", what to do.
     """
 
     what: str
-    sure: str
-    since: str
-    next: str
-    caution: str
     because: str
-
-    def lines(self) -> list[tuple[str, str]]:
-        """Return the sentences after the first with their names, those that say something."""
-        named = (
-            ("how sure", self.sure),
-            ("since", self.since),
-            ("caution", self.caution),
-            ("next", self.next),
-        )
-        return [(name, text) for name, text in named if text]
+    more: dict[str, str]
 
 
 def summary(analysis: Analysis, history: HistoryTrends | None = None) -> Summary:
@@ -282,14 +264,14 @@ def summary(analysis: Analysis, history: HistoryTrends | None = None) -> Summary
             "file. If the machine did not run so, all of this is wrong: tell the speed by "
             "--speed-hint"
         )
-    return Summary(
-        what=what,
-        sure=_sure(analysis),
-        since="" if history is None else _since(analysis, history),
-        next=_next(analysis),
-        caution=caution,
-        because=because,
-    )
+    more = {
+        "how sure": _sure(analysis),
+        "since": "" if history is None else _since(analysis, history),
+        "caution": caution,
+        "next": _next(analysis),
+    }
+    told = {name: sentence for name, sentence in more.items() if sentence}
+    return Summary(what=what, because=because, more=told)
 
 
 def _sure(analysis: Analysis) -> str:
