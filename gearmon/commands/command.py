@@ -22,6 +22,7 @@ import gearmon
 from gearmon import report
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import as_json, check_output, protecting, write_table
+from gearmon.report.wording import template
 from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 from gearmon.terminal import Progress, coloured, followed, line_cleared, progress_line
 
@@ -411,8 +412,6 @@ def finish(
 
 def words(name: str, result: Mapping[str, Any], **known: Any) -> list[str]:
     """Return what the terminal shows of a result, by the template of this name."""
-    from gearmon.report.wording import template
-
     return template(f"{name}.txt", "gearmon.commands").render({**result, **known}).splitlines()
 
 

@@ -21,7 +21,8 @@ from gearmon.commands.command import (
     show,
 )
 from gearmon.errors import ArgumentError
-from gearmon.report.wording import table_lines
+from gearmon.files import write_atomically
+from gearmon.report.wording import table_lines, template
 from gearmon.units import is_unit
 
 # Gears of one stage reduce by up to 8 or 10 (Niemann, Maschinenelemente II); beyond, a tooth count
@@ -50,9 +51,7 @@ _TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.
 )
 def init(arguments: Namespace) -> int:
     """Run `gearmon init`."""
-    from gearmon.files import write_atomically
     from gearmon.gears.kinematics import kinematics
-    from gearmon.report.wording import template
 
     teeth = arguments.teeth or [_asked("teeth", "teeth of the first stage, driver/driven: ")]
     stages = [_stage(text) for text in teeth]

@@ -36,7 +36,7 @@ from gearmon.fleet.ledger import acknowledge, alarms, compare, recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.fleet.run import at_hand, judged
 from gearmon.report import wording
-from gearmon.report.html import history_charts
+from gearmon.report.html import history_charts, write_report
 from gearmon.report.text import WORST_FIRST, history_lines, moment_text
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -305,8 +305,6 @@ def _drawn(found: HistoryTrends) -> bytes:
 @lru_cache(maxsize=16)
 def _report(fleet: Fleet, machine: FleetMachine, path: str, _content: str) -> str:
     """Make the interactive report of a recording, anew once its content is another."""
-    from gearmon.report.html import write_report
-
     history = history_trends(read_history(fleet.store, machine.name), limit=machine.limit)
     with at_hand(path) as file, tempfile.TemporaryDirectory() as folder, _DRAWING:
         analysis, recording, reference, own = judged(machine, file, path)

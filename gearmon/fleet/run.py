@@ -22,15 +22,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon import __version__
+from gearmon.diagnosis.history.entries import entry_of
 from gearmon.diagnosis.history.store import as_text
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.ledger import Outcome, alarms, counts, deliver, keep, known, renew, write_results
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
+from gearmon.machine import Machine, load_machine
 from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.results import Analysis
-    from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
     from gearmon.signatures.measured.reference import Reference
 
@@ -53,8 +54,6 @@ _CONNECT_S = 20.0
 
 def analysed(job: Job) -> Outcome:
     """Analyse a recording; whatever is wrong with it stands in the outcome."""
-    from gearmon.diagnosis.history.entries import entry_of
-
     if job.size * _GROWS > (free := _free_memory()) / (os.cpu_count() or 1):
         told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"
         told += f" ({free / 1e9:.1f} GB free for {os.cpu_count()} processes)"
@@ -127,7 +126,6 @@ def judged(
 @lru_cache(maxsize=8)
 def _read(files: tuple[str, ...], _states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
     """Read machine file and reference, again only if they were written to."""
-    from gearmon.machine import load_machine
     from gearmon.signatures.measured.reference import read_reference
 
     return load_machine(files[0]), read_reference(files[1]) if len(files) > 1 else None

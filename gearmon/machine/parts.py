@@ -149,9 +149,6 @@ class Bearing:
             object.__setattr__(self, "rotating", "inner" if self.planet_stage is None else "outer")
         if self.planet_stage is not None and self.position_mm is not None:
             raise FieldError("position_mm", "is for bearings of a shaft", self.position_mm)
-        self._check_balls()
-
-    def _check_balls(self) -> None:
         sizes = {name: getattr(self, name) for name in BALLS}
         missing = [name for name, value in sizes.items() if value is None]
         if missing == list(BALLS) and self.stiffness_n_per_m is not None:

@@ -415,15 +415,28 @@ def history_lines(found: HistoryTrends) -> list[str]:
         }
         for entry in entries
     ]
-    return [
+    lines = [
         f"{name}: {counted(len(entries), 'recording')}, times in UTC",
         *table_lines(rows),
         "",
         began_line(found),
         *(line for tooth in told for line in tooth_lines(tooth, fine=fine)),
-        *_others_lines(found, len(told)),
-        *(f"note: {note}" for note in found.notes),
     ]
+    # the teeth that are not told of one by one
+    left_out, sound = len(found.shown) - len(told), len(found.teeth) - len(found.shown)
+    if left_out:
+        lines.append(
+            f"{counted(left_out, 'other tooth', 'other teeth')} of the same gears stand out too, "
+            "as they do where one tooth is damaged; --json and the files of -o have them all"
+        )
+    if sound:
+        whole = all(tooth.tooth is None for tooth in found.teeth)
+        words = ("gear", "gears") if whole else ("tooth", "teeth")
+        lines.append(
+            f"{counted(sound, *words)} followed without a loss that stands clear of its noise and "
+            "of zero over several recordings"
+        )
+    return [*lines, *(f"note: {note}" for note in found.notes)]
 
 
 def finding_text(found: HistoryTrends, entry: Entry) -> str:
@@ -458,24 +471,6 @@ def told_teeth(found: HistoryTrends) -> list[ToothTrend]:
     for tooth in sorted(found.shown, key=lambda tooth: (tooth.risen, tooth.now[0]), reverse=True):
         most.setdefault((tooth.stage, tooth.gear), tooth)
     return [tooth for tooth in found.shown if tooth in most.values() or tooth.reached]
-
-
-def _others_lines(found: HistoryTrends, told: int) -> Iterator[str]:
-    """Tell of the teeth that are not told of one by one."""
-    left_out, sound = len(found.shown) - told, len(found.teeth) - len(found.shown)
-    if left_out:
-        yield (
-            f"{counted(left_out, 'other tooth', 'other teeth')} of the same gears stand "
-            "out too, as they do where one tooth is damaged; --json and the files of -o have them "
-            "all"
-        )
-    if sound:
-        whole = all(tooth.tooth is None for tooth in found.teeth)
-        words = ("gear", "gears") if whole else ("tooth", "teeth")
-        yield (
-            f"{counted(sound, *words)} followed without a loss that stands clear of its "
-            "noise and of zero over several recordings"
-        )
 
 
 def began_line(found: HistoryTrends) -> str:
