@@ -347,7 +347,17 @@ def read_source(path: str | Path) -> MachineSource:
     """
     shown = str(path)
     text = _text_of(Path(path), shown)
-    return MachineSource(path=shown, document=_parsed(shown, text), lines=key_lines(text))
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _syntax_error(shown, text, str(error)) from None
+    except ValueError:  # of int(): Python limits the digits that it converts
+        raise MachineFileError(f"{shown}: holds an integer of thousands of digits") from None
+    except RecursionError:
+        raise MachineFileError(f"{shown}: holds arrays nested too deeply") from None
+    if not document:
+        raise MachineFileError(f"{shown}: is empty; a machine file has [operating] and [[stage]]")
+    return MachineSource(path=shown, document=document, lines=key_lines(text))
 
 
 def key_lines(text: str) -> dict[str, int]:
@@ -405,20 +415,6 @@ def _text_of(path: Path, shown: str) -> str:
         line = data.count(b"\n", 0, error.start) + 1
         reason = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8"
         raise MachineFileError(f"{shown}:{line}: {reason}") from None
-
-
-def _parsed(shown: str, text: str) -> dict[str, Any]:
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise _syntax_error(shown, text, str(error)) from None
-    except ValueError:  # of int(): Python limits the digits that it converts
-        raise MachineFileError(f"{shown}: holds an integer of thousands of digits") from None
-    except RecursionError:
-        raise MachineFileError(f"{shown}: holds arrays nested too deeply") from None
-    if not document:
-        raise MachineFileError(f"{shown}: is empty; a machine file has [operating] and [[stage]]")
-    return document
 
 
 def _syntax_error(shown: str, text: str, message: str) -> MachineFileError:
