@@ -51,8 +51,8 @@ _COUNTED = {
 # Stage and gear of a flag.
 _Place = tuple[int | None, str | None]
 _NOWHERE: _Place = (None, None)
-# How sentences end that leave open which tooth or planet it is.
-_UNTOLD = ("cannot be told", "may be any of them")
+# How sentences end that leave open which planet, tooth or gear it is.
+_UNTOLD = ("cannot be told", "may be any of them", "may be the cause as well")
 
 
 def decide(evidence: Evidence, unheard: str = "") -> str:
@@ -165,7 +165,7 @@ class Flagging:
             evidence.append(_explained(spread))
         evidence += [
             f"the {name} of stage {number} shows it too"
-            + (" and may be the cause as well" if lead < _SURE_LEAD else "")
+            + (f" and {_UNTOLD[2]}" if lead < _SURE_LEAD else "")
             for name, number, lead in finding.rivals
         ]
         evidence += _crack(finding)
@@ -291,7 +291,7 @@ def _alike(finding: ToothFinding) -> list[str]:
 
 
 def left_open(flag: Flag) -> list[str]:
-    """Return what the evidence of a flag says of teeth or planets that cannot be told apart.
+    """Return what the evidence of a flag says of what cannot be told apart.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from gearmon.arrays import BoolArray, FloatArray, IntArray, runs_where
+from gearmon.arrays import BoolArray, FloatArray, runs_where
 from gearmon.errors import RecordingError
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording
@@ -51,8 +51,14 @@ _SPREAD = np.array([0.84, 0.50, 0.16])
 # far below its median level a channel is silent [dB]. Sound: steps of 9 and levels of -9 dB at
 # most. A range changed by 6 dB: 0, 10 dB: 53, 12 dB: 166, 20 dB: 175, 40 dB: 180.
 _STEP_DB, _STEP_TIMES, _SILENT_DB = 10.0, 6.0, 25.0
+# A machine that begins to work raises channels at one moment, each as it hears it; an amplifier or
+# a range all of them by the same: within 1.1 dB in four seconds of a load that wanders, where gears
+# of a lumped model that begin to rattle differ by 2.
+_ALIKE_DB = 1.5
 # Share of a channel that may be bad, and of the recording that must be left.
 _MOST_BAD, _LEAST_LEFT = 0.2, 0.3
+# Of another state of the machine.
+_WORKS = "the machine itself changed, as when a clutch engages"
 # How notes end.
 _TOLD = "not taken into account", "the channel is left out"
 
@@ -69,12 +75,16 @@ class BadStretch:
         What is wrong, as the rest of a sentence that begins with the channel.
     bridged : bool
         Whether so few samples are concerned that a straight line does in their place.
+    step_db : float
+        By how much the level is higher behind it, or behind its start, at once [dB]; 0 if it is bad
+        for another reason.
     """
 
     start: int
     stop: int
     what: str
     bridged: bool = False
+    step_db: float = 0.0
 
     def told(self, rate: float) -> str:
         """Return when it is, and what is wrong."""
@@ -96,8 +106,17 @@ def bad_stretches(values: FloatArray) -> list[BadStretch]:
     list of BadStretch
         In the order of time.
     """
-    if (clipped := _clipped(values)) is not None:
-        return [clipped]
+    # a channel that stays at an extreme; files are searched for it as they are read. One of one
+    # value or two is silent, or no vibration at all
+    defect = find_defect(values)
+    if defect is not None and defect.fatal and defect.row >= 0:
+        # a tone of whole samples a period has its extremes as often, but few values, and no extreme
+        # twice in a row; of fast vibration that is cut off they are far apart as well
+        again = values[1:][values[1:] == values[:-1]]
+        at_it = np.count_nonzero((again == values.min()) | (again == values.max()))
+        in_a_row = at_it >= _CLIPPED_SHARE * len(values)
+        if in_a_row or len(np.unique(values)) > 2 / _CLIPPED_SHARE:
+            return [BadStretch(0, len(values), defect.text)]
     still = list(_standing_still(values))
     found = [*still, *_spikes(values), *_level_changes(values, still)]
     return sorted(found, key=lambda bad: bad.start)
@@ -126,13 +145,15 @@ def inspected(recording: Recording) -> Recording:
     samples, rate = recording.samples, recording.sampling_rate_hz
     vibrates = [kind == "vibration" for kind in recording.channel_kinds]
     notes, lost, mended = [], {}, []
-    for row in np.flatnonzero(vibrates).tolist():
-        own, name = bad_stretches(samples[row]), recording.channel_names[row]
+    found = {row: bad_stretches(samples[row]) for row in np.flatnonzero(vibrates).tolist()}
+    for row, own in _of_machine(found, samples.shape[1]).items():
+        name = recording.channel_names[row]
         if not own:
             continue
         label = name if name.startswith("channel") else f"channel {name}"
         told = [f"{label} {bad.told(rate)}" for bad in own]
-        lasting = sum(bad.stop - bad.start for bad in own if not bad.bridged)
+        spoilt = (bad for bad in own if not bad.bridged and not bad.what.endswith(_WORKS))
+        lasting = sum(bad.stop - bad.start for bad in spoilt)
         if lasting > _MOST_BAD * samples.shape[1]:
             lost[row] = told[0]
         else:
@@ -147,7 +168,11 @@ def inspected(recording: Recording) -> Recording:
     samples = samples.copy() if mended else samples
     for row, bad in sorted(mended, key=lambda one: not one[1].bridged):
         if bad.bridged:
-            _bridge(samples[row], bad)
+            # a straight line from the sample before to the one behind
+            beside = [k for k in (bad.start - 1, bad.stop) if 0 <= k < samples.shape[1]]
+            ends = samples[row, beside[0]], samples[row, beside[-1]]
+            straight = np.linspace(ends[0], ends[1], bad.stop - bad.start + 2)
+            samples[row, bad.start : bad.stop] = straight[1:-1]
         else:
             samples[vibrates, bad.start : bad.stop] = 0.0
     out = tuple(sorted((bad.start, bad.stop) for _, bad in mended if not bad.bridged))
@@ -208,29 +233,25 @@ def _with(recording: Recording, notes: Sequence[str], **changed: Any) -> Recordi
     return replace(recording, notes=(*recording.notes, *notes), known_finite=True, **changed)
 
 
+def _of_machine(found: dict[int, list[BadStretch]], samples: int) -> dict[int, list[BadStretch]]:
+    """Tell a step of level that the machine makes: at one moment in all of several channels."""
+    steps = {row: bad for row, own in found.items() for bad in own if bad.step_db}
+    if len(steps) < max(2, len(found)):
+        return found
+    told = [(bad.start, bad.stop, abs(bad.step_db)) for bad in steps.values()]
+    begin, end, size = np.ptp(told, axis=0)
+    frames = 2 * max(_FRAME_SAMPLES, samples // _FRAMES)
+    if max(begin, end) > frames or size < _ALIKE_DB or np.max(told, axis=0)[2] >= _SILENT_DB:
+        return found
+    changed = {}
+    for row, bad in steps.items():
+        told_so = replace(bad, what=f"{bad.what.split(' than')[0]}, as all are: {_WORKS}")
+        changed[row] = [told_so if own is bad else own for own in found[row]]
+    return changed
+
+
 def _where(recording: Recording) -> str:
     return f"{recording.origin}: " if recording.origin else ""
-
-
-def _bridge(values: FloatArray, bad: BadStretch) -> None:
-    """Put a straight line in place of a few samples."""
-    ends = [values[place] for place in (bad.start - 1, bad.stop) if 0 <= place < len(values)]
-    values[bad.start : bad.stop] = np.linspace(ends[0], ends[-1], bad.stop - bad.start + 2)[1:-1]
-
-
-def _clipped(values: FloatArray) -> BadStretch | None:
-    """Tell of a channel that stays at an extreme; files are searched for it as they are read."""
-    defect = find_defect(values)
-    if defect is None or not defect.fatal or defect.row < 0:
-        return None  # a channel of one value or two is silent, or no vibration at all
-    # a tone of whole samples a period has its extremes as often, but few values, and no extreme
-    # twice in a row; of fast vibration that is cut off they are far apart as well
-    again = values[1:][values[1:] == values[:-1]]
-    at_it = np.count_nonzero((again == values.min()) | (again == values.max()))
-    in_a_row = at_it >= _CLIPPED_SHARE * len(values)
-    if in_a_row or len(np.unique(values)) > 2 / _CLIPPED_SHARE:
-        return BadStretch(0, len(values), defect.text)
-    return None
 
 
 def _standing_still(values: FloatArray) -> Iterator[BadStretch]:
@@ -257,8 +278,15 @@ def _spikes(values: FloatArray) -> Iterator[BadStretch]:
     middle = float(np.median(some))
     if not np.median(np.abs(some - middle)):
         return
-    # as many as stretches can hold, and one
-    place, size = _largest(values, middle, _SPIKE_SAMPLES * most)
+    # places and sizes of the largest departures, as many as stretches can hold, and one; in pieces:
+    # files are long
+    place, size, count = np.zeros(0, dtype=np.int64), np.zeros(0), _SPIKE_SAMPLES * most
+    for first in range(0, len(values), _CHUNK):
+        part = np.abs(values[first : first + _CHUNK] - middle)
+        largest = np.argpartition(part, max(0, len(part) - count))[-count:]
+        place, size = np.append(place, first + largest), np.append(size, part[largest])
+    order = np.argsort(-size)[:count]
+    place, size = place[order], size[order]
     # those above the widest gap in size among them
     height = np.maximum(size[:most], np.finfo(float).tiny)
     high = np.sort(place[: 1 + int(np.argmax(height[:-1] / height[1:]))])
@@ -275,17 +303,6 @@ def _spikes(values: FloatArray) -> Iterator[BadStretch]:
         if peak > _OVER_REST * rest and rings < max(_RINGS * peak, 1.5 * rest):
             what = f"jumps to {peak / rest:.3g} times the largest other sample"
             yield BadStretch(start, stop, what, bridged=True)
-
-
-def _largest(values: FloatArray, middle: float, most: int) -> tuple[IntArray, FloatArray]:
-    """Places and sizes of the largest departures, the largest first; in pieces: files are long."""
-    place, size = np.zeros(0, dtype=np.int64), np.zeros(0)
-    for start in range(0, len(values), _CHUNK):
-        part = np.abs(values[start : start + _CHUNK] - middle)
-        largest = np.argpartition(part, max(0, len(part) - most))[-most:]
-        place, size = np.append(place, start + largest), np.append(size, part[largest])
-    order = np.argsort(-size)[:most]
-    return place[order], size[order]
 
 
 def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[BadStretch]:
@@ -329,7 +346,8 @@ def _level_changes(values: FloatArray, still: Sequence[BadStretch]) -> Iterator[
     )
     # somewhere within the frame at which it was seen
     edge = int(where[first])
-    yield framed(0, edge + 1, what) if before_is_bad else framed(edge - 1, count + 1, what)
+    bad = framed(0, edge + 1, what) if before_is_bad else framed(edge - 1, count + 1, what)
+    yield replace(bad, step_db=change)
 
 
 def _finest_step(values: FloatArray) -> float:

@@ -258,27 +258,26 @@ class GearAverages(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Return what was averaged and taken out, and how large it is, in built-in types."""
-        return {"averages": [self._brief(own) for own in self.gears], "warnings": list(self.notes)}
+        averages = []
+        for own in self.gears:
+            average, wheel = own.average, own.wheel
+            told = {name: getattr(wheel, name) for name in ("stage", "gear", "teeth", "shaft")}
+            names = ("rotation_order", "turns", "per_turn")
+            told |= {name: getattr(average, name) for name in names} | {"numbered": own.numbered}
+            told["channels"] = [
+                {"channel": channel, "unit": self.units[row] or ""}
+                | {f"{name}_rms": _rms(name, values[row]) for name, values in own.columns.items()}
+                for row, channel in enumerate(self.channel_names)
+            ]
+            removed = own.signals.removed.items()
+            orders = {name: [n * wheel.order for n in taken] for name, taken in removed}
+            averages.append(told | {"removed_orders": orders})
+        return {"averages": averages, "warnings": list(self.notes)}
 
     def _place(self, own: GearAverage, row: int) -> dict[str, Any]:
         channel, unit = self.channel_names[row], self.units[row] or ""
         wheel = own.wheel
         return {"stage": wheel.stage, "gear": wheel.gear, "channel": channel, "unit": unit}
-
-    def _brief(self, own: GearAverage) -> dict[str, Any]:
-        average, wheel = own.average, own.wheel
-        told = {name: getattr(wheel, name) for name in ("stage", "gear", "teeth", "shaft")}
-        told |= {name: getattr(average, name) for name in ("rotation_order", "turns", "per_turn")}
-        removed = own.signals.removed.items()
-        return told | {
-            "numbered": own.numbered,
-            "channels": [
-                {"channel": channel, "unit": self.units[row] or ""}
-                | {f"{name}_rms": _rms(name, values[row]) for name, values in own.columns.items()}
-                for row, channel in enumerate(self.channel_names)
-            ],
-            "removed_orders": {name: [n * wheel.order for n in taken] for name, taken in removed},
-        }
 
 
 def gear_averages(

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
@@ -175,9 +175,28 @@ def write_signature(signature: Signature, path: str | Path) -> None:
     >>> gearmon.write_signature(gearmon.expected_signature(machine, max_hz=2000.0), "healthy.csv")
     """
     check_type("signature", signature, Signature, "what gearmon.expected_signature returns")
-    writers: dict[str, Callable[[Signature], bytes | str]]
-    writers = {".csv": _to_csv, ".json": _to_json, ".parquet": _to_parquet}
-    write_atomically(path, writers[_suffix(Path(path))](signature))
+    suffix, about, columns = _suffix(Path(path)), _about(signature), dict(signature.columns)
+    told: bytes | str
+    if suffix == ".parquet":
+        pyarrow, file = _parquet(), io.BytesIO()
+        own = {"gearmon": json.dumps(about, allow_nan=False)}
+        pyarrow.parquet.write_table(pyarrow.table(columns).replace_schema_metadata(own), file)
+        told = file.getvalue()
+    elif suffix == ".json":
+        rows = ",\n".join(json.dumps(row, allow_nan=False) for row in signature.rows())
+        about |= {"columns": list(columns)}
+        head = json.dumps(about, allow_nan=False, ensure_ascii=False, indent=1)
+        told = f'{head.removesuffix("}").rstrip()},\n "rows": [\n{rows}\n]}}\n'
+    else:
+        import pandas as pd
+
+        lines = (
+            f"# {key}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}\n"
+            for key, value in about.items()
+        )
+        # the shortest digits that give the same number back
+        told = "".join(lines) + pd.DataFrame(columns).to_csv(index=False)
+    write_atomically(path, told)
 
 
 def read_signature(path: str | Path) -> Signature:
@@ -211,11 +230,18 @@ def read_signature(path: str | Path) -> Signature:
         data = source.read_bytes()
     except OSError as error:
         raise SignatureError(f"{source}: cannot be read ({error.strerror})") from None
-    if suffix == ".parquet":
-        _parquet()
-    readers = {".csv": _from_csv, ".json": _from_json, ".parquet": _from_parquet}
+    pyarrow = _parquet() if suffix == ".parquet" else None
     try:
-        return readers[suffix](data)
+        about, columns = _read(data, suffix, pyarrow)
+        if not isinstance(about, dict) or about.get("format") != FORMAT:
+            says = about.get("format") if isinstance(about, dict) else about
+            raise ArgumentError(f"it must say format {FORMAT!r}, and says {says!r}")
+        return Signature(
+            machine=str(about.get("machine", "")),
+            origin=str(about.get("origin", "")),
+            header=_restored({key: own for key, own in about.items() if key not in RESERVED}),
+            columns=columns,
+        )
     except (ValueError, TypeError, KeyError, OSError, RecursionError) as error:
         # of a damaged file pandas and pyarrow tell the line where they can
         why = str(error).strip().splitlines()[0]
@@ -234,40 +260,26 @@ def _about(signature: Signature) -> dict[str, Any]:
     return {**about, **_plain(dict(signature.header))}
 
 
-def _assembled(about: Any, columns: dict[str, Any]) -> Signature:
-    """Put a signature together from what was read."""
-    if not isinstance(about, dict) or about.get("format") != FORMAT:
-        says = about.get("format") if isinstance(about, dict) else about
-        raise ArgumentError(f"it must say format {FORMAT!r}, and says {says!r}")
-    return Signature(
-        machine=str(about.get("machine", "")),
-        origin=str(about.get("origin", "")),
-        header=_restored({key: value for key, value in about.items() if key not in RESERVED}),
-        columns=columns,
-    )
-
-
-def _to_csv(signature: Signature) -> str:
-    import pandas as pd
-
-    told = (
-        f"# {key}: {json.dumps(value, allow_nan=False, ensure_ascii=False)}\n"
-        for key, value in _about(signature).items()
-    )
-    # the shortest digits that give the same number back
-    return "".join(told) + pd.DataFrame(dict(signature.columns)).to_csv(index=False)
-
-
-def _from_csv(data: bytes) -> Signature:
-    import pandas as pd
-
+def _read(data: bytes, suffix: str, pyarrow: Any) -> tuple[Any, dict[str, Any]]:
+    """Return all but the lines, and the columns, as a file tells them."""
+    if suffix == ".parquet":
+        table = pyarrow.parquet.read_table(pyarrow.BufferReader(data))
+        stored = (table.schema.metadata or {}).get(b"gearmon", "null")
+        return json.loads(stored), table.to_pydict()
     text = data.decode("utf-8")
-    told = list(takewhile(lambda line: line.startswith("#"), text.splitlines()))
-    pairs = (line[1:].strip().partition(": ") for line in told)
+    if suffix == ".json":
+        whole = json.loads(text)
+        told = whole if isinstance(whole, dict) else {}
+        names, rows = told.get("columns", ()), told.get("rows", ())
+        return whole, {name: [row[name] for row in rows] for name in names}
+    import pandas as pd
+
+    heads = list(takewhile(lambda line: line.startswith("#"), text.splitlines()))
+    pairs = (line[1:].strip().partition(": ") for line in heads)
     about = {key: json.loads(value) for key, _, value in pairs}
     table = pd.read_csv(
         io.StringIO(text),
-        skiprows=len(told),
+        skiprows=len(heads),
         index_col=False,
         keep_default_na=False,
         dtype=dict.fromkeys(TEXT_COLUMNS, str),
@@ -275,21 +287,7 @@ def _from_csv(data: bytes) -> Signature:
     # what is no number is not finite
     numeric = [name for name in COLUMNS if name not in TEXT_COLUMNS and name in table]
     table[numeric] = table[numeric].apply(pd.to_numeric, errors="coerce")
-    return _assembled(about, {str(name): table[name].tolist() for name in table})
-
-
-def _to_json(signature: Signature) -> str:
-    rows = ",\n".join(json.dumps(row, allow_nan=False) for row in signature.rows())
-    whole = _about(signature) | {"columns": list(signature.columns)}
-    about = json.dumps(whole, allow_nan=False, ensure_ascii=False, indent=1)
-    return f'{about.removesuffix("}").rstrip()},\n "rows": [\n{rows}\n]}}\n'
-
-
-def _from_json(data: bytes) -> Signature:
-    whole = json.loads(data.decode("utf-8"))
-    told = whole if isinstance(whole, dict) else {}
-    names, rows = told.get("columns", ()), told.get("rows", ())
-    return _assembled(whole, {name: [row[name] for row in rows] for name in names})
+    return about, {str(name): table[name].tolist() for name in table}
 
 
 def _parquet() -> Any:
@@ -300,18 +298,3 @@ def _parquet() -> Any:
             "Parquet files need pyarrow: pip install 'gearmon[parquet]', or use .csv or .json"
         ) from None
     return pyarrow
-
-
-def _to_parquet(signature: Signature) -> bytes:
-    pyarrow, file = _parquet(), io.BytesIO()
-    about = json.dumps(_about(signature), allow_nan=False)
-    table = pyarrow.table(dict(signature.columns)).replace_schema_metadata({"gearmon": about})
-    pyarrow.parquet.write_table(table, file)
-    return file.getvalue()
-
-
-def _from_parquet(data: bytes) -> Signature:
-    pyarrow = _parquet()
-    table = pyarrow.parquet.read_table(pyarrow.BufferReader(data))
-    stored = (table.schema.metadata or {}).get(b"gearmon", "null")
-    return _assembled(json.loads(stored), table.to_pydict())

@@ -326,7 +326,7 @@ class Tracking:
 
     def speed(self) -> Speed:
         """Sum it up as a speed with its uncertainty."""
-        track = self.track
+        track, signal = self.track, self.signal
         # both ends of the track are uncertain
         doubt = float(np.sqrt(2) * track.uncertainty_turns)
         if track.method == "tacho":
@@ -337,31 +337,24 @@ class Tracking:
             ends = steps[[0, -1]] / usual
             change = float(np.std(np.diff(np.log(speeds))))
             doubt = float(np.hypot(doubt, 0.5 * usual * change * np.linalg.norm(ends + ends**2)))
-        uncertainty = doubt / self.signal.duration_s
+        uncertainty = doubt / signal.duration_s
         if not np.isfinite(uncertainty):
             relative = self.scan.resolution_hz / self.scan.nominal_hz
             uncertainty = 0.5 * relative * track.mean_hz
+        # where lines stand in one spectrum of the whole recording: at the mean if a tachometer
+        # tells it, and where they have no one place
+        peak_hz, told = track.mean_hz, track.method == "tacho" or wander(track) > _PEAK_TOLERANCE
+        if not told and signal.samples.shape[-1] <= _PEAK_SAMPLES:
+            peak_hz = signal.scan(np.inf, _PEAK_TOLERANCE, about_hz=peak_hz).track().mean_hz
         return Speed(
-            nominal_hz=self.signal.nominal_hz,
+            nominal_hz=signal.nominal_hz,
             estimated_hz=track.mean_hz,
-            peak_hz=self._peak_hz(),
+            peak_hz=peak_hz,
             uncertainty_hz=uncertainty,
             lowest_hz=float(track.speed_hz.min()),
             highest_hz=float(track.speed_hz.max()),
             method=track.method,
         )
-
-    def _peak_hz(self) -> float:
-        """Return the speed at which lines stand in one spectrum of the whole recording [Hz].
-
-        The mean itself if a tachometer tells it, and where the lines have no one place in such a
-        spectrum.
-        """
-        track, signal = self.track, self.signal
-        told = track.method == "tacho" or wander(track) > _PEAK_TOLERANCE
-        if told or signal.samples.shape[-1] > _PEAK_SAMPLES:
-            return track.mean_hz
-        return signal.scan(np.inf, _PEAK_TOLERANCE, about_hz=track.mean_hz).track().mean_hz
 
     @property
     def detected(self) -> int:
@@ -414,12 +407,28 @@ class _Tacholess:
 
     @cached_property
     def alone(self) -> Tracking:
-        """The angle by comb and phases."""
-        sums = self.signal.sums(self.signal.nominal_hz * (1 + SPEED_TOLERANCE))
+        """The angle by comb and phases, beginning with the steady comb."""
+        signal, first = self.signal, self.first
+        sums = signal.sums(signal.nominal_hz * (1 + SPEED_TOLERANCE))
         if sums is None:
-            note = "no mesh harmonic lies below the Nyquist frequency"
-            return replace(self.first, notes=(note,))
-        return _by_phases(self.first, sums)
+            return replace(first, notes=("no mesh harmonic lies below the Nyquist frequency",))
+        track, share = phases.follow_lines(sums, first.track, signal.comb)
+        found = replace(first, track=track, coherent=share)
+        calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
+        if not calm or _elsewhere(first):
+            followed = _followed(signal)
+            if followed is not None:
+                # it must show more meshes, or lines far more coherent
+                more = followed[0].detected - found.detected
+                least = share + (_BETTER if more == 0 else _FAR_BETTER)
+                if more > 0 or followed[0].coherent > least:
+                    return _with_doubt(*followed)
+        if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
+            # a speed that wanders smears lines in long blocks
+            judged = replace(signal.judged(track), coherent=share)
+            if judged.detected > first.detected and _agrees(judged):
+                found = judged
+        return _with_doubt(found, sums) if found.detected else found
 
 
 def track_recording(recording: Recording, machine: Machine) -> Tracking:
@@ -486,7 +495,15 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     count, found = _pulses_counted(pulses, sensor, tacholess)
     if not recording.tacho_told:
         _check_believed(found, tacholess)
-    found = _as_without(found, tacholess)
+    # no mesh is heard less with pulses than without, where both tell the same speed: about one
+    # speed there are few combs of other teeth to stand out of (of 14 drawn machines, 3 s each, one
+    # shows its mesh without the pulses alone); the first costs less
+    for way in ("first", "alone"):
+        if found.detected == len(found.evidence):
+            break
+        rival: Tracking = getattr(tacholess, way)
+        if rival.detected > found.detected and found.is_near(rival):
+            found = replace(found, scan=rival.scan, evidence=rival.evidence)
     told = [f"{count} pulse{'s' if count > 1 else ''} a turn"]
     if pulses.missing or pulses.extra:
         told.append(f"{pulses.missing} pulses filled in, {pulses.extra} left out")
@@ -573,44 +590,6 @@ def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
         f"the mesh lines stand out less at the {told_hz:.4g} Hz that its pulses "
         f"say than at {rival_hz:.4g} Hz"
     )
-
-
-def _as_without(judged: Tracking, tacholess: _Tacholess) -> Tracking:
-    """Hear no mesh less with pulses than without, where both tell the same speed.
-
-    About one speed there are few combs of other teeth to stand out of: of 14 drawn machines, 3 s
-    each, one shows its mesh without the pulses alone.
-    """
-    # the first costs less
-    for way in ("first", "alone"):
-        if judged.detected == len(judged.evidence):
-            break
-        rival: Tracking = getattr(tacholess, way)
-        if rival.detected > judged.detected and judged.is_near(rival):
-            judged = replace(judged, scan=rival.scan, evidence=rival.evidence)
-    return judged
-
-
-def _by_phases(first: Tracking, sums: OrderSums) -> Tracking:
-    """Track without a tachometer, by mesh lines, beginning with the steady comb."""
-    signal = first.signal
-    track, share = phases.follow_lines(sums, first.track, signal.comb)
-    found = replace(first, track=track, coherent=share)
-    calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
-    if not calm or _elsewhere(first):
-        followed = _followed(signal)
-        if followed is not None:
-            # it must show more meshes, or lines far more coherent
-            more = followed[0].detected - found.detected
-            least = share + (_BETTER if more == 0 else _FAR_BETTER)
-            if more > 0 or followed[0].coherent > least:
-                return _with_doubt(*followed)
-    if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
-        # a speed that wanders smears lines in long blocks
-        judged = replace(signal.judged(track), coherent=share)
-        if judged.detected > first.detected and _agrees(judged):
-            found = judged
-    return _with_doubt(found, sums) if found.detected else found
 
 
 def _elsewhere(first: Tracking) -> bool:

@@ -423,15 +423,26 @@ def contact_course(
     """
     times = _events(meshes, drive.motion, span_s)
     turns = drive.motion.turns(times)
-    phases = np.stack([mesh.phase(turns) for mesh in meshes])
-    pairs = max(mesh.most_pairs for mesh in meshes)
+    speed = drive.motion.speed_hz(times)
     spur = all(mesh.stiffness.overlap_ratio < LEAST_OVERLAP for mesh in meshes)
     nodes = _SPUR_NODES if spur else _HELICAL_NODES
-    rows = [_pairs(mesh, phase, pairs, nodes) for mesh, phase in zip(meshes, phases, strict=True)]
-    stiffness = np.stack([row[0] for row in rows], axis=2)
-    deviation = np.stack([row[1] for row in rows], axis=1)
-    inputs = _inputs(meshes, drive, times, turns, phases)
-    return divided_course(times, stiffness, deviation, inputs, longest_step_s)
+    to_powers = np.linalg.inv(nodes[:, None] ** np.arange(len(nodes)))
+    pairs, inputs = max(mesh.most_pairs for mesh in meshes), [drive.load_factor(times, turns)]
+    stiffness = np.zeros((len(nodes), pairs, len(meshes), len(times) - 1))
+    deviation = np.zeros(stiffness.shape[1:])
+    for number, mesh in enumerate(meshes):
+        phase = mesh.phase(turns)
+        before, after = phase[:-1], phase[1:]
+        count = np.floor(0.5 * (before + after)).astype(np.int64)
+        inside = before - count + (after - before) * nodes[:, None]
+        for earlier in range(mesh.most_pairs):
+            values = mesh.pair_stiffness(count - earlier, inside + earlier)
+            stiffness[:, earlier, number] = to_powers @ values
+            deviation[earlier, number] = mesh.pitch_deviation_m(count - earlier)
+        # deflections are counted from the flanks as runout has them: its acceleration is felt
+        if not mesh.floating:
+            inputs.append(mesh.runout_m(phase, 2) * (mesh.order * speed) ** 2)
+    return divided_course(times, stiffness, deviation, np.stack(inputs), longest_step_s)
 
 
 def _events(
@@ -450,38 +461,3 @@ def _events(
         wanted = (counts[:, None] + mesh.events).ravel()
         times.append(motion.times_s(mesh.turns(wanted[(wanted > first) & (wanted < last)])))
     return np.asarray(np.clip(np.sort(np.concatenate(times)), *span_s))
-
-
-def _pairs(
-    mesh: ToothMesh, phase: FloatArray, pairs: int, nodes: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return stiffness powers (nodes, pairs, intervals) and deviations (pairs, intervals)."""
-    to_powers = np.linalg.inv(nodes[:, None] ** np.arange(len(nodes)))
-    before, after = phase[:-1], phase[1:]
-    count = np.floor(0.5 * (before + after)).astype(np.int64)
-    inside = before - count + (after - before) * nodes[:, None]
-    stiffness = np.zeros((len(nodes), pairs, len(count)))
-    deviation = np.zeros((pairs, len(count)))
-    for earlier in range(mesh.most_pairs):
-        values = mesh.pair_stiffness(count - earlier, inside + earlier)
-        stiffness[:, earlier] = to_powers @ values
-        deviation[earlier] = mesh.pitch_deviation_m(count - earlier)
-    return stiffness, deviation
-
-
-def _inputs(
-    meshes: tuple[ToothMesh, ...],
-    drive: Drive,
-    times: FloatArray,
-    turns: FloatArray,
-    phases: FloatArray,
-) -> FloatArray:
-    """Return the load over its mean, and the acceleration of every runout that is felt [m/s2]."""
-    speed = drive.motion.speed_hz(times)
-    # deflections are counted from the flanks as runout has them
-    runouts = [
-        mesh.runout_m(phase, 2) * (mesh.order * speed) ** 2
-        for mesh, phase in zip(meshes, phases, strict=True)
-        if not mesh.floating
-    ]
-    return np.stack([drive.load_factor(times, turns), *runouts])

@@ -227,6 +227,7 @@ class MeshForces:
         return np.append((times[:-1, None] + np.diff(times)[:, None] * share).ravel(), times[-1])
 
 
+@dataclass(frozen=True, eq=False)
 class March:
     """Many chunks on their way along one course.
 
@@ -236,9 +237,8 @@ class March:
     course : Course
     """
 
-    def __init__(self, system: GearedSystem, course: Course) -> None:
-        self.system, self.course = system, course
-        self._lengths_s = np.diff(course.times_s)
+    system: GearedSystem
+    course: Course
 
     def run(
         self,
@@ -272,10 +272,9 @@ class March:
         ndarray, shape (2 m, chunks)
             The state reached.
         """
-        stepper = _Stepper(self.system, self.course.deviation.shape[0], state, substeps)
-        nodes = np.linspace(0.0, 1.0, 2 * substeps + 1)
+        stepper = _Stepper(self.system, self.course, state, substeps)
         for i in range(count):
-            self._enter(stepper, first + i, nodes)
+            stepper.enter(first + i)
             for j in range(substeps):
                 into = None if record is None else record[:, :, i * substeps + j]
                 stepper.advance(2 * j, into)
@@ -283,32 +282,22 @@ class March:
                 progress(i / count)
         return np.array(stepper.state)
 
-    def _enter(self, stepper: _Stepper, wanted: IntArray, nodes: FloatArray) -> None:
-        """Let the chunks begin the pieces `wanted`, one each."""
-        course = self.course
-        piece = np.clip(wanted, 0, course.pieces - 1)
-        interval, start, width = course.interval[piece], course.start[piece], course.width[piece]
-        before = np.take(course.inputs, interval, axis=-1)
-        slope = np.take(course.inputs, interval + 1, axis=-1) - before
-        stiffness = np.take(course.stiffness, interval, axis=-1)
-        # one more axis in front: the nodes of the steps
-        place = (start + width * nodes[:, None])[:, None, None]
-        stepper.enter(
-            np.where(piece == wanted, self._lengths_s[piece], 0.0),
-            np.asarray(polyval(place, stiffness, tensor=False), dtype=np.float64),
-            np.take(course.deviation, interval, axis=-1),
-            np.concatenate([before + slope * start, slope * width]),
-        )
-
 
 class _Stepper:
     """The Runge-Kutta step; its arrays are filled again and again, for that is where time goes."""
 
-    def __init__(self, system: GearedSystem, pairs: int, state: FloatArray, substeps: int) -> None:
+    def __init__(
+        self, system: GearedSystem, course: Course, state: FloatArray, substeps: int
+    ) -> None:
         (meshes, size), chunks = system.rows.shape, state.shape[1]
+        self._course, self._lengths_s = course, np.diff(course.times_s)
         self._system, self._substeps, self._size = system, substeps, size
         self._sight = np.kron(np.eye(2), system.rows)
-        self._matrices = _acceleration_matrices(system, substeps)
+        # what turns state, mesh forces, inputs and their change into accelerations, by node
+        fixed = (-system.stiffness, -system.damping, -system.rows.T, system.inputs)
+        self._nodes = np.linspace(0.0, 1.0, 2 * substeps + 1)
+        matrices = [np.hstack([*fixed, share * system.inputs]) for share in self._nodes]
+        self._matrices = np.stack(matrices)
         # equal shapes multiply much faster than broadcast ones
         self._damping = np.repeat(system.mesh_damping[:, None], chunks, axis=1)
         # rows of the four stages: state, mesh forces, inputs of the piece, their change over it
@@ -319,29 +308,29 @@ class _Stepper:
         self.state = self._states[0]
         self.state[:] = state
         self._seen = np.empty((2, meshes, chunks))
-        self._gap = np.empty((pairs, meshes, chunks))
+        self._gap = np.empty((course.deviation.shape[0], meshes, chunks))
         self._elastic = np.empty((meshes, chunks))
         self._step, self._half, self._sixth = np.empty((3, 2 * size, chunks))
         self._total = np.empty((2 * size, chunks))
 
-    def enter(
-        self,
-        length: FloatArray,
-        stiffness: FloatArray,
-        deviation: FloatArray,
-        inputs: FloatArray,
-    ) -> None:
-        """Begin a piece.
-
-        Given are its length [s], the pair stiffnesses [N/m] at the ends and middles of its steps,
-        the deviations [m], the inputs at its beginning and below them their change over it.
-        """
+    def enter(self, wanted: IntArray) -> None:
+        """Let the chunks begin the pieces `wanted`, one each."""
+        course = self._course
+        piece = np.clip(wanted, 0, course.pieces - 1)
+        interval, start, width = course.interval[piece], course.start[piece], course.width[piece]
+        length = np.where(piece == wanted, self._lengths_s[piece], 0.0)
         np.multiply(length, 1 / self._substeps, out=self._step[0])
         self._step[1:] = self._step[0]
         np.multiply(self._step, 0.5, out=self._half)
         np.multiply(self._step, 1 / 6, out=self._sixth)
-        self._stiffness, self._deviation = stiffness, deviation
-        self._inputs[:] = inputs
+        # at the ends and middles of the steps: one more axis in front
+        place = (start + width * self._nodes[:, None])[:, None, None]
+        stiffness = np.take(course.stiffness, interval, axis=-1)
+        self._stiffness = np.asarray(polyval(place, stiffness, tensor=False), dtype=np.float64)
+        self._deviation = np.take(course.deviation, interval, axis=-1)
+        before = np.take(course.inputs, interval, axis=-1)
+        slope = np.take(course.inputs, interval + 1, axis=-1) - before
+        self._inputs[:] = np.concatenate([before + slope * start, slope * width])
 
     def advance(self, node: int, record: NDArray[np.float32] | None) -> None:
         """Make the step that begins at a node of the piece (two to a step) and write its forces."""
@@ -354,7 +343,13 @@ class _Stepper:
         self._move(3, self._step)
         self._rate(3, node + 2)
         if record is not None:
-            self._note(record)
+            s = self._forces
+            impulse = s[1] + s[2]
+            impulse += impulse
+            impulse += s[0]
+            impulse += s[3]
+            impulse *= self._sixth[0]
+            record[0], record[1], record[2] = impulse, s[0], s[3]
         total = np.add(rates[1], rates[2], out=self._total)
         total += total
         total += rates[0]
@@ -381,38 +376,14 @@ class _Stepper:
             # a mesh pushes or lets go; its damper does not hold it
             np.maximum(force, 0.0, out=force)
             force *= elastic > 0.0
-            self._push_back(place, speed, force)
+            # opposite flanks push back where meshes have opened that far
+            backlash = self._system.backlash_m
+            beyond = place + (math.inf if backlash is None else backlash[:, None])
+            if beyond.min() < 0.0:
+                push = self._system.mesh_stiffness[:, None] * beyond + self._damping * speed
+                force += np.where(beyond < 0.0, np.minimum(push, 0.0), 0.0)
         rate[:size] = rows[size : 2 * size]
         np.matmul(self._matrices[node], rows, out=rate[size:])
-
-    def _push_back(self, place: FloatArray, speed: FloatArray, force: FloatArray) -> None:
-        """Add the forces of opposite flanks, in place, where meshes have opened that far."""
-        backlash = self._system.backlash_m
-        if backlash is None:
-            return
-        beyond = place + backlash[:, None]
-        if beyond.min() < 0.0:
-            push = self._system.mesh_stiffness[:, None] * beyond + self._damping * speed
-            force += np.where(beyond < 0.0, np.minimum(push, 0.0), 0.0)
-
-    def _note(self, record: NDArray[np.float32]) -> None:
-        """Write the impulse of a step and the forces at its ends."""
-        s = self._forces
-        impulse = s[1] + s[2]
-        impulse += impulse
-        impulse += s[0]
-        impulse += s[3]
-        impulse *= self._sixth[0]
-        record[0] = impulse
-        record[1] = s[0]
-        record[2] = s[3]
-
-
-def _acceleration_matrices(system: GearedSystem, substeps: int) -> FloatArray:
-    """Return what turns state, mesh forces, inputs and their change into accelerations, by node."""
-    fixed = (-system.stiffness, -system.damping, -system.rows.T, system.inputs)
-    passed = np.linspace(0.0, 1.0, 2 * substeps + 1)
-    return np.stack([np.hstack([*fixed, share * system.inputs]) for share in passed])
 
 
 def integrate(

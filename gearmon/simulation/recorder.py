@@ -23,7 +23,6 @@ from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
 from gearmon.simulation.train import Settings, Train, build_train, stream
 from gearmon.simulation.vibration import (
     BEARING_SLIP,
-    Integration,
     mesh_vibration,
     noise,
     shaft_lines,
@@ -240,7 +239,9 @@ def record(
     vibration += _additions(machine, wanted, vibration, turns, speed)
     columns = [(f"a{i + 1}", "vibration", "m/s2", row) for i, row in enumerate(vibration)]
     if wanted.tacho_shaft is not None:
-        columns.append(("tacho", "tacho", "V", _tacho(machine, wanted, turns, speed)))
+        order = kinematics(machine).shaft(wanted.tacho_shaft).order
+        pulse = wanted.sampling_rate_hz, order * speed, TACHO_HIGH_V, TACHO_WIDTH_TURNS
+        columns.append(("tacho", "tacho", "V", tacho_pulses(order * turns, *pulse)))
     names, kinds, units, rows = zip(*columns, strict=True)
     return SimulatedRecording(
         samples=np.array(rows),
@@ -298,15 +299,6 @@ def _additions(
     return extra
 
 
-def _tacho(
-    machine: Machine, settings: Settings, turns: FloatArray, speed_hz: FloatArray
-) -> FloatArray:
-    order = kinematics(machine).shaft(settings.tacho_shaft or 1).order
-    return tacho_pulses(
-        order * turns, settings.sampling_rate_hz, order * speed_hz, TACHO_HIGH_V, TACHO_WIDTH_TURNS
-    )
-
-
 def _truth(
     machine: Machine,
     faults: tuple[Fault | GearError, ...],
@@ -314,7 +306,7 @@ def _truth(
     point: OperatingPoint,
     train: Train,
     drive: Drive,
-    integration: Integration,
+    integration: dict[str, float],
 ) -> dict[str, Any]:
     """Return all that is known of a simulated recording, in built-in types.
 
@@ -356,11 +348,7 @@ def _truth(
         ],
         "meshes": [_mesh(train, drive, number) for number in range(len(train.meshes))],
         "natural_frequencies_hz": train.system.natural_frequencies_hz().tolist(),
-        "integration": {
-            "longest_step_s": integration.longest_step_s,
-            "steps": integration.steps,
-            "joint_mismatch": integration.joint_mismatch,
-        },
+        "integration": integration,
         "notes": [*train.notes, *_remarks(integration, train)],
     }
 
@@ -421,9 +409,9 @@ def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
     }
 
 
-def _remarks(integration: Integration, train: Train) -> list[str]:
+def _remarks(integration: dict[str, float], train: Train) -> list[str]:
     remarks = [warning for m in train.mechanics for warning in m.stiffness.warnings]
-    if integration.joint_mismatch > IRREGULAR:
+    if integration["joint_mismatch"] > IRREGULAR:
         remarks.append(
             "irregular motion with loss of contact: parts of the record are faded from one "
             "possible motion into another"
@@ -464,20 +452,16 @@ def write_simulation(
     if target.suffix.lower() != ".csv":
         raise ArgumentError(f"{target}: the name of a simulated recording must end in .csv")
     truth = target.with_suffix(".json")
-    with replacing(target) as temporary:
-        _write_csv(recording, temporary, with_time)
-    write_atomically(truth, json.dumps(recording.truth, indent=1, ensure_ascii=False) + "\n")
-    return target, truth
-
-
-def _write_csv(recording: SimulatedRecording, path: Path, with_time: bool) -> None:
     columns = zip(recording.channel_names, recording.units, strict=True)
     header = [f"{name} ({unit})" for name, unit in columns]
     form = ["%.6g"] * len(header)
     if with_time:
         header, form = ["time (s)", *header], ["%.9f", *form]
     line = ",".join(form) + "\n"
-    with path.open("w", encoding="utf-8", newline="") as file:
+    with (
+        replacing(target) as temporary,
+        temporary.open("w", encoding="utf-8", newline="") as file,
+    ):
         file.write(",".join(header) + "\n")
         for start in range(0, recording.samples.shape[1], ROWS_AT_A_TIME):
             rows = recording.samples[:, start : start + ROWS_AT_A_TIME].T
@@ -486,3 +470,5 @@ def _write_csv(recording: SimulatedRecording, path: Path, with_time: bool) -> No
                 rows = np.column_stack([times, rows])
             # one format for many rows is several times as fast as one for each
             file.write(line * len(rows) % tuple(rows.ravel().tolist()))
+    write_atomically(truth, json.dumps(recording.truth, indent=1, ensure_ascii=False) + "\n")
+    return target, truth

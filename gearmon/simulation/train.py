@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
+from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.kinematics import kinematics
 from gearmon.gears.mechanics import DriveTrain, Spring, StageMechanics, stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
-from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
+from gearmon.machine import Machine, OperatingPoint
 from gearmon.machine.fields import Checked, Count, held, within
 from gearmon.simulation.contact import GearErrors, ToothMesh, ideal, random_errors
 from gearmon.simulation.integrate import GearedSystem
@@ -179,18 +180,6 @@ class Settings(Checked):
             )
 
 
-@dataclass(frozen=True)
-class _Made:
-    """What the meshes of a train are made from: see `build_train`."""
-
-    machine: Machine
-    faults: Sequence[Fault | GearError]
-    point: OperatingPoint
-    load: float
-    seed: int
-    accuracy_grade: float | None
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Train:
     """A drive train ready to be integrated.
@@ -277,16 +266,13 @@ def build_train(
     for error in faults:
         if isinstance(error, GearError) and (error.stage, error.gear) not in gears:
             raise ArgumentError(f"error {error}: {machine.name} has no such gear")
-    made = _Made(machine, faults, running, load, seed, accuracy_grade)
     train = drive_train(of_told_bearings(machine), running)
-    springs = [train.meshes(number) for number in range(1, len(pairs) + 1)]
-    sides = [
-        side for own in zip(pairs, springs, strict=True) for side in _meshes(made, train, *own)
-    ]
-    meshes, mechanics = zip(*sides, strict=True)
+    drawn = partial(_errors, faults, seed, accuracy_grade)
+    sides = _meshes(machine, faults, running, load, train, pairs, drawn)
+    springs, meshes, mechanics = zip(*sides, strict=True)
     floats = "a floating sun shares the load among planets but for the pitch deviations"
     return Train(
-        system=_system(train, list(chain(*springs)), meshes, mechanics, carried_hz),
+        system=_system(train, springs, meshes, mechanics, carried_hz),
         meshes=meshes,
         mechanics=mechanics,
         gear_mass_kg=sum(_gear_mass_kg(own[0]) for own in pairs),
@@ -296,62 +282,60 @@ def build_train(
 
 
 def _meshes(
-    made: _Made, train: DriveTrain, pairs: Sequence[MeshPair], springs: Sequence[Spring]
-) -> list[tuple[ToothMesh, StageMechanics]]:
-    """Return the meshes of a stage, those with the sun before those with the ring."""
-    stage, number = pairs[0].stage, pairs[0].number or 1
-    if not isinstance(stage, PlanetaryStage):
-        return [_mesh(made, pairs[0], springs[0], "", 0.0)]
-    angles = train.planets[number].angles_rad
-    # damage of a planet is on the first one; wear of all of its teeth on every planet
-    hurt = [f for f in made.faults if isinstance(f, Fault) and f.gear == "planet" and f.tooth]
-    others = replace(made, faults=[f for f in made.faults if f not in hurt])
-    return [
-        _mesh(others if i else made, pair, springs[side * len(angles) + i], f" {i + 1}", angle)
-        for side, pair in enumerate(pairs)
-        for i, angle in enumerate(angles.tolist())
-    ]
+    machine: Machine,
+    faults: Sequence[Fault | GearError],
+    point: OperatingPoint,
+    load: float,
+    train: DriveTrain,
+    pairs: Sequence[Sequence[MeshPair]],
+    drawn: Callable[[MeshPair, GearTeeth, str], GearErrors],
+) -> Iterator[tuple[Spring, ToothMesh, StageMechanics]]:
+    """Give the meshes stage by stage, those with the sun before those with the ring."""
+    for number, own in enumerate(pairs, start=1):
+        is_set = number in train.planets
+        angles = train.planets[number].angles_rad.tolist() if is_set else [0.0]
+        places = product(own, enumerate(angles, start=1))
+        for (pair, (planet, angle)), spring in zip(places, train.meshes(number), strict=True):
+            # damage of a planet is on the first one; wear of all of its teeth on every planet
+            acting = [f for f in faults if isinstance(f, Fault)]
+            if planet > 1:
+                acting = [f for f in acting if f.gear != "planet" or not f.tooth]
+            side = int(pair.second.internal)
+            mechanics = stage_mechanics(machine, number, point, faults=acting, mesh=side)
+            if pair.stage.force_n is not None:  # the load must scale it, as it does a torque
+                mechanics = replace(mechanics, force_n=load * mechanics.force_n)
+            name = f" {planet}" if is_set else ""
+            first, second = (drawn(pair, member, name) for member in pair.members)
+            # the least normal backlash that ISO/TR 10064-2 recommends for industrial drives:
+            # j_bn = 2/3 (0.06 + 0.0005 a + 0.03 m_n), all in mm
+            distance_mm = 1e3 * pair.geometry.centre_distance_m
+            module_mm = pair.need("module_mm", "backlash")
+            backlash_m = 2e-3 / 3 * (0.06 + 0.0005 * distance_mm + 0.03 * module_mm)
+            mesh = ToothMesh(
+                stage=number,
+                name=pair.name + name,
+                order=kinematics(machine).mesh(number).order,
+                offset=spring.phase,
+                teeth=pair.teeth,
+                errors=(first, second),
+                base_pitch_m=pair.geometry.base_pitch_m,
+                stiffness=mechanics.stiffness,
+                backlash_m=backlash_m,
+                place_turns=angle / (2 * math.pi),
+                floating=is_set,
+            )
+            yield spring, mesh, mechanics
 
 
-def _mesh(
-    made: _Made, pair: MeshPair, spring: Spring, planet: str, angle_rad: float
-) -> tuple[ToothMesh, StageMechanics]:
-    number = pair.number or 1
-    faults = [own for own in made.faults if isinstance(own, Fault)]
-    mechanics = stage_mechanics(
-        made.machine, number, made.point, faults=faults, mesh=int(pair.second.internal)
-    )
-    if pair.stage.force_n is not None:  # the load must scale it, as it does a torque
-        mechanics = replace(mechanics, force_n=made.load * mechanics.force_n)
-    first, second = (_errors(made, pair, member, planet) for member in pair.members)
-    mesh = ToothMesh(
-        stage=number,
-        name=pair.name + planet,
-        order=kinematics(made.machine).mesh(number).order,
-        offset=spring.phase,
-        teeth=pair.teeth,
-        errors=(first, second),
-        base_pitch_m=pair.geometry.base_pitch_m,
-        stiffness=mechanics.stiffness,
-        backlash_m=_backlash_m(pair),
-        place_turns=angle_rad / (2 * math.pi),
-        floating=bool(planet),
-    )
-    return mesh, mechanics
-
-
-def _backlash_m(pair: MeshPair) -> float:
-    """Return the least normal backlash that ISO/TR 10064-2 recommends for industrial drives [m].
-
-    ``j_bn = 2/3 (0.06 + 0.0005 a + 0.03 m_n)``, all in mm.
-    """
-    distance_mm = 1e3 * pair.geometry.centre_distance_m
-    module_mm = pair.need("module_mm", "backlash")
-    return 2e-3 / 3 * (0.06 + 0.0005 * distance_mm + 0.03 * module_mm)
-
-
-def _errors(made: _Made, pair: MeshPair, member: GearTeeth, planet: str) -> GearErrors:
-    if made.accuracy_grade is None:
+def _errors(
+    faults: Sequence[Fault | GearError],
+    seed: int,
+    accuracy_grade: float | None,
+    pair: MeshPair,
+    member: GearTeeth,
+    planet: str,
+) -> GearErrors:
+    if accuracy_grade is None:
         own = ideal(member.teeth)
     else:
         # a planet has two flanks at work, and there are several planets
@@ -360,10 +344,10 @@ def _errors(made: _Made, pair: MeshPair, member: GearTeeth, planet: str) -> Gear
             member.teeth,
             pair.geometry.transverse_module_m * member.teeth,
             1e-3 * pair.need("module_mm", "pitch errors"),
-            made.accuracy_grade,
-            stream(made.seed, "errors", pair.number or 1, member.name, flank),
+            accuracy_grade,
+            stream(seed, "errors", pair.number or 1, member.name, flank),
         )
-    for error in made.faults:
+    for error in faults:
         if isinstance(error, GearError) and (error.stage, error.gear) == (pair.number, member.name):
             own = own.with_error(error)
     return own

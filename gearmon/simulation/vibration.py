@@ -62,24 +62,6 @@ BEARING_SLIP = 0.01
 NOISE_CORNER = 0.02
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Integration:
-    """How the equations of motion were integrated.
-
-    Parameters
-    ----------
-    longest_step_s : float
-        [s].
-    steps : int
-    joint_mismatch : float
-        Largest disagreement where chunks join: root of its energy over that at rest.
-    """
-
-    longest_step_s: float
-    steps: int
-    joint_mismatch: float
-
-
 def triangle_means(
     forces: MeshForces, start_s: float, cell_s: float, cells: int, before: FloatArray | None = None
 ) -> tuple[FloatArray, FloatArray]:
@@ -109,9 +91,9 @@ def triangle_means(
     step the force is the parabola with the known integral and the known values at both ends.
     """
     edges = start_s + cell_s * np.arange(cells + 1, dtype=np.float64)
-    rows = [forces.impulses_ns, forces.starts_n, forces.ends_n]
+    rows, steps_s = [forces.impulses_ns, forces.starts_n, forces.ends_n], forces.steps_s
     parts = [
-        _moments(rows, forces.steps_s, edges[first : first + CELLS_PER_BLOCK + 1])
+        _moments(rows, steps_s, edges[first : first + CELLS_PER_BLOCK + 1])
         for first in range(0, cells, CELLS_PER_BLOCK)
     ]
     whole, earlier = np.concatenate(parts, axis=2)
@@ -135,7 +117,7 @@ def _moments(rows: list[Floats32], steps_s: FloatArray, edges_s: FloatArray) -> 
     half, middle = 0.5 * np.diff(grid)[real], 0.5 * (grid[1:] + grid[:-1])[real]
     cell = np.cumsum(new_cell)[real] - 1
     step = np.clip(first - 1 + np.cumsum(~new_cell)[real], 0, len(steps_s) - 2)
-    begin, length = steps_s[step], np.diff(steps_s)[step]
+    begin, length = steps_s[step], steps_s[step + 1] - steps_s[step]
     places = [middle - half / math.sqrt(3), middle + half / math.sqrt(3)]
     shares = [(place - begin) / length for place in places]
     begun = edges_s[cell]
@@ -170,15 +152,10 @@ def band_spectrum(cells: FloatArray, oversampling: int) -> ComplexArray:
     count = cells.shape[-1]
     kept = count // oversampling // 2 + 1
     frequency = np.arange(kept) / count
-    # triangular weights roll off as sinc^2
-    correction = _low_pass(frequency * oversampling) / np.sinc(frequency) ** 2 / oversampling
+    # of the anti-aliasing filter; triangular weights roll off as sinc^2
+    fall = np.clip((frequency * oversampling - FLAT_SHARE) / (0.5 - FLAT_SHARE), 0.0, 1.0)
+    correction = (0.5 + 0.5 * np.cos(np.pi * fall)) / np.sinc(frequency) ** 2 / oversampling
     return np.stack([np.fft.rfft(row)[:kept] * correction for row in cells])
-
-
-def _low_pass(share: FloatArray) -> FloatArray:
-    """Response of the anti-aliasing filter at shares of the sampling rate."""
-    fall = np.clip((share - FLAT_SHARE) / (0.5 - FLAT_SHARE), 0.0, 1.0)
-    return np.asarray(0.5 + 0.5 * np.cos(np.pi * fall))
 
 
 def fade_ends(rows: FloatArray, flank: int) -> None:
@@ -209,20 +186,9 @@ class _Grid:
         return (cell - self.lead * self.oversampling) * self.cell_s
 
 
-def _grid(settings: Settings, path: ModalPath, fastest_hz: float) -> _Grid:
-    rate = settings.sampling_rate_hz
-    flank = math.ceil(_FLANK_S * rate) + 8
-    lead = flank + math.ceil(path.decay_s() * rate)
-    samples = 2 * next_fast_len(-(-(settings.samples + lead + 2 * flank) // 2), real=True)
-    cells = max(CELLS_PER_SAMPLE, math.ceil(CELLS_PER_PERIOD * fastest_hz / rate))
-    return _Grid(
-        samples=samples, lead=lead, oversampling=next_fast_len(cells, real=True), rate_hz=rate
-    )
-
-
 def mesh_vibration(
     train: Train, drive: Drive, settings: Settings, progress: Progress | None
-) -> tuple[FloatArray, Integration]:
+) -> tuple[FloatArray, dict[str, float]]:
     """Integrate the motion of a train and return what the sensors hear of its meshes.
 
     Parameters
@@ -235,27 +201,39 @@ def mesh_vibration(
 
     Returns
     -------
-    (ndarray, Integration)
-        Accelerations [m/s2], shape (channels, samples), and how they were computed.
+    heard : ndarray, shape (channels, samples)
+        Accelerations [m/s2].
+    integration : dict of str to float
+        How they were computed: ``longest_step_s``, ``steps``, and ``joint_mismatch``, the largest
+        disagreement where chunks join: root of its energy over that at rest.
     """
     stages = len(train.carrier_orders)
     path = random_path(settings.machine_seed, settings.channels, stages, train.gear_mass_kg)
     frequencies = train.system.natural_frequencies_hz(train.greatest_stiffness)
-    grid = _grid(settings, path, frequencies[-1])
+    rate = settings.sampling_rate_hz
+    flank = math.ceil(_FLANK_S * rate) + 8
+    lead = flank + math.ceil(path.decay_s() * rate)
+    samples = 2 * next_fast_len(-(-(settings.samples + lead + 2 * flank) // 2), real=True)
+    cells = max(CELLS_PER_SAMPLE, math.ceil(CELLS_PER_PERIOD * frequencies[-1] / rate))
+    oversampling = next_fast_len(cells, real=True)
+    grid = _Grid(samples=samples, lead=lead, oversampling=oversampling, rate_hz=rate)
     forces, integration = _stage_forces(train, drive, grid, frequencies, progress)
     _add_profile(forces, train, drive, grid)
     fade_ends(forces, math.ceil(_FLANK_S / grid.cell_s))
     spectra = band_spectrum(forces, grid.oversampling)
-    heard = through_path(path, spectra, grid.samples, grid.rate_hz)
-    return heard[:, grid.lead : grid.lead + settings.samples].copy(), integration
+    heard = through_path(path, spectra, samples, rate)
+    return heard[:, lead : lead + settings.samples].copy(), integration
 
 
 def _stage_forces(
     train: Train, drive: Drive, grid: _Grid, frequencies_hz: FloatArray, progress: Progress | None
-) -> tuple[FloatArray, Integration]:
+) -> tuple[FloatArray, dict[str, float]]:
     """Return the dynamic force that every stage puts on the housing, cell by cell."""
     fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
-    step_s = _longest_step_s(np.append(frequencies_hz, fastest_hz), grid.rate_hz)
+    every_hz = np.append(frequencies_hz, fastest_hz)
+    carried_hz = every_hz[every_hz <= CARRIED_SHARE * grid.rate_hz].max(initial=0.0)
+    fast = STEPS_PER_FAST_PERIOD * float(every_hz.max())
+    step_s = 1 / max(STEPS_PER_PERIOD * float(carried_hz), fast)
     run_in_s = RUN_IN_CONSTANTS / train.system.decay_rate
     in_memory = STEPS_PER_BLOCK // len(train.meshes) * step_s
     per_block = max(1, min(grid.cells, int(in_memory / grid.cell_s)))
@@ -274,30 +252,18 @@ def _stage_forces(
             result, grid.edge_s(first), grid.cell_s, last - first, carried
         )
         means -= train.static_force[:, None]
-        _add_to_stages(forces[:, first:last], train, drive, means, grid, first)
+        # to the stages they belong to, those of planets louder as they pass
+        times = grid.edge_s(first) + grid.cell_s * np.arange(last - first)
+        turns = drive.motion.turns(times) if any(train.carrier_orders) else times
+        for mesh, mean in zip(train.meshes, means, strict=True):
+            carrier = train.carrier_orders[mesh.stage - 1]
+            if carrier:
+                passing = 0.5 + 0.5 * np.cos(2 * np.pi * (carrier * turns + mesh.place_turns))
+                mean *= 1 - PLANET_PASS_DEPTH * (1 - passing)
+            forces[mesh.stage - 1, first:last] += mean
         state, before_s = result.end_state, span[1]
         mismatch, steps = max(mismatch, result.joint_mismatch), steps + course.pieces * SUBSTEPS
-    return forces, Integration(longest_step_s=step_s, steps=steps, joint_mismatch=mismatch)
-
-
-def _longest_step_s(frequencies_hz: FloatArray, rate_hz: float) -> float:
-    carried = frequencies_hz[frequencies_hz <= CARRIED_SHARE * rate_hz]
-    slow = STEPS_PER_PERIOD * float(carried.max(initial=0.0))
-    return 1 / max(slow, STEPS_PER_FAST_PERIOD * float(frequencies_hz.max()))
-
-
-def _add_to_stages(
-    forces: FloatArray, train: Train, drive: Drive, means: FloatArray, grid: _Grid, first: int
-) -> None:
-    """Add the mesh forces of some cells to the stages they belong to, in place."""
-    times = grid.edge_s(first) + grid.cell_s * np.arange(means.shape[1])
-    turns = drive.motion.turns(times) if any(train.carrier_orders) else times
-    for mesh, mean in zip(train.meshes, means, strict=True):
-        carrier = train.carrier_orders[mesh.stage - 1]
-        if carrier:
-            passing = 0.5 + 0.5 * np.cos(2 * np.pi * (carrier * turns + mesh.place_turns))
-            mean *= 1 - PLANET_PASS_DEPTH * (1 - passing)
-        forces[mesh.stage - 1] += mean
+    return forces, {"longest_step_s": step_s, "steps": steps, "joint_mismatch": mismatch}
 
 
 def _add_profile(forces: FloatArray, train: Train, drive: Drive, grid: _Grid) -> None:

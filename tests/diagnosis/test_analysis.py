@@ -27,6 +27,7 @@ from gearmon.diagnosis.analysis import analyse, evidence_against, learn
 from gearmon.diagnosis.evidence import LIMITS, false_alarm_probability
 from gearmon.diagnosis.law.machine import HealthyMachine
 from gearmon.diagnosis.results import VERDICTS
+from gearmon.diagnosis.verdict import left_open
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.faults import parse_fault
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, load_machine
@@ -523,6 +524,22 @@ def test_a_tooth_that_few_lines_tell_of_is_no_knock():
     told = analyse(cracked, combine, healthy)
     assert told.verdict == "fault"
     assert (told.flags[0].stage, told.flags[0].gear) == (1, "pinion")
+
+
+@pytest.mark.parametrize("gear", ["pinion", "gear"])
+def test_of_gears_that_turn_alike_either_may_be_the_cause(gear):
+    # the bevel gears of a T box: what one of them does once a turn, the other does as well
+    stage = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 23, "module_mm": 4.0}
+    stage |= {"face_width_mm": 30.0}
+    box = load_machine({"operating": [{"speed_rpm": 540, "torque_nm": 300}], "stage": [stage]})
+    driven = partial(simulate, box, duration_s=4.0, channels=1, machine_seed=3)
+    cracked = driven(f"crack:1:{gear}:9:25%", recording_seed=6, load=0.9)
+    told = analyse(cracked, box, learn([driven(recording_seed=1)], box))
+    assert told.flags[0].kind == "tooth damage"
+    other = {"pinion": "gear", "gear": "pinion"}[told.flags[0].gear]
+    assert left_open(told.flags[0]) == [
+        f"the {other} of stage 1 shows it too and may be the cause as well"
+    ]
 
 
 @cache

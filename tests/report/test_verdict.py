@@ -58,14 +58,18 @@ def test_every_kind_of_fault_says_what_to_do(faulty, kind):
     assert "{" not in told
 
 
-def test_what_to_inspect_leaves_open_what_the_evidence_leaves_open(faulty):
-    flag = replace(
-        faulty.analysis.flags[0],
-        evidence=("one", "teeth 2, 25 meet a planet at the same moments: it may be any of them"),
-    )
+@pytest.mark.parametrize(
+    "doubt",
+    [
+        "teeth 2, 25 meet a planet at the same moments: it may be any of them",
+        "the gear of stage 1 shows it too and may be the cause as well",
+    ],
+)
+def test_what_to_inspect_leaves_open_what_the_evidence_leaves_open(faulty, doubt):
+    flag = replace(faulty.analysis.flags[0], evidence=("one", doubt))
     told = summary(replace(faulty.analysis, flags=(flag,))).more["next"]
     assert told.startswith("Inspect tooth")
-    assert told.endswith(". Teeth 2, 25 meet a planet at the same moments: it may be any of them.")
+    assert told.endswith(f". {doubt.capitalize()}.")
 
 
 def test_a_speed_far_from_nominal_is_a_caution(healthy):

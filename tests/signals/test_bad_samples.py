@@ -73,6 +73,12 @@ def spoilt(damage, fault="", **changes):
     return replace(own, samples=samples)
 
 
+def clutch(a):
+    """Idles for a second and a half, and is heard in each channel as its path has it."""
+    a[0, :15_000] *= 0.15
+    a[1, :15_000] *= 0.22
+
+
 SHORT = {
     frozen: "channel a1 from 1.3 to 1.8 s stands still",
     empty: "channel a2 from 3 to 3.04 s stands still at 0 ",
@@ -122,6 +128,18 @@ def test_a_recording_without_a_sound_channel_is_refused(damage):
     with pytest.raises(RecordingError, match=r"channel a1 from .* check cable") as refused:
         analyse(spoilt(damage), machine(), reference())
     assert "\n" not in str(refused.value)
+
+
+def test_of_a_machine_that_begins_to_work_one_state_is_looked_at():
+    for fault, verdict in (("", "healthy"), (CRACK, "fault")):
+        answer = analyse(spoilt(clutch, fault), machine(), reference())
+        assert answer.verdict == verdict
+        said = r"channel a(.) from 0 to (1.5\d*) s is (1.) dB quieter, as all are: the machine its"
+        channel, edge_s, size_db = np.array(re.findall(said, told(answer)), dtype=float).T
+        assert channel.tolist() == [1, 2]
+        assert edge_s == pytest.approx([1.5, 1.5], abs=0.04)
+        assert size_db == pytest.approx(-20 * np.log10([0.15, 0.22]), abs=1.0)
+    assert [flag.tooth for flag in answer.flags] == [7]
 
 
 def of(values):

@@ -26,6 +26,7 @@ from gearmon.signals.orders import OrderBlocks
 from gearmon.signals.recording import Recording, read_recording
 from gearmon.signatures.measured.line_plan import line_plan
 from gearmon.signatures.measured.measurement import (
+    broadband_levels,
     family_levels,
     level_and_error_db,
     measure_signature,
@@ -590,3 +591,37 @@ def test_no_mesh_is_heard_less_with_a_tachometer_than_without(seed):
     assert alone.found
     assert with_pulses.track.uncertainty_turns < alone.track.uncertainty_turns
     assert [m.found for m in with_pulses.meshes] >= [m.found for m in alone.meshes]
+
+
+def broadband(seconds=10.0, knocks=0, tone=0.0):
+    """White noise of density 1e-4 (-40 dB) at 20 kHz, knocks of 20 dB above it for 40 ms each."""
+    chance = np.random.default_rng(5)
+    count = int(seconds * 20_000)
+    values = chance.normal(size=(1, count))
+    for start in chance.integers(0, count - 800, knocks):
+        values[:, start : start + 800] += 10.0 * chance.normal(size=800)
+    return values + tone * np.sin(2 * np.pi * 997.0 * np.arange(count) / 20_000)
+
+
+@pytest.mark.parametrize("seconds", [1.0, 10.0, 60.0])
+def test_levels_between_the_lines_are_the_density_of_noise(seconds):
+    levels = broadband_levels(broadband(seconds), 20_000.0)[0]
+    # bins of a band are averaged by their median: the lowest bands have one or two
+    assert np.nanmedian(levels) == pytest.approx(-40.0, abs=0.3)
+    assert levels[-10:] == pytest.approx(np.full(10, -40.0), abs=0.4 if seconds > 1.0 else 1.0)
+
+
+def test_a_tone_leaves_the_levels_between_the_lines():
+    with_tone, without = (broadband_levels(broadband(tone=a), 20_000.0) for a in (10.0, 0.0))
+    assert np.nanmax(np.abs(with_tone - without)[:, 20:]) < 1.0
+
+
+@pytest.mark.parametrize("per_second", [1, 2])
+def test_knocks_leave_the_levels_between_the_lines(per_second):
+    quiet = broadband_levels(broadband(), 20_000.0)
+    knocked = broadband_levels(broadband(knocks=10 * per_second), 20_000.0)
+    # where a share s of the blocks is knocked the median is the quantile 1 / (2 - 2 s) of the noise
+    # at most, whose power is exponential; a knock of 40 ms reaches into 142 ms of blocks of 102 ms
+    share = 1.0 - (1.0 - 0.0142) ** (10 * per_second)
+    most = 10 * np.log10(-np.log(1.0 - 0.5 / (1.0 - share)) / np.log(2.0))
+    assert 0.2 * most < np.nanmedian(knocked - quiet) < most < 2.1  # of their mean: 7 and 10 dB

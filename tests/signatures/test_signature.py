@@ -189,10 +189,10 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     write_signature(signature(1), path)
     before = path.read_bytes()
 
-    def fail(_):
+    def fail(*_, **__):
         raise ArgumentError("disk full")
 
-    monkeypatch.setattr(module, "_to_json", fail)
+    monkeypatch.setattr(module.json, "dumps", fail)
     with pytest.raises(ArgumentError, match="disk full"):
         write_signature(signature(3), path)
     assert path.read_bytes() == before

@@ -388,32 +388,26 @@ def without_knocks(lines: OrderLines, chosen: IntArray, number: IntArray) -> Ord
     count, amplitude, knocked = len(lines.amplitude), lines.amplitude, 0
     edges = np.linspace(0, count, max(1, count // _BESIDE_KNOCK) + 1).astype(int).tolist()
     for start, stop in pairwise(edges):
-        number_of, beyond = _knocks(lines.amplitude[start:stop][:, :, chosen], number)
-        knocked += number_of
-        if beyond is not None:
-            amplitude = lines.amplitude.copy() if amplitude is lines.amplitude else amplitude
-            amplitude[start:stop, :, chosen] -= beyond
+        blocks = lines.amplitude[start:stop][:, :, chosen]
+        if len(blocks) < _FEWEST_BLOCKS or not len(number):
+            continue
+        middle = median_along(blocks.real) + 1j * median_along(blocks.imag)
+        scale = np.sqrt(median_along(np.abs(blocks - middle) ** 2)).clip(np.finfo(float).tiny)
+        rest = (blocks - middle) / scale
+        power = np.mean(np.abs(rest) ** 2, axis=2)
+        hit = int(np.sum((power > _KNOCKED * np.median(power)).any(axis=1)))
+        knocked += hit
+        if not hit or len(blocks) < _CLIPPED_FROM:
+            continue
+        size = fast_length(2 * (int(number.max()) + 1))
+        half = np.zeros((*blocks.shape[:2], size // 2 + 1), dtype=complex)
+        half[..., number] = rest
+        around = np.fft.irfft(half, n=size)
+        limit = _FARTHEST * float(np.median(np.abs(around))) / _NORMAL_MEDIAN
+        beyond = np.fft.rfft(around - np.clip(around, -limit, limit))
+        amplitude = lines.amplitude.copy() if amplitude is lines.amplitude else amplitude
+        amplitude[start:stop, :, chosen] -= scale * beyond[..., number]
     return replace(lines, amplitude=amplitude, knocked=max(lines.knocked, knocked / max(count, 1)))
-
-
-def _knocks(blocks: ComplexArray, number: IntArray) -> tuple[int, ComplexArray | None]:
-    """Return how many blocks bear knocks, and what is clipped of them, None if nothing is."""
-    if len(blocks) < _FEWEST_BLOCKS or not len(number):
-        return 0, None
-    middle = median_along(blocks.real) + 1j * median_along(blocks.imag)
-    scale = np.sqrt(median_along(np.abs(blocks - middle) ** 2)).clip(np.finfo(float).tiny)
-    rest = (blocks - middle) / scale
-    power = np.mean(np.abs(rest) ** 2, axis=2)
-    knocked = int(np.sum((power > _KNOCKED * np.median(power)).any(axis=1)))
-    if not knocked or len(blocks) < _CLIPPED_FROM:
-        return knocked, None
-    size = fast_length(2 * (int(number.max()) + 1))
-    half = np.zeros((*blocks.shape[:2], size // 2 + 1), dtype=complex)
-    half[..., number] = rest
-    around = np.fft.irfft(half, n=size)
-    limit = _FARTHEST * float(np.median(np.abs(around))) / _NORMAL_MEDIAN
-    beyond = np.fft.rfft(around - np.clip(around, -limit, limit))
-    return knocked, np.asarray(scale * beyond[..., number])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -509,7 +503,15 @@ class OrderSums:
         def part(first: int) -> FloatArray:
             """Sum weights, angles and waves, as pairs of reals, over some stretches."""
             own = slice(first, first + _TOGETHER)
-            window = _sliding_window((middle[own] - low) / hop, steps[own], count)
+            # Hann windows four hops long about each hop, over stretches at ascending places [hops];
+            # the angles that these span are their weights
+            place = (middle[own] - low) / hop
+            number = np.floor(place).astype(np.intp)[:, None] + np.arange(-1, 3)
+            weight = 0.5 + 0.5 * np.cos(0.5 * np.pi * (place[:, None] - number))
+            weight *= steps[own, None] * ((number >= 0) & (number < count))
+            inside, ends = number.clip(0, count - 1), 4 * np.arange(len(place) + 1)
+            entries = weight.ravel(), inside.ravel(), ends
+            window = csc_array(entries, shape=(count, len(place)))
             waves = phasors(np.outer(middle[own], -self.orders))
             columns = [np.ones(len(waves)), middle[own]]
             columns += [(sums[own] * waves).view(float) for sums in read.sums]
@@ -534,18 +536,6 @@ class OrderSums:
         self._noise = {}
         self._read = Stretches(self.samples, self.sampling_rate_hz, track, self.orders)
         return track.turns_at(self._read.edges_s), self._read
-
-
-def _sliding_window(place: FloatArray, steps: FloatArray, count: int) -> csc_array:
-    """Hann windows four hops long about each hop, over stretches, shape (count, stretches).
-
-    The stretches lie at ascending places [hops] and span angles of their own, their weights.
-    """
-    number = np.floor(place).astype(np.intp)[:, None] + np.arange(-1, 3)
-    weight = 0.5 + 0.5 * np.cos(0.5 * np.pi * (place[:, None] - number))
-    weight *= steps[:, None] * ((number >= 0) & (number < count))
-    inside, ends = number.clip(0, count - 1), 4 * np.arange(len(place) + 1)
-    return csc_array((weight.ravel(), inside.ravel(), ends), shape=(count, len(place)))
 
 
 class Stretches:

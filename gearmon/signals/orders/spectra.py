@@ -260,18 +260,14 @@ def _of_pieces(
         places = np.linspace(0.0, 0.5, _SHARES)
         shares = kernel(places) ** 2
         power /= np.interp(np.arange(power.shape[-1]) / length, places, shares)
-    floor, step, width = _floor(power), rate / length, rate / block
-    return FineSpectrum(power=power, floor=floor, step=step, width=width, pieces=len(sampled))
-
-
-def _floor(power: FloatArray) -> FloatArray:
-    """Noise under the lines; near zero, where the drift of a sensor rises steeply, seen closer."""
-    floor, width = local_floor(power, _FLOOR_BINS), _FLOOR_BINS // 2
-    while width >= _NARROWEST:
+    # noise under the lines; near zero, where the drift of a sensor rises steeply, seen closer
+    floor, bins = local_floor(power, _FLOOR_BINS), _FLOOR_BINS // 2
+    while bins >= _NARROWEST:
         # from the middle of its first window on the wider one tells
-        floor[..., :width] = local_floor(power[..., : 2 * width], width)[..., :width]
-        width //= 2
-    return floor
+        floor[..., :bins] = local_floor(power[..., : 2 * bins], bins)[..., :bins]
+        bins //= 2
+    step, width = rate / length, rate / block
+    return FineSpectrum(power=power, floor=floor, step=step, width=width, pieces=len(sampled))
 
 
 def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
@@ -295,25 +291,22 @@ def clear_peaks(spectrum: FineSpectrum, least_ratio: float) -> NDArray[np.intp]:
     of the channel in which it is clearest.
     """
     ratio = spectrum.power / spectrum.floor
-    per_width = spectrum.width / spectrum.step
-    high = (np.flatnonzero(row > least_ratio) for row in ratio)
-    found = [_peaks(level, own, per_width) for level, own in zip(spectrum.power, high, strict=True)]
+    per_width, found = spectrum.width / spectrum.step, []
+    for level, own in zip(spectrum.power, ratio, strict=True):
+        high = np.flatnonzero(own > least_ratio)
+        high = high[high > 2 * per_width]
+        # those that are no part and no side lobe of another one
+        value, kept = level[high], np.ones(len(high), dtype=bool)
+        for widths, share in _LOBES:
+            reach = round(widths * per_width)
+            first, stop = np.searchsorted(high, [high - reach, high + reach + 1])
+            kept &= value >= share * highest_between(value, first, stop)
+        found.append(high[kept])
     places = np.unique(np.concatenate(found))
     # of peaks that channels place a little differently, the clearest of each heap
     heap = np.cumsum(np.diff(places, prepend=places[:1]) > round(_LOBES[0][0] * per_width))
     order = np.lexsort((-ratio[:, places].max(axis=0), heap))
     return places[order[np.searchsorted(heap, np.unique(heap))]]
-
-
-def _peaks(level: FloatArray, high: NDArray[np.intp], per_width: float) -> NDArray[np.intp]:
-    """Those of the high bins that are no part and no side lobe of another one."""
-    high = high[high > 2 * per_width]
-    value, kept = level[high], np.ones(len(high), dtype=bool)
-    for widths, share in _LOBES:
-        reach = round(widths * per_width)
-        first, stop = np.searchsorted(high, [high - reach, high + reach + 1])
-        kept &= value >= share * highest_between(value, first, stop)
-    return high[kept]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

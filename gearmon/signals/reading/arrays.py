@@ -173,16 +173,6 @@ class Holding:
     what: str = ""
     size: int = 1 << 62
 
-    def numbered(self) -> Holding:
-        """Return it with the columns of its arrays described, and numbered through all of them."""
-        arrays, number = [], 1
-        for array in self.arrays:
-            units = [array.unit] * len(array.names) if array.unit else ()
-            columns = describe_columns(array.names, units, first=number, array=array.name)
-            arrays.append(replace(array, columns=columns))
-            number += len(columns)
-        return replace(self, arrays=tuple(arrays))
-
     @classmethod
     def of(cls, items: Mapping[str, Any], left_out: Sequence[str] = ()) -> Holding:
         """Return named arrays and single numbers as what a file holds.
@@ -242,7 +232,14 @@ class Holding:
                 f"{f' (it holds {others})' if others else ''}; an array of real numbers is needed, "
                 "with more samples than channels"
             )
-        holding = self.numbered()
+        # columns are described, and numbered through all arrays
+        arrays, number = [], 1
+        for array in self.arrays:
+            units = [array.unit] * len(array.names) if array.unit else ()
+            columns = describe_columns(array.names, units, first=number, array=array.name)
+            arrays.append(replace(array, columns=columns))
+            number += len(columns)
+        holding = replace(self, arrays=tuple(arrays))
         named = holding._named(wanted)
         chosen = named or [own for own in holding.arrays if own.has("vibration")] or holding.arrays
         first = chosen[0]

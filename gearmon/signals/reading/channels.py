@@ -124,10 +124,14 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
     rate_hz, rate_note = _sampling_rate(table, wanted.sampling_rate_hz, "; ".join(hints))
     kept, left_out = _usable(table, named_only=bool(wanted.channels))
     samples, taken = _taken(table.values, kept), [columns[index] for index in kept]
-    scaled = [_unit_and_scale(column) for column in taken]
-    for row, (_, scale) in enumerate(scaled):
+    units, scaled = list[str | None](), False
+    for column, row in zip(taken, samples, strict=True):
+        factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
+        units.append(column.unit if factor is None else _ACCELERATION_UNIT)
+        scale = (factor or 1.0) / column.sensitivity
         if scale != 1.0:
-            samples[row] *= scale
+            row *= scale
+            scaled = True
     others = [f"{column.label} ({column.kind})" for column in taken if column.kind != "vibration"]
     aside = f"not taken as vibration: {', '.join(others)}" if others else ""
     notes = [*table.notes, *hints, rate_note, *notes, aside, *left_out]
@@ -136,18 +140,16 @@ def interpret(table: Table, wanted: Wanted) -> dict[str, Any]:
         "sampling_rate_hz": rate_hz,
         "channel_names": tuple(column.name for column in taken),
         "channel_kinds": tuple(column.kind for column in taken),
-        "units": tuple(unit for unit, _ in scaled),
+        "units": tuple(units),
         "columns": tuple(column.number for column in taken),
         "origin": table.path,
-        "notes": tuple(_one_line(note) for note in notes if note),
+        # without what names of channels may do to a terminal
+        "notes": tuple(
+            "".join(sign if sign.isprintable() else " " for sign in note) for note in notes if note
+        ),
         "tacho_told": tacho_told,
-        "known_finite": all(scale == 1.0 for _, scale in scaled),
+        "known_finite": not scaled,
     }
-
-
-def _one_line(note: str) -> str:
-    """Leave out what names of channels may do to a terminal."""
-    return "".join(sign if sign.isprintable() else " " for sign in note)
 
 
 def _told(table: Table, wanted: Wanted) -> tuple[list[Column], list[str], bool]:
@@ -268,13 +270,6 @@ def _taken(values: FloatArray, kept: Sequence[int]) -> FloatArray:
     return np.ascontiguousarray(samples) if samples.nbytes <= _SMALL_BYTES else samples
 
 
-def _unit_and_scale(column: Column) -> tuple[str | None, float]:
-    """Return the physical unit of a channel, and what its numbers must be multiplied by."""
-    factor = acceleration_factor(column.unit) if column.kind == "vibration" else None
-    unit = column.unit if factor is None else _ACCELERATION_UNIT
-    return unit, (factor or 1.0) / column.sensitivity
-
-
 @dataclass(frozen=True, kw_only=True)
 class Spacing:
     """How time stamps follow each other.
@@ -337,8 +332,13 @@ def spacing(stamps: FloatArray) -> Spacing:
     least = 0.0 if coarse and step > 0 else np.finfo(float).tiny
     tolerance = np.inf if coarse or usual <= 0 else resolution + _JITTER * usual
     fault, row = _fault(stamps, usual, max(usual - tolerance, least), usual + tolerance)
-    slope, off = _straight_line(stamps)
-    drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * len(stamps)
+    # the best straight line, of whose slope rounding averages out, and what is left beside it
+    count = len(stamps)
+    number, off = np.arange(count) - 0.5 * (count - 1), stamps - stamps.mean()
+    slope = float(off @ number) * 12.0 / (count * (count**2 - 1.0))
+    number *= slope
+    off -= number
+    drift = 0.0 if resolution > _DOUBTFUL * step else _DRIFT * count
     rounded = resolution if coarse else 0.5 * resolution
     if not fault and max(off.max(), -off.min()) > rounded + (_JITTER + drift) * step:
         row = int(np.abs(off).argmax())
@@ -347,7 +347,7 @@ def spacing(stamps: FloatArray) -> Spacing:
     found = Spacing(step=abs(step), coarse=coarse, fault=fault, row=row)
     if exact or fault:
         return found
-    return replace(found, step=slope, uncertainty=resolution / (step * len(stamps)))
+    return replace(found, step=slope, uncertainty=resolution / (step * count))
 
 
 def even_step(values: FloatArray) -> float:
@@ -404,19 +404,6 @@ def _resolution(stamps: FloatArray) -> float:
     return max(map(unit, parts))
 
 
-def _straight_line(stamps: FloatArray) -> tuple[float, FloatArray]:
-    """Return the slope of the best straight line, and what is left beside it.
-
-    Rounding averages out of the slope.
-    """
-    count = len(stamps)
-    number, beside = np.arange(count) - 0.5 * (count - 1), stamps - stamps.mean()
-    slope = float(beside @ number) * 12.0 / (count * (count**2 - 1.0))
-    number *= slope
-    beside -= number
-    return slope, beside
-
-
 def _sampling_rate(table: Table, given_hz: float | None, hint: str) -> tuple[float, str]:
     """Return the sampling rate of a recording, and what was assumed; "" if nothing.
 
@@ -453,8 +440,15 @@ def _sampling_rate(table: Table, given_hz: float | None, hint: str) -> tuple[flo
             f"{table.path}: has no time column and does not say its sampling rate; give "
             f"--sampling-rate HZ{f' ({told})' if told else ''}"
         )
+    # the channels beside a further time column have the rate that it tells
     for index in times[1:] if given_hz is None else ():
-        _refuse_another_rate(table, index, rate_hz)
+        column, found = table.columns[index], spacing(table.values[index])
+        if found.step and not found.fault and not found.units(time_factor(column.unit), rate_hz):
+            raise RecordingError(
+                f"{table.path}, {column.label}: goes up by {found.step:.6g} {column.unit or ''} a "
+                f"row, but another time column says {rate_hz:.7g} Hz; delete the one that is "
+                "wrong, or give channels of another rate a file of their own"
+            )
     return rate_hz, note
 
 
@@ -495,14 +489,3 @@ def _from_stamps(
             f"--sampling-rate HZ (it must be about {derived_hz:.4g})"
         )
     return derived_hz, f"{column.label} has no unit: taken as seconds" if known is None else ""
-
-
-def _refuse_another_rate(table: Table, index: int, rate_hz: float) -> None:
-    """Refuse a further time column that tells another rate: the channels beside it have that."""
-    column, found = table.columns[index], spacing(table.values[index])
-    if found.step and not found.fault and not found.units(time_factor(column.unit), rate_hz):
-        raise RecordingError(
-            f"{table.path}, {column.label}: goes up by {found.step:.6g} {column.unit or ''} a row, "
-            f"but another time column says {rate_hz:.7g} Hz; delete the one that is wrong, or give "
-            "channels of another rate a file of their own"
-        )

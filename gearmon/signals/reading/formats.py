@@ -141,10 +141,8 @@ def read_file(path: str | Path, wanted: Wanted) -> Table:
     """
     source = open_source(path)
     found = identify(source)
-    return _read_arrays(source, found, wanted) if found else read_table(source, wanted)
-
-
-def _read_arrays(source: Source, found: Format, wanted: Wanted) -> Table:
+    if found is None:
+        return read_table(source, wanted)
     if found.loader is None:
         raise RecordingError(
             f"{source.path}: looks like {found.what}, which is not read here; {found.remedy} "
@@ -379,20 +377,17 @@ def _read_parquet(path: str) -> Iterator[Holding]:
     import pyarrow.parquet as parquet
 
     with parquet.ParquetFile(path, page_checksum_verification=True) as file:
-        _check_pages(path, file.metadata)
+        # pages that do not end where what stands behind them begins: later values are moved
+        told = file.metadata
+        groups = map(told.row_group, range(told.num_row_groups))
+        chunks = [group.column(k) for group in groups for k in range(told.num_columns)]
+        begins = (own.dictionary_page_offset or own.data_page_offset for own in chunks)
+        ends = [at + own.total_compressed_size for at, own in zip(begins, chunks, strict=True)]
+        indexed = any(own.has_offset_index or own.has_column_index for own in chunks)
+        end = os.path.getsize(path) - 8 - told.serialized_size
+        if ends and not indexed and max(ends) != end:
+            raise ValueError(f"the pages of its table end at byte {max(ends)}, not {end}")
         yield _parquet_columns(file)
-
-
-def _check_pages(path: str, told: Any) -> None:
-    """Refuse pages that do not end where what stands behind them begins: later values are moved."""
-    groups = map(told.row_group, range(told.num_row_groups))
-    chunks = [group.column(k) for group in groups for k in range(told.num_columns)]
-    begins = (own.dictionary_page_offset or own.data_page_offset for own in chunks)
-    ends = [begin + own.total_compressed_size for begin, own in zip(begins, chunks, strict=True)]
-    indexed = any(own.has_offset_index or own.has_column_index for own in chunks)
-    end = os.path.getsize(path) - 8 - told.serialized_size
-    if ends and not indexed and max(ends) != end:
-        raise ValueError(f"the pages of its table end at byte {max(ends)}, not {end}")
 
 
 def _parquet_columns(file: Any) -> Holding:
@@ -520,19 +515,15 @@ def _function(number: int, one: dict[str, Any], taken: Sequence[Array]) -> Array
         raise ValueError(f"function {number}: {len(samples)} samples where {told} are announced")
     if not (one["abscissa_spacing"] and step > 0):
         raise ValueError(f"function {number} is not evenly spaced, or by {step:g} s")
-    name, unit = _place(number, one, taken), plain_text(one["ordinate_axis_units_lab"]) or None
-    # single precision spacing: seven digits are told, no more
-    return Array.of(name, samples, unit=unit, rate_hz=float(f"{1.0 / step:.13g}"))
-
-
-def _place(number: int, one: dict[str, Any], taken: Sequence[Array]) -> str:
-    """Return a name that says where the signal was taken, as far as the file tells."""
-    way = int(one["rsp_dir"])
+    # where the signal was taken, as far as the file tells
+    way, node = int(one["rsp_dir"]), str(one["rsp_node"]) if one["rsp_node"] else ""
     direction = "+-"[way < 0] + _AXES[abs(way)] if 0 < abs(way) < len(_AXES) else ""
-    node = str(one["rsp_node"]) if one["rsp_node"] else ""
     name = " ".join(filter(None, (plain_text(one["rsp_ent_name"]), node, direction)))
     name = name or plain_text(one["id1"]) or f"function {number}"
-    return name if all(own.name != name for own in taken) else f"{name} ({number})"
+    name = name if all(own.name != name for own in taken) else f"{name} ({number})"
+    unit = plain_text(one["ordinate_axis_units_lab"]) or None
+    # single precision spacing: seven digits are told, no more
+    return Array.of(name, samples, unit=unit, rate_hz=float(f"{1.0 / step:.13g}"))
 
 
 def _read_flac(path: str) -> Iterator[Holding]:

@@ -12,7 +12,7 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
+from itertools import islice, product
 
 from gearmon.errors import RecordingError
 from gearmon.signals.reading.columns import LONGEST_QUOTE, Column, describe_columns, shortened
@@ -126,7 +126,9 @@ class Dialect:
                 if not stamps_allowed or to_microseconds(field) is None:
                     return None
                 stamps_allowed = False  # one such column at most
-        return fields if any(map(_says_number, fields)) else None
+        # a line of dashes is no row; one of NaN is
+        says = (any(map(str.isdigit, own)) or own[-3:].lower() in ("nan", "inf") for own in fields)
+        return fields if any(says) else None
 
     def fitting(self, line: str) -> list[str] | None:
         """Return the fields of the line if it is a row of this table, else None."""
@@ -218,7 +220,9 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect:
         damaged.
     """
     for count in (_SAMPLE, len(lines)):  # is there a text below the rows?
-        sample = _sample(lines, count)
+        # the last lines that are neither remarks nor empty
+        filled = (line for line in reversed(lines) if line.strip(_EMPTY) and not is_comment(line))
+        sample = list(islice(filled, count))[::-1]
         dialect = _most_likely(sample)
         if dialect is not None:
             break
@@ -232,7 +236,13 @@ def find_layout(path: str, lines: Sequence[str]) -> Dialect:
     rows = [line for line in sample if dialect.fitting(line) is not None]
     first, above = _first_row(path, lines, dialect)
     dialect = _widened(_decided(path, dialect, rows, above), rows, above)
-    dialect = replace(dialect, first_line=first, rate_hint=_rate_hint(above))
+    # what seems to tell the sampling rate in the lines of text above the first row
+    told = (
+        f"line {number} says '{shortened(text.strip())}'"
+        for number, text in above
+        if _RATE.search(text) and any(map(str.isdigit, text))
+    )
+    dialect = replace(dialect, first_line=first, rate_hint=next(told, ""))
     dialect = _with_names(path, dialect, above)
     return _with_counted_names(dialect, lines[first - 1], rows)
 
@@ -258,44 +268,31 @@ def _without_rows(lines: Sequence[str]) -> str:
     )
 
 
-def _sample(lines: Sequence[str], count: int) -> list[str]:
-    """Return the last lines that are neither remarks nor empty."""
-    filled = (line for line in reversed(lines) if line.strip(_EMPTY) and not is_comment(line))
-    return list(islice(filled, count))[::-1]
-
-
 def _most_likely(sample: Sequence[str]) -> Dialect | None:
-    """Return the dialect in which most lines of the sample are rows of one length."""
+    """Return the dialect in which most lines of the sample are rows of one length.
+
+    It has what these rows tell.
+    """
     commas, quotes = (any(mark in line for line in sample) for mark in ',"')
-    tried = (
-        _fitted(sample, Dialect(separator=mark, decimal=decimal))
-        for mark in _SEPARATORS
-        for decimal in ".,"
-        if decimal == "." or (commas and (mark != "," or quotes))
-    )
-    return max(tried, key=lambda found: found[1])[0]
-
-
-def _fitted(sample: Sequence[str], dialect: Dialect) -> tuple[Dialect | None, int]:
-    """Return the dialect with what the rows that the sample has in it tell, and their number."""
-    mark = dialect.separator
-    rows = [(line, row) for line in sample if (row := dialect.row(line)) is not None]
-    parted = sum(len(line.split()) > 1 if mark == " " else mark in line for line, _ in rows)
-    if not rows or 2 * parted < len(rows):
-        return None, 0
-    length, count = Counter(len(row) for _, row in rows).most_common(1)[0]
-    alike = [row for _, row in rows if len(row) == length]
-    columns = max(len(without_empty_end(row)) for row in alike)
-    moments = [*map(to_microseconds, alike[0])]
-    stamp = next((k for k, own in enumerate(moments) if own is not None), None)
-    origin = 0 if stamp is None else moments[stamp] or 0
-    dialect = replace(dialect, columns=columns, trailing=length > columns)
-    return replace(dialect, stamp=stamp, stamp_origin=origin), count
-
-
-def _says_number(field: str) -> bool:
-    # A line of dashes is no row; one of NaN is.
-    return any(character.isdigit() for character in field) or field[-3:].lower() in ("nan", "inf")
+    best, most = None, 0
+    for mark, decimal in product(_SEPARATORS, ".,"):
+        if decimal == "," and not (commas and (mark != "," or quotes)):
+            continue
+        dialect = Dialect(separator=mark, decimal=decimal)
+        rows = [(line, row) for line in sample if (row := dialect.row(line)) is not None]
+        parted = sum(len(line.split()) > 1 if mark == " " else mark in line for line, _ in rows)
+        lengths = Counter(len(row) for _, row in rows).most_common(1)
+        if 2 * parted < len(rows) or not lengths or lengths[0][1] <= most:
+            continue
+        length, most = lengths[0]
+        alike = [row for _, row in rows if len(row) == length]
+        columns = max(len(without_empty_end(row)) for row in alike)
+        moments = [*map(to_microseconds, alike[0])]
+        stamp = next((k for k, own in enumerate(moments) if own is not None), None)
+        origin = 0 if stamp is None else moments[stamp] or 0
+        best = replace(dialect, columns=columns, trailing=length > columns)
+        best = replace(best, stamp=stamp, stamp_origin=origin)
+    return best
 
 
 def _first_row(path: str, lines: Sequence[str], dialect: Dialect) -> tuple[int, list[Line]]:
@@ -383,14 +380,6 @@ def _with_counted_names(dialect: Dialect, first: str, rows: Sequence[str]) -> Di
     if whole or len(below) < _FEWEST_BELOW:
         return dialect
     return replace(dialect, first_line=dialect.first_line + 1, names=cells)
-
-
-def _rate_hint(above: Sequence[Line]) -> str:
-    """Return what seems to tell the sampling rate in the lines of text above the first row."""
-    for number, text in above:
-        if _RATE.search(text) and any(character.isdigit() for character in text):
-            return f"line {number} says '{shortened(text.strip())}'"
-    return ""
 
 
 def _with_names(path: str, dialect: Dialect, above: Sequence[Line]) -> Dialect:

@@ -20,7 +20,7 @@ from math import gcd
 import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
-from gearmon.arrays import BoolArray, FloatArray, IntArray
+from gearmon.arrays import BoolArray, FloatArray
 from gearmon.signals.orders.spectra import FineSpectrum
 from gearmon.signals.threads import side_by_side
 from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack
@@ -165,7 +165,14 @@ def mesh_evidence(
     tuple of MeshEvidence
         One a mesh.
     """
-    judged = _JudgedSpectrum(scan, scan.track(_unseen(scan)))
+    # the speed is told by blocks that share no sample with the kept ones, all if there are too few
+    blocks = np.arange(len(scan.centre_s))
+    if len(blocks) >= 4:
+        # in time, not in numbers: the last block may stand closer to its neighbour than the others
+        centre = scan.centre_s
+        distance = np.abs(centre[:, None] - centre[scan.kept][None, :]).min(axis=1)
+        blocks = blocks[distance >= 0.999 * scan.stride * float(np.median(np.diff(centre)))]
+    judged = _JudgedSpectrum(scan, scan.track(blocks))
 
     def evidence(index: int) -> MeshEvidence:
         others = [mesh for i, mesh in enumerate(meshes) if i != index]
@@ -260,18 +267,6 @@ class _JudgedSpectrum:
         index = np.rint(place, out=place).astype(np.intp)
         # beyond the last bin its value stands
         return np.asarray(self.quality.take(index, mode="clip"))
-
-
-def _unseen(scan: SpeedScan) -> IntArray:
-    """Blocks that share no sample with the kept ones; all of them if there are too few."""
-    blocks = np.arange(len(scan.centre_s))
-    if len(blocks) < 4:
-        return blocks
-    # in time, not in numbers: the last block may stand closer to its neighbour than the others
-    centre = scan.centre_s
-    distance = np.abs(centre[:, None] - centre[scan.kept][None, :]).min(axis=1)
-    needed = 0.999 * scan.stride * float(np.median(np.diff(centre)))
-    return np.asarray(blocks[distance >= needed])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -705,8 +705,22 @@ def _lost(told: SlidingLines, time_s: FloatArray, cuts: Sequence[int]) -> LostSt
 
 def _displacement(told: SlidingLines, cuts: Sequence[int], reach: float) -> float | None:
     """How far the angle has slipped in a stretch, some turns at most; None if unclear [turns]."""
-    order = told.orders
-    turned, sure = _turned(told, cuts)
+    order, means = told.orders, []
+    most, least = int(_BESIDE_TURNS / told.hop), int(np.ceil(_LEAST_BESIDE / told.hop))
+    # blocks that reach into the stretch hold what is lost
+    first, start, stop, last = cuts[0] + 3, cuts[1] - 3, cuts[2] + 3, cuts[3] - 3
+    variance = np.full(len(order), (2 * np.pi * _TURNED_CYCLES) ** 2)
+    for low, high in ((max(first, start - most), start), (stop, min(last, stop + most))):
+        if high - low < least:
+            return None
+        rows = told.amplitude[low:high]
+        mean = rows.mean(axis=0)
+        noise = np.mean(np.abs(rows - mean) ** 2, axis=0) * _QUARTER_HOP / len(rows)
+        variance += 0.5 * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny)
+        means.append(mean)
+    # by how many cycles lines are turned after the stretch, and how surely
+    turned = np.angle(means[1] * np.conj(means[0])) / (2 * np.pi)
+    sure = np.where(variance < 1, 1 / variance, 0.0)
     if sure.sum() < 2 * _TOLD:
         return None
     # lines that are turned alike are told apart within half a cycle of their mean order
@@ -721,25 +735,6 @@ def _displacement(told: SlidingLines, cuts: Sequence[int], reach: float) -> floa
         return None
     found = float(tried[best])
     return 0.0 if abs(found) <= lobe else found
-
-
-def _turned(lines: SlidingLines, cuts: Sequence[int]) -> tuple[FloatArray, FloatArray]:
-    """By how many cycles lines are turned after a stretch, and how surely."""
-    most, least = int(_BESIDE_TURNS / lines.hop), int(np.ceil(_LEAST_BESIDE / lines.hop))
-    # blocks that reach into the stretch hold what is lost
-    first, start, stop, last = cuts[0] + 3, cuts[1] - 3, cuts[2] + 3, cuts[3] - 3
-    variance = np.full(len(lines.orders), (2 * np.pi * _TURNED_CYCLES) ** 2)
-    means = []
-    for low, high in ((max(first, start - most), start), (stop, min(last, stop + most))):
-        if high - low < least:
-            return np.zeros(0), np.zeros(0)
-        rows = lines.amplitude[low:high]
-        mean = rows.mean(axis=0)
-        noise = np.mean(np.abs(rows - mean) ** 2, axis=0) * _QUARTER_HOP / len(rows)
-        variance += 0.5 * noise / np.maximum(np.abs(mean) ** 2, np.finfo(float).tiny)
-        means.append(mean)
-    turned = np.angle(means[1] * np.conj(means[0])) / (2 * np.pi)
-    return turned, np.where(variance < 1, 1 / variance, 0.0)
 
 
 def _astray(cuts: Sequence[int], lost: tuple[LostStretch, ...]) -> FloatArray:

@@ -137,20 +137,7 @@ def find_pulses(
         If there are fewer than four pulses, or more than 2 % have to be repaired.
     """
     low, high = float(np.min(waveform)), float(np.max(waveform))
-    raw = _edges(waveform, 0.5 * (low + high), _HYSTERESIS * (high - low)) / sampling_rate_hz
-    if len(raw) < _FEWEST_PULSES:
-        times = len(waveform) > _FEWEST_PULSES and bool(np.all(np.diff(waveform) > 0))
-        rise = "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
-        hint = rise if times else ""
-        raise RecordingError(
-            f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
-            f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
-        )
-    return repair(raw, per_turn)
-
-
-def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
-    """Fractional samples at which the waveform rises through the middle, with hysteresis."""
+    middle, margin = 0.5 * (low + high), _HYSTERESIS * (high - low)
     state = np.zeros(len(waveform), dtype=np.int8)
     state[waveform > middle + margin] = 1
     state[waveform < middle - margin] = -1
@@ -160,7 +147,16 @@ def _edges(waveform: FloatArray, middle: float, margin: float) -> FloatArray:
     ups = np.flatnonzero((waveform[:-1] <= middle) & (waveform[1:] > middle))
     before = ups[np.searchsorted(ups, known[rises])]
     height = waveform[before]
-    return np.asarray(before + (middle - height) / (waveform[before + 1] - height))
+    raw = (before + (middle - height) / (waveform[before + 1] - height)) / sampling_rate_hz
+    if len(raw) < _FEWEST_PULSES:
+        times = len(waveform) > _FEWEST_PULSES and bool(np.all(np.diff(waveform) > 0))
+        rise = "; its values only rise, as times of pulses do: give those to track_from_pulse_times"
+        hint = rise if times else ""
+        raise RecordingError(
+            f"tacho channel: {len(raw)} pulses found between {low:g} and {high:g}; at least 4 are "
+            f"needed. Name the right channel with --tacho, or leave the tacho out{hint}"
+        )
+    return repair(raw, per_turn)
 
 
 def repair(time_s: ArrayLike, per_turn: int | None = None) -> TachoPulses:
@@ -477,7 +473,16 @@ def track_from_pulses(
     whole = (len(time_s) - 1) // count + 1
     if whole < 3:
         raise RecordingError(f"tacho channel: {whole} turns recorded, at least 3 are needed")
-    _check_ends(time_s, count, duration_s)
+    # of the rest of the recording nobody knows the speed
+    before = time_s[0] / (time_s[count] - time_s[0])
+    after = (duration_s - time_s[-1]) / (time_s[-1] - time_s[-1 - count])
+    missing = int(count * before) + int(count * after)
+    if missing > max(2, _REPAIRABLE * len(time_s)):
+        raise RecordingError(
+            f"tacho channel: pulses from {time_s[0]:.4g} to {time_s[-1]:.4g} s of {duration_s:.4g} "
+            f"s only, {missing} are missing beside them; at most 2 % can be. Check the sensor, cut "
+            "the recording, or leave the tacho out"
+        )
     turns = _turns(time_s, count) / shaft_order
     slope = float((turns[-1] - turns[0]) / (time_s[-1] - time_s[0]))
     # less jitter of an encoder, and fewer knots
@@ -488,19 +493,6 @@ def track_from_pulses(
     indexed, doubt = count == 1 and shaft_order == 1.0, _jitter(time_s, turns) * slope
     track = track_through(knots_s, angle, duration_s)
     return replace(track, indexed=indexed, uncertainty_turns=doubt)
-
-
-def _check_ends(time_s: FloatArray, per_turn: int, duration_s: float) -> None:
-    """Refuse pulses of a part of the recording: nobody knows the speed of the rest."""
-    before = time_s[0] / (time_s[per_turn] - time_s[0])
-    after = (duration_s - time_s[-1]) / (time_s[-1] - time_s[-1 - per_turn])
-    missing = int(per_turn * before) + int(per_turn * after)
-    if missing > max(2, _REPAIRABLE * len(time_s)):
-        raise RecordingError(
-            f"tacho channel: pulses from {time_s[0]:.4g} to {time_s[-1]:.4g} s of {duration_s:.4g} "
-            f"s only, {missing} are missing beside them; at most 2 % can be. Check the sensor, cut "
-            "the recording, or leave the tacho out"
-        )
 
 
 def track_through(time_s: FloatArray, turns: FloatArray, duration_s: float) -> AngleTrack:

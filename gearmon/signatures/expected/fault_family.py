@@ -182,30 +182,29 @@ class FaultFamily(Result):
         `mesh_change_ms2` that of the change of the mesh harmonics, `healthy_ms2` that of the
         healthy mesh, all up to the highest frequency asked for.
         """
-        return [self._row(member) for member in self.members]
+        names = ("kind", "stage", "gear", "size", "loss", "operating", "teeth")
+        rows = []
+        for member in self.members:
+            lines, even = member.lines.of_tooth(), member.sound
+            mine, is_mesh = lines.acceleration, lines.number % lines.period == 0
+            # a mesh line that the healthy set has not is new
+            known = zip(even.number, even.carrier, strict=True)
+            sound = dict(zip(known, even.acceleration, strict=True))
+            places = zip(lines.number[is_mesh] // lines.period, lines.carrier[is_mesh], strict=True)
+            meshes = mine[is_mesh] - np.array([sound.get(place, 0.0) for place in places])
+            sizes = {
+                "lines": len(mine),
+                "healthy_ms2": rms(even.acceleration),
+                "sidebands_ms2": rms(mine[~is_mesh]),
+                "mesh_change_ms2": rms(meshes),
+            }
+            solved = {name: getattr(lines, name) for name in ("contact_lost", "method", "error")}
+            rows.append({name: getattr(member, name) for name in names} | sizes | solved)
+        return rows
 
     def to_dict(self) -> dict[str, Any]:
         """Return machine, rows and notes as built-in types that JSON can hold."""
         return {"machine": self.machine.name, "rows": self.rows(), "notes": list(self.notes)}
-
-    def _row(self, member: FamilyMember) -> dict[str, Any]:
-        lines, even = member.lines.of_tooth(), member.sound
-        mine, is_mesh = lines.acceleration, lines.number % lines.period == 0
-        # a mesh line that the healthy set has not is new
-        known = zip(even.number, even.carrier, strict=True)
-        sound = dict(zip(known, even.acceleration, strict=True))
-        places = zip(lines.number[is_mesh] // lines.period, lines.carrier[is_mesh], strict=True)
-        meshes = mine[is_mesh] - np.array([sound.get(place, 0.0) for place in places])
-        names = ("kind", "stage", "gear", "size", "loss", "operating", "teeth")
-        return {name: getattr(member, name) for name in names} | {
-            "lines": len(mine),
-            "healthy_ms2": rms(even.acceleration),
-            "sidebands_ms2": rms(mine[~is_mesh]),
-            "mesh_change_ms2": rms(meshes),
-            "contact_lost": lines.contact_lost,
-            "method": lines.method,
-            "error": lines.error,
-        }
 
 
 def fault_family(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -69,14 +69,6 @@ class Mode:
         """Return the parts that hold most of the strain energy, in words."""
         parts = sorted(self.strain_energy.items(), key=lambda own: -own[1])[:3]
         return ", ".join(f"{part} {share:.0%}" for part, share in parts if share >= 0.05)
-
-    def row(self) -> dict[str, Any]:
-        """Return all but the shape, with a column for each part that is strained."""
-        plain = {name: own for name, own in vars(self).items() if name not in _NESTED}
-        return plain | {f"strain {part}": share for part, share in self.strain_energy.items()}
-
-
-_NESTED = ("strain_energy", "shape")
 
 
 @dataclass(frozen=True)
@@ -169,8 +161,13 @@ class Modes(Result):
         )
 
     def frame_rows(self) -> list[dict[str, Any]]:
-        """Return a row for each mode."""
-        return [mode.row() for mode in self.rows]
+        """Return a row for each mode, with a column for each part that is strained."""
+        single = [own.name for own in fields(Mode) if own.name not in ("strain_energy", "shape")]
+        return [
+            {name: getattr(mode, name) for name in single}
+            | {f"strain {part}": share for part, share in mode.strain_energy.items()}
+            for mode in self.rows
+        ]
 
     def campbell_rows(self, meetings: Iterable[Meeting] | None = None) -> list[dict[str, Any]]:
         """Return a row for each meeting, or for those given."""

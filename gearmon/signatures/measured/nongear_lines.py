@@ -222,7 +222,12 @@ def nongear_lines(
     top = max([_ENVELOPE_ORDER] + [_ENVELOPE_HARMONICS * order for order in bearings])
     envelope = spectra.fine_envelope_spectrum(vibration, top, pieces)
     beats = _noise_grid("envelope", envelope, course)
-    found += _of_envelope(_Standing(beats, envelope, course, train))
+    modulations = _Standing(beats, envelope, course, train)
+    reach, power = course.reach(envelope.width), modulations.power
+    # slow wander of load and speed modulates everything
+    kept = power > course.skirt(modulations.places) * modulations.about(reach)
+    for i in np.flatnonzero(kept & (modulations.places > reach)):
+        found.append(modulations.line(i, [modulations.places[i]] * 3, "shaft"))
     found.sort(key=lambda line: -max(line.over_noise_db))
     # lines are listed from the level of those left out
     left_out = {own.kind: own.least_db for own in (grid, beats)}
@@ -279,23 +284,6 @@ def _highest_within(values: FloatArray, reach: IntArray) -> FloatArray:
     return highest_between(values, *ends)
 
 
-def _hidden(spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None) -> FloatArray:
-    """Power up to which a line is taken for a part of stronger ones about it, cell by cell."""
-    highest = _highest_in_cells(spectrum, 1 / _CELLS_AN_ORDER)
-    orders = (np.arange(highest.shape[-1]) + 0.5) / _CELLS_AN_ORDER
-    reach = 1 + int(np.ceil(course.reach(spectrum.width) * _CELLS_AN_ORDER))
-    hidden = course.skirt(orders) * _highest_within(highest, np.full(len(orders), reach))
-    if in_time is None:
-        return np.asarray(hidden)
-    # what was smeared over angle, or is near enough to what was not
-    swing = max(course.high / course.mean - 1, 1 - course.low / course.mean)
-    cells = 1 + np.ceil((swing * orders + 2 * spectrum.width) * _CELLS_AN_ORDER)
-    count = min(in_time.shape[-1], hidden.shape[-1])
-    wide = _highest_within(in_time, 2 ** np.ceil(np.log2(cells[:count])).astype(int))
-    hidden[:, :count] = np.maximum(hidden[:, :count], wide / _SHARPER)
-    return np.asarray(hidden)
-
-
 def _noise_grid(
     kind: str, spectrum: FineSpectrum, course: _Course, in_time: FloatArray | None = None
 ) -> NoiseGrid:
@@ -307,6 +295,18 @@ def _noise_grid(
     looked_at = 1.5 * channels * spectrum.top / spectrum.width
     # so few peaks of noise stand so far above its mean
     least = gammainccinv(spectrum.pieces, min(0.5, _NOISE_PEAKS / looked_at)) / spectrum.pieces
+    # up to a share of stronger lines about it a line is taken for a part of these
+    highest = _highest_in_cells(spectrum, 1 / _CELLS_AN_ORDER)
+    orders = (np.arange(highest.shape[-1]) + 0.5) / _CELLS_AN_ORDER
+    reach = 1 + int(np.ceil(course.reach(spectrum.width) * _CELLS_AN_ORDER))
+    hidden = course.skirt(orders) * _highest_within(highest, np.full(len(orders), reach))
+    if in_time is not None:
+        # so is what was smeared over angle, or is near enough to what was not
+        swing = max(course.high / course.mean - 1, 1 - course.low / course.mean)
+        cells = 1 + np.ceil((swing * orders + 2 * spectrum.width) * _CELLS_AN_ORDER)
+        count = min(in_time.shape[-1], hidden.shape[-1])
+        wide = _highest_within(in_time, 2 ** np.ceil(np.log2(cells[:count])).astype(int))
+        hidden[:, :count] = np.maximum(hidden[:, :count], wide / _SHARPER)
     return NoiseGrid(
         kind=kind,
         width=spectrum.width,
@@ -315,7 +315,7 @@ def _noise_grid(
         least_db=float(10 * np.log10(least)),
         looked_at=looked_at,
         noise_db=10 * np.log10(noise),
-        hidden_db=_decibels(_hidden(spectrum, course, in_time)),
+        hidden_db=_decibels(hidden),
     )
 
 
@@ -427,14 +427,6 @@ def _sharp_in_time(found: _Standing, by_angle: FineSpectrum) -> Iterator[NonGear
     kept &= found.power > _SKIRT_SHARE * found.about(reach * course.mean)
     for i in np.flatnonzero(kept):
         yield found.line(i, [hertz[i] / course.mean, low[i], high[i]], "time")
-
-
-def _of_envelope(found: _Standing) -> Iterator[NonGearLine]:
-    orders, reach = found.places, found.course.reach(found.spectrum.width)
-    # slow wander of load and speed modulates everything
-    kept = (orders > reach) & (found.power > found.course.skirt(orders) * found.about(reach))
-    for i in np.flatnonzero(kept):
-        yield found.line(i, [orders[i]] * 3, "shaft")
 
 
 def harmonic_sources(lines: Sequence[NonGearLine], widths: dict[str, float]) -> list[list[int]]:

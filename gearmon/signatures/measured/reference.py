@@ -409,33 +409,30 @@ def read_reference(path: str | Path) -> Reference:
     told_of = "gearmon reference", "learn it", "make one with gearmon learn"
     with reading_archive(path, (FORMAT,), *told_of) as (header, arrays):
         reference: Reference = restored(Reference, header["reference"], arrays)
-        _check(reference)
+        # a file may be damaged and still be an archive: what no recording gives is refused
+        channels, profiles = len(reference.channel_names), reference.profiles
+        _need(0 < channels == len(set(reference.channel_names)), "channels")
+        _need(bool(profiles) and bool(reference.family_names), "recordings")
+        _check_held("", reference, channels)
+        _need(len({profile.band_db.shape for profile in profiles}) == 1, "broadband levels")
+        gears = {tuple((own.stage, own.gear, own.teeth) for own in p.wheels) for p in profiles}
+        _need(len(gears) == 1 and all(gears), "gears")
+        for profile in profiles:
+            levels, foreign = (profile.level_db, profile.scatter_db, profile.heard), profile.foreign
+            _need(all(len(own.T) == len(profile.family_names) for own in levels), "levels")
+            _need(set(reference.family_names) <= set(profile.family_names), "families")
+            _need(tuple(grid.kind for grid in foreign.grids) == KINDS, "spectra")
+            seen = [own for grid in foreign.grids for own in (grid.noise_db, grid.hidden_db)]
+            _need(all(own.size for own in (foreign.in_time_db, *seen)), "spectra")
+            known = (line.kind in KINDS and line.locked in LOCKS for line in foreign)
+            _need(all(known), "other lines")
+            for wheel in profile.wheels:
+                of_lines = wheel.number, wheel.mesh, wheel.amplitude.T, wheel.variance.T
+                _need(len({len(own) for own in of_lines}) == 1, "lines")
+                _need(wheel.beside.shape == wheel.beside_variance.shape, "lines beside")
+                whole = wheel.beside.shape == (2, *wheel.amplitude.shape)
+                _need(whole or not wheel.beside.size, "lines beside")
     return reference
-
-
-def _check(reference: Reference) -> None:
-    """Refuse what no recording gives: a file may be damaged and still be an archive."""
-    channels, profiles = len(reference.channel_names), reference.profiles
-    _need(0 < channels == len(set(reference.channel_names)), "channels")
-    _need(bool(profiles) and bool(reference.family_names), "recordings")
-    _check_held("", reference, channels)
-    _need(len({profile.band_db.shape for profile in profiles}) == 1, "broadband levels")
-    gears = {tuple((own.stage, own.gear, own.teeth) for own in p.wheels) for p in profiles}
-    _need(len(gears) == 1 and all(gears), "gears")
-    for profile in profiles:
-        levels, foreign = (profile.level_db, profile.scatter_db, profile.heard), profile.foreign
-        _need(all(len(own.T) == len(profile.family_names) for own in levels), "levels")
-        _need(set(reference.family_names) <= set(profile.family_names), "families")
-        _need(tuple(grid.kind for grid in foreign.grids) == KINDS, "spectra")
-        looked_at = [own for grid in foreign.grids for own in (grid.noise_db, grid.hidden_db)]
-        _need(all(own.size for own in (foreign.in_time_db, *looked_at)), "spectra")
-        _need(all(line.kind in KINDS and line.locked in LOCKS for line in foreign), "other lines")
-        for wheel in profile.wheels:
-            of_lines = wheel.number, wheel.mesh, wheel.amplitude.T, wheel.variance.T
-            _need(len({len(own) for own in of_lines}) == 1, "lines")
-            _need(wheel.beside.shape == wheel.beside_variance.shape, "lines beside")
-            whole = not wheel.beside.size or wheel.beside.shape == (2, *wheel.amplitude.shape)
-            _need(whole, "lines beside")
 
 
 def _check_held(name: str, held: Any, channels: int) -> None:
