@@ -144,13 +144,6 @@ def _is_own(path: Path, command: str) -> bool:
     return state == _state(path) and writer in (command, "python")
 
 
-def _set_mark(path: Path) -> None:
-    writer = _WRITER.get()
-    told = f"{writer.command if writer else 'python'} {_state(path)}"
-    with suppress(AttributeError, OSError):  # not every file system keeps marks
-        os.setxattr(path, _MARK, told.encode())
-
-
 def _state(path: Path) -> str:
     found = path.stat()
     return f"{found.st_size} {found.st_mtime_ns}"
@@ -200,7 +193,10 @@ def replacing(path: str | Path) -> Iterator[Path]:
         raise ArgumentError(f"{path}: cannot write there ({error.strerror})") from None
     try:
         yield temporary
-        _set_mark(temporary)
+        writer = _WRITER.get()
+        mark = f"{writer.command if writer else 'python'} {_state(temporary)}"
+        with suppress(AttributeError, OSError):  # not every file system keeps marks
+            os.setxattr(temporary, _MARK, mark.encode())
         os.replace(temporary, target)
     except OSError as error:
         if error.errno in _FULL:

@@ -22,6 +22,7 @@ import gearmon
 from gearmon import report
 from gearmon.errors import ArgumentError, GearmonError, check_positive
 from gearmon.files import as_json, check_output, protecting, write_table
+from gearmon.report.wording import template
 from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 from gearmon.terminal import Progress, coloured, followed, line_cleared, progress_line
 
@@ -89,11 +90,19 @@ class Command:
 
     def add_to(self, parsers: Any) -> None:
         """Add the parser of this command to the sub-parsers of the command line."""
+        # the example, broken so that it can be pasted into a shell
+        lines = ["example:"]
+        for part in self.example.replace(" -", "\n-").splitlines():
+            # an option stays with its value
+            if len(lines[-1]) + len(part) > _WIDTH - 4:
+                lines.append("   ")
+            lines[-1] += f" {part}"
+        told = [textwrap.fill(self.more, _WIDTH)] if self.more else []
         parser: argparse.ArgumentParser = parsers.add_parser(
             self.name,
             help=self.help,
             description=textwrap.fill(self.help[0].upper() + self.help[1:] + ".", _WIDTH),
-            epilog=self._epilog(),
+            epilog="\n\n".join([*told, " \\\n".join(lines)]),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         parser.set_defaults(asked=self)
@@ -104,17 +113,6 @@ class Command:
         option("--debug", action="store_true", help="show where an error of gearmon's own happened")
         for names, settings in self.arguments:
             option(*names, **settings)
-
-    def _epilog(self) -> str:
-        """Return the example, broken so that it can be pasted into a shell."""
-        lines = ["example:"]
-        for part in self.example.replace(" -", "\n-").splitlines():
-            # an option stays with its value
-            if len(lines[-1]) + len(part) > _WIDTH - 4:
-                lines.append("   ")
-            lines[-1] += f" {part}"
-        told = [textwrap.fill(self.more, _WIDTH)] if self.more else []
-        return "\n\n".join([*told, " \\\n".join(lines)])
 
 
 def command(*arguments: Argument, **said: Any) -> Callable[[Run], Command]:
@@ -414,8 +412,6 @@ def finish(
 
 def words(name: str, result: Mapping[str, Any], **known: Any) -> list[str]:
     """Return what the terminal shows of a result, by the template of this name."""
-    from gearmon.report.wording import template
-
     return template(f"{name}.txt", "gearmon.commands").render({**result, **known}).splitlines()
 
 

@@ -321,7 +321,16 @@ def harvest(arguments: Namespace) -> int:
 
     machine = arguments.machine
     harvester, budget = load_harvester(arguments.harvester) if arguments.harvester else built_in()
-    _refuse_mixed(arguments)
+    of_recordings = ("shares", "share_error", "degraded", "channel", "sampling_rate_hz")
+    wrong = dict.fromkeys(of_recordings, "only beside recordings; name them after the machine")
+    if arguments.recording:
+        wrong = dict.fromkeys(ASSUMED, "only for expected lines; recordings hold their own")
+        wrong["fault"] = "only for expected lines; give --degraded RECORDING beside recordings"
+        if not arguments.shares:
+            wrong["share_error"] = "only beside --share"
+    for name in given(arguments, *wrong):
+        option = name.removesuffix("_hz").removesuffix("_s").removesuffix("s").replace("_", "-")
+        raise ArgumentError(f"--{option}: {wrong[name]}")
     if arguments.recording:
         read, damaged = (
             [recording_of(path, arguments) for path in paths]
@@ -335,17 +344,3 @@ def harvest(arguments: Namespace) -> int:
     return finish(
         arguments, survey, lambda: report.harvest_lines(survey, published=arguments.published)
     )
-
-
-def _refuse_mixed(arguments: Namespace) -> None:
-    """Refuse options of expected lines beside recordings, and of recordings without any."""
-    of_recordings = ("shares", "share_error", "degraded", "channel", "sampling_rate_hz")
-    wrong = dict.fromkeys(of_recordings, "only beside recordings; name them after the machine")
-    if arguments.recording:
-        wrong = dict.fromkeys(ASSUMED, "only for expected lines; recordings hold their own")
-        wrong["fault"] = "only for expected lines; give --degraded RECORDING beside recordings"
-        if not arguments.shares:
-            wrong["share_error"] = "only beside --share"
-    for name in given(arguments, *wrong):
-        option = name.removesuffix("_hz").removesuffix("_s").removesuffix("s").replace("_", "-")
-        raise ArgumentError(f"--{option}: {wrong[name]}")

@@ -30,6 +30,7 @@ from gearmon.commands.command import (
     show,
     words,
 )
+from gearmon.diagnosis import history as histories
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.files import write_table
 from gearmon.report.wording import printable, table_lines
@@ -122,9 +123,7 @@ def analyse(arguments: Namespace) -> int:
     machine, reference = arguments.machine, reference_of(arguments)
     past = None
     if arguments.past:
-        from gearmon.diagnosis.history import history_trends, read_history
-
-        past = history_trends(read_history(arguments.past, machine.name))
+        past = histories.history_trends(histories.read_history(arguments.past, machine.name))
     # reports take longer than analyses
     share = 0.3 if arguments.report else 1.0
     reported = part_of(arguments.progress, share, 1.0 - share)
@@ -287,30 +286,28 @@ def _classifier(arguments: Namespace) -> tuple[KindClassifier, bool]:
 )
 def history(arguments: Namespace) -> int:
     """Run `gearmon history`."""
-    from gearmon.diagnosis import history as kept
-
     if not arguments.recording and not arguments.store:
         raise ArgumentError("history: name recordings, or with --store a history file to look at")
     name = arguments.name or arguments.machine.name
     arguments.machine = replace(arguments.machine, name=name)
     times = []
     if arguments.recording:
-        times = kept.recording_times(arguments.recording, arguments.times, arguments.time_from)
+        times = histories.recording_times(arguments.recording, arguments.times, arguments.time_from)
     _refuse_known(arguments, times)
     entries, errors = _history_entries(arguments, times)
     replaced = 0
     if arguments.store:
         if entries:
-            replaced = kept.append(arguments.store, entries, replace=arguments.replace)
-        history = kept.read_history(arguments.store, name)
+            replaced = histories.append(arguments.store, entries, replace=arguments.replace)
+        history = histories.read_history(arguments.store, name)
         if not (arguments.recording or history.entries):
-            known = [own["machine"] for own in kept.read_latest(arguments.store)]
+            known = [own["machine"] for own in histories.read_latest(arguments.store)]
             check_word(f"{arguments.store}: machine ", name, known)
     else:
-        history = kept.History(machine=name)
+        history = histories.History(machine=name)
         for entry in entries:
             history = history.with_entry(entry, replace=arguments.replace)
-    found = kept.history_trends(history, limit=arguments.limit)
+    found = histories.history_trends(history, limit=arguments.limit)
     result = found.to_dict() | {"errors": errors, "replaced": replaced}
     if arguments.output:
         result["files"] = _history_written(arguments.output, found, result)
@@ -321,11 +318,10 @@ def history(arguments: Namespace) -> int:
 
 def _refuse_known(arguments: Namespace, times: list[datetime]) -> None:
     """Refuse times that the history has already, before any recording is analysed."""
-    from gearmon.diagnosis.history import read_history
-
     if arguments.replace or not arguments.store or not Path(arguments.store).exists():
         return
-    known = {e.time_s: e for e in read_history(arguments.store, arguments.machine.name).entries}
+    history = histories.read_history(arguments.store, arguments.machine.name)
+    known = {entry.time_s: entry for entry in history.entries}
     for path, time in zip(arguments.recording, times, strict=True):
         if time.timestamp() in known:
             entry = known[time.timestamp()]
@@ -341,8 +337,6 @@ def _history_entries(
     """Analyse the recordings; a bad one is reported in its place and the others are kept."""
     if not arguments.recording:
         return [], []
-    from gearmon.diagnosis.history import entry_of
-
     machine, reference = arguments.machine, reference_of(arguments)
     source, entries = arguments.time_from or "given", []
     moments = iter(times)
@@ -350,7 +344,7 @@ def _history_entries(
     def entry(path: str) -> dict[str, Any]:
         moment = next(moments)
         analysis = gearmon.analyse(recording_of(path, arguments), machine, reference)
-        entries.append(entry_of(analysis, moment, source))
+        entries.append(histories.entry_of(analysis, moment, source))
         return {}
 
     done = each_of(arguments.recording, arguments.progress, entry)
@@ -359,14 +353,12 @@ def _history_entries(
 
 def _history_written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[str]:
     """Write the table under the name, and the picture beside it."""
-    from gearmon.diagnosis.history import export_history
-
     target, files = Path(output), []
     if target.suffix.lower() == ".json":
         write_table(output, result, [])
         files.append(output)
     elif target.suffix.lower() != ".png":
-        files.append(str(export_history(found.history, target)))
+        files.append(str(histories.export_history(found.history, target)))
     if found.history.entries:
         files.append(str(report.save(report.history_figure(found), target.with_suffix(".png"))))
     return files

@@ -21,7 +21,8 @@ from gearmon.commands.command import (
     show,
 )
 from gearmon.errors import ArgumentError
-from gearmon.report.wording import table_lines
+from gearmon.files import write_atomically
+from gearmon.report.wording import table_lines, template
 from gearmon.units import is_unit
 
 # Gears of one stage reduce by up to 8 or 10 (Niemann, Maschinenelemente II); beyond, a tooth count
@@ -50,9 +51,7 @@ _TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.
 )
 def init(arguments: Namespace) -> int:
     """Run `gearmon init`."""
-    from gearmon.files import write_atomically
     from gearmon.gears.kinematics import kinematics
-    from gearmon.report.wording import template
 
     teeth = arguments.teeth or [_asked("teeth", "teeth of the first stage, driver/driven: ")]
     stages = [_stage(text) for text in teeth]
@@ -66,7 +65,14 @@ def init(arguments: Namespace) -> int:
     meshes = [mesh.order * rpm / 60.0 for mesh in kinematics(machine).meshes]
     notes = _doubts(machine)
     if arguments.recording:
-        found = _recorded(arguments, machine, max(meshes))
+        # it shows what the columns are
+        found = gearmon.read_recording(arguments.recording[0], arguments.sampling_rate_hz)
+        if found.sampling_rate_hz < 2.0 * max(meshes):
+            raise ArgumentError(
+                f"{arguments.recording[0]}: sampled at {found.sampling_rate_hz:.6g} Hz, too slow "
+                f"for {machine.name} with a mesh at {max(meshes):.6g} Hz; is the time in ms (name "
+                "the column time_ms), or the speed in Hz?"
+            )
         columns = found.columns, found.channel_names, found.channel_kinds, found.units
         text = written(columns=zip(*columns, strict=True))
         notes += list(found.notes)
@@ -130,18 +136,6 @@ def _doubts(machine: gearmon.Machine) -> list[str]:
                 "usually has; look at the tooth counts again"
             )
     return notes
-
-
-def _recorded(arguments: Namespace, machine: gearmon.Machine, mesh_hz: float) -> gearmon.Recording:
-    """Read the recording that shows what the columns are; refuse a rate that cannot be."""
-    found = gearmon.read_recording(arguments.recording[0], arguments.sampling_rate_hz)
-    if found.sampling_rate_hz < 2.0 * mesh_hz:
-        raise ArgumentError(
-            f"{arguments.recording[0]}: sampled at {found.sampling_rate_hz:.6g} Hz, too slow for "
-            f"{machine.name} with a mesh at {mesh_hz:.6g} Hz; is the time in ms (name the column "
-            "time_ms), or the speed in Hz?"
-        )
-    return found
 
 
 @command(

@@ -220,7 +220,12 @@ _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 )
 def exposure(arguments: Namespace) -> int:
     """Run `gearmon exposure`."""
-    _check_exposure(arguments)
+    if not arguments.recording and not arguments.day:
+        raise ArgumentError("exposure: name recordings, or with --day the plan of a day")
+    if arguments.fault and not arguments.machine:
+        raise ArgumentError("--fault: only with --machine, whose gear it is")
+    if arguments.floor and len(arguments.recording) != 1:
+        raise ArgumentError("--floor: belongs to one recording, of the seat on that floor")
     named: dict[str, Told] = {}  # by what is added to the name of the output
     numbers = count(1)
 
@@ -251,16 +256,6 @@ def exposure(arguments: Namespace) -> int:
 
     finish(arguments, result, lambda: _exposure_lines(told, result), rows, figures)
     return judged(entries, flagged=day is not None and day.flagged)
-
-
-def _check_exposure(arguments: Namespace) -> None:
-    """Refuse what cannot go together, before any work is done."""
-    if not arguments.recording and not arguments.day:
-        raise ArgumentError("exposure: name recordings, or with --day the plan of a day")
-    if arguments.fault and not arguments.machine:
-        raise ArgumentError("--fault: only with --machine, whose gear it is")
-    if arguments.floor and len(arguments.recording) != 1:
-        raise ArgumentError("--floor: belongs to one recording, of the seat on that floor")
 
 
 def _felt(path: str, arguments: Namespace) -> Iterator[tuple[str, Told]]:

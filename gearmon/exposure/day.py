@@ -38,7 +38,6 @@ from gearmon.errors import ArgumentError
 from gearmon.exposure.measures import (
     LEAST_S,
     LIMITS,
-    AxisExposure,
     Exposure,
     Limits,
     vibration_exposure,
@@ -376,7 +375,10 @@ class _Growth:
     def of(cls, plan: DayPlan, felt: Sequence[Sequence[Exposure]], power: int) -> _Growth:
         means, errors = [], []
         for job in felt:
-            own = np.array([[_power(e, axis, power) for axis in e.axes] for e in job])
+            sizes = [[a.factor * (a.rms_ms2 if power == 2 else a.vdv) for a in e.axes] for e in job]
+            # VDV is a sum over the recording
+            spans = [1.0 if power == 2 else e.duration_s for e in job]
+            own = np.array(sizes) ** power / np.array(spans)[:, None]
             scatter = [a.square_scatter if power == 2 else a.fourth_scatter for a in job[0].axes]
             single = own[0] * np.array(scatter, dtype=np.float64)  # None becomes NaN
             many = own.std(axis=0, ddof=1) / math.sqrt(len(job)) if len(job) > 1 else single
@@ -418,12 +420,6 @@ class _Growth:
         return None if needed > done[-1] else float(np.interp([needed], done, ends)[0])
 
 
-def _power(exposure: Exposure, axis: AxisExposure, power: int) -> float:
-    if power == 2:
-        return (axis.factor * axis.rms_ms2) ** 2
-    return (axis.factor * axis.vdv) ** 4 / exposure.duration_s
-
-
 def _jobs(
     plan: DayPlan, felt: Sequence[Sequence[Exposure]], grown: _Growth
 ) -> Iterator[JobExposure]:
@@ -452,6 +448,10 @@ def _dose(plan: DayPlan, grown: _Growth) -> Dose:
     name, unit = ("ms2", "m/s2") if grown.power == 2 else ("vdv", "m/s^1.75")
     values = {of: getattr(plan.limits, f"{of}_{name}") for of in ("action", "limit")}
     low, high = value * max(0.0, 1 - relative), value * (1 + relative)
+    verdict = "below the action value"
+    for of, wanted in values.items():
+        if wanted is not None and high >= wanted:
+            verdict = f"{'' if low >= wanted else 'may be '}above the {of} value"
     return Dose(
         measure=grown.measure,
         unit=unit,
@@ -460,14 +460,6 @@ def _dose(plan: DayPlan, grown: _Growth) -> Dose:
         high=high,
         axis=grown.axis,
         **values,
-        verdict=_verdict(low, high, values),
+        verdict=verdict,
         reached_h={of: grown.reached_h(wanted) for of, wanted in values.items()},
     )
-
-
-def _verdict(low: float, high: float, values: Mapping[str, float | None]) -> str:
-    for of in ("limit", "action"):
-        wanted = values[of]
-        if wanted is not None and high >= wanted:
-            return f"above the {of} value" if low >= wanted else f"may be above the {of} value"
-    return "below the action value"

@@ -10,7 +10,7 @@ is straight on logarithmic scales, beyond them constant; all that is no mesh lin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, NamedTuple
 
@@ -176,14 +176,24 @@ def gear_share(
         # those of the recording stand with what is felt
         warnings=tuple(own for own in signature.notes if own not in exposure.warnings),
     )
-    if not signature.found or signature.speed.estimated_hz is None:
+    if not signature.found:
         return found
-    shaft1_hz = float(signature.speed.estimated_hz)
-    heard = _heard(part, exposure, kinematics(machine), signature, shaft1_hz)
+    shaft1_hz = signature.speed.estimated_hz
+    heard = _heard(part, exposure, kinematics(machine), signature)
     points, notes = _points(machine, heard, shaft1_hz, named)
-    lines = tuple(_shares(heard))
+    lines, felt = [], np.maximum(_felt(exposure), np.finfo(float).tiny)
+    for name in dict.fromkeys(heard.names.tolist()):
+        own = heard.names == name
+        square = heard.weighted[:, own].sum(axis=1)
+        line = LineShare(
+            name=name,
+            frequency_hz=float(heard.frequency_hz[own][0]),
+            weighted_ms2=tuple(np.sqrt(square).tolist()),
+            share=tuple((square / felt).tolist()),
+        )
+        lines.append(line)
     share = tuple(np.sum([own.share for own in lines], axis=0).tolist())
-    told: dict[str, Any] = {"share": share, "lines": lines, "points": points}
+    told: dict[str, Any] = {"share": share, "lines": tuple(lines), "points": points}
     return replace(found, speed_hz=shaft1_hz, warnings=(*found.warnings, *notes), **told)
 
 
@@ -207,14 +217,11 @@ class _Heard(NamedTuple):
 
 
 def _heard(
-    part: Recording,
-    exposure: Exposure,
-    train: Kinematics,
-    signature: MeasuredSignature,
-    shaft1_hz: float,
+    part: Recording, exposure: Exposure, train: Kinematics, signature: MeasuredSignature
 ) -> _Heard:
     """Measure the lines of shafts and meshes in the channels of the axes."""
     rate, block_turns = part.sampling_rate_hz, signature.lines.block_turns
+    shaft1_hz = signature.speed.estimated_hz
     named = _orders(train, _TOP * rate / shaft1_hz, _APART / block_turns)
     order = np.array(sorted(named))
     names, hertz = np.array([named[own] for own in order]), order * shaft1_hz
@@ -234,20 +241,6 @@ def _weight(exposure: Exposure, frequency_hz: FloatArray) -> FloatArray:
 def _felt(exposure: Exposure) -> FloatArray:
     """Return the weighted mean square of every axis."""
     return np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes])
-
-
-def _shares(heard: _Heard) -> Iterator[LineShare]:
-    """Give the weighted lines of each shaft and mesh."""
-    felt = np.maximum(_felt(heard.exposure), np.finfo(float).tiny)
-    for name in dict.fromkeys(heard.names.tolist()):
-        own = heard.names == name
-        total = heard.weighted[:, own].sum(axis=1)
-        yield LineShare(
-            name=name,
-            frequency_hz=float(heard.frequency_hz[own][0]),
-            weighted_ms2=tuple(np.sqrt(total).tolist()),
-            share=tuple((total / felt).tolist()),
-        )
 
 
 def _orders(train: Kinematics, top: float, apart: float) -> dict[float, str]:

@@ -369,27 +369,8 @@ def _check_samples(
     for row in rows.values():
         if told := _trouble(found.samples[row], found.units[row], range_ms2):
             raise RecordingError(f"{where}: channel {found.channel_names[row]} {told}")
+    # an offset may be gravity: in the right unit, and along the right axis
     offsets = {axis: float(found.samples[row].mean()) for axis, row in rows.items()}
-    _check_gravity(where, offsets, position)
-
-
-def _trouble(values: FloatArray, unit: str | None, range_ms2: float | None) -> str:
-    """Say what is wrong with a channel, and what to do; "" if nothing is."""
-    if unit != "m/s2":
-        told = f"has unit {unit or 'not stated'}; exposure needs acceleration in m/s2 or g"
-        return f"{told}: state it in the heading, a [[sensor]] or --unit"
-    if (defect := find_defect(values)) is not None:
-        return f"{defect.text}; check sensor, cable and range, and record again"
-    if range_ms2 is not None:
-        peak = max(float(values.max()), -float(values.min()))
-        if peak >= _FULL * check_positive("range_ms2", range_ms2, "m/s2"):
-            told = f"reaches {peak:.4g} m/s2 of the sensor's range of {range_ms2:g} m/s2"
-            return f"{told}; take a sensor of a larger range, and record again"
-    return ""
-
-
-def _check_gravity(where: str, offsets: Mapping[str, float], position: str) -> None:
-    """See whether the offset is gravity, in the right unit and along the right axis."""
     size = math.hypot(*offsets.values())
     mistaken = {1.0: "g were read as m/s2: the unit must be g", STANDARD_GRAVITY**2: "m/s2 were "
                 "read as g: the unit must be m/s2"}  # fmt: skip
@@ -406,6 +387,21 @@ def _check_gravity(where: str, offsets: Mapping[str, float], position: str) -> N
             f"{where}: axis {axis} has a mean of {offsets[axis]:.3g} m/s2, which is gravity, but z "
             "is the one along the spine; the axes are exchanged: correct --axes"
         )
+
+
+def _trouble(values: FloatArray, unit: str | None, range_ms2: float | None) -> str:
+    """Say what is wrong with a channel, and what to do; "" if nothing is."""
+    if unit != "m/s2":
+        told = f"has unit {unit or 'not stated'}; exposure needs acceleration in m/s2 or g"
+        return f"{told}: state it in the heading, a [[sensor]] or --unit"
+    if (defect := find_defect(values)) is not None:
+        return f"{defect.text}; check sensor, cable and range, and record again"
+    if range_ms2 is not None:
+        peak = max(float(values.max()), -float(values.min()))
+        if peak >= _FULL * check_positive("range_ms2", range_ms2, "m/s2"):
+            told = f"reaches {peak:.4g} m/s2 of the sensor's range of {range_ms2:g} m/s2"
+            return f"{told}; take a sensor of a larger range, and record again"
+    return ""
 
 
 def _weighed(

@@ -129,28 +129,26 @@ def keep(fleet: Fleet, outcomes: Iterable[Outcome]) -> dict[str, str]:
     dict of str to str
         By path "done", "being written", or why it cannot be used.
     """
+    kept: dict[str, str] = {}
     with writing(fleet, known=True) as store:
-        return {outcome.job.path: _kept(store, outcome) for outcome in outcomes}
-
-
-def _kept(store: Connection, outcome: Outcome) -> str:
-    job, why = outcome.job, outcome.why
-    if outcome.entry is not None:
-        try:
-            # in the place of what the same file said before, of no other's
-            histories.append_to(store, outcome.entry, replace=None)
-            histories.summarise(store, [outcome.entry.machine])
-        except ArgumentError as error:
-            why = str(error)
-    state = "being written" if outcome.growing else "failed" if why else "done"
-    own = {name: getattr(job, name) for name in ("path", "time_s", "size", "changed")}
-    own |= {"machine": job.machine.name, "class": job.operating_class, "hash": outcome.hash}
-    own |= {"state": state, "why": why, "version": __version__}
-    store.execute(
-        "DELETE FROM ledger WHERE path = ?", (histories.as_text(job.path),)
-    )  # its number ends
-    histories.put(store, "ledger", own | {"indicators": json.dumps(outcome.indicators)})
-    return why or state
+        for outcome in outcomes:
+            job, why = outcome.job, outcome.why
+            if outcome.entry is not None:
+                try:
+                    # in the place of what the same file said before, of no other's
+                    histories.append_to(store, outcome.entry, replace=None)
+                    histories.summarise(store, [outcome.entry.machine])
+                except ArgumentError as error:
+                    why = str(error)
+            state = "being written" if outcome.growing else "failed" if why else "done"
+            own = {name: getattr(job, name) for name in ("path", "time_s", "size", "changed")}
+            own |= {"machine": job.machine.name, "class": job.operating_class, "hash": outcome.hash}
+            own |= {"state": state, "why": why, "version": __version__}
+            # its number ends
+            store.execute("DELETE FROM ledger WHERE path = ?", (histories.as_text(job.path),))
+            histories.put(store, "ledger", own | {"indicators": json.dumps(outcome.indicators)})
+            kept[job.path] = why or state
+    return kept
 
 
 def counts(fleet: Fleet) -> dict[str, int]:
@@ -337,14 +335,13 @@ def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
             "ORDER BY since_s DESC, machine, class, finding",
             (machine,),
         ).fetchall()
-        return [_alarm(histories.sound(row) | {"id": row["id"]}) for row in rows]
-
-
-def _alarm(row: dict[str, Any]) -> dict[str, Any]:
-    until = row.pop("until_s")
-    ended = {"until": None if until is None else time_text(until), "over": until is not None}
-    told = {"since": time_text(row["since_s"]), "acknowledged": bool(row["acknowledged"])}
-    return row | told | ended | {"told": json.loads(row["told"])}
+        found = [histories.sound(row) | {"id": row["id"]} for row in rows]
+    for own in found:
+        until = own.pop("until_s")
+        own |= {"since": time_text(own["since_s"]), "acknowledged": bool(own["acknowledged"])}
+        own |= {"until": None if until is None else time_text(until), "over": until is not None}
+        own["told"] = json.loads(own["told"])
+    return found
 
 
 def acknowledge(fleet: Fleet, number: int) -> None:

@@ -36,7 +36,7 @@ from gearmon.fleet.ledger import acknowledge, alarms, compare, recorded, writing
 from gearmon.fleet.plan import Fleet, FleetMachine, arrived
 from gearmon.fleet.run import at_hand, judged
 from gearmon.report import wording
-from gearmon.report.html import history_charts
+from gearmon.report.html import history_charts, write_report
 from gearmon.report.text import WORST_FIRST, history_lines, moment_text
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -161,7 +161,16 @@ class _Site:
         if found.history.entries:
             classes = {row["time_s"]: row["class"] for row in rows if row["state"] == "done"}
             charts = wording.as_data({"history": history_charts(found, classes)})
-        lines = history_lines(found)
+        lines, points = history_lines(found), []
+        # what each operating class was heard at, and what was found
+        for name in sorted({row["class"] for row in rows}):
+            own = [row for row in rows if row["class"] == name and row["state"] == "done"]
+            speeds = [60 * row["speed_hz"] for row in own]
+            if own:
+                told = {"class": name, "recordings": len(own), "latest": own[0]["verdict"]}
+                told |= {"low": min(speeds), "high": max(speeds)}
+                told["score"] = median(row["score"] for row in own)
+                points.append(told | {"faults": sum(row["verdict"] == "fault" for row in own)})
         return self._page(
             "machine",
             machine=machine,
@@ -169,7 +178,7 @@ class _Site:
             # the recordings themselves stand in a table of their own, with links
             lines=filter(None, lines[lines.index("") :]),
             charts=charts,
-            points=_operating_points(rows),
+            points=points,
             beside=_beside(self.fleet, machine, len(rows)),
             rows=rows if "all" in request.query_params else rows[:_RECORDINGS],
             total=len(rows),
@@ -238,20 +247,6 @@ class _Site:
         return [row | {"findings": "; ".join(row["findings"])} for row in rows]
 
 
-def _operating_points(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Return what each operating class of a machine was heard at, and what was found."""
-    points = []
-    for name in sorted({row["class"] for row in rows}):
-        own = [row for row in rows if row["class"] == name and row["state"] == "done"]
-        speeds = [60 * row["speed_hz"] for row in own]
-        if own:
-            told = {"class": name, "recordings": len(own), "latest": own[0]["verdict"]}
-            told |= {"low": min(speeds), "high": max(speeds)}
-            told["score"] = median(row["score"] for row in own)
-            points.append(told | {"faults": sum(row["verdict"] == "fault" for row in own)})
-    return points
-
-
 def _row(machine: FleetMachine, latest: dict[str, Any] | None, alarm: bool) -> dict[str, Any]:
     """Return what the overview says of a machine, and what makes it more urgent than others."""
     row = {"machine": machine.name, "alarm": alarm, "verdict": _UNHEARD, "score": 0.0}
@@ -310,8 +305,6 @@ def _drawn(found: HistoryTrends) -> bytes:
 @lru_cache(maxsize=16)
 def _report(fleet: Fleet, machine: FleetMachine, path: str, _content: str) -> str:
     """Make the interactive report of a recording, anew once its content is another."""
-    from gearmon.report.html import write_report
-
     history = history_trends(read_history(fleet.store, machine.name), limit=machine.limit)
     with at_hand(path) as file, tempfile.TemporaryDirectory() as folder, _DRAWING:
         analysis, recording, reference, own = judged(machine, file, path)

@@ -22,15 +22,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gearmon import __version__
+from gearmon.diagnosis.history.entries import entry_of
 from gearmon.diagnosis.history.store import as_text
 from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.ledger import Outcome, alarms, counts, deliver, keep, known, renew, write_results
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
+from gearmon.machine import Machine, load_machine
 from gearmon.signals.threads import THREADS, alone_on_a_core, cores
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.results import Analysis
-    from gearmon.machine import Machine
     from gearmon.signals.recording import Recording
     from gearmon.signatures.measured.reference import Reference
 
@@ -53,8 +54,6 @@ _CONNECT_S = 20.0
 
 def analysed(job: Job) -> Outcome:
     """Analyse a recording; whatever is wrong with it stands in the outcome."""
-    from gearmon.diagnosis.history.entries import entry_of
-
     if job.size * _GROWS > (free := _free_memory()) / (os.cpu_count() or 1):
         told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"
         told += f" ({free / 1e9:.1f} GB free for {os.cpu_count()} processes)"
@@ -127,7 +126,6 @@ def judged(
 @lru_cache(maxsize=8)
 def _read(files: tuple[str, ...], _states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
     """Read machine file and reference, again only if they were written to."""
-    from gearmon.machine import load_machine
     from gearmon.signatures.measured.reference import read_reference
 
     return load_machine(files[0]), read_reference(files[1]) if len(files) > 1 else None
@@ -352,10 +350,17 @@ def run_fleet(
         jobs, refused = arrived(fleet)
         if before is None:
             before = _seen(jobs)
-            if any(_fresh(job) for job in jobs):
+            # written to lately, or the clock has jumped back since
+            written_s = [int(job.changed) / 1e9 for job in jobs if job.changed.isdecimal()]
+            if written_s and time.time() - max(written_s) < SETTLED_S:
                 time.sleep(SETTLED_S)
                 jobs, refused = arrived(fleet)
-        new = list(_new(jobs, known(fleet), again))
+        ledger, new = known(fleet), []
+        for job in jobs:
+            *state, what, version = ledger.get(as_text(job.path), (0, "", "", ""))
+            old = again and (what == "failed" or version != __version__)
+            if tuple(state) != job.state or what == "being written" or old:
+                new.append(job)
         growing = [job for job in new if before.get(job.path) != job.state]
         told = keep(fleet, (Outcome(job=job, growing=True) for job in growing))
         ready = [job for job in new if job.path not in told]
@@ -377,21 +382,6 @@ def run_fleet(
 def _seen(jobs: Sequence[Job]) -> dict[str, Any]:
     """Return how large recordings are and when they changed: two looks tell which are settled."""
     return {job.path: job.state for job in jobs}
-
-
-def _fresh(job: Job) -> bool:
-    """Whether a file was written to lately; also where the clock has jumped back since."""
-    changed = job.changed
-    return changed.isdecimal() and time.time() - int(changed) / 1e9 < SETTLED_S
-
-
-def _new(jobs: Sequence[Job], ledger: dict[str, Any], again: bool) -> Iterator[Job]:
-    """Give the recordings that the ledger does not know as they are now."""
-    for job in jobs:
-        *state, what, version = ledger.get(as_text(job.path), (0, "", "", ""))
-        old = again and (what == "failed" or version != __version__)
-        if tuple(state) != job.state or what == "being written" or old:
-            yield job
 
 
 @contextmanager

@@ -102,7 +102,17 @@ def drive_train(
     ArgumentError
         If the machine lacks data, with the key to add.
     """
-    return _Assembly(machine, point or machine.operating[0], form).finished()
+    made = _Assembly(machine, point or machine.operating[0], form)
+    n = len(made.names)  # rows have room for more
+    return DriveTrain(
+        coordinates=tuple(made.names),
+        turning=np.array(made.turning, dtype=bool),
+        mass=made.mass[:n, :n],
+        springs=tuple(replace(own, rows=own.rows[:, :n]) for own in made.springs),
+        planets={i: replace(own, rows=own.rows[..., :n]) for i, own in made.planets.items()},
+        shafts=made.torques,
+        notes=tuple(dict.fromkeys(made.notes)),
+    )
 
 
 def of_told_bearings(machine: Machine) -> Machine:
@@ -175,18 +185,6 @@ class _Assembly:
             else:
                 self.planetary(i, stage, lines, sense)
                 sense *= 1 if planetary_speeds(stage)[stage.driven] > 0 else -1
-
-    def finished(self) -> DriveTrain:
-        n = len(self.names)
-        return DriveTrain(
-            coordinates=tuple(self.names),
-            turning=np.array(self.turning, dtype=bool),
-            mass=self.mass[:n, :n],
-            springs=tuple(replace(own, rows=own.rows[:, :n]) for own in self.springs),
-            planets={i: replace(own, rows=own.rows[..., :n]) for i, own in self.planets.items()},
-            shafts=self.torques,
-            notes=tuple(dict.fromkeys(self.notes)),
-        )
 
     def free(self, name: str, turning: bool = False) -> FloatArray:
         """Return the row of a new coordinate."""

@@ -18,7 +18,6 @@ from itertools import chain, combinations, pairwise
 from typing import TypeVar
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import brentq
 
 from gearmon.arrays import FloatArray
@@ -149,14 +148,22 @@ class PairsInMesh(ABC):
         Of both gears, where their damaged teeth meet: what they take less than by themselves.
         """
         found: list[PulseTerm] = []
+        # of the pairs that enter one after the other, those that feel what each carries
+        felt = np.add.outer(np.arange(period), self._places)
         # teeth that are damaged alike, with neighbours alike, lose the same
         known: dict[tuple[PairState, ...], Pulse] = {}
-        for low, high in _face_parts(losses):
-            inside = _inside(losses[0], low, high), _inside(losses[1], low, high)
-            near = [self._near(*own, period) for own in zip(inside, teeth, strict=True)]
+        # parts of the face width in which all damage is uniform along the face
+        parts = chain(*losses[0].values(), *losses[1].values())
+        edges = {0.0, 1.0}.union(*({part.face_start, part.face_end} for part in parts))
+        for low, high in pairwise(sorted(edges)):
+            inside = [_inside(own, low, high) for own in losses]
+            of_gears = list(zip(inside, teeth, strict=True))
+            near = [np.isin(felt % z + 1, [*own]).any(axis=1) for own, z in of_gears]
             entries = near[0] & near[1] if all(losses) else near[0] | near[1]
             for entry in np.flatnonzero(entries).tolist():
-                states = self._states(entry, inside, teeth)
+                places = felt[entry].tolist()
+                met = [[own.get(n % z + 1, ()) for n in places] for own, z in of_gears]
+                states = tuple(zip(*met, strict=True))
                 if states not in known:
                     known[states] = self._lost(states)
                 if len(known[states].series):
@@ -189,17 +196,6 @@ class PairsInMesh(ABC):
         limits = distinct(np.clip(np.concatenate(edges), 0.0, self.length), 1e-10)
         limits[-1] = self.length
         return limits
-
-    def _states(
-        self, entry: int, losses: BothLosses, teeth: tuple[int, int]
-    ) -> tuple[PairState, ...]:
-        (one, two), (z1, z2), entries = losses, teeth, [entry + n for n in self._places]
-        return tuple((one.get(n % z1 + 1, ()), two.get(n % z2 + 1, ())) for n in entries)
-
-    def _near(self, losses: GearLosses, teeth: int, period: int) -> npt.NDArray[np.bool_]:
-        """Return which of the pairs that enter one after the other damage of a gear affects."""
-        places = np.add.outer(np.arange(period), self._places) % teeth
-        return np.asarray(np.isin(places + 1, [*losses]).any(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -275,7 +271,11 @@ class TeethInMesh(PairsInMesh):
         for i, (n, here) in enumerate(zip(self._places, present, strict=True)):
             own, own_force = phase[here] - n, None if force is None else force[i][here]
             parts = self.teeth.compliances(self.teeth.roll(own), force_n=own_force)
-            matrix[here, :, i, i] = parts.total * self._ratio(states[i], own)
+            # the compliances that the teeth of a pair have added add up
+            ratio = np.ones(own.shape)
+            for losses in filter(None, (*self.worn, *states[i])):
+                ratio += 1 / np.maximum(1 - _lost_here(losses, own), LEAST_LEFT) - 1
+            matrix[here, :, i, i] = parts.total * ratio
             bodies[i][:, here] = parts.foundation
         for j, i in combinations(range(count), 2) if self.teeth.form.is_coupled else ():
             both = present[i] & present[j]
@@ -285,27 +285,10 @@ class TeethInMesh(PairsInMesh):
         felt = np.moveaxis(present[..., None] * np.ones((count, *phase.shape)), 0, -1)[..., None]
         return np.moveaxis(np.asarray(np.linalg.solve(matrix, felt)[..., 0]), -1, 0)
 
-    def _ratio(self, state: PairState, phase: FloatArray) -> FloatArray:
-        """Return how many times more compliant a pair is than a sound one.
-
-        The compliances that the teeth of a pair have added add up.
-        """
-        total = np.ones(phase.shape)
-        for losses in filter(None, (*self.worn, *state)):
-            total += 1 / np.maximum(1 - _lost_here(losses, phase), LEAST_LEFT) - 1
-        return total
-
 
 def _lost_here(losses: Losses, phase: FloatArray) -> FloatArray:
     """Return the share lost where all of them lie on the face."""
     return np.asarray(sum(p.weight * p.pulse.value(phase) for p in losses), dtype=np.float64)
-
-
-def _face_parts(losses: BothLosses) -> list[tuple[float, float]]:
-    """Return the parts of the face width in which all damage is uniform along the face."""
-    parts = chain(*losses[0].values(), *losses[1].values())
-    edges = {0.0, 1.0}.union(*({part.face_start, part.face_end} for part in parts))
-    return list(pairwise(sorted(edges)))
 
 
 def _inside(losses: GearLosses, low: float, high: float) -> GearLosses:
@@ -524,17 +507,15 @@ def _weaker_sections(damage: ToothDamage, pair: ToothPair, index: int, is_helica
     for low, high in pairwise(_face_edges(damage, pair) if is_helical else (0.0, 1.0)):
         width = pair.first.face_width_m
         local = _slice(damage, low, high, width) if is_helical else damage
-        if not local.is_none:
-            found.append(PulseTerm(_weaker(local, pair, index), 1.0, 0.0, low, high))
+        if local.is_none:
+            continue
+        beams = pair.beams(*((local, SOUND) if index == 0 else (SOUND, local)))
+        edges = distinct([0.0, *pair.corners(beams), pair.contact_ratio], 1e-12)
+        roll = pair.roll(panel_nodes(edges, LOSS_POINTS))
+        sound, hurt = pair.compliances(roll).total, pair.compliances(roll, beams).total
+        lost = Pulse.through(edges, 1 - sound / hurt)
+        found.append(PulseTerm(lost, 1.0, 0.0, low, high))
     return tuple(found)
-
-
-def _weaker(damage: ToothDamage, pair: ToothPair, index: int) -> Pulse:
-    beams = pair.beams(*((damage, SOUND) if index == 0 else (SOUND, damage)))
-    edges = distinct([0.0, *pair.corners(beams), pair.contact_ratio], 1e-12)
-    roll = pair.roll(panel_nodes(edges, LOSS_POINTS))
-    sound, hurt = pair.compliances(roll).total, pair.compliances(roll, beams).total
-    return Pulse.through(edges, 1 - sound / hurt)
 
 
 def _face_edges(damage: ToothDamage, pair: ToothPair) -> list[float]:

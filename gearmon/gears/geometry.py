@@ -591,8 +591,25 @@ def check_pair(pair: PairGeometry) -> PairGeometry:
         If the pair cannot run, with the number that offends and what would cure it.
     """
     warnings = [*pair.warnings, *_check_backlash(pair), *chain(*map(_check_tip, pair.gears))]
-    _check_contact_ratio(pair)
-    _check_clearance(pair)
+    # a helical pair whose face width is not known cannot be judged by its total
+    if not (pair.helix_angle_rad > 0 and pair.face_width_m is None):
+        ratio, (first, second) = pair.total_contact_ratio, pair.gears
+        if ratio < 1 or pair.transverse_contact_ratio <= 0:
+            raise ArgumentError(
+                f"{'total ' if pair.helix_angle_rad else ''}contact ratio {ratio:.4f} is below 1: "
+                f"no pair would carry for a while; reduce the centre distance "
+                f"({1e3 * pair.centre_distance_m:.5g} mm) or the profile shifts, or raise "
+                f"tip_factor_{first.name} or tip_factor_{second.name}"
+            )
+    for gear, mate in (pair.gears, pair.gears[::-1]):
+        gap = pair.gears[1].sign * pair.centre_distance_m
+        gap -= gear.sign * gear.tip_radius_m + mate.sign * mate.root_radius_m
+        if gap <= 0:
+            raise ArgumentError(
+                f"the tips of the {gear.name} run {-1e3 * gap:.4g} mm into the roots of the "
+                f"{mate.name}; reduce tip_factor_{gear.name} or raise root_factor_{mate.name} or "
+                f"the centre distance"
+            )
     warnings += _check_root(pair, 0)
     warnings += _check_ring(pair) if pair.gears[1].internal else _check_root(pair, 1)
     return replace(pair, warnings=tuple(warnings))
@@ -666,33 +683,6 @@ def _check_tip(gear: RackTooth) -> Iterator[str]:
         )
     if modules < SHARP_TIP:
         yield f"the teeth of the {gear.name} are sharp: tip thickness {modules:.3f} modules"
-
-
-def _check_contact_ratio(pair: PairGeometry) -> None:
-    # a helical pair whose face width is not known cannot be judged by its total
-    if pair.helix_angle_rad > 0 and pair.face_width_m is None:
-        return
-    ratio = pair.total_contact_ratio
-    if ratio < 1 or pair.transverse_contact_ratio <= 0:
-        first, second = pair.gears
-        raise ArgumentError(
-            f"{'total ' if pair.helix_angle_rad else ''}contact ratio {ratio:.4f} is below 1: no "
-            f"pair would carry for a while; reduce the centre distance "
-            f"({1e3 * pair.centre_distance_m:.5g} mm) or the profile shifts, or raise "
-            f"tip_factor_{first.name} or tip_factor_{second.name}"
-        )
-
-
-def _check_clearance(pair: PairGeometry) -> None:
-    for gear, mate in (pair.gears, pair.gears[::-1]):
-        gap = pair.gears[1].sign * pair.centre_distance_m
-        gap -= gear.sign * gear.tip_radius_m + mate.sign * mate.root_radius_m
-        if gap <= 0:
-            raise ArgumentError(
-                f"the tips of the {gear.name} run {-1e3 * gap:.4g} mm into the roots of the "
-                f"{mate.name}; reduce tip_factor_{gear.name} or raise root_factor_{mate.name} or "
-                f"the centre distance"
-            )
 
 
 def _check_root(pair: PairGeometry, index: int) -> Iterator[str]:

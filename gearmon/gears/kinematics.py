@@ -17,11 +17,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 from typing import Any, TypeVar
 
 from gearmon.errors import ArgumentError, check_word
-from gearmon.machine import Bearing, Machine, OperatingPoint, ParallelStage, PlanetaryStage
+from gearmon.machine import Bearing, Machine, ParallelStage, PlanetaryStage
 from gearmon.result import Result
 
 _Item = TypeVar("_Item")
@@ -350,7 +350,19 @@ def kinematics(machine: Machine, pace: Fraction = Fraction(1)) -> Kinematics:
     shafts = tuple(Shaft(own, n, names.get(n, "intermediate")) for n, own in enumerate(orders, 1))
     lines = [Line(own.exact, "shaft", f"{own.name} shaft", shaft=own.number) for own in shafts]
     for mesh in meshes:
-        lines += _mesh_lines(mesh)
+        lines.append(Line(mesh.exact, "mesh", mesh.name, mesh.stage))
+        for one, two in pairwise(mesh.wheels):
+            name = f"{one.gear}-{two.gear}, {one.teeth}/{two.teeth}" if mesh.planets else mesh.name
+            # with a common factor g of the tooth counts a tooth meets only every g-th tooth of the
+            # other wheel; the same two teeth meet again after lcm(z1, z2) mesh periods
+            common, least = math.gcd(one.teeth, two.teeth), math.lcm(one.teeth, two.teeth)
+            lines.append(Line(mesh.exact / common, "assembly phase", name, mesh.stage))
+            lines.append(Line(mesh.exact / least, "hunting tooth", name, mesh.stage))
+        for wheel in mesh.wheels:
+            if wheel.gear == "planet" and wheel.exact:
+                seen = "planet, seen from the housing"
+                lines.append(Line(wheel.exact, "rotation", seen, mesh.stage))
+        lines += [family for family in mesh.modulations if family.shaft is None]
     for bearing in machine.bearings:
         lines += _bearing_lines(bearing, shafts, meshes)
     return Kinematics(shafts=shafts, meshes=tuple(meshes), lines=tuple(lines))
@@ -369,13 +381,18 @@ def line_table(machine: Machine) -> LineTable:
         One row for each line and operating point, with notes on lines that coincide.
     """
     train = kinematics(machine)
-    rows = tuple(_row(line, point) for point in machine.operating for line in train.lines)
+    rows = []
+    for point, line in product(machine.operating, train.lines):
+        row = {"operating": point.name or f"{point.speed_rpm:g} rpm", "speed_rpm": point.speed_rpm}
+        row |= {name: getattr(line, name) for name in ("stage", "kind", "name", "shaft", "order")}
+        # of a fraction one rounding only: 500 Hz reads 500.0
+        rows.append(row | {"frequency_hz": float(line.exact * Fraction(point.speed_rpm) / 60)})
     coinciding = tuple(
         f"mesh harmonic {harmonic} of stage {stage} is exactly mesh harmonic "
         f"{other_harmonic} of stage {other_stage}: these lines cannot be told apart"
         for (stage, harmonic), (other_stage, other_harmonic) in train.coincidences()
     )
-    return LineTable(machine=machine.name, rows=rows, notes=machine.notes + coinciding)
+    return LineTable(machine=machine.name, rows=tuple(rows), notes=machine.notes + coinciding)
 
 
 def planetary_speeds(stage: PlanetaryStage) -> dict[str, Fraction]:
@@ -463,24 +480,6 @@ def _planetary_families(
     ]
 
 
-def _mesh_lines(mesh: Mesh) -> Iterator[Line]:
-    """Yield the lines of a mesh, of its pairs, and of what turns in it and is no shaft.
-
-    With a common factor g of the tooth counts a tooth meets only every g-th tooth of the other
-    wheel: f_mesh / g. The same two teeth meet again after lcm(z1, z2) mesh periods.
-    """
-    yield Line(mesh.exact, "mesh", mesh.name, mesh.stage)
-    for one, two in pairwise(mesh.wheels):
-        name = f"{one.gear}-{two.gear}, {one.teeth}/{two.teeth}" if mesh.planets else mesh.name
-        common, least = math.gcd(one.teeth, two.teeth), math.lcm(one.teeth, two.teeth)
-        yield Line(mesh.exact / common, "assembly phase", name, mesh.stage)
-        yield Line(mesh.exact / least, "hunting tooth", name, mesh.stage)
-    for wheel in mesh.wheels:
-        if wheel.gear == "planet" and wheel.exact:
-            yield Line(wheel.exact, "rotation", "planet, seen from the housing", mesh.stage)
-    yield from (family for family in mesh.modulations if family.shaft is None)
-
-
 def _bearing_lines(
     bearing: Bearing, shafts: tuple[Shaft, ...], meshes: list[Mesh]
 ) -> Iterator[Line]:
@@ -507,11 +506,3 @@ def _bearing_lines(
     ):
         exact, told = Fraction(factor * turning), f"{bearing.name}: {name}"
         yield Line(exact, "bearing", told, stage, bearing.shaft)
-
-
-def _row(line: Line, point: OperatingPoint) -> dict[str, Any]:
-    # of a fraction one rounding only: 500 Hz reads 500.0
-    hertz = float(line.exact * Fraction(point.speed_rpm) / 60)
-    known = {name: getattr(line, name) for name in ("stage", "kind", "name", "shaft", "order")}
-    at = {"operating": point.name or f"{point.speed_rpm:g} rpm", "speed_rpm": point.speed_rpm}
-    return at | known | {"frequency_hz": hertz}

@@ -414,17 +414,6 @@ class Around:
         return math.sqrt(float(squares.max())) / (2 * math.pi)
 
 
-def _residual(
-    vectors: FloatArray, means: FloatArray, squares: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return squares and shapes of what modes do at rest under forces of meshes, in these modes."""
-    forced = (vectors / squares).T * np.sqrt(means)
-    share, parts = np.linalg.eigh(forced.T @ (squares[:, None] * forced))
-    forced = forced @ parts[:, share > NEGLIGIBLE]
-    found, mixed = eigh(forced.T @ (squares[:, None] * forced), forced.T @ forced)
-    return np.asarray(found), np.asarray(forced @ mixed)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DriveTrain:
     """Matrices of a machine.
@@ -542,9 +531,14 @@ class DriveTrain:
         squares, shapes = squares[felt], shapes[:, felt]
         fast = squares > (2 * math.pi * carried_hz) ** 2
         if fast.any():
-            own, more = _residual(rows @ shapes[:, fast], means, squares[fast])
+            # what these do at rest under forces of the meshes, which is a vector of modes for each
+            heavy = squares[fast][:, None]
+            forced = (rows @ shapes[:, fast]).T / heavy * np.sqrt(means)
+            share, parts = np.linalg.eigh(forced.T @ (heavy * forced))
+            forced = forced @ parts[:, share > NEGLIGIBLE]
+            own, mixed = eigh(forced.T @ (heavy * forced), forced.T @ forced)
             squares = np.append(squares[~fast], own)
-            shapes = np.hstack([shapes[:, ~fast], shapes[:, fast] @ more])
+            shapes = np.hstack([shapes[:, ~fast], shapes[:, fast] @ forced @ mixed])
         vectors = rows @ shapes
         dampers = np.array([own.damping_ns_per_m for own in meshes])
         # a steady load presses the meshes through modes that they hardly feel as well

@@ -158,7 +158,12 @@ def method_b(
     >>> round(b.single, 5), round(b.mesh_alpha, 4)
     (13.43036, 17.5803)
     """
-    first, second = _ordered(one, other)
+    if one.internal and other.internal:
+        raise ArgumentError("internal gears do not mesh with each other: one must be external")
+    # of equal teeth: the standard's range has x1 >= x2
+    first, second = sorted(
+        (one, other), key=lambda own: (own.internal, own.teeth, -own.profile_shift)
+    )
     check_positive("contact_ratio", contact_ratio)
     base = math.asin(math.sin(helix_angle_rad) * math.cos(pressure_angle_rad))
     share = math.cos(base) ** 2 * math.cos(helix_angle_rad)
@@ -189,14 +194,6 @@ def method_b(
         virtual_teeth=virtual,
         warnings=tuple(f"{METHOD}: {note}" for note in limits),
     )
-
-
-def _ordered(one: GearTeeth, other: GearTeeth) -> tuple[GearTeeth, GearTeeth]:
-    if one.internal and other.internal:
-        raise ArgumentError("internal gears do not mesh with each other: one must be external")
-    # of equal teeth: the standard's range has x1 >= x2
-    both = sorted((one, other), key=lambda own: (own.internal, own.teeth, -own.profile_shift))
-    return both[0], both[1]
 
 
 def _theoretical(first: GearTeeth, second: GearTeeth, virtual: tuple[float, float]) -> float:
@@ -376,12 +373,19 @@ class MeshPair:
         force_n : float, optional
             Static force on the line of action [N]; below 100 N/mm the stiffness falls.
         """
+        # b_s/b and s_R/m_n of gears that are no solid discs, of which the more flexible one counts
+        webs = []
+        for own in self.members:
+            if own.web_m is not None and own.rim_m is not None:
+                width = 1e-3 * self.need("face_width_mm", "web factor")
+                module = 1e-3 * self.need("module_mm", "web factor")
+                webs.append((own.web_m / width, own.rim_m / module))
         return method_b(
             *self.members,
             contact_ratio=self.contact_ratio,
             pressure_angle_rad=self.pressure_angle_rad,
             helix_angle_rad=self.helix_angle_rad,
-            web=self._web(),
+            web=min(webs, key=lambda web: blank_factor(*web)[0], default=None),
             load_n_per_mm=self.specific_load(force_n),
         )
 
@@ -397,16 +401,6 @@ class MeshPair:
             return None
         tangential = force_n * math.cos(self.stage.transverse_pressure_angle_rad)
         return tangential * self.stage.application_factor / self.stage.face_width_mm
-
-    def _web(self) -> tuple[float, float] | None:
-        """Return b_s/b and s_R/m_n of the more flexible gear; None where both are solid."""
-        found = []
-        for own in self.members:
-            if own.web_m is not None and own.rim_m is not None:
-                width = 1e-3 * self.need("face_width_mm", "web factor")
-                module = 1e-3 * self.need("module_mm", "web factor")
-                found.append((own.web_m / width, own.rim_m / module))
-        return min(found, key=lambda web: blank_factor(*web)[0], default=None)
 
     @cached_property
     def geometry(self) -> PairGeometry:

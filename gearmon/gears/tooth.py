@@ -367,7 +367,12 @@ def arc_compliance(
     # work of stress s - i t and displacement u + i v: the components k and -k pair up
     work = np.einsum("kr,kl->rl", loads[1].conj(), moves[0] * turn)
     work = work + np.einsum("kr,kl->rl", loads[0], moves[1].conj() * turn.conj())
-    total = 2 * math.pi * (np.real(work) + _mean_work(ratio, kappa, half_angle_rad, outwards))
+    # the components of order 0: breathing and torsion of the ring
+    mean = _tractions(np.zeros(1), half_angle_rad, outwards)[0]
+    breathing = np.linalg.solve([[2.0, -1.0], [(kappa - 1) * ratio, 1 / ratio]], [1.0, 0.0])
+    radial, torsion = (kappa - 1) * breathing[0] + breathing[1], 1 - ratio**-2
+    work = work + np.outer(mean, radial * mean.real + 1j * torsion * mean.imag)
+    total = 2 * math.pi * np.real(work)
     shear_modulus = 1 / (2 * (1 + poisson_ratio))
     return np.asarray(outwards * total / (2 * shear_modulus))
 
@@ -421,16 +426,6 @@ def _first_response(ratio: float, kappa: float) -> FloatArray:
     stresses = np.array([[0.0, 1 + kappa, 0.0, 0.0], [1.0, 2.0, -1.0, 0.0]])
     matrix = np.concatenate([stresses, displacements(ratio)])
     return np.asarray(displacements(1.0) @ np.linalg.solve(matrix, np.eye(4, 2)))
-
-
-def _mean_work(ratio: float, kappa: float, half: float, outwards: float) -> FloatArray:
-    """Return the work of the components of order 0: breathing and torsion of the ring."""
-    mean = _tractions(np.zeros(1), half, outwards)[0]
-    breathing = np.linalg.solve([[2.0, -1.0], [(kappa - 1) * ratio, 1 / ratio]], [1.0, 0.0])
-    radial = (kappa - 1) * breathing[0] + breathing[1]
-    torsion = 1 - ratio**-2
-    moved = radial * mean.real + 1j * torsion * mean.imag
-    return np.asarray(np.real(np.outer(mean, moved)))
 
 
 def sainsot(radius_ratio: float, root_angle_rad: float) -> list[float]:

@@ -436,7 +436,11 @@ def _pits(fault: Fault, tooth: Tooth) -> list[Hole]:
     radius = 1e-3 * fault.radius if fault.radius else PIT_RADIUS * tooth.module_m
     depth = 1e-3 * fault.depth if fault.depth else PIT_DEPTH * tooth.module_m
     low, high = float(tooth.height(tooth.start)), float(tooth.height(tooth.tip))
-    rows = _rows(_pitch_height(tooth), low, high, radius)
+    # rows one radius apart: on the pitch line, below, above, below ...
+    count, middle = int((high - low) / radius), _pitch_height(tooth)
+    steps = sorted(range(-count, count + 1), key=abs)
+    rows = [middle + radius * step for step in steps]
+    rows = [row for row in rows if low + radius <= row <= high - radius]
     # area of a row that fills the face width to the part f: f b pi r/2
     filled = share * (high - low) / (0.5 * math.pi * radius)
     # the usual fill as long as there are rows, so that every section only loses with the share
@@ -453,13 +457,6 @@ def _pits(fault: Fault, tooth: Tooth) -> list[Hole]:
         for row, width in parts
         if width > 1e-12 * tooth.face_width_m
     ]
-
-
-def _rows(middle: float, low: float, high: float, radius: float) -> list[float]:
-    """Return heights of rows one radius apart: on the pitch line, below, above, below ..."""
-    count = int((high - low) / radius)
-    rows = [middle + radius * step for step in sorted(range(-count, count + 1), key=abs)]
-    return [row for row in rows if low + radius <= row <= high - radius]
 
 
 def _pitch_height(tooth: Tooth) -> float:

@@ -71,15 +71,12 @@ class Number:
         above = number > self.low if self.open_low else number >= self.low
         below = number < self.high if self.open_high else number <= self.high
         if not (above and below and math.isfinite(number)):
+            left, right = "(" if self.open_low else "[", ")" if self.open_high else "]"
+            unit = f" {self.unit}" if self.unit else ""
             because = f": {self.why}" if self.why else ""
-            raise FieldError(key, f"must lie in {self.range_text()}{because}", value)
+            allowed = f"{left}{self.low:g}, {self.high:g}{right}{unit}"
+            raise FieldError(key, f"must lie in {allowed}{because}", value)
         return number
-
-    def range_text(self) -> str:
-        """Return the range and unit as in ``(0, 100] mm``."""
-        left, right = "(" if self.open_low else "[", ")" if self.open_high else "]"
-        unit = f" {self.unit}" if self.unit else ""
-        return f"{left}{self.low:g}, {self.high:g}{right}{unit}"
 
 
 @dataclass(frozen=True)
@@ -94,10 +91,6 @@ class Count(Number):
             raise FieldError(key, "must be a whole number, without quotes or decimal point", value)
         super().checked(key, value)
         return int(value)
-
-    def range_text(self) -> str:
-        """Return the range as in ``[5, 2000]``."""
-        return f"[{self.low}, {self.high}]"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -222,17 +215,15 @@ class Checked:
 
 def shown_value(value: object) -> str:
     """Return `value` on one line as a machine file would have it, shortened if long."""
-    text = str(value).lower() if isinstance(value, bool) else _literal(value)
-    return text if len(text) <= LONGEST_VALUE_SHOWN else f"{text[: LONGEST_VALUE_SHOWN - 3]}..."
-
-
-def _literal(value: object) -> str:
-    if isinstance(value, str):
-        inner = repr(value)[1:-1].replace("\\'", "'")
-        return f'"{inner}"'
     if isinstance(value, int) and abs(value) >= 10**LONGEST_VALUE_SHOWN:
         return "an integer of more than 60 digits"
-    return str(value) if isinstance(value, numbers.Number) else repr(value)
+    text = str(value) if isinstance(value, numbers.Number) else repr(value)
+    if isinstance(value, bool):
+        text = text.lower()
+    elif isinstance(value, str):
+        inner = text[1:-1].replace("\\'", "'")
+        text = f'"{inner}"'
+    return text if len(text) <= LONGEST_VALUE_SHOWN else f"{text[: LONGEST_VALUE_SHOWN - 3]}..."
 
 
 LARGEST_FILE_BYTES, MOST_KEYS_LISTED = 1 << 20, 10
@@ -355,8 +346,18 @@ def read_source(path: str | Path) -> MachineSource:
         If there is no such file, or it is not TOML in UTF-8.
     """
     shown = str(path)
-    text = _decoded(shown, _read_bytes(Path(path), shown))
-    return MachineSource(path=shown, document=_parsed(shown, text), lines=key_lines(text))
+    text = _text_of(Path(path), shown)
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise _syntax_error(shown, text, str(error)) from None
+    except ValueError:  # of int(): Python limits the digits that it converts
+        raise MachineFileError(f"{shown}: holds an integer of thousands of digits") from None
+    except RecursionError:
+        raise MachineFileError(f"{shown}: holds arrays nested too deeply") from None
+    if not document:
+        raise MachineFileError(f"{shown}: is empty; a machine file has [operating] and [[stage]]")
+    return MachineSource(path=shown, document=document, lines=key_lines(text))
 
 
 def key_lines(text: str) -> dict[str, int]:
@@ -386,7 +387,7 @@ def key_lines(text: str) -> dict[str, int]:
     return found
 
 
-def _read_bytes(path: Path, shown: str) -> bytes:
+def _text_of(path: Path, shown: str) -> str:
     try:
         size, ordinary = path.stat().st_size, path.is_file()
         data = path.read_bytes() if ordinary and size <= LARGEST_FILE_BYTES else b""
@@ -404,10 +405,6 @@ def _read_bytes(path: Path, shown: str) -> bytes:
     if size > LARGEST_FILE_BYTES:
         reason = f"has {size / 1e6:.1f} MB; a machine file is a short text (at most 1 MB)"
         raise MachineFileError(f"{shown}: {reason}")
-    return data
-
-
-def _decoded(shown: str, data: bytes) -> str:
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         raise MachineFileError(f"{shown}: is UTF-16 text; save it as UTF-8")
     if b"\0" in data:
@@ -418,20 +415,6 @@ def _decoded(shown: str, data: bytes) -> str:
         line = data.count(b"\n", 0, error.start) + 1
         reason = f"byte 0x{data[error.start]:02x} is not UTF-8; save the file as UTF-8"
         raise MachineFileError(f"{shown}:{line}: {reason}") from None
-
-
-def _parsed(shown: str, text: str) -> dict[str, Any]:
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise _syntax_error(shown, text, str(error)) from None
-    except ValueError:  # of int(): Python limits the digits that it converts
-        raise MachineFileError(f"{shown}: holds an integer of thousands of digits") from None
-    except RecursionError:
-        raise MachineFileError(f"{shown}: holds arrays nested too deeply") from None
-    if not document:
-        raise MachineFileError(f"{shown}: is empty; a machine file has [operating] and [[stage]]")
-    return document
 
 
 def _syntax_error(shown: str, text: str, message: str) -> MachineFileError:
@@ -446,16 +429,12 @@ def _syntax_error(shown: str, text: str, message: str) -> MachineFileError:
     printed = "".join(letter if letter.isprintable() else "?" for letter in line)
     here = f", in: {printed if len(printed) <= 60 else f'{printed[:57]}...'}" if line else ""
     here += " (decimal numbers take a point)" if _DECIMAL_COMMA.search(line) else ""
-    complaint = _one_line(_reworded(match[1]))
-    return MachineFileError(f"{shown}:{place}: not valid TOML: {complaint}{here}")
-
-
-def _reworded(complaint: str) -> str:
+    complaint = _one_line(match[1])
     if complaint == "Cannot overwrite a value":
-        return "this key stands here for the second time"
-    if complaint.startswith("Cannot declare") and complaint.endswith("twice"):
-        return "this [table] stands here for the second time; a list of them takes [[table]]"
-    return complaint
+        complaint = "this key stands here for the second time"
+    elif complaint.startswith("Cannot declare") and complaint.endswith("twice"):
+        complaint = "this [table] stands here for the second time; a list of them takes [[table]]"
+    return MachineFileError(f"{shown}:{place}: not valid TOML: {complaint}{here}")
 
 
 def _one_line(text: str) -> str:

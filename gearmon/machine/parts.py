@@ -149,9 +149,6 @@ class Bearing:
             object.__setattr__(self, "rotating", "inner" if self.planet_stage is None else "outer")
         if self.planet_stage is not None and self.position_mm is not None:
             raise FieldError("position_mm", "is for bearings of a shaft", self.position_mm)
-        self._check_balls()
-
-    def _check_balls(self) -> None:
         sizes = {name: getattr(self, name) for name in BALLS}
         missing = [name for name, value in sizes.items() if value is None]
         if missing == list(BALLS) and self.stiffness_n_per_m is not None:
@@ -340,9 +337,23 @@ class Machine(Result):
         if not 1 <= len(self.stages) <= MOST_STAGES:
             reason = f"is given {len(self.stages)} times; a train has 1 to {MOST_STAGES} stages"
             raise FieldError("stage", reason)
-        self._check_operating()
+        total = math.fsum(point.share for point in self.operating)
+        if abs(total - 1) > SHARE_TOLERANCE:
+            reason = f"must sum to 1 over all operating points; the sum is {total:.7g}"
+            raise FieldError("operating.share", reason)
+        speeds = [point.speed_rpm for point in self.operating]
+        if max(speeds) > MOST_SPEEDS_APART * min(speeds):
+            reason = (
+                f"must not differ by more than a factor of {MOST_SPEEDS_APART:g} between operating "
+                f"points; they go from {min(speeds):g} to {max(speeds):g} 1/min"
+            )
+            raise FieldError("operating.speed_rpm", reason)
         self._check_places()
-        self._check_columns()
+        columns = [sensor.column for sensor in self.sensors]
+        for number, column in enumerate(columns):
+            if (earlier := columns.index(column)) < number:
+                reason = f"is also the column of sensor[{earlier + 1}]"
+                raise FieldError(f"sensor[{number + 1}].column", reason, column)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of a machine file, without what is as by default.
@@ -360,27 +371,18 @@ class Machine(Result):
         """Shafts in the power flow: one more than there are stages."""
         return len(self.stages) + 1
 
-    def _check_operating(self) -> None:
-        total = math.fsum(point.share for point in self.operating)
-        if abs(total - 1) > SHARE_TOLERANCE:
-            reason = f"must sum to 1 over all operating points; the sum is {total:.7g}"
-            raise FieldError("operating.share", reason)
-        speeds = [abs(point.speed_rpm) for point in self.operating]
-        if max(speeds) > MOST_SPEEDS_APART * min(speeds):
-            reason = (
-                f"must not differ by more than a factor of {MOST_SPEEDS_APART:g} between operating "
-                f"points; they go from {min(speeds):g} to {max(speeds):g} 1/min"
-            )
-            raise FieldError("operating.speed_rpm", reason)
-
     def _check_places(self) -> None:
         """Refuse what sits on a shaft or in a stage that is not there, or beyond a shaft's end."""
+        planetary = [i for i, s in enumerate(self.stages, start=1) if s.kind == "planetary"]
         for name in ("bearing", "sensor", "shaft", "disc"):
             for number, part in enumerate(getattr(self, TABLES[name]), start=1):
                 where = f"{name}[{number}]"
                 if part.shaft is None:
-                    self._check_planet_stage(f"{where}.planet_stage", part.planet_stage)
-                    continue
+                    if part.planet_stage in planetary:
+                        continue
+                    known = ", ".join(map(str, planetary)) or "none here"
+                    reason = f"must be the number of a planetary stage ({known})"
+                    raise FieldError(f"{where}.planet_stage", reason, part.planet_stage)
                 if part.shaft > self.shaft_count:
                     last = self.shaft_count
                     reason = f"must lie in [1, {last}]: n stages in a row have n + 1 shafts"
@@ -392,24 +394,11 @@ class Machine(Result):
                 key = f"position_{member}_mm"
                 self._check_place(f"stage[{number}].{key}", shaft, getattr(stage, key))
 
-    def _check_columns(self) -> None:
-        columns = [sensor.column for sensor in self.sensors]
-        for number, column in enumerate(columns):
-            if (earlier := columns.index(column)) < number:
-                reason = f"is also the column of sensor[{earlier + 1}]"
-                raise FieldError(f"sensor[{number + 1}].column", reason, column)
-
     def _check_place(self, key: str, shaft: int, position_mm: float | None) -> None:
         length = sum(own.length_mm for own in self.sections if own.shaft == shaft)
         if position_mm is not None and position_mm > length * (1 + 1e-9):
             told = f"the length of shaft {shaft}" if length else f"shaft {shaft} has no [[shaft]]"
             raise FieldError(key, f"must lie in [0, {length:g}] mm: {told}", position_mm)
-
-    def _check_planet_stage(self, key: str, stage: int) -> None:
-        planetary = [i for i, s in enumerate(self.stages, start=1) if s.kind == "planetary"]
-        if stage not in planetary:
-            known = ", ".join(map(str, planetary)) or "none here"
-            raise FieldError(key, f"must be the number of a planetary stage ({known})", stage)
 
 
 def _filled(part: Any) -> dict[str, Any]:
@@ -475,29 +464,23 @@ def load_machine(source: MachineLike | None = None, **tables: Any) -> Machine:
     """
     if isinstance(source, Machine) and not tables:
         return source
-    return _machine(replace(_source(source, tables), homes=_HOMES))
-
-
-def _source(source: object, tables: dict[str, Any]) -> MachineSource:
     given = tables if source is None else source
     if source is not None and tables:
         raise ArgumentError(f"machine: given twice, also as {', '.join(tables)}=; give it once")
     if isinstance(given, str | Path):
-        return read_source(given)
-    if not isinstance(given, Mapping):
+        read = replace(read_source(given), homes=_HOMES)
+    elif isinstance(given, Mapping):
+        read = MachineSource(path="", document=dict(given), homes=_HOMES)
+    else:
         raise ArgumentError(
             f"machine: {type(given).__name__} is no machine; give the name of a machine file, a "
             "dictionary with operating and stage, or a Machine"
         )
-    return MachineSource(path="", document=dict(given))
-
-
-def _machine(source: MachineSource) -> Machine:
-    source.refuse_unknown_keys(source.document, _TOP_KEYS)
-    name = source.document.get("name", Path(source.path).stem or "machine")
-    stages, notes = _stages(source)
+    read.refuse_unknown_keys(read.document, _TOP_KEYS)
+    name = read.document.get("name", Path(read.path).stem or "machine")
+    stages, notes = _stages(read)
     parts: dict[str, Any] = {
-        TABLES[table]: [source.part(part, *own) for own in source.tables(table)]
+        TABLES[table]: [read.part(part, *own) for own in read.tables(table)]
         for table, part in _PARTS.items()
     }
     try:
@@ -505,14 +488,14 @@ def _machine(source: MachineSource) -> Machine:
             raise FieldError("name", "must be one line of text in quotes", name)
         return Machine(
             name=name,
-            operating=_operating_points(source),
+            operating=_operating_points(read),
             stages=stages,
             **parts,
-            path=source.path,
+            path=read.path,
             notes=notes,
         )
     except FieldError as error:
-        raise source.error(error.key, error.message(error.key)) from None
+        raise read.error(error.key, error.message(error.key)) from None
 
 
 def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:

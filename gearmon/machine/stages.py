@@ -385,8 +385,25 @@ class PlanetaryStage(StageData):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._settle_members()
-        self._check_teeth()
+        if not self.driving:
+            object.__setattr__(self, "driving", "carrier" if self.fixed == "sun" else "sun")
+        if self.driving == self.fixed:
+            reason = "is also the fixed member; name the member on the input shaft"
+            raise FieldError("driving", reason, self.driving)
+        place = f"position_{self.fixed}_mm"
+        if getattr(self, place) is not None:
+            reason = f"is for members on shafts: the {self.fixed} is fixed"
+            raise FieldError(place, reason, getattr(self, place))
+        if abs(self.tooth_deviation) > LARGEST_TOOTH_DEVIATION:
+            near = f"within {LARGEST_TOOTH_DEVIATION} teeth of sun + 2 planet"
+            matching = self.sun_teeth + 2 * self.planet_teeth
+            reason = f"must lie {near} = {matching} (stepped or double planets are not covered)"
+            raise FieldError("ring_teeth", reason, self.ring_teeth)
+        # neighbours touch when the chord between their axes falls below their reference diameter
+        chord = (self.sun_teeth + self.planet_teeth) * math.sin(math.pi / max(self.planets, 2))
+        if chord < self.planet_teeth:
+            reason = f"is more than fits: planets of {self.planet_teeth} teeth would overlap"
+            raise FieldError("planets", reason, self.planets)
         self._check_centre_distance(self.sun_teeth + self.planet_teeth)
         self._check_gear("sun", self.sun_teeth)
         self._check_gear("planet", self.planet_teeth)
@@ -427,26 +444,3 @@ class PlanetaryStage(StageData):
                 f"{self.planets} planets: they cannot be equally spaced"
             )
         return tuple(notes)
-
-    def _settle_members(self) -> None:
-        if not self.driving:
-            object.__setattr__(self, "driving", "carrier" if self.fixed == "sun" else "sun")
-        if self.driving == self.fixed:
-            reason = "is also the fixed member; name the member on the input shaft"
-            raise FieldError("driving", reason, self.driving)
-        place = f"position_{self.fixed}_mm"
-        if getattr(self, place) is not None:
-            reason = f"is for members on shafts: the {self.fixed} is fixed"
-            raise FieldError(place, reason, getattr(self, place))
-
-    def _check_teeth(self) -> None:
-        if abs(self.tooth_deviation) > LARGEST_TOOTH_DEVIATION:
-            near = f"within {LARGEST_TOOTH_DEVIATION} teeth of sun + 2 planet"
-            matching = self.sun_teeth + 2 * self.planet_teeth
-            reason = f"must lie {near} = {matching} (stepped or double planets are not covered)"
-            raise FieldError("ring_teeth", reason, self.ring_teeth)
-        # neighbours touch when the chord between their axes falls below their reference diameter
-        chord = (self.sun_teeth + self.planet_teeth) * math.sin(math.pi / max(self.planets, 2))
-        if chord < self.planet_teeth:
-            reason = f"is more than fits: planets of {self.planet_teeth} teeth would overlap"
-            raise FieldError("planets", reason, self.planets)

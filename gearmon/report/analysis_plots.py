@@ -389,21 +389,27 @@ def history_figure(
     -------
     Picture
     """
-    losses = bool(found.teeth) or known_loss is not None
+    entries, losses = found.history.entries, bool(found.teeth) or known_loss is not None
     heights = [2.3, 1.15] if losses else [1.8]
     room = 1.2 if found.shown else 0.9 if losses else 0.8
     figure, axes = plots.stack(heights, room_in=room, sharex=True)
+    times = _days([entry.time_s for entry in entries])
     if losses:
         _losses(found, axes[0])
     if known_loss is not None:
         how: dict[str, Any] = {"color": plots.BLACK, "linestyle": (0, (1, 1.5)), "linewidth": 0.9}
-        times = _days([entry.time_s for entry in found.history.entries])
         axes[0].plot(times, 100 * np.asarray(known_loss, dtype=float), label="known loss", **how)
-    _scores(found, axes[-1])
+    score, verdicts = axes[-1], [entry.verdict for entry in entries]
+    plots.plot_verdicts(times, [entry.score for entry in entries], verdicts, score, 4)
+    shade = {"color": plots.GREY, "alpha": 0.2}
+    _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, score)
+    low, high = score.get_ylim()
+    score.set(ylim=(min(0.0, low), max(high, _LEAST_SCORE)), xlabel="Time (UTC)")
+    score.set_ylabel("Score (−log₁₀ p)")
+    plots.light_grid(score)
     locator = AutoDateLocator()  # type: ignore[no-untyped-call]
-    axes[-1].xaxis.set_major_locator(locator)
-    axes[-1].xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
-    axes[-1].set_xlabel("Time (UTC)")
+    score.xaxis.set_major_locator(locator)
+    score.xaxis.set_major_formatter(ConciseDateFormatter(locator))  # type: ignore[no-untyped-call]
     plots.legend(figure, axes, columns=3)
     return figure
 
@@ -413,12 +419,24 @@ def _days(time_s: Any) -> Any:
 
 
 def _losses(found: HistoryTrends, ax: Axes) -> None:
-    shown = told_teeth(found)[:_MOST_TEETH]
-    new = [tooth for tooth in _newly_lost(found) if tooth not in shown]
+    shown, newest = told_teeth(found)[:_MOST_TEETH], found.history.entries[-1]
+    # what the newest recording calls lost, however few recordings do
+    new = [
+        own
+        for own in sorted(found.teeth, key=lambda own: -own.low[-1])
+        if newest.verdict == "fault"
+        and own.trend.series.time_s[-1] == newest.time_s
+        and own.low[-1] > 0
+        and own not in shown
+    ]
     drawn = [*shown, *new][:_MOST_TEETH]
     others = [tooth for tooth in found.teeth if tooth not in drawn]
+    other = "other " if drawn else ""
+    name = wording.counted(len(others), f"{other}tooth", f"{other}teeth")
+    # a line above the limit need not be a loss
+    told = name if any(tooth.stands for tooth in others) else f"{name}, no loss clear of noise"
     for number, tooth in enumerate(others[:_MOST_OTHERS]):
-        label = "_" if number else _others_label(others, bool(drawn))
+        label = "_" if number else told
         how: dict[str, Any] = {"color": plots.GREY, "linewidth": 0.5, "zorder": 1, "label": label}
         ax.plot(_days(tooth.trend.series.time_s), 100 * tooth.trend.series.value, **how)
     for number, tooth in enumerate(drawn):
@@ -432,26 +450,6 @@ def _losses(found: HistoryTrends, ax: Axes) -> None:
     ax.set_ylim(min(low, -0.1 * _LEAST_SHOWN), max(high, _LEAST_SHOWN))
     ax.set_ylabel("Loss of pair stiffness (%)")
     plots.light_grid(ax)
-
-
-def _others_label(others: Sequence[ToothTrend], beside_shown: bool) -> str:
-    """Say what the grey lines are: a line above the limit need not be a loss."""
-    other = "other " if beside_shown else ""
-    name = wording.counted(len(others), f"{other}tooth", f"{other}teeth")
-    return name if any(tooth.stands for tooth in others) else f"{name}, no loss clear of noise"
-
-
-def _newly_lost(found: HistoryTrends) -> list[ToothTrend]:
-    """Return what the newest recording calls lost, however few recordings do."""
-    newest = found.history.entries[-1]
-    lost = [
-        own
-        for own in found.teeth
-        if newest.verdict == "fault"
-        and own.trend.series.time_s[-1] == newest.time_s
-        and own.low[-1] > 0
-    ]
-    return sorted(lost, key=lambda own: -own.low[-1])
 
 
 def _estimates(tooth: ToothTrend, number: int, more: str, ax: Axes) -> None:
@@ -500,19 +498,6 @@ def _mark_changes(
         ax.axvspan(_days(change.low_s), _days(change.high_s), lw=0, **interval)
         line: dict[str, Any] = {"color": interval["color"], "linewidth": 0.85, "linestyle": "--"}
         ax.axvline(_days(change.time_s), label="_" if number else label, **line)
-
-
-def _scores(found: HistoryTrends, ax: Axes) -> None:
-    entries = found.history.entries
-    times = _days([entry.time_s for entry in entries])
-    verdicts = [entry.verdict for entry in entries]
-    plots.plot_verdicts(times, [entry.score for entry in entries], verdicts, ax, 4)
-    shade = {"color": plots.GREY, "alpha": 0.2}
-    _mark_changes(found.evidence.changes, "evidence changed (interval shaded)", shade, ax)
-    ax.set_ylabel("Score (−log₁₀ p)")
-    low, high = ax.get_ylim()
-    ax.set_ylim(min(0.0, low), max(high, _LEAST_SCORE))
-    plots.light_grid(ax)
 
 
 @plots.style()

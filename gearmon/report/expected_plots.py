@@ -16,7 +16,6 @@ from gearmon.arrays import runs_where
 from gearmon.dynamics.fourier import Real
 from gearmon.dynamics.stability import StabilityMap, Tongue
 from gearmon.errors import ArgumentError
-from gearmon.gears.stiffness import MeshStiffness
 from gearmon.gears.stiffness_report import (
     HARMONICS,
     FormComparison,
@@ -182,12 +181,35 @@ def form_figure(comparison: FormComparison) -> plots.Picture:
     -------
     Picture
     """
-    groups = list(dict.fromkeys(_group(curve) for curve in comparison.forms))
-    figure = plots.sheet(11.5, 0.9 + 2.0 * len(groups))
-    axes = figure.subplots(len(groups), 2, sharex="col", squeeze=False)
-    for group, (left, right) in zip(groups, axes, strict=True):
-        _plot_form(comparison, group, left)
-        _plot_form_lines(comparison, group, right)
+    # a form and its variants, which share a row
+    rows: dict[str, list[int]] = {}
+    for place, curve in enumerate(comparison.forms):
+        rows.setdefault(curve.form.name.split("-")[0], []).append(place)
+    phase = np.array([row["mesh_phase"] for row in comparison.table])
+    orders = np.arange(1, HARMONICS + 1)
+    heights = [_GN * curve.at(phase) for curve in comparison.forms]
+    lines = [_MN * curve.mesh_amplitudes(HARMONICS) for curve in comparison.forms]
+    least, most, top = np.min(heights), np.max(heights), float(np.max(lines))
+    figure = plots.sheet(11.5, 0.9 + 2.0 * len(rows))
+    axes = figure.subplots(len(rows), 2, sharex="col", squeeze=False)
+    for own, (left, right) in zip(rows.values(), axes, strict=True):
+        if own[0]:
+            left.plot(phase, heights[0], color=_GREY, linewidth=0.9, alpha=0.7, label="reference")
+        looks = ((plots.BLUE, 1.6, -0.13), (plots.VERMILLION, 1.1, 0.13))
+        for place, (colour, width, shift) in zip(own, looks, strict=False):
+            name = _FORMS[comparison.forms[place].form.name]
+            left.plot(phase, heights[place], color=colour, linewidth=width, label=name)
+            beside = orders + (shift if len(own) > 1 else 0.0)
+            right.vlines(beside, 0, lines[place], color=colour, linewidth=1.4)
+            plots.plot_marks(right, beside, lines[place], "o", 3.5, colour)
+        # room for the names of the curves above them
+        spread = most - least
+        left.set(xlim=(phase[0], phase[-1]), ylim=(least - 0.08 * spread, most + 0.55 * spread))
+        left.set_ylabel("stiffness in GN/m")
+        left.legend(fontsize=8, loc="upper right", ncols=3)
+        right.set(xlim=(0.3, HARMONICS + 0.7), ylim=(0, 1.08 * top if top else 1.0))
+        right.set_ylabel("amplitude in MN/m")
+        right.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes[-1][0].set_xlabel("mesh phase in mesh periods")
     axes[-1][1].set_xlabel(f"mesh harmonic (times {comparison.spectrum[0]['frequency_hz']:.5g} Hz)")
     figure.suptitle(
@@ -196,45 +218,6 @@ def form_figure(comparison: FormComparison) -> plots.Picture:
         fontsize=11,
     )
     return figure
-
-
-def _group(curve: MeshStiffness) -> str:
-    """Return the form of which a curve is a variant."""
-    return curve.form.name.split("-")[0]
-
-
-def _plot_form(comparison: FormComparison, group: str, ax: Axes) -> None:
-    """Draw the curves of one form over the mesh periods, the first form of all in grey."""
-    phase = np.array([row["mesh_phase"] for row in comparison.table])
-    heights = [_GN * curve.at(phase) for curve in comparison.forms]
-    if _group(comparison.forms[0]) != group:
-        ax.plot(phase, heights[0], color=_GREY, linewidth=0.9, alpha=0.7, label="reference")
-    both = zip(comparison.forms, heights, strict=True)
-    own = [(_FORMS[curve.form.name], height) for curve, height in both if _group(curve) == group]
-    styles = zip((plots.BLUE, plots.VERMILLION), (1.6, 1.1), strict=True)
-    for (name, height), (colour, width) in zip(own, styles, strict=False):
-        ax.plot(phase, height, color=colour, linewidth=width, label=name)
-    least, most = np.min(heights), np.max(heights)
-    ax.set_xlim(phase[0], phase[-1])
-    # room for the names of the curves above them
-    ax.set_ylim(least - 0.08 * (most - least), most + 0.55 * (most - least))
-    ax.set_ylabel("stiffness in GN/m")
-    ax.legend(fontsize=8, loc="upper right", ncols=3)
-
-
-def _plot_form_lines(comparison: FormComparison, group: str, ax: Axes) -> None:
-    """Draw the spectrum of one form: amplitudes of the mesh harmonics, without the mean."""
-    own = [curve for curve in comparison.forms if _group(curve) == group]
-    shifts = [0.0] if len(own) == 1 else [-0.13, 0.13]
-    for curve, colour, shift in zip(own, (plots.BLUE, plots.VERMILLION), shifts, strict=False):
-        height = _MN * curve.mesh_amplitudes(HARMONICS)
-        orders = np.arange(1, len(height) + 1) + shift
-        ax.vlines(orders, 0, height, color=colour, linewidth=1.4)
-        ax.plot(orders, height, "o", color=colour, markersize=3.5)
-    top = _MN * max(curve.mesh_amplitudes(HARMONICS).max() for curve in comparison.forms)
-    ax.set(xlim=(0.3, len(height) + 0.7), ylim=(0, 1.08 * top if top else 1.0))
-    ax.set_ylabel("amplitude in MN/m")
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
 
 
 @plots.style()

@@ -222,7 +222,11 @@ def _recording_charts(
     signature = analysis.signature
     charts: list[dict[str, Any]] = []
     if recording is not None:
-        charts.append(_spectrum(analysis, recording, points))
+        vibration = curves.vibration_of(analysis, recording)
+        spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
+        place, values = spectrum.frequency_hz[2:], spectrum.values[:, 2:]
+        known = "spectrum", "Frequency (Hz)", signature.speed.estimated_hz
+        charts.append(_spectrum_chart(*known, place, values, points))
         if not signature.found or text.far_from_nominal(signature.speed):
             charts.append(_speed_search(analysis, recording, machine))
     if signature.found:
@@ -294,14 +298,6 @@ def _spectrum_chart(
         "x": _numbers(x),
         "curves": drawn,
     }
-
-
-def _spectrum(analysis: Analysis, recording: Recording, points: int) -> dict[str, Any]:
-    vibration = curves.vibration_of(analysis, recording)
-    spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
-    hertz, values = spectrum.frequency_hz[2:], spectrum.values[:, 2:]
-    speed = analysis.signature.speed.estimated_hz
-    return _spectrum_chart("spectrum", "Frequency (Hz)", speed, hertz, values, points)
 
 
 def _speed_search(analysis: Analysis, recording: Recording, machine: Machine) -> dict[str, Any]:
@@ -440,6 +436,9 @@ def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
         own = families[number]
         off = plan.orders[line] - own.harmonic * mesh_hz[own.stage] / signature.speed.estimated_hz
         numbers.append(round(off / own.spacing) if own.spacing else 0)
+    # what a reader switches: meshes first, what else repeats last
+    rank = {"mesh": 0, "sidebands": 1, "residual": 2}
+    groups = map(_group, sorted(families, key=lambda own: rank[own.kind]))
     size = np.abs(signature.lines.mean[:, index])
     amplitudes = {"measured": size, "low": low, "high": high}
     return {
@@ -447,7 +446,7 @@ def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
         "number": numbers,
         "family": [number for _, number in chosen],
         "families": [_family(own, analysis) for own in families],
-        "groups": _groups(families),
+        "groups": list(dict.fromkeys(groups)),
     } | {name: [_numbers(row) for row in own[:_MOST_CHANNELS]] for name, own in amplitudes.items()}
 
 
@@ -485,12 +484,6 @@ def _group(family: Family) -> str:
         return f"mesh {family.stage}"
     what = "sidebands" if family.kind == "sidebands" else "other multiples"
     return f"{what} of {wording.shaft_text(family.shaft, family.gear)}"
-
-
-def _groups(families: Sequence[Family]) -> list[str]:
-    """Return the groups that a reader switches, meshes first, what else repeats last."""
-    rank = {"mesh": 0, "sidebands": 1, "residual": 2}
-    return list(dict.fromkeys(map(_group, sorted(families, key=lambda own: rank[own.kind]))))
 
 
 def _healthy_range(

@@ -85,7 +85,14 @@ def _ends(found: OrderSpectra) -> tuple[float, float]:
 
 def _plot_order_map(found: OrderSpectra, row: int, ax: Axes) -> AxesImage:
     """Draw the largest value in each of some columns, in a logarithmic scale of colours."""
-    values, low, high = _evenly(found, found.map.amplitude[:, row, 2:])
+    own, values = found.map, found.map.amplitude[:, row, 2:]
+    low, high = float(own.low[0]), float(own.high[-1])
+    if own.against != "time":
+        # on an even scale of speeds, NaN where there is none
+        step = float(own.high[0] - own.low[0])
+        even = np.full((max(1, round((high - low) / step)), values.shape[1]), np.nan)
+        even[np.rint((own.low - low) / step).astype(int)] = values
+        values = even
     columns = min(_COLUMNS, values.shape[1])
     edges = np.linspace(0, values.shape[1], columns + 1).astype(int)[:-1]
     held = np.maximum.reduceat(values, edges, axis=1)
@@ -104,19 +111,6 @@ def _plot_order_map(found: OrderSpectra, row: int, ax: Axes) -> AxesImage:
     )
     ax.yaxis.set_major_locator(MaxNLocator(5))
     return image
-
-
-def _evenly(found: OrderSpectra, values: FloatArray) -> tuple[FloatArray, float, float]:
-    """Put the rows of a map on an even scale, NaN where there is none; and its ends."""
-    own = found.map
-    low, high = float(own.low[0]), float(own.high[-1])
-    step = float(own.high[0] - own.low[0])
-    count = max(1, round((high - low) / step))
-    if count == len(own.low) or own.against == "time":
-        return values, low, high
-    even = np.full((count, values.shape[1]), np.nan)
-    even[np.rint((own.low - low) / step).astype(int)] = values
-    return even, low, high
 
 
 def _plot_speed(found: OrderSpectra, ax: Axes) -> None:

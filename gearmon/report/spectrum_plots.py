@@ -8,7 +8,6 @@ from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import QuadMesh
 from matplotlib.figure import Figure
 from matplotlib.markers import TICKUP
 from matplotlib.patches import Rectangle
@@ -18,7 +17,6 @@ from gearmon.arrays import FloatArray
 from gearmon.diagnosis.results import Analysis
 from gearmon.report import curves, plots, wording
 from gearmon.signals.recording import Recording
-from gearmon.signals.spectra import Kurtogram
 from gearmon.signatures.measured.line_plan import NEAR_SIDEBANDS, Family, Mark
 from gearmon.signatures.measured.measurement import MeasuredSignature, MeshFinding
 from gearmon.signatures.recording_spectrum import OrderSpectra, RecordingSpectrum
@@ -158,11 +156,18 @@ def close_up_figure(
     if signature.found:
         harmonic = close_up_harmonic(analysis, mesh.stage)
         hertz *= harmonic
-        families = _sideband_families(signature, mesh.stage, harmonic)
+        wanted = ("sidebands", mesh.stage, harmonic)
+        every = signature.plan.families
+        families = [own for own in every if (own.kind, own.stage, own.harmonic) == wanted]
         strips = _around(analysis, recording, mesh, harmonic, families)
     else:
         families = []
-        strips = _searched(analysis, recording, mesh)
+        # the spectrum about the place where the mesh was looked for
+        vibration = curves.vibration_of(analysis, recording)
+        spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
+        mark = curves.mesh_marks(replace(signature, meshes=(mesh,)))[0]
+        band = (mark.place * (1 - _SEARCH_SHOWN), mark.place * (1 + _SEARCH_SHOWN))
+        strips = _strips(analysis, spectrum.frequency_hz, spectrum.values, band, [mark])
     if not len(strips.place):
         return None
     figure = _strips_figure(strips, _REPORT_IN)
@@ -357,23 +362,6 @@ def close_up_harmonic(analysis: Analysis, stage: int) -> int:
     return max(strong)[1] if strong else 1
 
 
-def _searched(analysis: Analysis, recording: Recording, mesh: MeshFinding) -> Strips:
-    """Return the spectrum about the place where a mesh was looked for."""
-    vibration = curves.vibration_of(analysis, recording)
-    spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
-    mark = curves.mesh_marks(replace(analysis.signature, meshes=(mesh,)))[0]
-    band = (mark.place * (1 - _SEARCH_SHOWN), mark.place * (1 + _SEARCH_SHOWN))
-    return _strips(analysis, spectrum.frequency_hz, spectrum.values, band, [mark])
-
-
-def _sideband_families(signature: MeasuredSignature, stage: int, harmonic: int) -> list[Family]:
-    return [
-        own
-        for own in signature.plan.families
-        if (own.kind, own.stage, own.harmonic) == ("sidebands", stage, harmonic)
-    ]
-
-
 def _around(
     analysis: Analysis,
     recording: Recording,
@@ -448,34 +436,25 @@ def _kurtogram_figure(found: RecordingSpectrum) -> plots.Picture:
     shown = found.kurtograms[:MOST_STRIPS]
     heights = [0.55 + 0.135 * len(own.bands) for own in shown]
     figure, axes = plots.stack(heights, room_in=0.2, many_colours=True)
-    for own, name, ax in zip(shown, found.channel_names, axes, strict=False):
-        figure.colorbar(_plot_kurtogram(own, ax), ax=ax, label="Kurtosis", aspect=15)
+    for own, channel, ax in zip(shown, found.channel_names, axes, strict=False):
+        # a row a bandwidth; the quietest bands set the lowest colour, but for a few
+        values, nyquist = np.concatenate(own.kurtosis), own.rate / 2
+        ends = {"vmin": min(0.0, float(np.percentile(values, 5))), "vmax": max(values.max(), 1e-3)}
+        for row, (bands, level) in enumerate(zip(own.bands, own.kurtosis, strict=True)):
+            edges = np.linspace(0.0, nyquist, bands + 1)
+            image = ax.pcolormesh(edges, [row, row + 1], level[None], cmap="viridis", **ends)
+        figure.colorbar(image, ax=ax, label="Kurtosis", aspect=15)
+        ax.invert_yaxis()
+        # the most impulsive band is framed
         low, high, top = own.best
-        ax.set_title(
-            f"{wording.shortened(name)}: most impulsive {low:.6g} to {high:.6g} Hz, K = {top:.3g}"
-        )
+        row = int(np.argmax([float(level.max()) for level in own.kurtosis]))
+        look: dict[str, Any] = {"fill": False, "edgecolor": plots.VERMILLION, "linewidth": 1.4}
+        ax.add_patch(Rectangle((low, row), high - low, 1, **look)).set_clip_on(False)
+        widths = [nyquist / bands for bands in own.bands[::2]]
+        names = [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths]
+        ax.set_yticks(np.arange(len(own.bands))[::2] + 0.5, names)
+        band = f"{low:.6g} to {high:.6g} Hz"
+        ax.set_title(f"{wording.shortened(channel)}: most impulsive {band}, K = {top:.3g}")
     axes[-1].set_xlabel("Frequency (Hz)")
     figure.supylabel("Bandwidth (Hz)", fontsize=7.5)
     return figure
-
-
-def _plot_kurtogram(own: Kurtogram, ax: Axes) -> QuadMesh:
-    """Draw a row a bandwidth, the most impulsive band framed."""
-    values, nyquist = np.concatenate(own.kurtosis), own.rate / 2
-    # the quietest bands set the lowest colour, but for a few
-    ends = {"vmin": min(0.0, float(np.percentile(values, 5))), "vmax": max(values.max(), 1e-3)}
-    for row, (bands, level) in enumerate(zip(own.bands, own.kurtosis, strict=True)):
-        edges = np.linspace(0.0, nyquist, bands + 1)
-        image = ax.pcolormesh(edges, [row, row + 1], level[None], cmap="viridis", **ends)
-    ax.invert_yaxis()
-    low, high, _ = own.best
-    row = int(np.argmax([float(level.max()) for level in own.kurtosis]))
-    frame = Rectangle(
-        (low, row), high - low, 1, fill=False, edgecolor=plots.VERMILLION, linewidth=1.4
-    )
-    ax.add_patch(frame).set_clip_on(False)
-    widths = [nyquist / bands for bands in own.bands[::2]]
-    ax.set_yticks(
-        np.arange(len(own.bands))[::2] + 0.5, [f"{w:.0f}" if w > 1 else f"{w:.3g}" for w in widths]
-    )
-    return image

@@ -104,8 +104,15 @@ def energy_figure(survey: Survey) -> plots.Picture:
         xlabel="frequency in Hz",
         ylabel="energy of a line in J/kg, (2πfA)²/2",
     )
-    low, high = _span(best)
-    top = 0.0
+    # frequencies worth showing: the lines, and the harvester if it is elsewhere
+    ends = [] if best.tuned is None else list(best.tuned.harvester.frequency_range_hz)
+    for vibration in (point.vibration for point in best.position.healthy):
+        energy = vibration.energy_j_per_kg
+        loud = vibration.frequency_hz[energy > energy.max() * 1e-5]
+        # the lines with most of the energy are shown wherever they lie; drift of a sensor is not
+        ends += [row["frequency_hz"] for row in operating_lines(vibration, 3)]
+        ends += [float(loud.max())] + ([] if vibration.resolution_hz else [float(loud.min())])
+    low, high, top = min(ends) / 1.5, max(ends) * 1.5, 0.0
     for number, point in enumerate(best.position.healthy):
         label = f"{_short(point.vibration.name)} ({100 * point.share:.0f} % of the time)"
         _draw_energy(ax, point.vibration, plots.series_colour(number), label)
@@ -219,19 +226,6 @@ def _remark(place: Placed) -> str:
     often = f"a recording every {spoken_time(place.interval_s)}"
     text = often if np.isfinite(place.interval_s) else "too little to send a recording"
     return text + ("; better only when damaged" if place.good_only_when_damaged else "")
-
-
-def _span(place: Placed) -> tuple[float, float]:
-    """Frequencies worth showing: the lines, and the harvester if it is elsewhere."""
-    ends = [] if place.tuned is None else list(place.tuned.harvester.frequency_range_hz)
-    for point in place.position.healthy:
-        vibration = point.vibration
-        energy = vibration.energy_j_per_kg
-        loud = vibration.frequency_hz[energy > energy.max() * 1e-5]
-        # the lines with most of the energy are shown wherever they lie; drift of a sensor is not
-        ends += [row["frequency_hz"] for row in operating_lines(vibration, 3)]
-        ends += [float(loud.max())] + ([] if vibration.resolution_hz else [float(loud.min())])
-    return min(ends) / 1.5, max(ends) * 1.5
 
 
 def _short(text: str) -> str:

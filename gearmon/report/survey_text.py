@@ -60,14 +60,33 @@ def harvest_lines(survey: Survey, published: bool = False) -> list[str]:
         survey=survey,
         own=survey.tuned.harvester.to_dict(),
         places=[_place_row(place) for place in survey.placed],
-        lines=[_line_row(row) for row in ranked[:_MOST_LINES]],
+        lines=[
+            {
+                "operating_point": row["operating_point"],
+                "frequency_hz": row["frequency_hz"],
+                "acceleration_ms2": row["acceleration_ms2"],
+                "energy_uj_per_kg": MICRO * row["energy_j_per_kg"],
+                "share_percent": 100 * row["share"],
+            }
+            for row in ranked[:_MOST_LINES]
+        ],
         together=[
             {"tuned_to_hz": tuned.harvester.natural_frequency_hz, "load": tuned.harvester.load}
             | {f"{name} uw": MICRO * power for name, power in zip(names, own, strict=True)}
             for tuned, own in zip(survey.together, powers, strict=True)
         ],
         worst_w=min(map(sum, zip(*powers, strict=True)), default=0.0),
-        bands=[_band(row) for row in survey.bandwidths()],
+        # of the best harvester, by the quality factor of its mechanics
+        bands=[
+            {
+                "quality_factor": row["quality_factor"],
+                "loaded": row["loaded_quality_factor"],
+                "bandwidth_hz": row["width_hz"],
+                "peak_uw": MICRO * row["peak_power_w"],
+                "wandering_uw": MICRO * row["power_w"],
+            }
+            for row in survey.bandwidths()
+        ],
         published=[_published(row) for row in survey.published()] if published else [],
         spoken_time=spoken_time,
         known=math.isfinite,
@@ -117,33 +136,12 @@ def _micro(value: float | None) -> float | None:
     return None if value is None else MICRO * value
 
 
-def _band(row: dict[str, float]) -> dict[str, float]:
-    """Return the bandwidth of the best harvester at a quality factor of its mechanics."""
-    return {
-        "quality_factor": row["quality_factor"],
-        "loaded": row["loaded_quality_factor"],
-        "bandwidth_hz": row["width_hz"],
-        "peak_uw": MICRO * row["peak_power_w"],
-        "wandering_uw": MICRO * row["power_w"],
-    }
-
-
 def _published(row: dict[str, Any]) -> dict[str, Any]:
     """Return a published harvester, and the best one here in its place."""
     names = ("frequency_hz", "acceleration_ms2", "power_uw", "uw_per_cm3", "model_uw")
     unsure = " (unverified)" if row["checked"] == "no" else ""
     shown = {name: row[name] for name in (*names, "own_uw", "own_uw_per_cm3")}
     return {"name": row["name"] + unsure} | shown
-
-
-def _line_row(row: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "operating_point": row["operating_point"],
-        "frequency_hz": row["frequency_hz"],
-        "acceleration_ms2": row["acceleration_ms2"],
-        "energy_uj_per_kg": MICRO * row["energy_j_per_kg"],
-        "share_percent": 100 * row["share"],
-    }
 
 
 def exposure_lines(found: Told) -> list[str]:
@@ -176,7 +174,13 @@ def _told(found: Told) -> tuple[str, list[dict[str, Any]], list[str]]:
         title, notes = f"{found.machine}: {found.headline()}", _point_lines(found)
     else:
         title = f"day of {found.hours:g} h ({found.position}): {found.headline()}"
-        notes = [*_reached(found), *_noted(found.warnings)]
+        notes = [
+            f"{dose.measure} reaches the {of} value after {hours:.3g} h of work"
+            for dose in found.doses
+            for of, hours in dose.reached_h.items()
+            if hours is not None
+        ]
+        notes += _noted(found.warnings)
     return title, rows, notes
 
 
@@ -198,15 +202,6 @@ def _times(times: Mapping[str, float | None]) -> list[str]:
             often = f"{seconds / 3600:.3g} h" if seconds < 86400 else "more than a day"
             told.append(f"{names[unit]} reaches the {of} value after {often}")
     return told
-
-
-def _reached(day: DayExposure) -> list[str]:
-    return [
-        f"{dose.measure} reaches the {of} value after {hours:.3g} h of work"
-        for dose in day.doses
-        for of, hours in dose.reached_h.items()
-        if hours is not None
-    ]
 
 
 def _point_lines(found: GearShare) -> list[str]:

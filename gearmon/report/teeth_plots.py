@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -104,34 +104,34 @@ class DrawnGear:
     @cached_property
     def damage(self) -> tuple[DrawnDamage, ...]:
         """Damage of the loaded tooth."""
-        own = [f for f in self.faults if f.gear == self.tooth.name and not f.is_loss]
-        return tuple(self._damage(own))
-
-    def _damage(self, faults: Sequence[Fault]) -> Iterator[DrawnDamage]:
-        tooth, damage = self.tooth, tooth_damage(faults, self.tooth)
+        tooth, found = self.tooth, list[DrawnDamage]()
+        faults = [f for f in self.faults if f.gear == tooth.name and not f.is_loss]
+        damage = tooth_damage(faults, tooth)
         profile, width = half_profile(tooth), tooth.face_width_m
         root, tip = tooth.sign * tooth.root_radius_m, profile[-1].imag
 
-        def drawn(kind: str, section: ComplexArray, *where: float) -> DrawnDamage:
+        def draw(kind: str, section: ComplexArray, *where: float) -> None:
             begin, part, low, high = where
             ends = self.above_root(low), self.above_root(high)
-            return DrawnDamage(kind, self.place(section), 1e3 * begin, 1e3 * part, *ends)
+            drawn = DrawnDamage(kind, self.place(section), 1e3 * begin, 1e3 * part, *ends)
+            found.append(drawn)
 
         if damage.crack is not None:
             crack, start = damage.crack, tooth.crack_start
             line = start - 1j * np.array([0, crack.depths[1]]) * cmath.exp(-1j * crack.angle_rad)
             face = crack.start * width, crack.extent * width
-            yield drawn("crack", line, *face, start.imag, start.imag)
+            draw("crack", line, *face, start.imag, start.imag)
         for hole in damage.holes:
             kind, face = "pits" if hole.round else "spall", (hole.start * width, hole.width_m)
-            yield drawn(kind, _hole(hole, tooth), *face, hole.low_m, hole.high_m)
+            draw(kind, _hole(hole, tooth), *face, hole.low_m, hole.high_m)
         for fault in faults:
             if fault.kind in ("breakage", "missing"):
                 low = root if fault.height is None else tip - 1e-3 * fault.height
                 lost = profile if fault.height is None else profile[profile.imag >= low]
                 part = width if fault.kind == "missing" else 1e-3 * fault.size
                 face = 1e-3 * (fault.start or 0.0), part
-                yield drawn(fault.kind, _between(-lost.conj(), lost), *face, low, tip)
+                draw(fault.kind, _between(-lost.conj(), lost), *face, low, tip)
+        return tuple(found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,9 +193,12 @@ def plot_teeth(picture: TeethPicture, ax: Axes) -> None:
     """Draw the pair of teeth, cut square to their flanks, to scale."""
     # the body of the first gear lies below its teeth, that of the second above, a ring's too
     for gear, colour, side in zip(picture.gears, (plots.BLUE, plots.GREEN), (-1, 1), strict=True):
-        body = _with_body(gear.outline, side)
+        row = gear.outline
+        far = side * (2 * np.ptp(row[:, 1]) + np.ptp(row[:, 0]))
+        edge = (row[:, 1].max() if side > 0 else row[:, 1].min()) + far
+        body = np.concatenate([row, [[row[-1, 0], edge], [row[0, 0], edge]]])
         ax.fill(*body.T, facecolor=colour, alpha=0.18, linewidth=0)
-        ax.plot(*gear.outline.T, color=colour, linewidth=1.2, label=gear.tooth.name)
+        ax.plot(*row.T, color=colour, linewidth=1.2, label=gear.tooth.name)
     for damage in picture.gears[0].damage + picture.gears[1].damage:
         if damage.kind == "crack":
             ax.plot(*damage.section.T, color=plots.VERMILLION, linewidth=2.2, label="crack")
@@ -209,14 +212,6 @@ def plot_teeth(picture: TeethPicture, ax: Axes) -> None:
     ax.set(xlim=(x - reach, x + reach), ylim=(y - 0.95 * reach, y + 0.95 * reach), aspect="equal")
     ax.set(xlabel="across the line of centres in mm", ylabel="along the line of centres in mm")
     ax.legend(loc="upper right", fontsize=8)
-
-
-def _with_body(outline: FloatArray, side: int) -> FloatArray:
-    """Return a row of teeth closed far above or below it."""
-    far = side * (2 * np.ptp(outline[:, 1]) + np.ptp(outline[:, 0]))
-    edge = (outline[:, 1].max() if side > 0 else outline[:, 1].min()) + far
-    corners = np.array([[outline[-1, 0], edge], [outline[0, 0], edge]])
-    return np.concatenate([outline, corners])
 
 
 def plot_flank(gear: DrawnGear, ax: Axes) -> None:

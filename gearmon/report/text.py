@@ -87,45 +87,34 @@ def analysis_text(
     """
     own = summary(analysis, history)
     lines = [f"{printable(analysis.recording)}: {analysis.verdict.upper()}", f"  {own.what}"]
-    lines += [f"  {name}: {text}" for name, text in own.lines()]
+    lines += [f"  {name}: {text}" for name, text in own.more.items()]
     lines += ["  evidence:", *([f"  {own.because}"] if own.because else [])]
     lines.append(f"  score {score_text(analysis.score)}, compared with {analysis.compared_with}")
     if analysis.signature.found:
         lines.append(f"  shaft 1 at {running_text(analysis.signature.speed)}")
     lines += [f"  {sentence}" for sentence in mesh_sentences(analysis)]
     for flag in analysis.flags:
-        lines += _flag_lines(flag)
-    # the flags' own evidence names the strongest changes already
-    lines += _change_lines(analysis, 0 if analysis.flags else most_changes)
+        loss = flag_loss(flag)
+        lost = f", loss of stiffness {loss}" if loss else ""
+        chance = f"false-alarm probability {probability_text(flag.false_alarm_probability)}"
+        place = gear_text(flag.stage, flag.gear, flag.tooth)
+        lines.append(f"  flag: {flag.kind}, {place}{lost}, {chance}")
+        lines += [f"    {sentence}" for sentence in flag.evidence[:_SENTENCES]]
+    if analysis.changes:
+        changed = [change for change in strongest_changes(analysis) if is_beyond(change)]
+        # the flags' own evidence names the strongest ones already
+        shown = [] if analysis.flags else changed[: max(0, most_changes)]
+        every = counted(len(analysis.changes), "level")
+        head = f"{len(changed)} of {every} changed by more than {BEYOND:g} standard deviations"
+        ending = ", first of all:" if len(changed) > len(shown) else ":"
+        lines.append(f"  {head}{ending if shown else ''}")
+        lines += [
+            f"    {change.channel}: {change.family} {change.change_db:+.1f} dB "
+            f"(scatter {change.scatter_db:.1f} dB)"
+            for change in shown
+        ]
     lines += [f"  note: {warning}" for warning in analysis.warnings]
     return "\n".join(lines)
-
-
-def _flag_lines(flag: Flag) -> list[str]:
-    loss = flag_loss(flag)
-    head = f"  flag: {flag.kind}, {gear_text(flag.stage, flag.gear, flag.tooth)}"
-    if loss:
-        head += f", loss of stiffness {loss}"
-    head += f", false-alarm probability {probability_text(flag.false_alarm_probability)}"
-    return [head, *(f"    {sentence}" for sentence in flag.evidence[:_SENTENCES])]
-
-
-def _change_lines(analysis: Analysis, most: int) -> list[str]:
-    changed = [change for change in strongest_changes(analysis) if is_beyond(change)]
-    if not analysis.changes:
-        return []
-    head = (
-        f"  {len(changed)} of {counted(len(analysis.changes), 'level')} changed by more than "
-        f"{BEYOND:g} standard deviations"
-    )
-    if not changed or most < 1:
-        return [head]
-    rows = [
-        f"    {change.channel}: {change.family} {change.change_db:+.1f} dB "
-        f"(scatter {change.scatter_db:.1f} dB)"
-        for change in changed[:most]
-    ]
-    return [f"{head}{', first of all' if len(changed) > most else ''}:", *rows]
 
 
 def reference_text(reference: Reference) -> str:
@@ -234,39 +223,18 @@ class Summary:
 
     Parameters
     ----------
-    verdict : str
-        The verdict.
     what : str
         What is wrong, or that nothing is, in a sentence.
-    sure : str
-        How sure, in words with one number; "" where there is no number that belongs to it.
-    since : str
-        Since when, as a history tells; "" without one.
-    next : str
-        What to do.
-    caution : str
-        What makes all of this doubtful; "" if nothing.
     because : str
         What the verdict rests on, in sentences.
+    more : dict of str to str
+        Further sentences, those that say something: "how sure", in words with one number; "since",
+        as a history tells; "caution", what makes all of this doubtful; "next", what to do.
     """
 
-    verdict: str
     what: str
-    sure: str
-    since: str
-    next: str
-    caution: str
     because: str
-
-    def lines(self) -> list[tuple[str, str]]:
-        """Return the sentences after the first with their names, those that say something."""
-        named = (
-            ("how sure", self.sure),
-            ("since", self.since),
-            ("caution", self.caution),
-            ("next", self.next),
-        )
-        return [(name, text) for name, text in named if text]
+    more: dict[str, str]
 
 
 def summary(analysis: Analysis, history: HistoryTrends | None = None) -> Summary:
@@ -279,28 +247,31 @@ def summary(analysis: Analysis, history: HistoryTrends | None = None) -> Summary
     history : HistoryTrends, optional
         Of the machine: tells since when.
     """
-    first, _, rest = analysis.reason.partition(". ")
-    what, because = f"{first.removesuffix('.')}.", rest
+    first, _, because = analysis.reason.partition(". ")
+    what, caution, speed = f"{first.removesuffix('.')}.", "", analysis.signature.speed
     if analysis.flags:
-        what = _with_interval(fault_sentence(analysis.flags), analysis.flags[0])
-        because = analysis.reason.removeprefix(fault_sentence(analysis.flags)).strip()
-    return Summary(
-        verdict=analysis.verdict,
-        what=what,
-        sure=_sure(analysis),
-        since="" if history is None else _since(analysis, history),
-        next=_next(analysis),
-        caution=_caution(analysis),
-        because=because,
-    )
-
-
-def _with_interval(sentence: str, flag: Flag) -> str:
-    low, high = flag.stiffness_loss_low, flag.stiffness_loss_high
-    if flag.stiffness_loss is None or low is None or high is None:
-        return sentence
-    span = f"{100 * low:.0f} to {100 * high:.0f} %, right 9 times in 10"
-    return f"{sentence.removesuffix('.')} ({span})."
+        flag, what = analysis.flags[0], fault_sentence(analysis.flags)
+        because = analysis.reason.removeprefix(what).strip()
+        low, high = flag.stiffness_loss_low, flag.stiffness_loss_high
+        if flag.stiffness_loss is not None and low is not None and high is not None:
+            span = f"{100 * low:.0f} to {100 * high:.0f} %, right 9 times in 10"
+            what = f"{what.removesuffix('.')} ({span})."
+    if analysis.signature.found and far_from_nominal(speed):
+        off = speed.estimated_hz / speed.nominal_hz - 1.0
+        caution = (
+            f"the speed found, {60 * speed.estimated_hz:.0f} rpm, is {percent(abs(off), 0)} "
+            f"{'above' if off > 0 else 'below'} the {60 * speed.nominal_hz:.0f} rpm of the machine "
+            "file. If the machine did not run so, all of this is wrong: tell the speed by "
+            "--speed-hint"
+        )
+    more = {
+        "how sure": _sure(analysis),
+        "since": "" if history is None else _since(analysis, history),
+        "caution": caution,
+        "next": _next(analysis),
+    }
+    told = {name: sentence for name, sentence in more.items() if sentence}
+    return Summary(what=what, because=because, more=told)
 
 
 def _sure(analysis: Analysis) -> str:
@@ -367,18 +338,6 @@ def _next(analysis: Analysis) -> str:
     )
 
 
-def _caution(analysis: Analysis) -> str:
-    speed = analysis.signature.speed
-    if not analysis.signature.found or not far_from_nominal(speed):
-        return ""
-    off = speed.estimated_hz / speed.nominal_hz - 1.0
-    return (
-        f"the speed found, {60 * speed.estimated_hz:.0f} rpm, is {percent(abs(off), 0)} "
-        f"{'above' if off > 0 else 'below'} the {60 * speed.nominal_hz:.0f} rpm of the machine "
-        "file. If the machine did not run so, all of this is wrong: tell the speed by --speed-hint"
-    )
-
-
 def far_from_nominal(speed: Speed) -> bool:
     """Tell whether a speed never comes so near that of the machine file: a reader must know."""
     nearest_hz = min(max(speed.nominal_hz, speed.lowest_hz), speed.highest_hz)
@@ -393,12 +352,8 @@ def worst_first(analyses: Sequence[Analysis]) -> list[int]:
     analyses : sequence of Analysis
         In any order.
     """
-
-    def badness(place: int) -> tuple[int, float]:
-        own = analyses[place]
-        return WORST_FIRST.index(own.verdict), -own.score
-
-    return sorted(range(len(analyses)), key=badness)
+    ranks = [(WORST_FIRST.index(own.verdict), -own.score) for own in analyses]
+    return sorted(range(len(analyses)), key=ranks.__getitem__)
 
 
 def overall(analyses: Sequence[Analysis], failures: int = 0) -> tuple[str, str]:
@@ -460,15 +415,28 @@ def history_lines(found: HistoryTrends) -> list[str]:
         }
         for entry in entries
     ]
-    return [
+    lines = [
         f"{name}: {counted(len(entries), 'recording')}, times in UTC",
         *table_lines(rows),
         "",
         began_line(found),
         *(line for tooth in told for line in tooth_lines(tooth, fine=fine)),
-        *_others_lines(found, len(told)),
-        *(f"note: {note}" for note in found.notes),
     ]
+    # the teeth that are not told of one by one
+    left_out, sound = len(found.shown) - len(told), len(found.teeth) - len(found.shown)
+    if left_out:
+        lines.append(
+            f"{counted(left_out, 'other tooth', 'other teeth')} of the same gears stand out too, "
+            "as they do where one tooth is damaged; --json and the files of -o have them all"
+        )
+    if sound:
+        whole = all(tooth.tooth is None for tooth in found.teeth)
+        words = ("gear", "gears") if whole else ("tooth", "teeth")
+        lines.append(
+            f"{counted(sound, *words)} followed without a loss that stands clear of its noise and "
+            "of zero over several recordings"
+        )
+    return [*lines, *(f"note: {note}" for note in found.notes)]
 
 
 def finding_text(found: HistoryTrends, entry: Entry) -> str:
@@ -503,24 +471,6 @@ def told_teeth(found: HistoryTrends) -> list[ToothTrend]:
     for tooth in sorted(found.shown, key=lambda tooth: (tooth.risen, tooth.now[0]), reverse=True):
         most.setdefault((tooth.stage, tooth.gear), tooth)
     return [tooth for tooth in found.shown if tooth in most.values() or tooth.reached]
-
-
-def _others_lines(found: HistoryTrends, told: int) -> Iterator[str]:
-    """Tell of the teeth that are not told of one by one."""
-    left_out, sound = len(found.shown) - told, len(found.teeth) - len(found.shown)
-    if left_out:
-        yield (
-            f"{counted(left_out, 'other tooth', 'other teeth')} of the same gears stand "
-            "out too, as they do where one tooth is damaged; --json and the files of -o have them "
-            "all"
-        )
-    if sound:
-        whole = all(tooth.tooth is None for tooth in found.teeth)
-        words = ("gear", "gears") if whole else ("tooth", "teeth")
-        yield (
-            f"{counted(sound, *words)} followed without a loss that stands clear of its "
-            "noise and of zero over several recordings"
-        )
 
 
 def began_line(found: HistoryTrends) -> str:

@@ -22,36 +22,38 @@ def slowed(analysis, factor):
 def test_a_fault_says_what_how_sure_and_what_to_do(faulty):
     own, flag = summary(faulty.analysis), faulty.analysis.flags[0]
     assert own.what.startswith(f"Damage of tooth {flag.tooth} of the pinion of stage 1")
-    assert "a sound machine shows as much in " in own.sure
-    assert own.next.startswith(f"Inspect tooth {flag.tooth} of the pinion of stage 1")
+    assert "a sound machine shows as much in " in own.more["how sure"]
+    assert own.more["next"].startswith(f"Inspect tooth {flag.tooth} of the pinion of stage 1")
     assert own.because not in own.what
-    assert "σ" not in own.what + own.next
+    assert "σ" not in own.what + own.more["next"]
 
 
 def test_no_rarity_is_claimed_that_nobody_has_counted(faulty):
     flag = replace(faulty.analysis.flags[0], false_alarm_probability=1e-30)
-    told = summary(replace(faulty.analysis, flags=(flag,))).sure
+    told = summary(replace(faulty.analysis, flags=(flag,))).more["how sure"]
     assert told.startswith("practically certain")
     assert told.endswith("in less than 1 of 1,000,000 recordings")
     flag = replace(flag, false_alarm_probability=0.004)
-    assert summary(replace(faulty.analysis, flags=(flag,))).sure == (
+    assert summary(replace(faulty.analysis, flags=(flag,))).more["how sure"] == (
         "sure: a sound machine shows as much in 1 of 250 recordings"
     )
 
 
 def test_probabilities_stand_beside_faults_only(healthy, alone, gearless):
-    assert "would have been noticed" in summary(healthy.analysis).sure
-    assert summary(healthy.analysis).next == "Nothing now; record again as planned."
+    assert "would have been noticed" in summary(healthy.analysis).more["how sure"]
+    assert summary(healthy.analysis).more["next"] == "Nothing now; record again as planned."
     for case in (alone, gearless):
-        assert summary(case.analysis).sure == ""
-    assert "gearmon learn" in summary(alone.analysis).next
-    assert summary(gearless.analysis).next.startswith("Check the sensor and the tooth counts")
+        assert "how sure" not in summary(case.analysis).more
+    assert "gearmon learn" in summary(alone.analysis).more["next"]
+    assert (
+        summary(gearless.analysis).more["next"].startswith("Check the sensor and the tooth counts")
+    )
 
 
 @pytest.mark.parametrize("kind", ["wear", "bearing", "path changed", "changed mesh", "mesh lost"])
 def test_every_kind_of_fault_says_what_to_do(faulty, kind):
     flag = replace(faulty.analysis.flags[0], kind=kind)
-    told = summary(replace(faulty.analysis, flags=(flag,))).next
+    told = summary(replace(faulty.analysis, flags=(flag,))).more["next"]
     assert told.endswith(".")
     assert "{" not in told
 
@@ -65,23 +67,23 @@ def test_every_kind_of_fault_says_what_to_do(faulty, kind):
 )
 def test_what_to_inspect_leaves_open_what_the_evidence_leaves_open(faulty, doubt):
     flag = replace(faulty.analysis.flags[0], evidence=("one", doubt))
-    told = summary(replace(faulty.analysis, flags=(flag,))).next
+    told = summary(replace(faulty.analysis, flags=(flag,))).more["next"]
     assert told.startswith("Inspect tooth")
     assert told.endswith(f". {doubt.capitalize()}.")
 
 
 def test_a_speed_far_from_nominal_is_a_caution(healthy):
-    assert summary(healthy.analysis).caution == ""
-    told = summary(slowed(healthy.analysis, 0.8)).caution
+    assert "caution" not in summary(healthy.analysis).more
+    told = summary(slowed(healthy.analysis, 0.8)).more["caution"]
     assert told.startswith("the speed found, 1194 rpm, is 20 % below the 1492 rpm")
-    assert "above" in summary(slowed(healthy.analysis, 1.2)).caution
+    assert "above" in summary(slowed(healthy.analysis, 1.2)).more["caution"]
 
 
 def test_a_machine_that_is_run_up_through_its_nominal_speed_is_not_far_from_it(healthy):
     slow = slowed(healthy.analysis, 0.8)
     speed = replace(slow.signature.speed, highest_hz=1.01 * slow.signature.speed.nominal_hz)
     told = replace(slow, signature=replace(slow.signature, speed=speed))
-    assert summary(told).caution == ""
+    assert "caution" not in summary(told).more
     wide = f", between {speed.lowest_hz:.4g} and {speed.highest_hz:.4g} Hz"
     assert running_text(speed).endswith(wide)
     assert "between" not in running_text(healthy.analysis.signature.speed)
@@ -128,10 +130,10 @@ def test_since_when_is_what_the_history_tells(faulty, healthy):
         history = history.with_entry(
             entry_of(case.analysis, datetime(2026, 3, day, tzinfo=UTC), "given")
         )
-    told = dict(summary(faulty.analysis, history_trends(history)).lines())
+    told = summary(faulty.analysis, history_trends(history)).more
     assert told["since"].startswith("2026-03-03, in the last 1 of 3 recordings")
-    assert "since" not in dict(summary(faulty.analysis).lines())
-    assert "since" not in dict(summary(healthy.analysis, history_trends(history)).lines())
+    assert "since" not in summary(faulty.analysis).more
+    assert "since" not in summary(healthy.analysis, history_trends(history)).more
 
 
 def test_what_a_loss_has_become_is_told_by_its_trend_and_not_by_the_end_of_its_interval(faulty):
@@ -157,7 +159,7 @@ def test_what_a_loss_has_become_is_told_by_its_trend_and_not_by_the_end_of_its_i
     trends = history_trends(History(machine="m", entries=tuple(entries)))
     value, _, high = trends.shown[0].now
     assert high > value + 0.015
-    said = dict(summary(faulty.analysis, trends).lines())["since"]
+    said = summary(faulty.analysis, trends).more["since"]
     first, now = re.search(r"its loss went from (\d+) % to (\d+) %", said).groups()
     assert abs(int(first) - 2) <= 1
     assert abs(int(now) - 22) <= 1
