@@ -193,6 +193,8 @@ class Flagging:
         alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
         judged = self._clear(self._focus if alike else best.key)
         kind, place = (judged.kind, (judged.stage, judged.gear)) if judged else (_UNCLEAR, best.key)
+        if spread is not None and spread.of_two_teeth:
+            judged, kind, place = None, "several teeth", best.key
         return self._flag(kind, strength, (*evidence, *_told(judged)), place)
 
     @property

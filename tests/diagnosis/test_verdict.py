@@ -508,3 +508,13 @@ def test_what_a_ring_that_stands_still_hides_far_from_the_sensor_is_said(fixed):
     assert [note.split(":")[0] for note in told] == (
         ["the ring of stage 2 stands still"] if fixed == "ring" else []
     )
+
+
+def test_two_teeth_are_several_whatever_the_sidebands_are_like():
+    """Two cracks near each other move the first sidebands as runout does."""
+    pair = weights(4)
+    pair[6] = 1.0
+    like_runout = features(once_db=20, twice_db=6)
+    assert flags_of(evidence(gear(pair)), like_runout)[0].kind == "several teeth"
+    smooth = flags_of(evidence(gear(None, smooth=0.4)), like_runout)[0]
+    assert smooth.kind == "eccentricity"

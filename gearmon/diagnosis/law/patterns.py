@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,10 +46,8 @@ _ANOTHER, _LEFT = 0.2, 0.85
 # Angles that are tried, a good half of a tooth apart, and the share of the teeth, the quietest,
 # that choose among them: a damaged tooth and those about it must not.
 _ANGLES, _APART, _SOUND_TEETH = 8, 0.4, 0.7
-# Where the new pattern is so many times as loud as the healthy one, in power, an event drowns the
-# sound teeth by what leaks of it and is taken out: of simulated ones up to 10 times as loud as the
-# other teeth (a ratio of 3) none turns the gear, of those 20 times as loud (14) a quarter does.
-_DROWNED = 8.0
+# An angle is clear that leaves less than this share of what any other one does.
+_CLEAR = 0.4
 #: All that is heard of an event is fitted so many teeth before and after its middle, the ringing of
 #: the housing included, by waves half a tooth apart; directions below this share of the largest
 #: singular value are noise.
@@ -58,8 +55,6 @@ AROUND, RANK = np.arange(-2.0, 5.25, 0.5), 1e-2
 # It counts from this energy over that of the median place on. Its energy is summed over so many
 # teeth, at so many places a tooth.
 _EVENT, _EVENT_TEETH, _PLACES = 6.0, 3, 8
-# Times that event and angle are sought, and change of the angle [teeth] at which that ends.
-_ROUNDS, _SETTLED = 2, 0.25
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -329,33 +324,27 @@ def turning(known: GearPattern, new: GearPattern, teeth: int, beyond: int = 0) -
     float
         Turns. Of the angles at which the healthy pattern explains most of the new one, that which
         leaves least at most of the teeth: a damaged tooth may be louder than all else and draws the
-        pattern to whichever healthy tooth departs most.
+        pattern to whichever healthy tooth departs most. Where none is clear, that at which the
+        pattern and one event leave least together.
     """
     pair = _Pair.of(known, new, teeth, beyond)
     if not pair.bands:
         return 0.0
     angles = pair.likely_angles()
-    angle = float(angles[int(np.argmin(pair.left(angles)))])
-    # how much louder it is than the healthy pattern, in the median of bands and channels
-    both = [np.array(lines) * scale for _, *lines, scale in pair.bands]
-    healthy, own = np.array([np.sum(np.abs(lines) ** 2, axis=2) for lines in both]).swapaxes(0, 1)
-    told = healthy > 0
-    drowned = told.any() and np.median(own[told] / healthy[told]) > _DROWNED
-    for _ in range(_ROUNDS if drowned else 0):
-        event = _Pair.of(known.turned(angle), new, teeth, beyond).event()
-        if event is None:
-            break
-        beside = replace(new, amplitude=new.amplitude - event)
-        # a loud event leaks to all teeth: what is left at them tells nothing then
-        moved = float(_Pair.of(known, beside, teeth, beyond).likely_angles()[0])
-        step = abs((moved - angle + 0.5) % 1.0 - 0.5) * teeth
-        angle = moved
-        if step < _SETTLED:
-            break
-    return angle
+    left = pair.left(angles)
+    best, second = np.sort(left)[:2]
+    angle = float(angles[int(np.argmin(left))])
+    event = None if best < _CLEAR * second else pair.event(angle)
+    if event is None:
+        return angle
+    # an event that is loud, or of several teeth, leaks to all the others
+    beside = replace(new, amplitude=new.amplitude - event)
+    angles = np.append(angles, _Pair.of(known, beside, teeth, beyond).likely_angles())
+    return float(angles[int(np.argmin(pair.beside_event(angles)))])
 
 
-class _Pair(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Pair:
     """A healthy pattern and a new one, about the mesh harmonics whose lines both have.
 
     Numbers of the lines of each band, healthy and new lines over the standard deviation of what
@@ -380,42 +369,72 @@ class _Pair(NamedTuple):
         return cls(bands, new, teeth)
 
     def left(self, angles: FloatArray) -> FloatArray:
-        """Mean energy left at most of the teeth, the quietest, for each angle.
+        """Mean energy left at most of the teeth, the quietest, for each angle."""
+        quietest = np.sort(self._energy(angles, 1), axis=1)
+        return np.asarray(quietest[:, : max(1, int(_SOUND_TEETH * self.teeth))].mean(axis=1))
 
-        One gain a band is fitted.
-        """
-        left = np.zeros((len(angles), self.teeth))
+    def _energy(self, angles: FloatArray, places: int) -> FloatArray:
+        """Energy left at so many places a tooth, for each angle; one gain a band is fitted."""
+        energy = np.zeros((len(angles), places * self.teeth))
         for band, old, value, _ in self.bands:
             healthy = old * np.exp(2j * np.pi * np.outer(angles, band))[:, None]
             power = np.sum(np.abs(old) ** 2, axis=1)
             gain = np.sum(healthy.conj() * (value - healthy), axis=2)
             gain = 1.0 + gain / (power + 1.0 / GAIN**2)
-            left += turn_energy(value - gain[:, :, None] * healthy, band, self.teeth)
-        quietest = np.sort(left, axis=1)[:, : max(1, int(_SOUND_TEETH * self.teeth))]
-        return np.asarray(quietest.mean(axis=1))
+            energy += turn_energy(value - gain[:, :, None] * healthy, band, energy.shape[1])
+        return energy
 
-    def event(self) -> ComplexArray | None:
+    def _events(self, angles: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Angle zero [turns] of the event that each angle leaves, and how far it stands out."""
+        energy = self._energy(angles, _PLACES)
+        window, wide = (
+            uniform_filter1d(energy, round(teeth * _PLACES), mode="wrap")
+            for teeth in (_EVENT_TEETH, np.ptp(AROUND))
+        )
+        out = window.max(axis=1) / np.maximum(np.median(window, axis=1), np.finfo(float).tiny)
+        return (np.argmax(wide, axis=1) / _PLACES - AROUND.mean()) / self.teeth, out
+
+    @cached_property
+    def _waves(self) -> list[ComplexArray]:
+        """Of each band, all that an event at the angle zero can be, as orthonormal columns."""
+        found = []
+        for band, _, _, scale in self.bands:
+            waves = np.exp(-2j * np.pi * np.outer(band, AROUND / self.teeth))
+            side, size, _ = np.linalg.svd(waves / scale[:, :, None], full_matrices=False)
+            found.append(side * (size > RANK * size[:, :1])[:, None])
+        return found
+
+    def event(self, angle: float) -> ComplexArray | None:
         """Lines of the greatest event in what the healthy pattern leaves; None if there is none.
 
         All that is heard there is fitted, not what the healthy pattern leaves of it: that would put
         the pattern in its place, at the very angle that is in doubt.
         """
-        energy = np.zeros(_PLACES * self.teeth)
-        for band, old, value, _ in self.bands:
-            power = np.maximum(np.sum(np.abs(old) ** 2, axis=1), np.finfo(float).tiny)
-            gain = np.sum(old.conj() * value, axis=1) / power
-            energy += turn_energy(value - gain[:, None] * old, band, len(energy))
-        window = uniform_filter1d(energy, _EVENT_TEETH * _PLACES, mode="wrap")
-        if float(window.max()) < _EVENT * float(np.median(window)):
+        (place,), (out,) = self._events(np.array([angle]))
+        if out < _EVENT:
             return None
-        delay = (int(np.argmax(window)) / _PLACES + AROUND) / self.teeth
         event = np.zeros_like(self.new.amplitude)
-        for band, _, value, scales in self.bands:
-            waves = np.exp(-2j * np.pi * np.outer(band, delay))
-            for channel, scale in enumerate(scales):
-                size = np.linalg.lstsq(waves / scale[:, None], value[channel], rcond=RANK)[0]
-                event[channel, band] = waves @ size
+        for (band, _, value, scale), waves in zip(self.bands, self._waves, strict=True):
+            turn = np.exp(2j * np.pi * place * band)
+            event[:, band] = _along(waves, value * turn) / turn * scale
         return event
+
+    def beside_event(self, angles: FloatArray) -> FloatArray:
+        """Energy that the healthy pattern and one event together leave, for each angle."""
+        (places, _), left = self._events(angles), np.zeros(len(angles))
+        for (band, old, value, _), waves in zip(self.bands, self._waves, strict=True):
+            # seen from the event
+            turn = np.exp(2j * np.pi * np.outer(places, band))[:, None]
+            own, healthy = (
+                value * turn,
+                old * turn * np.exp(2j * np.pi * np.outer(angles, band))[:, None],
+            )
+            own, healthy = own - _along(waves, own), healthy - _along(waves, healthy)
+            match = np.abs(np.sum(healthy.conj() * own, axis=2)) ** 2
+            power = np.sum(np.abs(healthy) ** 2, axis=2)
+            match /= np.maximum(power, np.finfo(float).tiny)
+            left += np.sum(np.sum(np.abs(own) ** 2, axis=2) - match, axis=1)
+        return left
 
     def likely_angles(self) -> FloatArray:
         """Angles [turns] at which the healthy pattern explains most of the new one, best first."""
@@ -435,6 +454,12 @@ class _Pair(NamedTuple):
             angles.append(best / steps)
             explained[np.arange(best - apart, best + apart + 1) % steps] = -1.0
         return np.array(angles)
+
+
+def _along(columns: ComplexArray, lines: ComplexArray) -> ComplexArray:
+    """Return the part of lines that orthonormal columns span, channel by channel."""
+    parts = columns.conj().swapaxes(1, 2) @ lines[..., None]
+    return np.asarray((columns @ parts)[..., 0])
 
 
 def turned_alike(wheels: Sequence[WheelPattern], *, same_zero: bool) -> tuple[GearPattern, ...]:

@@ -28,8 +28,8 @@ def pattern(lines, noise, rng):
     )
 
 
-def pair(seed, turn, event=0.0, noise=0.05):
-    """Healthy pattern of random teeth, and the same turned, with an event on one tooth."""
+def pair(seed, turn, event=0.0, noise=0.05, apart=(0,)):
+    """Healthy pattern of random teeth, and the same turned, with an event on one tooth or more."""
     rng = np.random.default_rng([9, seed])
     path = np.exp(-2j * np.pi * np.outer(rng.uniform(0, 1.5, 8), NUMBER) / TEETH)
     path = complex_noise(rng, 2, 8) @ path
@@ -38,8 +38,8 @@ def pair(seed, turn, event=0.0, noise=0.05):
     other = complex_noise(rng, 2, 8) @ np.exp(
         -2j * np.pi * np.outer(rng.uniform(0, 1.5, 8), NUMBER) / TEETH
     )
-    tooth = int(rng.integers(TEETH))
-    added = event * other * np.exp(-2j * np.pi * NUMBER * tooth / TEETH)
+    teeth = int(rng.integers(TEETH)) + np.array(apart)
+    added = event * other * np.exp(-2j * np.pi * np.outer(teeth, NUMBER) / TEETH).sum(axis=0)
     new = healthy * np.exp(2j * np.pi * turn * NUMBER) + added
     return pattern(healthy, noise, rng), pattern(new, noise, rng)
 
@@ -54,12 +54,13 @@ def test_the_angle_is_found(seed, turn):
     assert error(turning(known, new, TEETH), turn) < 0.1
 
 
-@pytest.mark.parametrize("event", [40.0, 300.0])
-def test_a_loud_tooth_does_not_turn_the_gear(event):
+@pytest.mark.parametrize("event", [10.0, 40.0, 300.0])
+@pytest.mark.parametrize("apart", [(0,), (0, 1), (0, 2), (0, 3)])
+def test_loud_teeth_do_not_turn_the_gear(event, apart):
     turns = np.random.default_rng(3).uniform(size=30)
     found = []
     for seed, turn in enumerate(turns):
-        known, new = pair(seed, turn, event=event)
+        known, new = pair(seed, turn, event=event, apart=apart)
         found.append(error(turning(known, new, TEETH), turn) < 0.5)
     assert all(found)
 
