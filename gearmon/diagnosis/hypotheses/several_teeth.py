@@ -289,7 +289,7 @@ class DepartureSpread:
 
     @property
     def of_two_teeth(self) -> bool:
-        """Whether two teeth explain nearly all of it, and one does not: whatever else it is like."""
+        """Whether two teeth explain nearly all of it, and one does not."""
         if self.second is None or self.several_teeth < _SURE:
             return False
         return bool(SHARES[np.argmax(self.second.log_likelihood)] <= _LEFT_BY_TWO)
