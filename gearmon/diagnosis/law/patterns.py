@@ -46,7 +46,9 @@ _ANOTHER, _LEFT = 0.2, 0.85
 # Angles that are tried, a good half of a tooth apart, and the share of the teeth, the quietest,
 # that choose among them: a damaged tooth and those about it must not.
 _ANGLES, _APART, _SOUND_TEETH = 8, 0.4, 0.7
-# An angle is clear that leaves less than this share of what any other one does.
+# An angle is clear that leaves less than this share of what any other one does: of sound gears of
+# 24 lumped machines four in five have such a one, where two damaged teeth turned a gear wrongly the
+# first left 0.85 to 0.93 of the second. It only saves time: beside all others it is judged as well.
 _CLEAR = 0.4
 #: All that is heard of an event is fitted so many teeth before and after its middle, the ringing of
 #: the housing included, by waves half a tooth apart; directions below this share of the largest
@@ -424,11 +426,8 @@ class _Pair:
         (places, _), left = self._events(angles), np.zeros(len(angles))
         for (band, old, value, _), waves in zip(self.bands, self._waves, strict=True):
             # seen from the event
-            turn = np.exp(2j * np.pi * np.outer(places, band))[:, None]
-            own, healthy = (
-                value * turn,
-                old * turn * np.exp(2j * np.pi * np.outer(angles, band))[:, None],
-            )
+            own = value * np.exp(2j * np.pi * np.outer(places, band))[:, None]
+            healthy = old * np.exp(2j * np.pi * np.outer(places + angles, band))[:, None]
             own, healthy = own - _along(waves, own), healthy - _along(waves, healthy)
             match = np.abs(np.sum(healthy.conj() * own, axis=2)) ** 2
             power = np.sum(np.abs(healthy) ** 2, axis=2)
