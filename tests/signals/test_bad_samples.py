@@ -12,7 +12,7 @@ from reference.synthetic_signals import white
 
 from gearmon.diagnosis.analysis import analyse
 from gearmon.errors import RecordingError
-from gearmon.signals.bad_samples import bad_stretches, sound_part
+from gearmon.signals.bad_samples import bad_stretches, inspected, sound_part
 from gearmon.signals.recording import Recording
 
 RATE = 10_000.0
@@ -140,6 +140,31 @@ def test_of_a_machine_that_begins_to_work_one_state_is_looked_at():
         assert edge_s == pytest.approx([1.5, 1.5], abs=0.04)
         assert size_db == pytest.approx(-20 * np.log10([0.15, 0.22]), abs=1.0)
     assert [flag.tooth for flag in answer.flags] == [7]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "edges"),
+    [
+        (1e-3, 3e-4, (15_000, 15_000)),  # next to nothing is heard: a supply that failed
+        (0.15, 0.22, (15_000, 9_000)),  # one after the other: no one state
+    ],
+)
+def test_what_no_clutch_does_is_refused(first, second, edges):
+    def damage(a):
+        a[0, : edges[0]] *= first
+        a[1, : edges[1]] *= second
+
+    with pytest.raises(RecordingError, match=r"channel a1 from .* check cable"):
+        analyse(spoilt(damage), machine(), reference())
+
+
+def test_channels_that_move_beside_one_that_does_not_are_left_out():
+    own = white(3 * 40_000, seed=6).reshape(3, -1)
+    own[0, :15_000] *= 0.15
+    own[1, :15_000] *= 0.22
+    found = inspected(Recording(samples=own, sampling_rate_hz=RATE))
+    assert len(found.samples) == 1
+    assert all(note.endswith("the channel is left out") for note in found.notes)
 
 
 def of(values):

@@ -166,6 +166,7 @@ def test_a_second_tooth_is_told_where_it_is(height, distance, size):
     spread = departure_spread(gear(weight, seed=3, height=height))
     assert spread.one_tooth < 0.01
     assert spread.several_teeth > 0.9
+    assert spread.of_two_teeth
     # either may be called the first
     assert spread.second.distance in (distance, -distance)
     assert spread.second.size == pytest.approx(size, abs=0.35)
@@ -176,6 +177,7 @@ def test_one_tooth_has_no_second(seed):
     spread = departure_spread(gear(weights(5 * seed), seed=seed, height=30.0))
     assert spread.one_tooth > 0.99
     assert spread.several_teeth < 0.01
+    assert not spread.of_two_teeth
 
 
 @pytest.mark.parametrize("seed", range(4))
