@@ -57,8 +57,6 @@ _STEP_DB, _STEP_TIMES, _SILENT_DB = 10.0, 6.0, 25.0
 _ALIKE_DB = 1.5
 # Share of a channel that may be bad, and of the recording that must be left.
 _MOST_BAD, _LEAST_LEFT = 0.2, 0.3
-# Of another state of the machine.
-_WORKS = "the machine itself changed, as when a clutch engages"
 # How notes end.
 _TOLD = "not taken into account", "the channel is left out"
 
@@ -78,6 +76,8 @@ class BadStretch:
     step_db : float
         By how much the level is higher behind it, or behind its start, at once [dB]; 0 if it is bad
         for another reason.
+    of_machine : bool
+        Whether the machine was in another state there: the sensor is sound.
     """
 
     start: int
@@ -85,6 +85,7 @@ class BadStretch:
     what: str
     bridged: bool = False
     step_db: float = 0.0
+    of_machine: bool = False
 
     def told(self, rate: float) -> str:
         """Return when it is, and what is wrong."""
@@ -152,7 +153,7 @@ def inspected(recording: Recording) -> Recording:
             continue
         label = name if name.startswith("channel") else f"channel {name}"
         told = [f"{label} {bad.told(rate)}" for bad in own]
-        spoilt = (bad for bad in own if not bad.bridged and not bad.what.endswith(_WORKS))
+        spoilt = (bad for bad in own if not bad.bridged and not bad.of_machine)
         lasting = sum(bad.stop - bad.start for bad in spoilt)
         if lasting > _MOST_BAD * samples.shape[1]:
             lost[row] = told[0]
@@ -245,7 +246,13 @@ def _of_machine(found: dict[int, list[BadStretch]], samples: int) -> dict[int, l
         return found
     changed = {}
     for row, bad in steps.items():
-        told_so = replace(bad, what=f"{bad.what.split(' than')[0]}, as all are: {_WORKS}")
+        # as `_level_changes` has it: what is left out lies before the step, or behind it
+        way = "quieter" if (bad.step_db > 0) == (bad.start == 0) else "louder"
+        what = (
+            f"is {abs(bad.step_db):.0f} dB {way}, as all are: the machine itself changed, as when "
+            "a clutch engages"
+        )
+        told_so = replace(bad, what=what, of_machine=True)
         changed[row] = [told_so if own is bad else own for own in found[row]]
     return changed
 

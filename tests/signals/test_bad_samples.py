@@ -79,6 +79,12 @@ def clutch(a):
     a[1, :15_000] *= 0.22
 
 
+def unclutch(a):
+    """Works for a second and a half."""
+    a[0, 15_000:] *= 0.15
+    a[1, 15_000:] *= 0.22
+
+
 SHORT = {
     frozen: "channel a1 from 1.3 to 1.8 s stands still",
     empty: "channel a2 from 3 to 3.04 s stands still at 0 ",
@@ -140,6 +146,17 @@ def test_of_a_machine_that_begins_to_work_one_state_is_looked_at():
         assert edge_s == pytest.approx([1.5, 1.5], abs=0.04)
         assert size_db == pytest.approx(-20 * np.log10([0.15, 0.22]), abs=1.0)
     assert [flag.tooth for flag in answer.flags] == [7]
+    # without the pulses only one piece is looked at: the longer, wherever it stands
+    cases = [
+        (clutch, "quieter"),
+        (lambda a: clutch(a[:, ::-1]), "quieter"),
+        (unclutch, "louder"),
+    ]
+    for damage, way in cases:
+        samples = spoilt(damage, tacho=False).samples
+        found = sound_part(Recording(samples=samples, sampling_rate_hz=RATE))
+        assert found.samples.shape[1] == pytest.approx(25_000, abs=500)
+        assert all(f"dB {way}, as all are" in note for note in found.notes[:2])
 
 
 @pytest.mark.parametrize(
