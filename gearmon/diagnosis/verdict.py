@@ -188,13 +188,13 @@ class Flagging:
         evidence = [f"the {gear} of stage {stage} departs from its healthy pattern around its turn"]
         if spread is not None:
             evidence += [_explained(spread), *_second_told(spread)]
+            if spread.of_two_teeth:
+                return self._flag("several teeth", strength, evidence, best.key)
         # what departs repeats with all gears on its shaft: the one that changed most tells its kind
         focused, order = finding.of(*self._focus), best.deviation.order
         alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
         judged = self._clear(self._focus if alike else best.key)
         kind, place = (judged.kind, (judged.stage, judged.gear)) if judged else (_UNCLEAR, best.key)
-        if spread is not None and spread.of_two_teeth:
-            judged, kind, place = None, "several teeth", best.key
         return self._flag(kind, strength, (*evidence, *_told(judged)), place)
 
     @property
