@@ -120,10 +120,15 @@ class Flagging:
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
         whole, found = self.evidence, list[Flag]()
-        # another path changes the pattern of every gear: the louder of the two is the cause
-        least = max(LIMITS.open, whole.changed if whole.path.likely else 0.0)
-        if whole.finding is not None and whole.strengths["tooth"] >= least:
-            found.append(self._of_finding(whole.finding, whole.strengths["tooth"]))
+        finding, least = whole.finding, LIMITS.open
+        spread = finding.best.spread if finding is not None else None
+        event = spread is not None and spread.explained >= LIMITS.one_event
+        # another path changes the pattern of every gear all around its turn: the louder of the two
+        # is the cause
+        if whole.path.likely and not event:
+            least = max(least, whole.changed)
+        if finding is not None and whole.strengths["tooth"] >= least:
+            found.append(self._of_finding(finding, whole.strengths["tooth"]))
         found += self._runout({(flag.stage, flag.gear) for flag in found})
         nongear = self._nongear()
         if whole.changed >= LIMITS.fault and not any(flag.tooth for flag in found):

@@ -91,6 +91,14 @@ def test_no_family_takes_a_mesh_harmonic_of_another_stage_for_a_sideband():
             assert not any(np.isclose(inside, order).any() for order in meshes)
 
 
+def test_lines_of_a_faster_gear_alone_tell_nothing_of_a_tooth():
+    # the first stage reaches to higher orders than the second, whose pinion turns thrice as often
+    plan = line_plan(train((57, 42), (18, 54)), 1000.0, 0.01)
+    wheel = next(own for own in plan.wheels if (own.stage, own.gear) == (2, "gear"))
+    assert wheel.number.max() <= 8 * 54 + 27
+    assert np.all(np.diff(wheel.number) == 1)
+
+
 def test_families_cut_by_the_sampling_rate_are_left_out():
     # mesh 2 at 46 lies below 50, its sidebands reach beyond
     plan = line_plan(train((23, 61)), 50.0, 0.01)

@@ -164,7 +164,7 @@ def _harmonics(gear: SearchedGear, machine: Machine, speed_hz: float) -> Iterato
         return
     own = gear.response
     sound, grown = grown_lines(machine, own.stage, own.gear, len(own.lines) - 1)
-    last = min(len(sound), difference.mesh_lines.shape[1]) - 1
+    last = min(len(sound), difference.mesh_power.shape[1]) - 1
     rotation_hz, teeth = difference.order * speed_hz, difference.teeth
     entry_s = gear.best / (teeth * rotation_hz)
     delay = np.concatenate([event_delays(own, rotation_hz, t) for t in DECAY_S]) + entry_s

@@ -313,7 +313,11 @@ class _Planning:
         meshing = [orders % self.units(own.exact) == 0 for own in self.train.meshes]
         of_mesh = np.logical_or.reduce(meshing)
         lines = np.flatnonzero(orders % turning == 0)
-        number = orders[lines] // turning
+        number = (orders[lines] // turning).astype(np.int64)
+        # planned for a gear that turns k times as often alone, lines tell nothing of one tooth: they
+        # are the same for those k places of the turn
+        beside_others = np.isin(number + 1, number) | np.isin(number - 1, number)
+        lines, number = lines[beside_others], number[beside_others]
         apart = {order: place for order, place in position.items() if not of_mesh[place]}
         beside = [
             [apart.get(n * turning + aside, -1) if n % step == first else -1 for n in number]
@@ -322,7 +326,7 @@ class _Planning:
         return WheelLines.of(
             mesh.stage,
             wheel,
-            number=number.astype(np.int64),
+            number=number,
             lines=lines,
             mesh=of_mesh[lines],
             beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(lines)),
