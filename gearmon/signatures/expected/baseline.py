@@ -281,7 +281,7 @@ def faulty_lines(
     solved: dict[PosedStage, MeshLines] = {}
     for own in teeth.values():
         grid = contact_grid([healthy, *own], max_hz)
-        numbers = len(grid.widths) * (8 + len(healthy.around.force)) ** 2
+        numbers = len(grid.widths) * (8 + len(healthy.load)) ** 2
         together = max(1, MOST_NUMBERS // numbers)
         for first in range(0, len(own), together):
             some = own[first : first + together]
@@ -341,10 +341,14 @@ def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) ->
 
 def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
     """Solve a mesh or a set on panels of its whole period."""
-    kappa = [own.stiffness.at(grid.phase + own.lead) for own in posed.members]
-    moved = [own.excitation.at(grid.phase + own.lead) for own in posed.members]
-    stiffness, excitation = posed.scale * np.array(kappa), np.array(moved)
-    return PeriodicMotion(grid=grid, around=posed.around, kappa=stiffness, excitation=excitation)
+    return PeriodicMotion(
+        grid=grid,
+        period_s=1 / posed.mechanics.mesh_frequency_hz,
+        around=posed.modes,
+        load=posed.load,
+        stiffness=np.array([k.stiffness.at(grid.phase + k.lead) for k in posed.members]),
+        excitation=np.array([e.excitation.at(grid.phase + e.lead) for e in posed.members]),
+    )
 
 
 # panels of several gears may be alike
@@ -373,7 +377,7 @@ def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage])
         mesh=_even(healthy, grid),
         period=faulty[0].period,
         where=where,
-        delta=healthy.scale * delta.swapaxes(1, 2),
+        delta=delta.swapaxes(1, 2),
         excitation=np.array(moved).swapaxes(1, 2),
     )
 

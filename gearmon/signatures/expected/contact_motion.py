@@ -1,10 +1,10 @@
 """Motion of masses on varying springs: over a period, and with a few mesh periods of it changed.
 
-In mesh phase s = t/T and coordinates of unit mass a machine and its meshes obey
+In modes of unit mass a machine and its meshes obey
 
-    q'' + C q' + K0 q + sum_j v_j [kappa_j (d_j - e_j) - c_j e_j'] = f,    d_j = v_j . q
+    q'' + C q' + K0 q + sum_j v_j [k_j (d_j - e_j) - c_j e_j'] = f,    d_j = v_j . q
 
-with kappa = k T^2, and C with the dampers c_j of the meshes. With q' = u + sum_j c_j e_j v_j the
+with the dampers c_j of the meshes in C. With q' = u + sum_j c_j e_j v_j the
 excitation e may jump. Between the corners of k and e the motion is smooth, and a polynomial through
 16 Gauss points of each panel follows it to nearly all digits (Hairer, Norsett and Wanner, Solving
 Ordinary Differential Equations I, section II.7). A single pair is one coordinate with K0 = 0.
@@ -32,6 +32,7 @@ from scipy.sparse import csr_array
 
 from gearmon.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from gearmon.errors import ArgumentError
+from gearmon.gears.mechanics import Around
 from gearmon.gears.pulses import Pulse, distinct, gauss, panel_nodes
 
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
@@ -93,42 +94,20 @@ class PhaseGrid:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surroundings:
-    """A machine without its varying meshes: n coordinates of unit mass, time in mesh periods.
-
-    Parameters
-    ----------
-    stiffness, damping : ndarray, shape (n, n)
-        K0, and C with the dampers of the meshes.
-    vectors : ndarray, shape (meshes, n)
-        v_j.
-    dampers : ndarray, shape (meshes,)
-        c_j.
-    force : ndarray, shape (n,)
-    """
-
-    stiffness: FloatArray
-    damping: FloatArray
-    vectors: FloatArray
-    dampers: FloatArray
-    force: FloatArray
-
-    def moved(self, lines: ComplexArray, period: int) -> ComplexArray:
-        """Return the lines of c e' over P mesh periods by those of e, (..., meshes, lines)."""
-        rates = 2j * np.pi / period * np.arange(1, lines.shape[-1] + 1)
-        return np.asarray(self.dampers[:, None] * rates * lines)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class PeriodicMotion:
     """The motion of which all periods of a grid are alike.
 
     Parameters
     ----------
     grid : PhaseGrid
-    around : Surroundings
-    kappa : ndarray, shape (meshes, panels, points)
-        k T^2.
+    period_s : float
+        T, the mesh period [s].
+    around : Around
+        The machine without its varying meshes, n modes.
+    load : ndarray, shape (n,)
+        f.
+    stiffness : ndarray, shape (meshes, panels, points)
+        k [N/m].
     excitation : ndarray, same shape
         e [m].
 
@@ -139,8 +118,10 @@ class PeriodicMotion:
     """
 
     grid: PhaseGrid
-    around: Surroundings
-    kappa: FloatArray
+    period_s: float
+    around: Around
+    load: FloatArray
+    stiffness: FloatArray
     excitation: FloatArray
 
     def __post_init__(self) -> None:
@@ -159,10 +140,10 @@ class PeriodicMotion:
     @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
-        around, size = self.around, len(self.around.force)
-        push, shift = np.zeros((2, *self.kappa.shape[1:], size, 2 * size + 1))
-        pressed, moved = self.kappa * self.excitation, around.dampers[:, None] * around.vectors
-        push[..., -1] = around.force + np.einsum("mpi,ma->pia", pressed, around.vectors)
+        around, size = self.around, len(self.load)
+        push, shift = np.zeros((2, *self.stiffness.shape[1:], size, 2 * size + 1))
+        pressed, moved = self.stiffness * self.excitation, around.dampers[:, None] * around.vectors
+        push[..., -1] = self.load + np.einsum("mpi,ma->pia", pressed, around.vectors)
         shift[..., -1] = np.einsum("mpi,ma->pia", self.excitation, moved)
         return self._answer(push, shift, np.eye(2 * size, 2 * size + 1))
 
@@ -180,21 +161,23 @@ class PeriodicMotion:
         """Return the motions by unit forces at every mesh and point, and by shifts of the same."""
         vectors = self.around.vectors
         each = np.einsum("ma,il->iaml", vectors, np.eye(POINTS)).reshape(POINTS, len(vectors.T), -1)
-        shape = self.kappa.shape[1], *each.shape
+        shape = self.stiffness.shape[1], *each.shape
         push, shift = (np.broadcast_to(each * size, shape) for size in (force, moved))
         return self._answer(push, shift, np.zeros((len(self.monodromy), 1)))
 
     @cached_property
-    def _collocation(self) -> tuple[FloatArray, FloatArray]:
-        """Stiffness at the points, (panels, points, n, n), and the matrix of u' on each panel."""
-        around, integrals = self.around, _integrals()
-        vectors, h = around.vectors, self.grid.widths[:, None, None, None, None]
-        stiffness = around.stiffness + np.einsum("mpi,ma,mb->piab", self.kappa, vectors, vectors)
-        matrix = h * integrals[:, None, :, None] * around.damping[:, None, :]
+    def _collocation(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """C, K at the points, (panels, points, n, n), and the matrix of u' on each panel."""
+        around, integrals, vectors = self.around, _integrals(), self.around.vectors
+        h = self.period_s * self.grid.widths[:, None, None, None, None]
+        damping = around.damping + (vectors.T * around.dampers) @ vectors
+        springs = np.einsum("mpi,ma,mb->piab", self.stiffness, vectors, vectors)
+        stiffness = around.stiffness + springs
+        matrix = h * integrals[:, None, :, None] * damping[:, None, :]
         twice = (integrals @ integrals)[:, None, :, None]
         matrix = matrix + h**2 * twice * stiffness[:, :, :, None, :]
-        size = POINTS * len(around.force)
-        return stiffness, matrix.reshape(len(h), size, size) + np.eye(size)
+        size = POINTS * len(damping)
+        return damping, stiffness, matrix.reshape(len(h), size, size) + np.eye(size)
 
     def _answer(self, push: FloatArray, shift: FloatArray, start: FloatArray) -> _PanelMaps:
         """Return the motions, a column each.
@@ -208,7 +191,7 @@ class PeriodicMotion:
         start : ndarray, shape (2n, columns)
             State when the panel begins.
         """
-        around, size, (stiffness, matrix) = self.around, push.shape[2], self._collocation
+        size, (damping, stiffness, matrix) = push.shape[2], self._collocation
         q0, u0 = start[:size], start[size:]
         reach, weights = _integrals().sum(axis=1)[:, None, None], 0.5 * gauss(POINTS)[1]
         steps, seen = [], []
@@ -216,15 +199,15 @@ class PeriodicMotion:
         together = max(1, VALUES_TOGETHER // (push[0].size + push[0, ..., 0].size ** 2))
         for first in range(0, len(push), together):
             some = slice(first, first + together)
-            moved, h = shift[some], self.grid.widths[some, None, None, None]
+            moved, h = shift[some], self.period_s * self.grid.widths[some, None, None, None]
             place = q0 + h * (reach * u0 + _integrated(moved))
-            right = push[some] - around.damping @ (u0 + moved) - stiffness[some] @ place
+            right = push[some] - damping @ (u0 + moved) - stiffness[some] @ place
             asked = right.reshape(len(right), len(matrix[0]), -1)
             slope = np.linalg.solve(matrix[some], asked).reshape(right.shape)
             rate = u0 + h * _integrated(slope) + moved
             ends = [h[:, 0] * np.einsum("i,piac->pac", weights, own) for own in (rate, slope)]
             steps.append(np.concatenate([q0 + ends[0], u0 + ends[1]], axis=1))
-            both = [around.vectors @ own for own in (rate, q0 + h * _integrated(rate))]
+            both = [self.around.vectors @ own for own in (rate, q0 + h * _integrated(rate))]
             seen.append(np.stack(both).swapaxes(2, 3))
         return _PanelMaps(step=np.concatenate(steps), seen=np.concatenate(seen, axis=1))
 
@@ -247,25 +230,25 @@ class PeriodicMotion:
         return np.asarray(own + self.maps.seen[..., -1].swapaxes(1, 2))
 
     @cached_property
-    def load(self) -> FloatArray:
-        """Kappa (d - e) at the points, shape (meshes, panels, points)."""
-        return np.asarray(self.kappa * (self.motion[1] - self.excitation))
+    def pressing(self) -> FloatArray:
+        """Elastic forces k (d - e) at the points, shape (meshes, panels, points)."""
+        return np.asarray(self.stiffness * (self.motion[1] - self.excitation))
 
     @cached_property
     def force(self) -> FloatArray:
         """Mesh forces at the points but for those of e', shape (meshes, panels, points)."""
-        return np.asarray(self.load + self.around.dampers[:, None, None] * self.motion[0])
+        return np.asarray(self.pressing + self.around.dampers[:, None, None] * self.motion[0])
 
     @cached_property
     def free_force(self) -> FloatArray:
         """The same of free vibration, by the state when the period begins: one axis more, 2n."""
         (speed, deflection), dampers = self.maps.free, self.around.dampers[:, None, None, None]
-        return np.asarray(self.kappa[..., None] * deflection + dampers * speed)
+        return np.asarray(self.stiffness[..., None] * deflection + dampers * speed)
 
     @cached_property
-    def mean_load(self) -> FloatArray:
+    def mean_force(self) -> FloatArray:
         """Mean force of each mesh."""
-        return self.grid.mean(self.load)
+        return self.grid.mean(self.pressing)
 
     @property
     def mean_deflection(self) -> FloatArray:
@@ -275,7 +258,7 @@ class PeriodicMotion:
     @property
     def contact_lost(self) -> BoolArray:
         """Whether teeth part: a mesh force falls to 0, shape (1,)."""
-        return np.asarray((self.force.min(axis=(1, 2)) / self.mean_load).min() <= 0)[None]
+        return np.asarray((self.force.min(axis=(1, 2)) / self.mean_force).min() <= 0)[None]
 
     @property
     def unresolved(self) -> FloatArray:
@@ -292,7 +275,12 @@ class PeriodicMotion:
         turns, weights = self.grid.phase / self.period, self.grid.weights / self.period
         values = np.stack([self.force, self.excitation]) * weights
         force, moved = fourier_sums(turns, values, highest)
-        return np.asarray(force - self.around.moved(moved, self.period))[None]
+        return np.asarray(force - self.damped(moved, self.period))[None]
+
+    def damped(self, lines: ComplexArray, period: int) -> ComplexArray:
+        """Return the lines of c e' over P mesh periods by those of e, (..., meshes, lines)."""
+        rates = 2j * np.pi / (period * self.period_s) * np.arange(1, lines.shape[-1] + 1)
+        return np.asarray(self.around.dampers[:, None] * rates * lines)
 
 
 def fourier_sums(turns: FloatArray, values: FloatArray, highest: int) -> ComplexArray:
@@ -340,7 +328,7 @@ class Deviations:
     where : tuple of int, increasing
         Those that differ, 0 to P - 1.
     delta : ndarray, shape (turns, W, meshes, panels, points)
-        Change of k T^2 in these periods.
+        Change of k in these periods [N/m].
     excitation : ndarray, same shape
         e [m] in these periods; zero in the others.
     """
@@ -407,8 +395,9 @@ class Deviations:
     def _force(self) -> FloatArray:
         """Change of the mesh forces there but for those of e'."""
         mesh, (speed, moved) = self.mesh, self.motion
-        load = self.delta * mesh.motion[1] + (mesh.kappa + self.delta) * (moved - self.excitation)
-        return np.asarray(load + mesh.around.dampers[:, None, None] * speed)
+        pressing = (mesh.stiffness + self.delta) * (moved - self.excitation)
+        pressing += self.delta * mesh.motion[1]
+        return np.asarray(pressing + mesh.around.dampers[:, None, None] * speed)
 
     @property
     def mean_deflection(self) -> FloatArray:
@@ -422,7 +411,7 @@ class Deviations:
     @property
     def contact_lost(self) -> BoolArray:
         """Whether teeth part: a mesh force falls to 0, shape (turns,)."""
-        mesh, mean = self.mesh, self.mesh.mean_load
+        mesh, mean = self.mesh, self.mesh.mean_force
         changed = (self._force + mesh.force).min(axis=(1, 3, 4)) / mean
         lost = np.asarray((changed <= 0).any(axis=1))
         for free, even, own in zip(mesh.free_force, mesh.force, mean, strict=True):
@@ -460,7 +449,7 @@ class Deviations:
         states = np.fft.fft(np.roll(self._even, -self.where[0], axis=1).swapaxes(1, 2))
         by_state = np.take(states, numbers % period, axis=2)
         found = np.einsum("kmr,tkr->tmr", by_place, by_state) + sums[:turns]
-        found[excited] -= mesh.around.moved(sums[turns:], period)
+        found[excited] -= mesh.damped(sums[turns:], period)
         return np.asarray(found)
 
 
@@ -468,13 +457,13 @@ class _Changed:
     """A mesh period that differs: the forces that the difference makes in its meshes.
 
     With d the deflection in the even motion and x the deviation, mesh and point (j, i) bring
-    ``f = -delta kappa (d + x) + kappa e``.
+    ``f = -delta k (d + x) + k e``.
 
     Parameters
     ----------
     mesh : PeriodicMotion
     delta : ndarray, shape (turns, meshes, panels, points)
-        Change of kappa.
+        Change of k.
     excitation : ndarray, same shape
         e.
 
@@ -508,7 +497,7 @@ class _Changed:
         if self.moved.any():
             shifted = mesh.shifted
             by_e = _times(shifted.rows(acting)[..., columns], self.moved)
-            right[..., -1] += rows(mesh.kappa + delta) * self.moved - own * by_e
+            right[..., -1] += rows(mesh.stiffness + delta) * self.moved - own * by_e
         self.force, answers = np.zeros(right.shape), forced.rows(acting)[..., columns]
         pressed = (right != 0).any(axis=(-2, -1))
         matrix = own[pressed][..., None] * answers[np.nonzero(pressed)[-1]]
