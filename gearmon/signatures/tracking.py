@@ -20,7 +20,7 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
-from gearmon.machine import Machine, Sensor
+from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
