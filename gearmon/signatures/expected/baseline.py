@@ -346,8 +346,8 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
         period_s=1 / posed.mechanics.mesh_frequency_hz,
         around=posed.modes,
         load=posed.load,
-        stiffness=np.array([k.stiffness.at(grid.phase + k.lead) for k in posed.members]),
-        excitation=np.array([e.excitation.at(grid.phase + e.lead) for e in posed.members]),
+        stiffness=np.stack([k.stiffness.at(grid.phase + k.lead) for k in posed.members], axis=1),
+        excitation=np.stack([e.excitation.at(grid.phase + e.lead) for e in posed.members], axis=1),
     )
 
 
@@ -377,8 +377,8 @@ def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage])
         mesh=_even(healthy, grid),
         period=faulty[0].period,
         where=where,
-        delta=delta.swapaxes(1, 2),
-        excitation=np.array(moved).swapaxes(1, 2),
+        delta=np.moveaxis(delta, 1, 3),
+        excitation=np.moveaxis(np.array(moved), 1, 3),
     )
 
 
