@@ -185,11 +185,6 @@ class GearVibration:
         return self.nominal_hz / float(self.pace)
 
     @property
-    def duration_s(self) -> float:
-        """Length [s]."""
-        return float(self.samples.shape[-1] / self.rate)
-
-    @property
     def last_s(self) -> float:
         """Time of the last sample [s]."""
         return float((self.samples.shape[-1] - 1) / self.rate)
@@ -222,7 +217,7 @@ class GearVibration:
 
         Of a short recording all is one block.
         """
-        whole, block_s = self.duration_s, turns / self.nominal_hz
+        whole, block_s = self.samples.shape[-1] / self.rate, turns / self.nominal_hz
         block_s = block_s if whole >= 4 * block_s else whole
         about = about_hz or self.nominal_hz
         return SpeedScan(self.samples, self.rate, self.comb, about, tolerance, block_s)
@@ -256,7 +251,7 @@ class GearVibration:
         """The comb about the nominal speed, in blocks that tell meshes from sidebands."""
         looked_at = max(len(comb.groups) for comb in self.meshes)
         scan = self.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
-        return self.tracked(phases.integrate_speed(scan.track(), self.last_s), scan)
+        return self.judged(phases.integrate_speed(scan.track(), self.last_s), scan)
 
     @cached_property
     def alone(self) -> Tracking:
@@ -282,25 +277,28 @@ class GearVibration:
                 found = judged
         return _with_doubt(found, sums) if found.detected else found
 
-    def tracked(self, track: AngleTrack, scan: SpeedScan) -> Tracking:
-        """Tell how clearly each mesh stands out in a scan, beside a track."""
+    def by_pulses(self, pulses: tacho.TachoPulses, count: int, order: float = 1.0) -> Tracking:
+        """Judge the meshes at the speed of so many pulses a turn of a shaft of this order."""
+        told = tacho.track_from_pulses(pulses, count, order, self.last_s)
+        told = replace(told.of_shaft(float(self.pace)), indexed=told.indexed)
+        return self.judged(told, reach=TACHO_REACH)
+
+    def judged(
+        self, track: AngleTrack, scan: SpeedScan | None = None, reach: float = _JUDGED_REACH
+    ) -> Tracking:
+        """Tell how clearly each mesh stands out beside a track.
+
+        By default in a scan in its angle, so far about its speed as a fraction.
+        """
+        if scan is None:
+            vibration = InAngle.of(self.samples, self.rate, track)
+            block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
+            scan = phases.scan_angle(vibration, self.comb, reach, block)
         orders = [shaft.order for shaft in self.train.shafts]
         judged = partial(mesh_detection.mesh_evidence, scan, self.meshes, orders)
         # the path through all blocks, which is wanted next, is found meanwhile
         evidence, _ = at_once(judged, lambda: scan.best_score, scan.scores.size)
         return Tracking(signal=self, track=track, scan=scan, evidence=evidence)
-
-    def by_pulses(self, pulses: tacho.TachoPulses, count: int, order: float = 1.0) -> Tracking:
-        """Judge the meshes at the speed of so many pulses a turn of a shaft of this order."""
-        told = tacho.track_from_pulses(pulses, count, order, self.last_s)
-        told = replace(told.of_shaft(float(self.pace)), indexed=told.indexed)
-        return self.judged(told, TACHO_REACH)
-
-    def judged(self, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
-        """Judge the meshes on a scan about a track, so far about its speed as a fraction."""
-        block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
-        scan = phases.scan_angle(self.in_angle(track), self.comb, reach, block)
-        return self.tracked(track, scan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -374,7 +372,7 @@ class Tracking:
             ends = steps[[0, -1]] / usual
             change = float(np.std(np.diff(np.log(speeds))))
             doubt = float(np.hypot(doubt, 0.5 * usual * change * np.linalg.norm(ends + ends**2)))
-        uncertainty = doubt / signal.duration_s
+        uncertainty = doubt * signal.rate / signal.samples.shape[-1]
         if not np.isfinite(uncertainty):
             relative = self.scan.resolution_hz / self.scan.nominal_hz
             uncertainty = 0.5 * relative * track.mean_hz
