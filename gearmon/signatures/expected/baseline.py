@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -361,17 +361,13 @@ def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage])
     phases = np.array(where)[:, None, None] + grid.phase
     delta = np.zeros((len(faulty), len(healthy.members), *phases.shape))
     # sizes of a kind may share a pulse
-    known: dict[tuple[object, ...], FloatArray] = {}
+    lost_by = cache(lambda train, lead: train.at(phases + lead))
     for posed, own in zip(faulty, delta, strict=True):
         for mesh, lost in zip(posed.members, own, strict=True):
             for train in mesh.stiffness.pulses:
                 for term in train.terms:
-                    place = (term.pulse, term.offset, term.face_start, term.face_end)
-                    key = (*place, train.period_mesh, mesh.lead)
-                    if key not in known:
-                        alone = replace(train, terms=(replace(term, weight=1.0),))
-                        known[key] = alone.at(phases + mesh.lead)
-                    lost += term.weight * known[key]
+                    alone = replace(train, terms=(replace(term, weight=1.0),))
+                    lost += term.weight * lost_by(alone, mesh.lead)
     moved = [[own.excitation.at(phases + own.lead) for own in posed.members] for posed in faulty]
     return Deviations(
         mesh=_even(healthy, grid),
