@@ -359,22 +359,25 @@ def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage])
     """Return what faults of teeth change in a turn, case by case."""
     where = tuple(sorted(set().union(*map(_changed, faulty)))) or (0,)
     phases = np.array(where)[:, None, None] + grid.phase
-    delta = np.zeros((len(faulty), len(healthy.members), *phases.shape))
+    delta = np.zeros((len(faulty), *phases.shape[:2], len(healthy.members), phases.shape[2]))
     # sizes of a kind may share a pulse
     lost_by = cache(lambda train, lead: train.at(phases + lead))
-    for posed, own in zip(faulty, delta, strict=True):
+    for posed, own in zip(faulty, np.moveaxis(delta, 3, 1), strict=True):
         for mesh, lost in zip(posed.members, own, strict=True):
             for train in mesh.stiffness.pulses:
                 for term in train.terms:
                     alone = replace(train, terms=(replace(term, weight=1.0),))
                     lost += term.weight * lost_by(alone, mesh.lead)
-    moved = [[own.excitation.at(phases + own.lead) for own in posed.members] for posed in faulty]
+    moved = [
+        np.stack([own.excitation.at(phases + own.lead) for own in posed.members], axis=2)
+        for posed in faulty
+    ]
     return Deviations(
         mesh=_even(healthy, grid),
         period=faulty[0].period,
         where=where,
-        delta=np.moveaxis(delta, 1, 3),
-        excitation=np.moveaxis(np.array(moved), 1, 3),
+        delta=delta,
+        excitation=np.array(moved),
     )
 
 

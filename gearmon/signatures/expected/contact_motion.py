@@ -392,7 +392,7 @@ class Deviations:
     @cached_property
     def _force(self) -> FloatArray:
         """Change of the mesh forces there but for those of e'."""
-        mesh, (speed, moved) = self.mesh, np.moveaxis(self.motion, 3, 0)
+        mesh, speed, moved = self.mesh, self.motion[..., 0, :, :], self.motion[..., 1, :, :]
         pressing = (mesh.stiffness + self.delta) * (moved - self.excitation)
         pressing += self.delta * mesh.motion[:, 1]
         return np.asarray(pressing + mesh.around.dampers[:, None] * speed)
