@@ -281,7 +281,7 @@ def faulty_lines(
     solved: dict[PosedStage, MeshLines] = {}
     for own in teeth.values():
         grid = contact_grid([healthy, *own], max_hz)
-        numbers = len(grid.widths) * (8 + len(healthy.load)) ** 2
+        numbers = len(grid.widths) * (8 + len(healthy.modes.inputs)) ** 2
         together = max(1, MOST_NUMBERS // numbers)
         for first in range(0, len(own), together):
             some = own[first : first + together]
@@ -345,7 +345,6 @@ def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
         grid=grid,
         period_s=1 / posed.mechanics.mesh_frequency_hz,
         around=posed.modes,
-        load=posed.load,
         stiffness=np.stack([k.stiffness.at(grid.phase + k.lead) for k in posed.members], axis=1),
         excitation=np.stack([e.excitation.at(grid.phase + e.lead) for e in posed.members], axis=1),
     )

@@ -103,9 +103,7 @@ class PeriodicMotion:
     period_s : float
         T, the mesh period [s].
     around : Around
-        The machine without its varying meshes, n modes.
-    load : ndarray, shape (n,)
-        f.
+        The machine without its varying meshes, n modes under the load f.
     stiffness : ndarray, shape (panels, meshes, points)
         k [N/m].
     excitation : ndarray, same shape
@@ -120,7 +118,6 @@ class PeriodicMotion:
     grid: PhaseGrid
     period_s: float
     around: Around
-    load: FloatArray
     stiffness: FloatArray
     excitation: FloatArray
 
@@ -140,10 +137,10 @@ class PeriodicMotion:
     @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
-        size, pressed = len(self.load), self.stiffness * self.excitation
-        vectors, dampers = self.around.vectors, self.around.dampers
+        load, pressed = self.around.inputs[:, 0], self.stiffness * self.excitation
+        size, vectors, dampers = len(load), self.around.vectors, self.around.dampers
         push, shift = np.zeros((2, len(pressed), POINTS, size, 2 * size + 1))
-        push[..., -1] = self.load + np.einsum("pmi,ma->pia", pressed, vectors)
+        push[..., -1] = load + np.einsum("pmi,ma->pia", pressed, vectors)
         shift[..., -1] = np.einsum("pmi,ma->pia", self.excitation, dampers[:, None] * vectors)
         return self._answer(push, shift, np.eye(2 * size, 2 * size + 1))
 
@@ -170,9 +167,8 @@ class PeriodicMotion:
         """C, K at the points, (panels, points, n, n), and the matrix of u' on each panel."""
         around, integrals, vectors = self.around, _integrals(), self.around.vectors
         h = self.period_s * self.grid.widths[:, None, None, None, None]
-        damping = around.damping + (vectors.T * around.dampers) @ vectors
         springs = np.einsum("pmi,ma,mb->piab", self.stiffness, vectors, vectors)
-        stiffness = around.stiffness + springs
+        damping, stiffness = around.whole_damping, around.stiffness + springs
         matrix = h * integrals[:, None, :, None] * damping[:, None, :]
         twice = (integrals @ integrals)[:, None, :, None]
         matrix = matrix + h**2 * twice * stiffness[:, :, :, None, :]

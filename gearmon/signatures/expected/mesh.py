@@ -161,23 +161,20 @@ class PosedStage:
 
     @cached_property
     def modes(self) -> Around:
-        """The machine in modes; of a pair by itself its own mass is all there is."""
+        """The machine in modes under its load; of a pair by itself its mass is all there is."""
         own, none = self.mechanics, np.zeros((1, 1))
         if self.train is not None:
-            return self.train.around(self.train.meshes(own.stage))
-        shape, damper = none + own.equivalent_mass_kg**-0.5, none[0] + own.damping_ns_per_m
-        mean = none[0] + own.stiffness.healthy_mean_n_per_m
+            load = self.train.load({own.stage: own.force_n})
+            return self.train.around(self.train.meshes(own.stage), load[:, None])
+        shape = none + own.equivalent_mass_kg**-0.5
         return Around(
-            shapes=shape, vectors=shape, means=mean, dampers=damper, stiffness=none, damping=none
+            vectors=shape,
+            means=none[0] + own.stiffness.healthy_mean_n_per_m,
+            dampers=none[0] + own.damping_ns_per_m,
+            stiffness=none,
+            damping=none,
+            inputs=own.force_n * shape,
         )
-
-    @cached_property
-    def load(self) -> FloatArray:
-        """Constant forces on the modes."""
-        own, forces = self.mechanics, np.array([self.mechanics.force_n])
-        if self.train is not None:
-            forces = self.train.load({own.stage: own.force_n})
-        return np.asarray(self.modes.shapes.T @ forces)
 
     def limit_hz(self, max_hz: float | None) -> float:
         """Return up to which frequency [Hz] its lines are shown; 10 mesh harmonics by default."""
