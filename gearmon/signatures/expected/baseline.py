@@ -395,7 +395,7 @@ def _each(
     posed: Sequence[PosedStage], found: _Motion, lines: ComplexArray, **same: Any
 ) -> list[MeshLines]:
     """Return the lines of each turn by themselves."""
-    columns = found.unresolved, found.contact_lost, found.mean_deflection[:, 0]
+    columns = found.unresolved, *found.contact
     told = zip(posed, lines, *(own.tolist() for own in columns), strict=True)
     names = ("posed", "displacement", "error", "contact_lost", "mean_m")
     return [MeshLines(**dict(zip(names, own, strict=True)), **same) for own in told]

@@ -247,20 +247,18 @@ class PeriodicMotion:
         return np.asarray(self.stiffness[..., None] * deflection + dampers * speed).swapaxes(0, 1)
 
     @property
-    def mean_deflection(self) -> FloatArray:
-        """Mean deflection of each mesh [m], shape (1, meshes)."""
-        return self.grid.mean(self.motion[:, 1])[None]
-
-    @property
-    def contact_lost(self) -> BoolArray:
-        """Whether teeth part: a mesh force falls to 0, shape (1,)."""
-        lowest = self.force.min(axis=(0, 2)) / self.grid.mean(self.force)
-        return np.array([(lowest <= 0).any()])
-
-    @property
     def unresolved(self) -> FloatArray:
         """Share of the speeds in the last two Legendre terms of the panels; see `Deviations`."""
         return _unresolved(self.motion[None, :, 0], self.grid.widths)
+
+    @property
+    def contact(self) -> tuple[BoolArray, FloatArray]:
+        """Whether teeth part (a mesh force falls to 0), and the mean deflection of the first mesh.
+
+        Shapes (1,); the latter in m.
+        """
+        lowest = self.force.min(axis=(0, 2)) / self.grid.mean(self.force)
+        return np.array([(lowest <= 0).any()]), self.grid.mean(self.motion[:, 1])[:1]
 
     def force_lines(self, highest: int) -> ComplexArray:
         """Return the harmonics 1..highest of all mesh forces, shape (1, meshes, highest)."""
@@ -394,17 +392,15 @@ class Deviations:
         return np.asarray(pressing + mesh.around.dampers[:, None] * speed)
 
     @property
-    def mean_deflection(self) -> FloatArray:
-        """Mean deflection of each mesh [m], shape (turns, meshes)."""
-        mesh = self.mesh
-        free = mesh.grid.mean(np.moveaxis(mesh.free[:, 1], -1, 0))
-        changed = self._even.sum(axis=1) @ free + mesh.grid.mean(self.motion[..., 1, :, :]).sum(1)
-        return np.asarray(mesh.mean_deflection + changed / self.period)
+    def contact(self) -> tuple[BoolArray, FloatArray]:
+        """Whether teeth part (a mesh force falls to 0), and the mean deflection of the first mesh.
 
-    @property
-    def contact_lost(self) -> BoolArray:
-        """Whether teeth part: a mesh force falls to 0, shape (turns,)."""
+        Shapes (turns,); the latter in m.
+        """
         mesh, mean = self.mesh, self.mesh.grid.mean(self.mesh.force)
+        free = mesh.grid.mean(np.moveaxis(mesh.free[:, 1], -1, 0))
+        moved = self._even.sum(axis=1) @ free + mesh.grid.mean(self.motion[..., 1, :, :]).sum(1)
+        mean_m = (mesh.grid.mean(mesh.motion[:, 1]) + moved / self.period)[:, 0]
         changed = (self._force + mesh.force).min(axis=(1, 2, 4)) / mean
         lost = np.asarray((changed <= 0).any(axis=1))
         for free, even, own in zip(mesh.free_force, mesh.force.swapaxes(0, 1), mean, strict=True):
@@ -413,7 +409,7 @@ class Deviations:
             near = np.abs(self._even) @ np.abs(by_state).max(axis=0) >= still.min()
             parted = (self._even[near] @ by_state.T + still).min(axis=1) <= 0
             lost[near.nonzero()[0][parted]] = True
-        return lost
+        return lost, mean_m
 
     @cached_property
     def unresolved(self) -> FloatArray:
