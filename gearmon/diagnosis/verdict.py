@@ -313,8 +313,8 @@ def _second_told(spread: DepartureSpread) -> list[str]:
         return []
     count, way = abs(second.distance), "after" if second.distance > 0 else "before"
     return [
-        f"a second tooth, {count} {'tooth' if count == 1 else 'teeth'} {way} the one that departs "
-        f"most, is heard at about {second.size:.1f} of it"
+        f"a second tooth, {count} teeth {way} the one that departs most, is heard at about "
+        f"{second.size:.1f} of it"
     ]
 
 

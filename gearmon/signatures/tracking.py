@@ -606,8 +606,8 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
     track = phases.integrate_speed(speed, signal.last_s)
     for reach in _PATH_REACHES:
         track = phases.unwarp(sums, track, signal.comb, reach)
-    track = phases.lock_track(sums, track)
-    judged, share = signal.judged(track), phases.coherent_share(sums, track)
+    track, share = phases.lock_track(sums, track)
+    judged = signal.judged(track)
     if share < _GATHERED or not _agrees(judged):
         return None
     course = course / float(signal.pace)

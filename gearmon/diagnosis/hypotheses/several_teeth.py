@@ -10,8 +10,8 @@ second one explains it.
 
 What two teeth do in turn repeats after as many tooth pitches as they stand apart, whatever the path
 makes of it: the power of the lines then comes and goes with their number. Where it does so is
-looked for first. Two neighbours are another matter: one event that lasts longer is nearly as good
-an explanation as two that follow each other at once.
+looked for first. Two neighbours are not told from one: an event that lasts longer explains them
+nearly as well.
 
 Whatever path an event took, the lines that it leaves about one mesh harmonic are taken as Gaussian
 with the covariance
@@ -208,20 +208,19 @@ _TOLD = 1
 #: Sizes of the second event over the first that are tried: what is smaller, the imperfect model of
 #: the first leaves behind as well.
 SIZES = (0.4, 0.7, 1.0)
-# Distances that are tried beside the two nearest teeth on either side.
+# Distances that are tried beside the teeth two before and after. A neighbour is not asked for: an
+# event that rings on is explained by two in a row, at 20 % of one tooth of a drawn machine with 15
+# to spare where 40 were asked.
 _DISTANCES, _NEAR = 3, 2
-# Logarithm of the factor by which a second tooth has to explain a departure better than one does,
-# beside the number of places and sizes it may have: for the least size, and for neighbours; beyond
-# 25 for neighbours went two of 275 simulated single teeth and cracks of a slow heavy gearbox, which
-# ring on (27). The least that factor has to be as a share of what speaks for the first: what the
-# imperfect model of the first leaves behind grows with it, and looks like a small second one. A
-# larger second tooth needs hardly any: of 327 simulated single teeth (46 machines, losses of 10 to
-# 40 %) two are explained better by one, of 220 pairs of damaged teeth two apart 186 are. Of cracks
-# of 20 % on 22 machine seeds of README's pair a least second one would explain three of 80 by 27 to
-# 46 more than one does, and a larger one by 4 at most; of 12 pairs of such cracks a larger one
-# explains all by 60 and more.
+# Logarithm of the factor by which a second tooth of the least size has to explain a departure
+# better than one does, beside the number of places and sizes it may have; the least that factor has
+# to be as a share of what speaks for the first: what the imperfect model of the first leaves behind
+# grows with it, and looks like a small second one. A larger second tooth needs hardly any: of 327
+# simulated single teeth (46 machines, losses of 10 to 40 %) two are explained better by one, of 220
+# pairs of damaged teeth two apart 186 are. Of cracks of 20 % on 22 machine seeds of README's pair a
+# least second one would explain three of 80 by 27 to 46 more than one does, and a larger one by 4
+# at most; of 12 pairs of such cracks a larger one explains all by 60 and more.
 _CLEAR, _SHARE_OF_FIRST, _CLEAR_IF_LARGE = 30.0, 0.2, 8.0
-_CLEAR_OF_NEIGHBOUR, _SHARE_OF_NEIGHBOUR = 40.0, 0.08
 # Probability of a second tooth, and most that both leave, at which no other kind is asked for. Two
 # teeth of lumped machines, two apart, leave 0.003 to 0.1; of smooth runout two teeth leave 0.2 at
 # the least, of pits on many teeth 0.4. Of 160 findings on two such teeth (12 machines, 20 %) 119
@@ -328,7 +327,7 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     Notes
     -----
     A second tooth is told where its event is about half of the first's or more and two or more
-    teeth away; a damaged neighbour mostly passes for the same tooth.
+    teeth away; a damaged neighbour passes for the same tooth.
     """
     if gear.difference.meetings > 1:
         return None
@@ -378,8 +377,8 @@ def second_tooth(
     teeth = len(by_tooth)
     if teeth < 2 * (_NEAR + 1):
         return None
-    # the nearest on either side, and those after which the departure repeats
-    distances = [sign * near for near in range(1, _NEAR + 1) for sign in (1, -1)]
+    # on either side, and those after which the departure repeats
+    distances = [_NEAR, -_NEAR]
     farther = np.argsort(-repetition(bands, teeth)[_NEAR + 1 : teeth // 2 + 1], kind="stable")
     for away in (farther[:_DISTANCES] + _NEAR + 1).tolist():
         # the sooner of two events alike is as far from the later as that from the next turn's
@@ -394,9 +393,7 @@ def second_tooth(
             told = weighted(band, power, direction, first, factor)
             by_ringing[number] += log_likelihood(band, *told)
     small = max(_CLEAR, _SHARE_OF_FIRST * log_first)
-    beside = max(_CLEAR_OF_NEIGHBOUR, _SHARE_OF_NEIGHBOUR * log_first)
-    farther = np.where(size > SIZES[0], _CLEAR_IF_LARGE, small)
-    asked = np.where(np.abs(distance) > 1, farther, beside)
+    asked = np.where(size > SIZES[0], _CLEAR_IF_LARGE, small)
     total = log_mean(by_ringing) - asked - float(np.log(teeth * len(SIZES)))
     best = int(np.argmax(total.max(axis=0)))
     return SecondTooth(

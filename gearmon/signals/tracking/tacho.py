@@ -627,7 +627,7 @@ def join(sums: OrderSums, known: AngleTrack) -> tuple[AngleTrack, float]:
     a_turn = (len(turns) - 1) / float(turns[-1] - turns[0])
     course = _smoothed(turns, time_s, 2, _STIFF * a_turn**4)
     with suppress(ValueError):  # the shaft would turn back
-        track = lock_track(sums, track_through(course, turns, float(known.time_s[-1])))
+        track, _ = lock_track(sums, track_through(course, turns, float(known.time_s[-1])))
         beside = turns - track.turns_at(time_s)
         drift = np.full(len(beside), beside.mean())
         # whether edges fall at the same place between two samples turn after turn

@@ -38,12 +38,12 @@ _HELD_PERIODS = 25.0
 # Bands of the broadband spectrum, a sixth of an octave each at most, samples of a segment, and
 # segments at most: medians in time are then right to 0.4 dB a bin, those of bands better.
 _BANDS, _BAND_SAMPLES, _BAND_SEGMENTS = 40, 2048, 256
-# A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
 # Height of a gear's own sidebands, in robust standard deviations, from which they count.
 _SUPPORTED = 4.0
 # Share of the power of mesh lines that stands still in the angle, from which they hold it. Of
 # 12 simulated teeth that had lost 70 to 90 % it was 0.995 to 1.
 _HELD = 0.9
+# A mesh whose sidebands would rather stand elsewhere must be far clearer than others.
 _FOUND_DESPITE_MISMATCH = 6.0
 # Speed of shaft 1 up to which it is asked whether Hz were meant [1/min].
 _SLOW_RPM = 100.0

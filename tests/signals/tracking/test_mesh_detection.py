@@ -206,6 +206,28 @@ def test_no_sidebands_are_no_mismatch(seed):
     assert excess < 2.0
 
 
+def test_noise_hardly_ever_tells_another_spacing():
+    # of so many spacings one always looks best, 3 deviations above the others one time in six
+    told = [
+        sideband_spacing(spectrum_of([56.0], 0.3, seed), parallel(56, 59), own, 0.03)
+        for seed in range(30)
+        for own in (1.0, 56 / 59)
+    ]
+    assert sum(one.excess > 0 for one in told) <= 3
+
+
+def test_faint_sidebands_tell_another_tooth_count_sooner_than_anything_else():
+    def told(ratio):
+        orders = [26.0 * k + r * ratio for k in (1, 2) for r in SIDES]
+        levels = [0.02 if order % 26 else 0.3 for order in orders]
+        spectra = (spectrum_of(orders, levels, seed) for seed in range(20))
+        found = [sideband_spacing(own, parallel(26, 61), 1.0, 0.05) for own in spectra]
+        return sum(abs(one.departure - (ratio - 1)) < 2e-3 for one in found)
+
+    assert told(26 / 27) >= 12
+    assert told(26 / 26.5) <= 6
+
+
 def test_sidebands_of_the_other_gear_are_no_mismatch():
     # a ratio near two, and sidebands of the slow gear only
     orders = [26.0 * k + r * 26 / 53 for k in (1, 2, 3) for r in (-4, *SIDES, 4)]

@@ -158,7 +158,7 @@ def followed(samples):
     sums = OrderSums(samples, RATE, within)
     for reach in (0.015, 0.008):
         track = unwarp(sums, track, COMB, reach)
-    return lock_track(sums, track)
+    return lock_track(sums, track)[0]
 
 
 @pytest.mark.parametrize("share", [-0.2, 0.2])
@@ -185,11 +185,12 @@ def test_tones_that_stand_still_do_not_capture_the_path():
     assert error_of(track, turns).std() * 23 < 0.02
 
 
-def test_a_tone_that_a_mesh_line_crosses_raises_the_uncertainty():
+@pytest.mark.parametrize("tone_hz", [600.0, 610.5, 620.0])
+def test_a_tone_that_mesh_lines_cross_hardly_moves_the_angle(tone_hz):
     turns = ramp(0.2)
-    disturbed, free = with_tones(turns, 610.5), with_tones(turns, 480.0)
-    assert disturbed.uncertainty_turns > 5 * free.uncertainty_turns
-    assert error_of(disturbed, turns).std() < 3 * disturbed.uncertainty_turns
+    error = error_of(with_tones(turns, tone_hz), turns)
+    assert error.std() * 23 < 0.005
+    assert np.abs(error).max() * 23 < 0.02
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -197,7 +198,7 @@ def test_lock_is_right_to_the_ends_of_the_recording(seed):
     turns = wandering_turns(TIME, NOMINAL, 0.003, seed)
     mean = (turns[-1] - turns[0]) / TIME[-1]
     first = constant_track(mean, TIME[-1])  # its speed is wrong by some tenths of a per cent
-    track = lock_track(OrderSums(vibration(turns, seed=seed), RATE, MESHES), first)
+    track = lock_track(OrderSums(vibration(turns, seed=seed), RATE, MESHES), first)[0]
     error = error_of(track, turns)
     assert np.abs(error[:20]).max() * 23 < 0.06
     assert np.abs(error[-20:]).max() * 23 < 0.06
@@ -206,7 +207,9 @@ def test_lock_is_right_to_the_ends_of_the_recording(seed):
 
 def test_lock_of_a_true_track_keeps_it():
     turns = NOMINAL * TIME
-    track = lock_track(OrderSums(vibration(turns), RATE, MESHES), constant_track(NOMINAL, TIME[-1]))
+    track = lock_track(
+        OrderSums(vibration(turns), RATE, MESHES), constant_track(NOMINAL, TIME[-1])
+    )[0]
     assert error_of(track, turns).std() * 23 < 0.005
     assert 0 < track.uncertainty_turns * 23 < 0.01
 
@@ -216,15 +219,15 @@ def test_lock_hears_channels_together():
     first = constant_track(turns[-1] / TIME[-1], TIME[-1])
     loud = vibration(turns, 2.0, 1)
     several = np.vstack([vibration(turns, 2.0, seed) for seed in range(1, 7)])
-    one = error_of(lock_track(OrderSums(loud, RATE, MESHES), first), turns).std()
-    six = error_of(lock_track(OrderSums(several, RATE, MESHES), first), turns).std()
+    one = error_of(lock_track(OrderSums(loud, RATE, MESHES), first)[0], turns).std()
+    six = error_of(lock_track(OrderSums(several, RATE, MESHES), first)[0], turns).std()
     assert six < 0.7 * one
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_lock_to_noise_changes_nothing_and_knows_nothing(seed):
     first = constant_track(NOMINAL, TIME[-1])
-    track = lock_track(OrderSums(white((1, len(TIME)), seed=seed), RATE, MESHES), first)
+    track = lock_track(OrderSums(white((1, len(TIME)), seed=seed), RATE, MESHES), first)[0]
     assert track.uncertainty_turns == float("inf")
     np.testing.assert_allclose(track.turns_at(TIME[::99]), NOMINAL * TIME[::99], atol=1e-9)
 
