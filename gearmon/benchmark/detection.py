@@ -40,7 +40,7 @@ from gearmon.diagnosis.results import Analysis, Flag
 from gearmon.errors import GearmonError, check_range
 from gearmon.signals import indicators
 from gearmon.signals.recording import Recording
-from gearmon.signatures.gear_averages import gear_signals
+from gearmon.signatures.measured.indicators import gear_signals
 from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.reference import Profile
 from gearmon.terminal import Progress, followed

@@ -452,10 +452,9 @@ class _Turn:
         begin = self.edges[:-1].repeat(steps) + np.tile(np.arange(steps), len(self.edges) - 1) * h
         # just inside of each step: what jumps belongs to the next
         places = [begin + share * h for share in (1e-9, 0.5, 1 - 1e-9)]
-        stiffness, around = self.posed.mechanics.stiffness, self.posed.around
-        seen = float(around.vectors[0, 0])
-        tables = [stiffness.at(place) * self.posed.scale * seen**2 for place in places]
-        known = *tables, 1.0, float(around.damping[0, 0]), float(around.force[0]) * seen
+        own, mass = self.posed.mechanics, self.posed.mechanics.equivalent_mass_kg
+        tables = [own.stiffness.at(place) / mass for place in places]
+        known = *tables, 1 / own.mesh_frequency_hz, own.damping_ns_per_m / mass, own.force_n / mass
         return lambda: (h, rivals.shoot(h, *known)[0])
 
     def lines(self, h: FloatArray, velocity: FloatArray) -> ComplexArray:
@@ -468,9 +467,8 @@ class _Turn:
         own, period = self.member.lines, self.posed.period
         turns = np.append(0.0, np.cumsum(h)[:-1]) / period
         found = fourier_sums(turns, weights.ravel() * velocity, int(own.number[-1]))[own.number - 1]
-        # a derivative in mesh periods each, of lines over the turn
-        rate = 2j * math.pi * own.number / period**2
-        return np.asarray(found * rate * own.mechanics.mesh_frequency_hz**2)
+        # of velocities the sum over mesh periods, of the turn P of them
+        return np.asarray(found / period * 2j * math.pi * own.frequency_hz)
 
     @cached_property
     def exact(self) -> ComplexArray:

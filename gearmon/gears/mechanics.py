@@ -390,22 +390,27 @@ class Around:
 
     Parameters
     ----------
-    shapes : ndarray, shape (n, m)
-        Forces f on the machine act on the modes as shapes.T @ f.
     vectors : ndarray, shape (meshes, m)
         v_j.
     means, dampers : ndarray, shape (meshes,)
         Mean stiffness [N/m] and damping [Ns/m] of the meshes.
     stiffness, damping : ndarray, shape (m, m)
         K and C without these meshes [1/s2, 1/s].
+    inputs : ndarray, shape (m, loads)
+        How loads on the machine act on the modes.
     """
 
-    shapes: FloatArray
     vectors: FloatArray
     means: FloatArray
     dampers: FloatArray
     stiffness: FloatArray
     damping: FloatArray
+    inputs: FloatArray
+
+    @property
+    def whole_damping(self) -> FloatArray:
+        """C with these meshes."""
+        return np.asarray(self.damping + (self.vectors.T * self.dampers) @ self.vectors)
 
     @property
     def fastest_hz(self) -> float:
@@ -511,12 +516,16 @@ class DriveTrain:
             total += force / carried * pair
         return total
 
-    def around(self, meshes: Sequence[Spring], carried_hz: float = math.inf) -> Around:
+    def around(
+        self, meshes: Sequence[Spring], loads: FloatArray, carried_hz: float = math.inf
+    ) -> Around:
         """Return the machine without some of its meshes, in its elastic modes.
 
         Parameters
         ----------
         meshes : sequence of Spring
+        loads : ndarray, shape (n, loads)
+            Forces on the machine.
         carried_hz : float
             Natural frequency up to which modes are kept as they are. Of those above, the motions
             are kept by which they follow forces of these meshes without inertia (residual modes,
@@ -545,10 +554,10 @@ class DriveTrain:
         pressed = (rows @ beside / soft) @ beside.T
         held = np.linalg.pinv((vectors / squares) @ vectors.T, rcond=UNFELT)
         return Around(
-            shapes=shapes + pressed.T @ held @ vectors,
             vectors=vectors,
             means=means,
             dampers=dampers,
             stiffness=np.diag(squares) - (vectors.T * means) @ vectors,
             damping=shapes.T @ self.damping @ shapes - (vectors.T * dampers) @ vectors,
+            inputs=(shapes + pressed.T @ held @ vectors).T @ loads,
         )

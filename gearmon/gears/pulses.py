@@ -289,7 +289,7 @@ def _used(series: FloatArray, scale: ArrayLike) -> int:
     return int(used[-1]) + 1 if len(used) else 1
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class PulseTerm:
     """A pulse that starts at a phase and is spread over a part of the face width.
 
@@ -347,7 +347,7 @@ def lost_share(losses: Sequence[PulseTerm], phase: FloatArray) -> FloatArray:
     return total
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class PulseTrain:
     """Pulses that repeat together: a part of the mesh stiffness with a period of its own.
 

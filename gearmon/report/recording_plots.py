@@ -17,8 +17,8 @@ from gearmon.report import plots
 from gearmon.report.spectrum_plots import MOST_STRIPS, label_marks, line_marks, order_axis
 from gearmon.report.wording import shortened, strip_label, unit_text
 from gearmon.signals.orders.resampling import one_turn
-from gearmon.signatures.gear_averages import GearAverage, GearAverages, gear_signals
-from gearmon.signatures.measured.indicators import IndicatorTable
+from gearmon.signatures.gear_averages import GearAverage, GearAverages
+from gearmon.signatures.measured.indicators import IndicatorTable, gear_signals
 from gearmon.signatures.recording_spectrum import OrderSpectra
 
 # Columns of a map: more than a page shows.

@@ -2,21 +2,7 @@
 
 One call gives, gear by gear, one turn of the gear (its exact rotation follows from the tooth
 counts), the standard error of every value and every line, and the signals that indicators are
-computed of, with the list of the orders that were taken out:
-
-- the *residual* is the average less the harmonics 1 and 2 of the gear's rotation and less every
-  mesh harmonic on it, also of other meshes;
-- the *difference* is the residual less the first sidebands of all these mesh harmonics;
-- the *regular* signal is what was taken out to get the difference;
-- the *envelope* is that of the average in a band about the first mesh harmonic.
-
-Of the lines of a whole machine an average holds the multiples of the rotation that lie up to half a
-mesh order from one of the first eight mesh harmonics, as far as the sampling rate reaches.
-
-References
-----------
-Lebold, McClintic, Campbell, Byington and Maynard, MFPT 54 (2000) 623-634; Zakrajsek, Townsend and
-Decker, NASA TM-105950 (1993).
+computed of (see `indicators`), with the list of the orders that were taken out.
 """
 
 from __future__ import annotations
@@ -29,133 +15,16 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.arrays import ComplexArray, FloatArray
-from gearmon.errors import ArgumentError, RecordingError
+from gearmon.arrays import FloatArray
+from gearmon.errors import RecordingError
 from gearmon.gears.kinematics import Kinematics, Wheel, kinematics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signals.orders.resampling import SynchronousAverage, one_turn, time_synchronous_average
+from gearmon.signals.orders.resampling import SynchronousAverage, time_synchronous_average
 from gearmon.signals.recording import RecordingLike
-from gearmon.signatures.measured.line_plan import MESH_HARMONICS, NEAR_SIDEBANDS, WheelLines
+from gearmon.signatures.measured.indicators import GearSignals, gear_signals
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, WheelLines
 from gearmon.signatures.measured.measurement import MeasuredSignature, measure_signature, opened
-
-#: Harmonics of the rotation that count as the shaft's own.
-SHAFT_HARMONICS = 2
-# Samples of a turn over its highest multiple: sums of eighth powers are then exact.
-_OVERSAMPLING = 8.5
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GearSignals:
-    """Signals over one turn of a gear, and lines about its mesh.
-
-    Parameters
-    ----------
-    wheel : WheelLines
-        The gear.
-    average, residual, difference, regular, envelope : ndarray of float, shape (channels, n)
-        See the module; without mean, but for the envelope.
-    mesh_amplitude : ndarray of float, shape (channels, harmonics)
-        Peak amplitudes of the gear's own mesh harmonics.
-    fundamental : ndarray of float, shape (channels,)
-        That of the first.
-    first_sidebands : ndarray of float, shape (channels, 2)
-        Peak amplitudes of the lines -1 and +1 of the first mesh harmonic; 0 where not measured.
-    near_sidebands : ndarray of float, shape (channels, 12)
-        The same of -6 to +6.
-    part : tuple of str
-        What each multiple of the rotation, from 0, counts as: "mesh", "shaft", "first sideband" or
-        "difference".
-    band : (int, int)
-        Lowest and highest multiple of the envelope's band.
-    """
-
-    wheel: WheelLines
-    average: FloatArray
-    residual: FloatArray
-    difference: FloatArray
-    regular: FloatArray
-    envelope: FloatArray
-    mesh_amplitude: FloatArray
-    fundamental: FloatArray
-    first_sidebands: FloatArray
-    near_sidebands: FloatArray
-    part: tuple[str, ...]
-    band: tuple[int, int]
-
-    @property
-    def removed(self) -> dict[str, tuple[int, ...]]:
-        """Multiples of the rotation taken out of the average, by the signal that was left."""
-        residual = ("mesh", "shaft")
-        every = {"residual": residual, "difference": (*residual, "first sideband")}
-        return {name: self.multiples(*parts) for name, parts in every.items()}
-
-    def multiples(self, *parts: str) -> tuple[int, ...]:
-        """Return the multiples of the rotation that count as one of these parts."""
-        return tuple(number for number, part in enumerate(self.part) if part in parts)
-
-
-def gear_signals(
-    mean: ComplexArray, wheel: WheelLines, *, per_turn: int | None = None
-) -> GearSignals:
-    """Build the signals of a gear from the lines of its machine.
-
-    Parameters
-    ----------
-    mean : ndarray of complex, shape (channels, lines)
-        Complex peak amplitudes of all lines of the plan.
-    wheel : WheelLines
-        Which of them belong to the gear.
-    per_turn : int, optional
-        Values a turn, more than twice the highest multiple; by default so many that sums of eighth
-        powers over them are exact.
-
-    Returns
-    -------
-    GearSignals
-
-    Raises
-    ------
-    ArgumentError
-        If `per_turn` is too small for the lines.
-    """
-    number, teeth = wheel.number, wheel.teeth
-    top = int(number.max(initial=0))
-    if per_turn is None:
-        per_turn = 1 << int(np.ceil(np.log2(_OVERSAMPLING * (top + 1))))
-    elif per_turn <= 2 * top:
-        raise ArgumentError(
-            f"per_turn={per_turn} must be above {2 * top}, twice the highest multiple"
-        )
-    spectrum = np.zeros((len(mean), max(top, teeth + NEAR_SIDEBANDS) + 1), dtype=complex)
-    spectrum[:, number] = mean[:, wheel.lines]
-    beside = np.isin(number, np.add.outer([-1, 1], number[wheel.mesh]))
-    chosen = (wheel.mesh, number <= SHAFT_HARMONICS, beside)
-    part = np.full(top + 1, "difference", dtype="U16")
-    part[number] = np.select(chosen, ("mesh", "shaft", "first sideband"), "difference")
-    near = [teeth + r for r in range(-NEAR_SIDEBANDS, NEAR_SIDEBANDS + 1) if r and teeth + r > 0]
-    known, size = spectrum[:, : top + 1], np.abs(spectrum)
-    reach = max(1, min(teeth // 2, teeth - 1))
-
-    def without(*left_out: str) -> FloatArray:
-        """Return a turn of all lines but those of some parts."""
-        return one_turn(np.where(np.isin(part, left_out), 0.0, known), per_turn)
-
-    within = np.where(np.abs(np.arange(top + 1) - teeth) <= reach, known, 0.0)
-    return GearSignals(
-        wheel=wheel,
-        average=without(),
-        residual=without("mesh", "shaft"),
-        difference=without("mesh", "shaft", "first sideband"),
-        regular=without("difference"),
-        envelope=np.abs(np.fft.ifft(within, per_turn, axis=-1, norm="forward")),
-        mesh_amplitude=size[:, number[(number % teeth == 0) & (number >= teeth)]],
-        fundamental=size[:, teeth],
-        first_sidebands=size[:, [teeth - 1, teeth + 1]],
-        near_sidebands=size[:, near],
-        part=tuple(part.tolist()),
-        band=(teeth - reach, teeth + reach),
-    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

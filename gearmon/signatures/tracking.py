@@ -13,14 +13,14 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
-from gearmon.machine import Machine, Sensor
+from gearmon.machine import Machine
 from gearmon.result import Result
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
@@ -185,11 +185,6 @@ class GearVibration:
         return self.nominal_hz / float(self.pace)
 
     @property
-    def duration_s(self) -> float:
-        """Length [s]."""
-        return float(self.samples.shape[-1] / self.rate)
-
-    @property
     def last_s(self) -> float:
         """Time of the last sample [s]."""
         return float((self.samples.shape[-1] - 1) / self.rate)
@@ -222,7 +217,7 @@ class GearVibration:
 
         Of a short recording all is one block.
         """
-        whole, block_s = self.duration_s, turns / self.nominal_hz
+        whole, block_s = self.samples.shape[-1] / self.rate, turns / self.nominal_hz
         block_s = block_s if whole >= 4 * block_s else whole
         about = about_hz or self.nominal_hz
         return SpeedScan(self.samples, self.rate, self.comb, about, tolerance, block_s)
@@ -251,19 +246,59 @@ class GearVibration:
         """Return the vibration in the angle of a track."""
         return InAngle.of(self.samples, self.rate, track)
 
-    def tracked(self, track: AngleTrack, scan: SpeedScan) -> Tracking:
-        """Tell how clearly each mesh stands out in a scan, beside a track."""
+    @cached_property
+    def first(self) -> Tracking:
+        """The comb about the nominal speed, in blocks that tell meshes from sidebands."""
+        looked_at = max(len(comb.groups) for comb in self.meshes)
+        scan = self.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
+        return self.judged(phases.integrate_speed(scan.track(), self.last_s), scan)
+
+    @cached_property
+    def alone(self) -> Tracking:
+        """The angle by comb and phases, without a tachometer, beginning with the steady comb."""
+        first, sums = self.first, self.sums(self.nominal_hz * (1 + SPEED_TOLERANCE))
+        if sums is None:
+            return replace(first, notes=("no mesh harmonic lies below the Nyquist frequency",))
+        track, share = phases.follow_lines(sums, first.track, self.comb)
+        found = replace(first, track=track, coherent=share)
+        calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
+        if not calm or _elsewhere(first):
+            followed = _followed(self)
+            if followed is not None:
+                # it must show more meshes, or lines far more coherent
+                more = followed[0].detected - found.detected
+                least = share + (_BETTER if more == 0 else _FAR_BETTER)
+                if more > 0 or followed[0].coherent > least:
+                    return _with_doubt(*followed)
+        if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
+            # a speed that wanders smears lines in long blocks
+            judged = replace(self.judged(track), coherent=share)
+            if judged.detected > first.detected and _agrees(judged):
+                found = judged
+        return _with_doubt(found, sums) if found.detected else found
+
+    def by_pulses(self, pulses: tacho.TachoPulses, count: int, order: float = 1.0) -> Tracking:
+        """Judge the meshes at the speed of so many pulses a turn of a shaft of this order."""
+        told = tacho.track_from_pulses(pulses, count, order, self.last_s)
+        told = replace(told.of_shaft(float(self.pace)), indexed=told.indexed)
+        return self.judged(told, reach=TACHO_REACH)
+
+    def judged(
+        self, track: AngleTrack, scan: SpeedScan | None = None, reach: float = _JUDGED_REACH
+    ) -> Tracking:
+        """Tell how clearly each mesh stands out beside a track.
+
+        By default in a scan in its angle, so far about its speed as a fraction.
+        """
+        if scan is None:
+            vibration = InAngle.of(self.samples, self.rate, track)
+            block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
+            scan = phases.scan_angle(vibration, self.comb, reach, block)
         orders = [shaft.order for shaft in self.train.shafts]
         judged = partial(mesh_detection.mesh_evidence, scan, self.meshes, orders)
         # the path through all blocks, which is wanted next, is found meanwhile
         evidence, _ = at_once(judged, lambda: scan.best_score, scan.scores.size)
         return Tracking(signal=self, track=track, scan=scan, evidence=evidence)
-
-    def judged(self, track: AngleTrack, reach: float = _JUDGED_REACH) -> Tracking:
-        """Judge the meshes on a scan about a track, so far about its speed as a fraction."""
-        block = min(_JUDGED_TURNS, 0.25 * float(track.turns[-1] - track.turns[0]))
-        scan = phases.scan_angle(self.in_angle(track), self.comb, reach, block)
-        return self.tracked(track, scan)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -337,7 +372,7 @@ class Tracking:
             ends = steps[[0, -1]] / usual
             change = float(np.std(np.diff(np.log(speeds))))
             doubt = float(np.hypot(doubt, 0.5 * usual * change * np.linalg.norm(ends + ends**2)))
-        uncertainty = doubt / signal.duration_s
+        uncertainty = doubt * signal.rate / signal.samples.shape[-1]
         if not np.isfinite(uncertainty):
             relative = self.scan.resolution_hz / self.scan.nominal_hz
             uncertainty = 0.5 * relative * track.mean_hz
@@ -390,47 +425,6 @@ class Tracking:
         return abs(self.track.mean_hz / other.track.mean_hz - 1) <= _APART
 
 
-@dataclass(frozen=True, eq=False)
-class _Tacholess:
-    """What the vibration alone tells, as far as it is asked for."""
-
-    signal: GearVibration
-
-    @cached_property
-    def first(self) -> Tracking:
-        """The comb about the nominal speed, in blocks that tell meshes from sidebands."""
-        signal = self.signal
-        looked_at = max(len(comb.groups) for comb in signal.meshes)
-        scan = signal.scan(_SLOW_MESH_TURNS if looked_at > MESH_HARMONICS else _SCAN_TURNS)
-        track = phases.integrate_speed(scan.track(), signal.last_s)
-        return signal.tracked(track, scan)
-
-    @cached_property
-    def alone(self) -> Tracking:
-        """The angle by comb and phases, beginning with the steady comb."""
-        signal, first = self.signal, self.first
-        sums = signal.sums(signal.nominal_hz * (1 + SPEED_TOLERANCE))
-        if sums is None:
-            return replace(first, notes=("no mesh harmonic lies below the Nyquist frequency",))
-        track, share = phases.follow_lines(sums, first.track, signal.comb)
-        found = replace(first, track=track, coherent=share)
-        calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
-        if not calm or _elsewhere(first):
-            followed = _followed(signal)
-            if followed is not None:
-                # it must show more meshes, or lines far more coherent
-                more = followed[0].detected - found.detected
-                least = share + (_BETTER if more == 0 else _FAR_BETTER)
-                if more > 0 or followed[0].coherent > least:
-                    return _with_doubt(*followed)
-        if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
-            # a speed that wanders smears lines in long blocks
-            judged = replace(signal.judged(track), coherent=share)
-            if judged.detected > first.detected and _agrees(judged):
-                found = judged
-        return _with_doubt(found, sums) if found.detected else found
-
-
 def track_recording(recording: Recording, machine: Machine) -> Tracking:
     """Find the angle of shaft 1: from a tachometer if there is one, else from comb and phases.
 
@@ -466,12 +460,12 @@ def track_recording(recording: Recording, machine: Machine) -> Tracking:
     )
     if any(point.shaft1_hz != shaft1_hz for point in machine.operating):
         signal, _ = signal.meant(lambda own: own.scan(_COMPARED_TURNS))
-    tacholess, notes = _Tacholess(signal), list[str]()
+    notes: list[str] = []
     for index, kind in enumerate(recording.channel_kinds):
         if kind != "tacho":
             continue
         try:
-            return _with_tacho(recording, index, tacholess).by_shaft1()
+            return _with_tacho(recording, index, signal).by_shaft1()
         except (ArgumentError, RecordingError) as error:
             if recording.tacho_told:
                 raise
@@ -480,28 +474,34 @@ def track_recording(recording: Recording, machine: Machine) -> Tracking:
                 f"{recording.channel_names[index]} is no usable tachometer, though its name "
                 f"suggests one: {why}; the vibration alone tells the angle"
             )
-    alone = tacholess.alone.by_shaft1()
+    alone = signal.alone.by_shaft1()
     return replace(alone, notes=(*notes, *alone.notes))
 
 
-def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Tracking:
+def _with_tacho(recording: Recording, index: int, signal: GearVibration) -> Tracking:
     """Track by the pulses of one channel and the lines between them."""
-    signal, name = tacholess.signal, recording.channel_names[index]
+    name = recording.channel_names[index]
     places = name, str(recording.columns[index])
     sensors = (s for s in signal.machine.sensors if s.kind == "tacho")
     sensor = next((s for s in sensors if str(s.column) in places), None)
     known = sensor.pulses_per_turn if sensor else None
     pulses = tacho.find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
-    count, found = _pulses_counted(pulses, sensor, tacholess)
+    if sensor:
+        count = sensor.pulses_per_turn
+        found = signal.by_pulses(
+            pulses, count, kinematics(signal.machine).shaft(sensor.shaft).order
+        )
+    else:
+        count, found = _pulses_counted(pulses, signal)
     if not recording.tacho_told:
-        _check_believed(found, tacholess)
+        _check_believed(found)
     # no mesh is heard less with pulses than without, where both tell the same speed: about one
     # speed there are few combs of other teeth to stand out of (of 14 drawn machines, 3 s each, one
     # shows its mesh without the pulses alone); the first costs less
     for way in ("first", "alone"):
         if found.detected == len(found.evidence):
             break
-        rival: Tracking = getattr(tacholess, way)
+        rival: Tracking = getattr(signal, way)
         if rival.detected > found.detected and found.is_near(rival):
             found = replace(found, scan=rival.scan, evidence=rival.evidence)
     told = [f"{count} pulse{'s' if count > 1 else ''} a turn"]
@@ -519,73 +519,61 @@ def _with_tacho(recording: Recording, index: int, tacholess: _Tacholess) -> Trac
     return replace(found, track=track, notes=tuple(f"tacho {name}: {one}" for one in told))
 
 
-def _pulses_counted(
-    pulses: tacho.TachoPulses, sensor: Sensor | None, tacholess: _Tacholess
-) -> tuple[int, Tracking]:
-    """Count pulses a turn: as the sensor says, or as the nominal speed and the mesh have it.
+def _pulses_counted(pulses: tacho.TachoPulses, signal: GearVibration) -> tuple[int, Tracking]:
+    """Count pulses a turn of shaft 1 as the nominal speed and the mesh have it.
 
     At half the speed every second line of a comb is a mesh line, at twice the speed every one, but
     then those between are as clear: the fastest speed counts at which they are not.
     """
-    signal = tacholess.signal
+    near, refused = tuple[int, ...](), list[RecordingError]()
 
-    def judged(count: int) -> Tracking:
-        order = kinematics(signal.machine).shaft(sensor.shaft).order if sensor else 1.0
-        told = tacho.track_from_pulses(pulses, count, order, signal.last_s)
-        told = replace(told.of_shaft(float(signal.pace)), indexed=told.indexed)
-        return signal.judged(told, TACHO_REACH)
+    @cache
+    def judged(count: int) -> Tracking | None:
+        try:
+            return signal.by_pulses(pulses, count)
+        except RecordingError as error:
+            refused.append(error)
+            return None
 
-    if sensor:
-        return sensor.pulses_per_turn, judged(sensor.pulses_per_turn)
-    near, found, refused = tuple[int, ...](), dict[int, Tracking](), None
     try:
         near = tacho.pulses_per_turn(pulses, signal.shaft1_hz)
     except RecordingError as error:
-        refused = error
+        refused.append(error)
+    # most harmonics clear at the nominal speed: no other is asked
+    plain = judged(near[0]) if len(near) == 1 else None
+    if plain and plain.clear_share > _PLAIN:
+        return near[0], plain
     mean = len(pulses.time_s[1:]) / float(np.ptp(pulses.time_s)) / signal.shaft1_hz
     slowest, fastest = _SPEEDS
     elsewhere = range(max(1, math.ceil(mean / fastest)), min(_TRIED, int(mean / slowest)) + 1)
     tried = sorted({*near, *elsewhere})
-    alone = len(near) == 1
-    for place, count in enumerate([*near, *tried] if alone else tried):
-        try:
-            own = found[count] = found.get(count) or judged(count)
-        except RecordingError as error:
-            refused = refused or error
-            continue
-        if alone and place == 0:
-            # most harmonics clear at the nominal speed: no other is asked
-            if own.clear_share > _PLAIN:
-                return count, own
-            continue
+    for count in tried:
+        own = judged(count)
         slower = [count / other for other in tried if other > count]
-        if own.clear_share > _SHOWN and not own.finer(slower):
+        if own and own.clear_share > _SHOWN and not own.finer(slower):
             return count, own
-    at_nominal = any(found[count].detected for count in near if count in found)
-    if not at_nominal and tacholess.alone.detected:
-        known_hz = tacholess.alone.track.mean_hz / float(signal.pace)
+    at_nominal = any(own.detected for own in map(judged, near) if own)
+    if not at_nominal and signal.alone.detected:
+        known_hz = signal.alone.track.mean_hz / float(signal.pace)
         with suppress(RecordingError):
             near += tacho.pulses_per_turn(pulses, known_hz, TACHO_REACH)
-            found |= {count: judged(count) for count in near if count not in found}
-    held = [count for count in near if count in found]
+    held = [(count, own) for count in near if (own := judged(count))]
     if not held:
-        assert refused
-        raise refused
-    best = max(held, key=lambda count: found[count].clarity)
-    return best, found[best]
+        raise refused[0]
+    return max(held, key=lambda known: known[1].clarity)
 
 
-def _check_believed(judged: Tracking, tacholess: _Tacholess) -> None:
+def _check_believed(judged: Tracking) -> None:
     """Refuse pulses at whose speed fewer lines show than at another one that holds the angle."""
+    signal = judged.signal
     for way in ("first", "alone") if judged.detected else ("alone",):
-        rival: Tracking = getattr(tacholess, way)
+        rival: Tracking = getattr(signal, way)
         if judged.is_near(rival) or rival.clarity <= judged.clarity:
             return
     # where the speed changes far, lines show at that of any part, but stand still in no angle
     if judged.detected and rival.lost:
         return
-    pace = float(judged.signal.pace)
-    told_hz, rival_hz = (own.track.mean_hz / pace for own in (judged, rival))
+    told_hz, rival_hz = (own.track.mean_hz / float(signal.pace) for own in (judged, rival))
     raise RecordingError(
         f"the mesh lines stand out less at the {told_hz:.4g} Hz that its pulses "
         f"say than at {rival_hz:.4g} Hz"
@@ -682,25 +670,21 @@ def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
         start, stop = check.held(track)
         if stop - start >= _HELD * (track.time_s[-1] - track.time_s[0]):
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
-        notes += (_slips_told(check, held_s),)
+            notes += (
+                f"only {start:.4g} to {stop:.4g} s are looked at: beyond, the mesh lines do not "
+                "hold the angle, which may have slipped by whole mesh periods",
+            )
+        else:
+            away = [stretch for stretch in check.lost if not stretch.harmless]
+            where = ", ".join(f"{one.start_s:.4g} to {one.end_s:.4g} s" for one in away[:_NAMED])
+            more = f" and {len(away) - _NAMED} times more" if len(away) > _NAMED else ""
+            notes += (
+                f"the angle is doubtful: the mesh lines do not hold it from {where}{more}, where "
+                "it may have slipped by whole mesh periods; leave these parts out, or record with "
+                "a tachometer",
+            )
     track = replace(track, uncertainty_turns=float(doubt))
     return replace(found, track=track, notes=notes, held_s=held_s, lost=lost)
-
-
-def _slips_told(check: phases.SlipCheck, held_s: tuple[float, float] | None) -> str:
-    """Say where an angle may have slipped."""
-    if held_s is not None:
-        return (
-            f"only {held_s[0]:.4g} to {held_s[1]:.4g} s are looked at: beyond, the mesh lines do "
-            "not hold the angle, which may have slipped by whole mesh periods"
-        )
-    lost = [stretch for stretch in check.lost if not stretch.harmless]
-    where = ", ".join(f"{one.start_s:.4g} to {one.end_s:.4g} s" for one in lost[:_NAMED])
-    more = f" and {len(lost) - _NAMED} times more" if len(lost) > _NAMED else ""
-    return (
-        f"the angle is doubtful: the mesh lines do not hold it from {where}{more}, where it may "
-        "have slipped by whole mesh periods; leave these parts out, or record with a tachometer"
-    )
 
 
 def wander(track: AngleTrack) -> float:

@@ -22,6 +22,7 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
 from gearmon.arrays import FloatArray
+from gearmon.gears.mechanics import Around
 from gearmon.terminal import Progress, part_of
 
 IntArray = NDArray[np.intp]
@@ -51,47 +52,32 @@ _CHUNKS_PER_CALL = 600.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class GearedSystem:
+class GearedSystem(Around):
     """A drive train in m modes: p'' + C p' + K p = G u(t) - V' s with the mesh forces s.
 
     The deflections of the meshes are V p; all free motion strains something.
 
     Parameters
     ----------
-    rows : ndarray, shape (meshes, m)
-        V.
-    stiffness, damping : ndarray, shape (m, m)
-        K and C, of all but the meshes.
-    mesh_stiffness, mesh_damping : ndarray, shape (meshes,)
-        Mean stiffness of the meshes [N/m], that of their opposite flanks, and damping [N s/m].
-    inputs : ndarray, shape (m, inputs)
-        G; the first input is the load over its mean.
+    vectors, means, dampers, stiffness, damping, inputs
+        V, mean stiffness [N/m] and damping [N s/m] of the meshes (the former that of their opposite
+        flanks too), K and C of all but the meshes, and G, as of `Around`; the first input is the
+        load over its mean.
     backlash_m : ndarray, shape (meshes,), optional
         Way from contact to contact of the opposite flanks [m]; endless without it.
     """
 
-    rows: FloatArray
-    stiffness: FloatArray
-    damping: FloatArray
-    mesh_stiffness: FloatArray
-    mesh_damping: FloatArray
-    inputs: FloatArray
     backlash_m: FloatArray | None = None
 
     def whole_stiffness(self, mesh_stiffness: FloatArray | None = None) -> FloatArray:
         """K with constant meshes, by default with their means."""
-        means = self.mesh_stiffness if mesh_stiffness is None else mesh_stiffness
-        return np.asarray(self.stiffness + (self.rows.T * means) @ self.rows)
+        means = self.means if mesh_stiffness is None else mesh_stiffness
+        return np.asarray(self.stiffness + (self.vectors.T * means) @ self.vectors)
 
     def natural_frequencies_hz(self, mesh_stiffness: FloatArray | None = None) -> FloatArray:
         """Undamped natural frequencies with constant meshes [Hz], increasing."""
         squares = np.linalg.eigvalsh(self.whole_stiffness(mesh_stiffness))
         return np.asarray(np.sqrt(squares) / (2 * math.pi))
-
-    @property
-    def whole_damping(self) -> FloatArray:
-        """C with the meshes."""
-        return np.asarray(self.damping + (self.rows.T * self.mesh_damping) @ self.rows)
 
     @property
     def free_motion(self) -> FloatArray:
@@ -113,7 +99,7 @@ class GearedSystem:
     def mesh_decay_rate(self) -> float:
         """Decay rate of the slowest of the modes that strain the meshes [1/s]."""
         squares, shapes = np.linalg.eigh(self.whole_stiffness())
-        share = self.mesh_stiffness @ (self.rows @ shapes) ** 2 / squares
+        share = self.means @ (self.vectors @ shapes) ** 2 / squares
         rates = 0.5 * np.einsum("ij,ij->j", shapes, self.whole_damping @ shapes)
         # many modes of fine shafts may share what the meshes feel
         return float(rates[share > min(HARDLY_FELT, 0.5 * share.max())].min())
@@ -289,17 +275,17 @@ class _Stepper:
     def __init__(
         self, system: GearedSystem, course: Course, state: FloatArray, substeps: int
     ) -> None:
-        (meshes, size), chunks = system.rows.shape, state.shape[1]
+        (meshes, size), chunks = system.vectors.shape, state.shape[1]
         self._course, self._lengths_s = course, np.diff(course.times_s)
         self._system, self._substeps, self._size = system, substeps, size
-        self._sight = np.kron(np.eye(2), system.rows)
+        self._sight = np.kron(np.eye(2), system.vectors)
         # what turns state, mesh forces, inputs and their change into accelerations, by node
-        fixed = (-system.stiffness, -system.damping, -system.rows.T, system.inputs)
+        fixed = (-system.stiffness, -system.damping, -system.vectors.T, system.inputs)
         self._nodes = np.linspace(0.0, 1.0, 2 * substeps + 1)
         matrices = [np.hstack([*fixed, share * system.inputs]) for share in self._nodes]
         self._matrices = np.stack(matrices)
         # equal shapes multiply much faster than broadcast ones
-        self._damping = np.repeat(system.mesh_damping[:, None], chunks, axis=1)
+        self._damping = np.repeat(system.dampers[:, None], chunks, axis=1)
         # rows of the four stages: state, mesh forces, inputs of the piece, their change over it
         self._rows = np.zeros((4, self._matrices.shape[2], chunks))
         self._states, self._inputs = self._rows[:, : 2 * size], self._rows[:, 2 * size + meshes :]
@@ -380,7 +366,7 @@ class _Stepper:
             backlash = self._system.backlash_m
             beyond = place + (math.inf if backlash is None else backlash[:, None])
             if beyond.min() < 0.0:
-                push = self._system.mesh_stiffness[:, None] * beyond + self._damping * speed
+                push = self._system.means[:, None] * beyond + self._damping * speed
                 force += np.where(beyond < 0.0, np.minimum(push, 0.0), 0.0)
         rate[:size] = rows[size : 2 * size]
         np.matmul(self._matrices[node], rows, out=rate[size:])
@@ -451,7 +437,7 @@ def _integrated(
     coarse = int(COARSE_SHARE * run_in)
     state = march.run(state, first - run_in, coarse, COARSE_SUBSTEPS)
     begun = march.run(state, first - run_in + coarse, run_in - coarse, SUBSTEPS)
-    meshes = len(system.rows)
+    meshes = len(system.vectors)
     record = np.empty((3, meshes, length * SUBSTEPS, count), dtype=np.float32)
     ended = march.run(begun, first, length, SUBSTEPS, record, tell)
     mismatch = _join(march, record, begun, ended, first, tell)

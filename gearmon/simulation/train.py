@@ -217,7 +217,7 @@ class Train:
     def greatest_stiffness(self) -> FloatArray:
         """Of every mesh without damage [N/m]."""
         variation = np.array([own.stiffness.variation for own in self.mechanics])
-        return np.asarray(self.system.mesh_stiffness * (1 + variation))
+        return np.asarray(self.system.means * (1 + variation))
 
 
 def build_train(
@@ -368,7 +368,6 @@ def _system(
     mechanics: Sequence[StageMechanics],
     carried_hz: float,
 ) -> GearedSystem:
-    around = train.around(springs, carried_hz)
     loads = [train.load({own.stage: own.force_n for own in mechanics})]
     # runout of a mesh that strains nothing: all behind it turns
     rows = np.concatenate([own.rows[0:1] for own in springs])
@@ -376,12 +375,6 @@ def _system(
     still = [own / np.linalg.norm(own) for own in still]
     free = np.linalg.pinv(np.concatenate([rows, *still]), rcond=1e-9)
     loads += [-train.mass @ free[:, j] for j, mesh in enumerate(meshes) if not mesh.floating]
-    return GearedSystem(
-        rows=around.vectors,
-        stiffness=around.stiffness,
-        damping=around.damping,
-        mesh_stiffness=around.means,
-        mesh_damping=around.dampers,
-        inputs=around.shapes.T @ np.transpose(loads),
-        backlash_m=np.array([mesh.backlash_m for mesh in meshes]),
-    )
+    backlash_m = np.array([mesh.backlash_m for mesh in meshes])
+    around = train.around(springs, np.transpose(loads), carried_hz)
+    return GearedSystem(**vars(around), backlash_m=backlash_m)

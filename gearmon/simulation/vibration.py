@@ -280,8 +280,8 @@ def _add_profile(forces: FloatArray, train: Train, drive: Drive, grid: _Grid) ->
         phase = mesh.phase(drive.motion.turns(times))
         missing = np.fft.rfft(depth * (2 / math.pi - np.abs(np.sin(math.pi * phase))))
         system = train.system
-        inertia = angular**2 / float(system.rows[number] @ system.rows[number])
-        spring = system.mesh_stiffness[number] + 1j * angular * system.mesh_damping[number]
+        inertia = angular**2 / float(system.vectors[number] @ system.vectors[number])
+        spring = system.means[number] + 1j * angular * system.dampers[number]
         force = spring * inertia / (spring - inertia) * missing
         forces[mesh.stage - 1] += np.fft.irfft(force, grid.cells)
 

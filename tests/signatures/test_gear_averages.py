@@ -13,7 +13,8 @@ from gearmon.errors import ArgumentError
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.signals.recording import Recording
-from gearmon.signatures.gear_averages import gear_averages, gear_signals, wheel_lines
+from gearmon.signatures.gear_averages import gear_averages, wheel_lines
+from gearmon.signatures.measured.indicators import gear_signals
 from gearmon.signatures.measured.measurement import measure_signature
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.signatures.gear_averages import gear_signals
+from gearmon.signatures.measured.indicators import gear_signals
 from gearmon.signatures.measured.line_plan import WheelLines
 
 TEETH = 20

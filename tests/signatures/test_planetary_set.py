@@ -256,7 +256,7 @@ def test_modes_that_its_meshes_do_not_feel_are_left_out(monkeypatch):
 
     def found():
         posed = MeshPlace(machine, 3).as_set(crack)
-        return posed.modes.fastest_hz, len(posed.around.force), expected(machine, crack)[0]
+        return posed.modes.fastest_hz, len(posed.modes.inputs), expected(machine, crack)[0]
 
     fastest, size, lines = found()
     monkeypatch.setattr("gearmon.gears.mechanics.UNFELT", 0.0)

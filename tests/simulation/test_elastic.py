@@ -74,7 +74,7 @@ def settled(train, mesh_hz):
 def system_of(machine, train, mesh_hz, harmonics):
     """The whole machine, every mode of it, for other solvers."""
     full, mechanics = drive_train(machine), train.mechanics[0]
-    around = full.around(full.meshes(1))
+    around = full.around(full.meshes(1), full.load({1: mechanics.force_n})[:, None])
     return HillSystem(
         np.eye(len(around.stiffness)),
         0.5 * (around.damping + around.damping.T),
@@ -83,7 +83,7 @@ def system_of(machine, train, mesh_hz, harmonics):
         around.means,
         mechanics.stiffness.harmonics(harmonics)[None],
         1 / mesh_hz,
-        around.shapes.T @ full.load({1: mechanics.force_n}),
+        around.inputs[:, 0],
         mesh_damping_ns_per_m=around.dampers,
     )
 

@@ -26,11 +26,11 @@ def single(damping=DAMPING, force=FORCE, **more):
     row = np.array([[1 / math.sqrt(MASS)]])
     none = np.zeros((1, 1))
     return GearedSystem(
-        rows=row,
+        vectors=row,
         stiffness=none,
         damping=none,
-        mesh_stiffness=np.array([STIFFNESS]),
-        mesh_damping=np.array([damping]),
+        means=np.array([STIFFNESS]),
+        dampers=np.array([damping]),
         inputs=force * row,
         **more,
     )
@@ -42,11 +42,11 @@ def two_stage(force=4000.0, damping=(1.1e3, 1.9e3, 0.8e3)):
     base = np.linalg.cholesky(coupling)
     shaft = np.outer(base[2], base[2])
     return GearedSystem(
-        rows=base[:2],
+        vectors=base[:2],
         stiffness=2.0e8 * shaft,
         damping=damping[2] * shaft,
-        mesh_stiffness=np.array([5e8, 8e8]),
-        mesh_damping=np.array(damping[:2]),
+        means=np.array([5e8, 8e8]),
+        dampers=np.array(damping[:2]),
         inputs=force * base.T @ np.array([[1.0], [1.75], [1.75]]),
     )
 
@@ -101,12 +101,12 @@ def reference_end(system, course, start):
             p, v = np.split(y, 2)
             g = course.inputs[:, i] + x * (course.inputs[:, i + 1] - course.inputs[:, i])
             a = system.inputs @ g - system.stiffness @ p - system.damping @ v
-            for m, row in enumerate(system.rows):
+            for m, row in enumerate(system.vectors):
                 elastic = 0.0
                 for pair in range(course.stiffness.shape[1]):
                     k = np.polynomial.polynomial.polyval(x, course.stiffness[:, pair, m, i])
                     elastic += k * max(0.0, row @ p - course.deviation[pair, m, i])
-                pushed = max(0.0, elastic + system.mesh_damping[m] * (row @ v))
+                pushed = max(0.0, elastic + system.dampers[m] * (row @ v))
                 a -= row * (pushed if elastic > 0 else 0.0)
             return np.concatenate([v, a])
 
@@ -276,11 +276,11 @@ def test_a_wheel_between_two_meshes():
     rows = np.array([[1.0], [-1.0]]) / math.sqrt(MASS)
     two = np.ones(2)
     system = GearedSystem(
-        rows=rows,
+        vectors=rows,
         stiffness=np.zeros((1, 1)),
         damping=np.zeros((1, 1)),
-        mesh_stiffness=STIFFNESS * two,
-        mesh_damping=500.0 * two,
+        means=STIFFNESS * two,
+        dampers=500.0 * two,
         inputs=rows.T @ np.array([[300.0], [100.0]]),
     )
     expected = math.sqrt(2 * STIFFNESS / MASS) / (2 * math.pi)

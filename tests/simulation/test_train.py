@@ -20,7 +20,7 @@ from gearmon.simulation.train import build_train
 
 def deflections(train):
     """Of the meshes, under the mean load [m]."""
-    return train.system.rows @ train.system.at_rest
+    return train.system.vectors @ train.system.at_rest
 
 
 def held_rigidly(**second):
@@ -32,7 +32,7 @@ def test_one_stage_is_its_equivalent_mass_on_its_spring():
     machine = one_pair()
     train = build_train(machine)
     mechanics = stage_mechanics(machine, 1)
-    assert train.system.rows**2 == pytest.approx(np.array([[1 / 0.28]]))
+    assert train.system.vectors**2 == pytest.approx(np.array([[1 / 0.28]]))
     assert deflections(train) == pytest.approx(
         [mechanics.force_n / mechanics.stiffness.mean_n_per_m]
     )
@@ -42,13 +42,13 @@ def test_one_stage_is_its_equivalent_mass_on_its_spring():
 def test_meshes_of_a_train_keep_their_equivalent_masses():
     system = build_train(held_rigidly()).system
     masses = [stage_mechanics(held_rigidly(), n).equivalent_mass_kg for n in (1, 2)]
-    assert 1 / np.sum(system.rows**2, axis=1) == pytest.approx(masses)
+    assert 1 / np.sum(system.vectors**2, axis=1) == pytest.approx(masses)
 
 
 def test_static_forces_follow_the_torque_through_the_train():
     for machine in (two_stages(), held_rigidly()):
         train = build_train(machine)
-        first, second = deflections(train) * train.system.mesh_stiffness
+        first, second = deflections(train) * train.system.means
         levers = [mesh_pairs(stage)[0].base_radii_m for stage in machine.stages]
         assert first * levers[0][0] == pytest.approx(98.0)
         assert second * levers[1][0] == pytest.approx(98.0 * 53 / 26)
@@ -85,7 +85,7 @@ def test_planetary_set_has_as_many_frequencies_as_members_that_turn(count):
 def test_planets_swing_on_their_two_meshes():
     train = build_train(planetary(planets=4))
     inner, outer = train.mechanics[0], train.mechanics[4]
-    stiffness = train.system.mesh_stiffness[0] + train.system.mesh_stiffness[4]
+    stiffness = train.system.means[0] + train.system.means[4]
     expected = math.sqrt(stiffness / outer.equivalent_mass_kg) / (2 * math.pi)
     frequencies = train.system.natural_frequencies_hz()
     assert np.sum(np.isclose(frequencies, expected, rtol=1e-3)) == 3
@@ -105,7 +105,7 @@ def test_planets_swing_on_their_two_meshes():
 )
 def test_planetary_set_presses_all_flanks_whichever_member_drives(fixed, driving):
     train = build_train(planetary(fixed=fixed, driving=driving))
-    carried = deflections(train) * train.system.mesh_stiffness
+    carried = deflections(train) * train.system.means
     assert carried == pytest.approx(train.static_force)
 
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -281,7 +281,7 @@ def faulty_lines(
     solved: dict[PosedStage, MeshLines] = {}
     for own in teeth.values():
         grid = contact_grid([healthy, *own], max_hz)
-        numbers = len(grid.widths) * (8 + len(healthy.around.force)) ** 2
+        numbers = len(grid.widths) * (8 + len(healthy.modes.inputs)) ** 2
         together = max(1, MOST_NUMBERS // numbers)
         for first in range(0, len(own), together):
             some = own[first : first + together]
@@ -341,10 +341,13 @@ def contact_grid(cases: Sequence[PosedStage], max_hz: float, period: int = 1) ->
 
 def periodic_motion(posed: PosedStage, grid: PhaseGrid) -> PeriodicMotion:
     """Solve a mesh or a set on panels of its whole period."""
-    kappa = [own.stiffness.at(grid.phase + own.lead) for own in posed.members]
-    moved = [own.excitation.at(grid.phase + own.lead) for own in posed.members]
-    stiffness, excitation = posed.scale * np.array(kappa), np.array(moved)
-    return PeriodicMotion(grid=grid, around=posed.around, kappa=stiffness, excitation=excitation)
+    return PeriodicMotion(
+        grid=grid,
+        period_s=1 / posed.mechanics.mesh_frequency_hz,
+        around=posed.modes,
+        stiffness=np.stack([k.stiffness.at(grid.phase + k.lead) for k in posed.members], axis=1),
+        excitation=np.stack([e.excitation.at(grid.phase + e.lead) for e in posed.members], axis=1),
+    )
 
 
 # panels of several gears may be alike
@@ -355,26 +358,25 @@ def _changes(healthy: PosedStage, grid: PhaseGrid, faulty: Sequence[PosedStage])
     """Return what faults of teeth change in a turn, case by case."""
     where = tuple(sorted(set().union(*map(_changed, faulty)))) or (0,)
     phases = np.array(where)[:, None, None] + grid.phase
-    delta = np.zeros((len(faulty), len(healthy.members), *phases.shape))
+    delta = np.zeros((len(faulty), *phases.shape[:2], len(healthy.members), phases.shape[2]))
     # sizes of a kind may share a pulse
-    known: dict[tuple[object, ...], FloatArray] = {}
-    for posed, own in zip(faulty, delta, strict=True):
+    lost_by = cache(lambda train, lead: train.at(phases + lead))
+    for posed, own in zip(faulty, np.moveaxis(delta, 3, 1), strict=True):
         for mesh, lost in zip(posed.members, own, strict=True):
             for train in mesh.stiffness.pulses:
                 for term in train.terms:
-                    place = (term.pulse, term.offset, term.face_start, term.face_end)
-                    key = (*place, train.period_mesh, mesh.lead)
-                    if key not in known:
-                        alone = replace(train, terms=(replace(term, weight=1.0),))
-                        known[key] = alone.at(phases + mesh.lead)
-                    lost += term.weight * known[key]
-    moved = [[own.excitation.at(phases + own.lead) for own in posed.members] for posed in faulty]
+                    alone = replace(train, terms=(replace(term, weight=1.0),))
+                    lost += term.weight * lost_by(alone, mesh.lead)
+    moved = [
+        np.stack([own.excitation.at(phases + own.lead) for own in posed.members], axis=2)
+        for posed in faulty
+    ]
     return Deviations(
         mesh=_even(healthy, grid),
         period=faulty[0].period,
         where=where,
-        delta=healthy.scale * delta.swapaxes(1, 2),
-        excitation=np.array(moved).swapaxes(1, 2),
+        delta=delta,
+        excitation=np.array(moved),
     )
 
 
@@ -393,7 +395,7 @@ def _each(
     posed: Sequence[PosedStage], found: _Motion, lines: ComplexArray, **same: Any
 ) -> list[MeshLines]:
     """Return the lines of each turn by themselves."""
-    columns = found.unresolved, found.contact_lost, found.mean_deflection[:, 0]
+    columns = found.unresolved, *found.contact
     told = zip(posed, lines, *(own.tolist() for own in columns), strict=True)
     names = ("posed", "displacement", "error", "contact_lost", "mean_m")
     return [MeshLines(**dict(zip(names, own, strict=True)), **same) for own in told]

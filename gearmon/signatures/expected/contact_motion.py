@@ -1,10 +1,10 @@
 """Motion of masses on varying springs: over a period, and with a few mesh periods of it changed.
 
-In mesh phase s = t/T and coordinates of unit mass a machine and its meshes obey
+In modes of unit mass a machine and its meshes obey
 
-    q'' + C q' + K0 q + sum_j v_j [kappa_j (d_j - e_j) - c_j e_j'] = f,    d_j = v_j . q
+    q'' + C q' + K0 q + sum_j v_j [k_j (d_j - e_j) - c_j e_j'] = f,    d_j = v_j . q
 
-with kappa = k T^2, and C with the dampers c_j of the meshes. With q' = u + sum_j c_j e_j v_j the
+with the dampers c_j of the meshes in C. With q' = u + sum_j c_j e_j v_j the
 excitation e may jump. Between the corners of k and e the motion is smooth, and a polynomial through
 16 Gauss points of each panel follows it to nearly all digits (Hairer, Norsett and Wanner, Solving
 Ordinary Differential Equations I, section II.7). A single pair is one coordinate with K0 = 0.
@@ -30,8 +30,9 @@ import numpy as np
 from scipy.fft import next_fast_len
 from scipy.sparse import csr_array
 
-from gearmon.arrays import BoolArray, ComplexArray, FloatArray, IntArray
+from gearmon.arrays import BoolArray, ComplexArray, FloatArray
 from gearmon.errors import ArgumentError
+from gearmon.gears.mechanics import Around
 from gearmon.gears.pulses import Pulse, distinct, gauss, panel_nodes
 
 #: Collocation points of a panel, and the largest turn [rad] of the fastest part over half of it:
@@ -84,39 +85,12 @@ class PhaseGrid:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Weights of integrals over the mesh period, shape (panels, points)."""
-        return np.asarray(self.widths[:, None] * (0.5 * gauss(POINTS)[1]))
+        """Weights of means over the period, shape (panels, points)."""
+        return np.asarray(self.widths[:, None] * (0.5 * gauss(POINTS)[1]) / self.edges[-1])
 
     def mean(self, values: FloatArray) -> FloatArray:
-        """Return the means over the period of values at the points, the last two axes."""
-        return np.asarray((values * self.weights).sum(axis=(-2, -1)) / self.edges[-1])
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Surroundings:
-    """A machine without its varying meshes: n coordinates of unit mass, time in mesh periods.
-
-    Parameters
-    ----------
-    stiffness, damping : ndarray, shape (n, n)
-        K0, and C with the dampers of the meshes.
-    vectors : ndarray, shape (meshes, n)
-        v_j.
-    dampers : ndarray, shape (meshes,)
-        c_j.
-    force : ndarray, shape (n,)
-    """
-
-    stiffness: FloatArray
-    damping: FloatArray
-    vectors: FloatArray
-    dampers: FloatArray
-    force: FloatArray
-
-    def moved(self, lines: ComplexArray, period: int) -> ComplexArray:
-        """Return the lines of c e' over P mesh periods by those of e, (..., meshes, lines)."""
-        rates = 2j * np.pi / period * np.arange(1, lines.shape[-1] + 1)
-        return np.asarray(self.dampers[:, None] * rates * lines)
+        """Return the means over the period, of (..., panels, meshes, points) by mesh."""
+        return np.asarray((values * self.weights[:, None]).sum(axis=(-3, -1)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -126,9 +100,12 @@ class PeriodicMotion:
     Parameters
     ----------
     grid : PhaseGrid
-    around : Surroundings
-    kappa : ndarray, shape (meshes, panels, points)
-        k T^2.
+    period_s : float
+        T, the mesh period [s].
+    around : Around
+        The machine without its varying meshes, n modes under the load f.
+    stiffness : ndarray, shape (panels, meshes, points)
+        k [N/m].
     excitation : ndarray, same shape
         e [m].
 
@@ -139,8 +116,9 @@ class PeriodicMotion:
     """
 
     grid: PhaseGrid
-    around: Surroundings
-    kappa: FloatArray
+    period_s: float
+    around: Around
+    stiffness: FloatArray
     excitation: FloatArray
 
     def __post_init__(self) -> None:
@@ -159,11 +137,11 @@ class PeriodicMotion:
     @cached_property
     def maps(self) -> _PanelMaps:
         """Motion on the panels by the state at the start of each, and by the forcing."""
-        around, size = self.around, len(self.around.force)
-        push, shift = np.zeros((2, *self.kappa.shape[1:], size, 2 * size + 1))
-        pressed, moved = self.kappa * self.excitation, around.dampers[:, None] * around.vectors
-        push[..., -1] = around.force + np.einsum("mpi,ma->pia", pressed, around.vectors)
-        shift[..., -1] = np.einsum("mpi,ma->pia", self.excitation, moved)
+        load, pressed = self.around.inputs[:, 0], self.stiffness * self.excitation
+        size, vectors, dampers = len(load), self.around.vectors, self.around.dampers
+        push, shift = np.zeros((2, len(pressed), POINTS, size, 2 * size + 1))
+        push[..., -1] = load + np.einsum("pmi,ma->pia", pressed, vectors)
+        shift[..., -1] = np.einsum("pmi,ma->pia", self.excitation, dampers[:, None] * vectors)
         return self._answer(push, shift, np.eye(2 * size, 2 * size + 1))
 
     @cached_property
@@ -180,21 +158,22 @@ class PeriodicMotion:
         """Return the motions by unit forces at every mesh and point, and by shifts of the same."""
         vectors = self.around.vectors
         each = np.einsum("ma,il->iaml", vectors, np.eye(POINTS)).reshape(POINTS, len(vectors.T), -1)
-        shape = self.kappa.shape[1], *each.shape
+        shape = len(self.stiffness), *each.shape
         push, shift = (np.broadcast_to(each * size, shape) for size in (force, moved))
         return self._answer(push, shift, np.zeros((len(self.monodromy), 1)))
 
     @cached_property
-    def _collocation(self) -> tuple[FloatArray, FloatArray]:
-        """Stiffness at the points, (panels, points, n, n), and the matrix of u' on each panel."""
-        around, integrals = self.around, _integrals()
-        vectors, h = around.vectors, self.grid.widths[:, None, None, None, None]
-        stiffness = around.stiffness + np.einsum("mpi,ma,mb->piab", self.kappa, vectors, vectors)
-        matrix = h * integrals[:, None, :, None] * around.damping[:, None, :]
+    def _collocation(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """C, K at the points, (panels, points, n, n), and the matrix of u' on each panel."""
+        around, integrals, vectors = self.around, _integrals(), self.around.vectors
+        h = self.period_s * self.grid.widths[:, None, None, None, None]
+        springs = np.einsum("pmi,ma,mb->piab", self.stiffness, vectors, vectors)
+        damping, stiffness = around.whole_damping, around.stiffness + springs
+        matrix = h * integrals[:, None, :, None] * damping[:, None, :]
         twice = (integrals @ integrals)[:, None, :, None]
         matrix = matrix + h**2 * twice * stiffness[:, :, :, None, :]
-        size = POINTS * len(around.force)
-        return stiffness, matrix.reshape(len(h), size, size) + np.eye(size)
+        size = POINTS * len(damping)
+        return damping, stiffness, matrix.reshape(len(h), size, size) + np.eye(size)
 
     def _answer(self, push: FloatArray, shift: FloatArray, start: FloatArray) -> _PanelMaps:
         """Return the motions, a column each.
@@ -208,91 +187,90 @@ class PeriodicMotion:
         start : ndarray, shape (2n, columns)
             State when the panel begins.
         """
-        around, size, (stiffness, matrix) = self.around, push.shape[2], self._collocation
+        size, (damping, stiffness, matrix) = push.shape[2], self._collocation
         q0, u0 = start[:size], start[size:]
         reach, weights = _integrals().sum(axis=1)[:, None, None], 0.5 * gauss(POINTS)[1]
         steps, seen = [], []
+
+        def integrated(values: FloatArray) -> FloatArray:
+            """Integrate along the points of [0, 1]."""
+            return (_integrals() @ values.reshape(*values.shape[:2], -1)).reshape(values.shape)
+
         # a few panels at a time: what is made on the way stays in the cache
         together = max(1, VALUES_TOGETHER // (push[0].size + push[0, ..., 0].size ** 2))
         for first in range(0, len(push), together):
             some = slice(first, first + together)
-            moved, h = shift[some], self.grid.widths[some, None, None, None]
-            place = q0 + h * (reach * u0 + _integrated(moved))
-            right = push[some] - around.damping @ (u0 + moved) - stiffness[some] @ place
+            moved, h = shift[some], self.period_s * self.grid.widths[some, None, None, None]
+            place = q0 + h * (reach * u0 + integrated(moved))
+            right = push[some] - damping @ (u0 + moved) - stiffness[some] @ place
             asked = right.reshape(len(right), len(matrix[0]), -1)
             slope = np.linalg.solve(matrix[some], asked).reshape(right.shape)
-            rate = u0 + h * _integrated(slope) + moved
+            rate = u0 + h * integrated(slope) + moved
             ends = [h[:, 0] * np.einsum("i,piac->pac", weights, own) for own in (rate, slope)]
             steps.append(np.concatenate([q0 + ends[0], u0 + ends[1]], axis=1))
-            both = [around.vectors @ own for own in (rate, q0 + h * _integrated(rate))]
-            seen.append(np.stack(both).swapaxes(2, 3))
-        return _PanelMaps(step=np.concatenate(steps), seen=np.concatenate(seen, axis=1))
+            places = rate, q0 + h * integrated(rate)
+            both = np.stack([self.around.vectors @ own for own in places])
+            seen.append(np.moveaxis(both, (1, 2), (0, 3)).reshape(len(h), -1, both.shape[-1]))
+        return _PanelMaps(step=np.concatenate(steps), seen=np.concatenate(seen))
 
-    @cached_property
+    @property
     def monodromy(self) -> FloatArray:
         """M, free vibration over a period of the grid, shape (2n, 2n)."""
-        return np.asarray(self.maps.whole[:, :-1])
-
-    @cached_property
-    def start(self) -> FloatArray:
-        """State (q, u) when the period begins."""
-        free = self.monodromy
-        return np.asarray(np.linalg.solve(np.eye(len(free)) - free, self.maps.whole[:, -1]))
+        return np.asarray(self.maps.ends[-1, :, :-1])
 
     @cached_property
     def motion(self) -> FloatArray:
-        """Speeds and deflections at the points, shape (2, meshes, panels, points)."""
-        states = self.maps.states(self.start)
-        own = _reached(self.maps.seen[..., :-1], states[None])[:, 0]
-        return np.asarray(own + self.maps.seen[..., -1].swapaxes(1, 2))
+        """Speeds and deflections at the points, shape (panels, 2, meshes, points)."""
+        free, forced = self.monodromy, self.maps.ends[-1, :, -1]
+        start = np.asarray(np.linalg.solve(np.eye(len(free)) - free, forced))
+        panels, *places = self.stiffness.shape
+        return _applied(self.maps.seen, self.maps.states(start)).reshape(panels, 2, *places)
 
     @cached_property
-    def load(self) -> FloatArray:
-        """Kappa (d - e) at the points, shape (meshes, panels, points)."""
-        return np.asarray(self.kappa * (self.motion[1] - self.excitation))
+    def free(self) -> FloatArray:
+        """The same of free vibration, by the state when the period begins: one axis more, 2n."""
+        before = np.eye(*self.maps.step.shape[1:])[None, :, :-1]
+        before = np.concatenate([before, self.maps.ends[:-1, :, :-1]])
+        return (self.maps.seen[..., :-1] @ before).reshape(*self.motion.shape, -1)
 
     @cached_property
     def force(self) -> FloatArray:
-        """Mesh forces at the points but for those of e', shape (meshes, panels, points)."""
-        return np.asarray(self.load + self.around.dampers[:, None, None] * self.motion[0])
+        """Mesh forces at the points but for those of e', shape (panels, meshes, points)."""
+        speed, deflection = self.motion.swapaxes(0, 1)
+        pressing = self.stiffness * (deflection - self.excitation)
+        return np.asarray(pressing + self.around.dampers[:, None] * speed)
 
     @cached_property
     def free_force(self) -> FloatArray:
-        """The same of free vibration, by the state when the period begins: one axis more, 2n."""
-        (speed, deflection), dampers = self.maps.free, self.around.dampers[:, None, None, None]
-        return np.asarray(self.kappa[..., None] * deflection + dampers * speed)
-
-    @cached_property
-    def mean_load(self) -> FloatArray:
-        """Mean force of each mesh."""
-        return self.grid.mean(self.load)
-
-    @property
-    def mean_deflection(self) -> FloatArray:
-        """Mean deflection of each mesh [m], shape (1, meshes)."""
-        return self.grid.mean(self.motion[1])[None]
-
-    @property
-    def contact_lost(self) -> BoolArray:
-        """Whether teeth part: a mesh force falls to 0, shape (1,)."""
-        return np.asarray((self.force.min(axis=(1, 2)) / self.mean_load).min() <= 0)[None]
+        """The same of free vibration, by mesh: shape (meshes, panels, points, 2n)."""
+        (speed, deflection), dampers = self.free.swapaxes(0, 1), self.around.dampers[:, None, None]
+        return np.asarray(self.stiffness[..., None] * deflection + dampers * speed).swapaxes(0, 1)
 
     @property
     def unresolved(self) -> FloatArray:
         """Share of the speeds in the last two Legendre terms of the panels; see `Deviations`."""
-        return _unresolved(self.motion[:1], self.grid.widths)
+        return _unresolved(self.motion[None, :, 0], self.grid.widths)
 
     @property
-    def period(self) -> int:
-        """P, mesh periods of the grid."""
-        return round(self.grid.edges[-1])
+    def contact(self) -> tuple[BoolArray, FloatArray]:
+        """Whether teeth part (a mesh force falls to 0), and the mean deflection of the first mesh.
+
+        Shapes (1,); the latter in m.
+        """
+        lowest = self.force.min(axis=(0, 2)) / self.grid.mean(self.force)
+        return np.array([(lowest <= 0).any()]), self.grid.mean(self.motion[:, 1])[:1]
 
     def force_lines(self, highest: int) -> ComplexArray:
         """Return the harmonics 1..highest of all mesh forces, shape (1, meshes, highest)."""
-        turns, weights = self.grid.phase / self.period, self.grid.weights / self.period
-        values = np.stack([self.force, self.excitation]) * weights
-        force, moved = fourier_sums(turns, values, highest)
-        return np.asarray(force - self.around.moved(moved, self.period))[None]
+        period = self.grid.edges[-1]
+        values = np.stack([self.force, self.excitation]).swapaxes(1, 2) * self.grid.weights
+        force, moved = fourier_sums(self.grid.phase / period, values, highest)
+        return np.asarray(force - self.damped(moved, period))[None]
+
+    def damped(self, lines: ComplexArray, period: float) -> ComplexArray:
+        """Return the lines of c e' over P mesh periods by those of e, (..., meshes, lines)."""
+        rates = 2j * np.pi / (period * self.period_s) * np.arange(1, lines.shape[-1] + 1)
+        return np.asarray(self.around.dampers[:, None] * rates * lines)
 
 
 def fourier_sums(turns: FloatArray, values: FloatArray, highest: int) -> ComplexArray:
@@ -339,8 +317,8 @@ class Deviations:
         P, mesh periods of the turn.
     where : tuple of int, increasing
         Those that differ, 0 to P - 1.
-    delta : ndarray, shape (turns, W, meshes, panels, points)
-        Change of k T^2 in these periods.
+    delta : ndarray, shape (turns, W, panels, meshes, points)
+        Change of k in these periods [N/m].
     excitation : ndarray, same shape
         e [m] in these periods; zero in the others.
     """
@@ -373,17 +351,19 @@ class Deviations:
         # from the first changed period on; those before it come last
         ends = (*where, self.period + where[0])
         for own, here, after in zip(self._changed, ends[:-1], ends[1:], strict=True):
-            total = _after(own.maps.whole, total)
+            total = _after(own.maps.ends[..., -1, :, :], total)
             total = np.linalg.matrix_power(free, after - here - 1) @ total
         found = np.linalg.solve(np.eye(size) - total[..., :-1], total[..., -1:])
         state = np.asarray(found[..., 0], dtype=np.float64)
         states = np.empty((turns, self.period, size))
-        places = dict(zip(where, self._changed, strict=True))
+        met = dict(zip(where, self._changed, strict=True))
         for here in range(self.period):
             number = (here + where[0]) % self.period
             states[:, number] = state
-            met = places.get(number)
-            state = np.asarray(state @ free.T if met is None else _applied(met.maps.whole, state))
+            if number in met:
+                state = _applied(met[number].maps.ends[..., -1, :, :], state)
+            else:
+                state = state @ free.T
         return states
 
     @cached_property
@@ -397,41 +377,39 @@ class Deviations:
     def motion(self) -> FloatArray:
         """Change of speeds and deflections where mesh periods differ.
 
-        Shape (2, turns, W, meshes, panels, points).
+        Shape (turns, W, panels, 2, meshes, points).
         """
         each = zip(self.where, self._changed, strict=True)
         found = [own.motion(self.mesh, self.states[:, here]) for here, own in each]
-        return np.stack(found, axis=2)
+        return np.stack(found, axis=1).reshape(*self.delta.shape[:2], *self.mesh.motion.shape)
 
     @cached_property
     def _force(self) -> FloatArray:
         """Change of the mesh forces there but for those of e'."""
-        mesh, (speed, moved) = self.mesh, self.motion
-        load = self.delta * mesh.motion[1] + (mesh.kappa + self.delta) * (moved - self.excitation)
-        return np.asarray(load + mesh.around.dampers[:, None, None] * speed)
+        mesh, speed, moved = self.mesh, self.motion[..., 0, :, :], self.motion[..., 1, :, :]
+        pressing = (mesh.stiffness + self.delta) * (moved - self.excitation)
+        pressing += self.delta * mesh.motion[:, 1]
+        return np.asarray(pressing + mesh.around.dampers[:, None] * speed)
 
     @property
-    def mean_deflection(self) -> FloatArray:
-        """Mean deflection of each mesh [m], shape (turns, meshes)."""
-        mesh = self.mesh
-        free = mesh.grid.mean(np.moveaxis(mesh.maps.free[1], -1, 0))
-        total = self._even.sum(axis=1) @ free
-        changed = (total + mesh.grid.mean(self.motion[1]).sum(axis=1)) / self.period
-        return np.asarray(mesh.mean_deflection + changed)
+    def contact(self) -> tuple[BoolArray, FloatArray]:
+        """Whether teeth part (a mesh force falls to 0), and the mean deflection of the first mesh.
 
-    @property
-    def contact_lost(self) -> BoolArray:
-        """Whether teeth part: a mesh force falls to 0, shape (turns,)."""
-        mesh, mean = self.mesh, self.mesh.mean_load
-        changed = (self._force + mesh.force).min(axis=(1, 3, 4)) / mean
+        Shapes (turns,); the latter in m.
+        """
+        mesh, mean = self.mesh, self.mesh.grid.mean(self.mesh.force)
+        free = mesh.grid.mean(np.moveaxis(mesh.free[:, 1], -1, 0))
+        moved = self._even.sum(axis=1) @ free + mesh.grid.mean(self.motion[..., 1, :, :]).sum(1)
+        mean_m = (mesh.grid.mean(mesh.motion[:, 1]) + moved / self.period)[:, 0]
+        changed = (self._force + mesh.force).min(axis=(1, 2, 4)) / mean
         lost = np.asarray((changed <= 0).any(axis=1))
-        for free, even, own in zip(mesh.free_force, mesh.force, mean, strict=True):
+        for free, even, own in zip(mesh.free_force, mesh.force.swapaxes(0, 1), mean, strict=True):
             by_state, still = free.reshape(-1, free.shape[-1]) / own, even.ravel() / own
             # only states that might bring some point down are looked at point by point
             near = np.abs(self._even) @ np.abs(by_state).max(axis=0) >= still.min()
             parted = (self._even[near] @ by_state.T + still).min(axis=1) <= 0
             lost[near.nonzero()[0][parted]] = True
-        return lost
+        return lost, mean_m
 
     @cached_property
     def unresolved(self) -> FloatArray:
@@ -440,7 +418,8 @@ class Deviations:
         An estimate of the relative error: where the panels suffice the terms fall fast, and what
         is left out is less than what is still seen.
         """
-        return np.maximum(_unresolved(self.motion[0], self.mesh.grid.widths), self.mesh.unresolved)
+        changed = _unresolved(self.motion[:, :, :, 0], self.mesh.grid.widths)
+        return np.maximum(changed, self.mesh.unresolved)
 
     def force_lines(self, highest: int) -> ComplexArray:
         """Return harmonics 1..highest of the change of the forces, (turns, meshes, highest).
@@ -450,17 +429,17 @@ class Deviations:
         """
         mesh, turns, period = self.mesh, len(self.delta), self.period
         numbers, excited = np.arange(1, highest + 1), self.excitation.any(axis=(1, 2, 3, 4))
-        values = np.concatenate([self._force, self.excitation[excited]])
+        values = np.moveaxis(np.concatenate([self._force, self.excitation[excited]]), 3, 1)
         phases = (np.array(self.where)[:, None, None] + mesh.grid.phase) / period
         weights = mesh.grid.weights / period
-        sums = fourier_sums(phases, values.swapaxes(1, 2) * weights, highest)
+        sums = fourier_sums(phases, values * weights, highest)
         # free vibration of the first mesh period that differs
         free = np.moveaxis(mesh.free_force, -1, 0) * weights
         by_place = fourier_sums(phases[0], free, highest)
         states = np.fft.fft(np.roll(self._even, -self.where[0], axis=1).swapaxes(1, 2))
         by_state = np.take(states, numbers % period, axis=2)
         found = np.einsum("kmr,tkr->tmr", by_place, by_state) + sums[:turns]
-        found[excited] -= mesh.around.moved(sums[turns:], period)
+        found[excited] -= mesh.damped(sums[turns:], period)
         return np.asarray(found)
 
 
@@ -468,13 +447,13 @@ class _Changed:
     """A mesh period that differs: the forces that the difference makes in its meshes.
 
     With d the deflection in the even motion and x the deviation, mesh and point (j, i) bring
-    ``f = -delta kappa (d + x) + kappa e``.
+    ``f = -delta k (d + x) + k e``.
 
     Parameters
     ----------
     mesh : PeriodicMotion
-    delta : ndarray, shape (turns, meshes, panels, points)
-        Change of kappa.
+    delta : ndarray, shape (turns, panels, meshes, points)
+        Change of k.
     excitation : ndarray, same shape
         e.
 
@@ -491,48 +470,41 @@ class _Changed:
     """
 
     def __init__(self, mesh: PeriodicMotion, delta: FloatArray, excitation: FloatArray) -> None:
-        acting = np.flatnonzero(((delta != 0) | (excitation != 0)).any(axis=(0, 2, 3)))
-        columns = (acting[:, None] * POINTS + np.arange(POINTS)).ravel()
+        acting = np.flatnonzero(((delta != 0) | (excitation != 0)).any(axis=(0, 1, 3)))
+        self.columns = (acting[:, None] * POINTS + np.arange(POINTS)).ravel()
+        # deflections stand behind all speeds
+        seen, forced = self.columns + mesh.stiffness[0].size, mesh.forced
 
         def rows(values: FloatArray) -> FloatArray:
             """By panel, then acting mesh and point."""
-            chosen = np.moveaxis(values[..., acting, :, :], -3, -2)
-            return np.asarray(chosen.reshape(*chosen.shape[:-2], -1))
+            return values.reshape(*values.shape[:-2], -1)[..., self.columns]
 
-        free, forced = mesh.maps.rows(acting), mesh.forced
-        free[..., -1] = rows(mesh.motion[1])
-        own = rows(delta)
+        free, own, self.moved = mesh.maps.seen[:, seen], rows(delta), rows(excitation)
+        free[..., -1] = rows(mesh.motion[:, 1])
         right = -own[..., None] * free
-        self.columns, self.moved = columns, rows(excitation)
         # of damage alone there is nothing to shift
         if self.moved.any():
             shifted = mesh.shifted
-            by_e = _times(shifted.rows(acting)[..., columns], self.moved)
-            right[..., -1] += rows(mesh.kappa + delta) * self.moved - own * by_e
-        self.force, answers = np.zeros(right.shape), forced.rows(acting)[..., columns]
+            by_e = _times(shifted.seen[:, seen][..., self.columns], self.moved)
+            right[..., -1] += rows(mesh.stiffness + delta) * self.moved - own * by_e
+        self.force, answers = np.zeros(right.shape), forced.seen[:, seen][..., self.columns]
         pressed = (right != 0).any(axis=(-2, -1))
         matrix = own[pressed][..., None] * answers[np.nonzero(pressed)[-1]]
-        self.force[pressed] = np.linalg.solve(matrix + np.eye(len(columns)), right[pressed])
-        step = forced.step[..., columns] @ self.force
+        self.force[pressed] = np.linalg.solve(matrix + np.eye(len(seen)), right[pressed])
+        step = forced.step[..., self.columns] @ self.force
         step[..., :-1] += mesh.maps.step[..., :-1]
         if self.moved.any():
-            step[..., -1] += _times(shifted.step[..., columns], self.moved)
+            step[..., -1] += _times(shifted.step[..., self.columns], self.moved)
         self.maps = _PanelMaps(step=step, seen=mesh.maps.seen)
 
     def motion(self, mesh: PeriodicMotion, start: FloatArray) -> FloatArray:
-        """Return deviations of speeds and deflections, (2, turns, meshes, panels, points)."""
+        """Return deviations of speeds and deflections, (turns, panels, 2 * meshes * points)."""
         states = self.maps.states(start)
-        found = _reached(mesh.maps.seen[..., :-1], states)
-        found += _reached(mesh.forced.seen[..., self.columns], _applied(self.force, states))
+        found = _times(mesh.maps.seen[..., :-1], states)
+        found += _times(mesh.forced.seen[..., self.columns], _applied(self.force, states))
         if self.moved.any():
-            found += _reached(mesh.shifted.seen[..., self.columns], self.moved)
+            found += _times(mesh.shifted.seen[..., self.columns], self.moved)
         return found
-
-
-def _integrated(values: FloatArray) -> FloatArray:
-    """Integrate along the points of [0, 1], of (panels, points, n, columns)."""
-    flat = values.reshape(*values.shape[:2], -1)
-    return np.asarray((_integrals() @ flat).reshape(values.shape))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -543,15 +515,15 @@ class _PanelMaps:
     ----------
     step : ndarray of float, shape (..., panels, 2n, columns)
         The state at the end.
-    seen : ndarray of float, shape (2, panels, meshes, points, columns)
-        Speeds and deflections at the collocation points.
+    seen : ndarray of float, shape (panels, 2 * meshes * points, columns)
+        Speeds, then deflections, at the collocation points.
     """
 
     step: FloatArray
     seen: FloatArray
 
     @cached_property
-    def _ends(self) -> FloatArray:
+    def ends(self) -> FloatArray:
         """Maps from the start of the first panel to the end of each, shape of `step`."""
         ends, reach = self.step, 1
         while reach < ends.shape[-3]:
@@ -561,42 +533,11 @@ class _PanelMaps:
             reach *= 2
         return ends
 
-    @property
-    def whole(self) -> FloatArray:
-        """Affine map of the state over all panels, shape (..., 2n, 2n + 1)."""
-        return np.asarray(self._ends[..., -1, :, :])
-
-    @cached_property
-    def free(self) -> FloatArray:
-        """Speeds and deflections of free vibration, by the state at the start of all panels.
-
-        Shape (2, meshes, panels, points, 2n).
-        """
-        before, own = self._ends[:-1, :, :-1], self.seen[..., :-1]
-        before = np.concatenate([np.eye(before.shape[-1])[None], before])
-        moved = own.reshape(2, len(before), -1, own.shape[-1]) @ before
-        return np.asarray(moved.reshape(own.shape).swapaxes(1, 2))
-
     def states(self, start: FloatArray) -> FloatArray:
         """Return the states at the starts of all panels, shape (..., panels, 2n)."""
-        ends = _applied(self._ends[..., :-1, :, :], start[..., None, :])
+        ends = _applied(self.ends[..., :-1, :, :], start[..., None, :])
         first = np.broadcast_to(start[..., None, :], (*ends.shape[:-2], 1, start.shape[-1]))
         return np.concatenate([first, ends], axis=-2)
-
-    def rows(self, meshes: IntArray) -> FloatArray:
-        """Deflections of some meshes, shape (panels, meshes * points, columns)."""
-        own = self.seen[1][:, meshes]
-        return np.asarray(own.reshape(len(own), -1, own.shape[-1]))
-
-
-def _reached(seen: FloatArray, by: FloatArray) -> FloatArray:
-    """Return what columns make of values (turns, panels, columns) on each panel.
-
-    Shape (2, turns, meshes, panels, points).
-    """
-    _, panels, meshes, points, columns = seen.shape
-    moved = seen.reshape(2, 1, panels, meshes * points, columns) @ by[..., None]
-    return np.asarray(moved.reshape(2, len(by), panels, meshes, points).swapaxes(2, 3))
 
 
 def _applied(maps: FloatArray, state: FloatArray) -> FloatArray:
@@ -624,9 +565,9 @@ def _integrals() -> FloatArray:
 
 
 def _unresolved(speed: FloatArray, widths: FloatArray) -> FloatArray:
-    """Return the share of the last two Legendre terms, of (turns, ..., panels, points) by turn."""
+    """Return the share of the last two Legendre terms, of (turns, ..., points) by turn."""
     series = speed @ gauss(POINTS)[2].T
-    power = series**2 / (2 * np.arange(POINTS) + 1) * widths[:, None]
+    power = series**2 / (2 * np.arange(POINTS) + 1) * widths[:, None, None]
     power = power.reshape(len(power), -1, POINTS)
     last, whole = (part.sum(axis=(1, 2)) for part in (power[..., -2:], power))
     return np.asarray(np.sqrt(last / np.where(whole > 0, whole, 1.0)))

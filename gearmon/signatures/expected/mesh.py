@@ -46,7 +46,6 @@ from gearmon.gears.kinematics import PLANET_PASS_DEPTH, Mesh, kinematics
 from gearmon.gears.mechanics import Around, DriveTrain, StageMechanics, stage_mechanics
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.machine import Machine, OperatingPoint, PlanetaryStage
-from gearmon.signatures.expected.contact_motion import Surroundings
 from gearmon.signatures.signature import SIZES
 
 if TYPE_CHECKING:  # an analysis solves no mesh
@@ -160,37 +159,21 @@ class PosedStage:
             for k, even in ((own.stiffness, sound.stiffness) for own, sound in both)
         )
 
-    @property
-    def scale(self) -> float:
-        """T^2, which makes kappa of a stiffness, in modes of unit mass [s2]."""
-        return 1 / self.mechanics.mesh_frequency_hz**2
-
     @cached_property
     def modes(self) -> Around:
-        """The machine in modes; of a pair by itself its own mass is all there is."""
+        """The machine in modes under its load; of a pair by itself its mass is all there is."""
         own, none = self.mechanics, np.zeros((1, 1))
         if self.train is not None:
-            return self.train.around(self.train.meshes(own.stage))
-        shape, damper = none + own.equivalent_mass_kg**-0.5, none[0] + own.damping_ns_per_m
-        mean = none[0] + own.stiffness.healthy_mean_n_per_m
-        return Around(
-            shapes=shape, vectors=shape, means=mean, dampers=damper, stiffness=none, damping=none
-        )
-
-    @cached_property
-    def around(self) -> Surroundings:
-        """What is around its meshes, in modes."""
-        own, around = self.mechanics, self.modes
-        load = np.array([own.force_n])
-        if self.train is not None:
             load = self.train.load({own.stage: own.force_n})
-        whole = around.damping + (around.vectors.T * around.dampers) @ around.vectors
-        return Surroundings(
-            stiffness=around.stiffness * self.scale,
-            damping=whole / own.mesh_frequency_hz,
-            vectors=around.vectors,
-            dampers=around.dampers / own.mesh_frequency_hz,
-            force=around.shapes.T @ load * self.scale,
+            return self.train.around(self.train.meshes(own.stage), load[:, None])
+        shape = none + own.equivalent_mass_kg**-0.5
+        return Around(
+            vectors=shape,
+            means=none[0] + own.stiffness.healthy_mean_n_per_m,
+            dampers=none[0] + own.damping_ns_per_m,
+            stiffness=none,
+            damping=none,
+            inputs=own.force_n * shape,
         )
 
     def limit_hz(self, max_hz: float | None) -> float:
@@ -207,7 +190,7 @@ class PosedStage:
         Parameters
         ----------
         forces : ndarray of complex, shape (turns, meshes, highest)
-            Lines 1..highest over the period, in the units of `scale`.
+            Lines 1..highest over the period [N].
         period : int
             P.
 
@@ -239,7 +222,7 @@ class PosedStage:
         own = self.mechanics
         angular = 2 * math.pi * own.mesh_frequency_hz * turn[kept]
         places = {"period": period, "number": number[line], "carrier": sides[which]}
-        return places, lines[:, kept] * (1 / (own.equivalent_mass_kg * angular**2 * self.scale))
+        return places, lines[:, kept] / (own.equivalent_mass_kg * angular**2)
 
     def hill_problem(self, harmonics: ComplexArray) -> HillProblem:
         """Return the equation of a pair without excitation, by the harmonics of its stiffness."""

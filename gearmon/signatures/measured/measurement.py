@@ -315,9 +315,31 @@ def _tracked(recording: Recording, machine: Machine) -> tuple[Recording, Trackin
     """Find what is sound, and the angle in it.
 
     Where the angle is not known across what is left out the longest sound piece is all.
+
+    Raises
+    ------
+    RecordingError
+        If what is sound shows nothing of the fastest shaft, or not two turns of the slowest.
     """
     recording, found = inspected(recording), None
-    _check_length(sound_part(recording, 0.0), machine)
+    whole, fastest_hz = sound_part(recording, 0.0), max(own.shaft1_hz for own in machine.operating)
+    rate = whole.sampling_rate_hz
+    if rate < 2.0 * fastest_hz * (1 - SPEED_TOLERANCE):
+        raise RecordingError(
+            f"{whole.origin}: {rate:.6g} samples a second show nothing of a shaft at "
+            f"{fastest_hz:.6g} Hz; if the time is in ms, name its column time (ms), or give "
+            f"--sampling-rate {1000 * rate:.6g}"
+        )
+    slowest_hz = min(shaft.order for shaft in kinematics(machine).shafts)
+    slowest_hz *= min(point.shaft1_hz for point in machine.operating)
+    needed, slow = 2.0 / slowest_hz, min(point.speed_rpm for point in machine.operating)
+    if whole.duration_s < needed:
+        asked = f"; speed_rpm is {slow:g} turns a minute: did you mean {60 * slow:g} ({slow:g} Hz)?"
+        raise RecordingError(
+            f"{whole.origin}: {whole.duration_s:.3g} s are too short: the slowest shaft turns at "
+            f"{slowest_hz:.3g} Hz, two turns need {needed:.3g} s"
+            + (asked if slow <= _SLOW_RPM else "")
+        )
     if recording.left_out and _held(recording, machine, "tacho" in recording.channel_kinds):
         found = track_recording(recording, machine)
     if found is None or not _held(recording, machine, found.track.method == "tacho"):
@@ -384,27 +406,6 @@ def broadband_levels(samples: FloatArray, rate: float) -> FloatArray:
     for number in np.intersect1d(band, range(_BANDS)):
         middle[:, number] = np.median(density[:, band == number], axis=1)
     return np.asarray(10 * np.log10(np.maximum(middle, np.finfo(float).tiny)))
-
-
-def _check_length(recording: Recording, machine: Machine) -> None:
-    fastest_hz = max(point.shaft1_hz for point in machine.operating)
-    rate = recording.sampling_rate_hz
-    if rate < 2.0 * fastest_hz * (1 - SPEED_TOLERANCE):
-        raise RecordingError(
-            f"{recording.origin}: {rate:.6g} samples a second show nothing of a shaft at "
-            f"{fastest_hz:.6g} Hz; if the time is in ms, name its column time (ms), or give "
-            f"--sampling-rate {1000 * rate:.6g}"
-        )
-    slowest_hz = min(shaft.order for shaft in kinematics(machine).shafts)
-    slowest_hz *= min(point.shaft1_hz for point in machine.operating)
-    needed, slow = 2.0 / slowest_hz, min(point.speed_rpm for point in machine.operating)
-    asked = f"; speed_rpm is {slow:g} turns a minute: did you mean {60 * slow:g} ({slow:g} Hz)?"
-    hint = asked if slow <= _SLOW_RPM else ""
-    if recording.duration_s < needed:
-        raise RecordingError(
-            f"{recording.origin}: {recording.duration_s:.3g} s are too short: the slowest shaft "
-            f"turns at {slowest_hz:.3g} Hz, two turns need {needed:.3g} s{hint}"
-        )
 
 
 def family_levels(

@@ -40,10 +40,15 @@ from gearmon.signatures.measured.nongear_lines import KINDS, LOCKS
 _FEW_BLOCKS = 9
 _LEAST_OF_FEW, _LEAST = 0.25, 0.01
 FORMAT = "gearmon reference 6"
-# The axis of the channels in all that a reference holds of each, by the name of the field.
-_CHANNELS = dict.fromkeys(("channel_names", "units", "level_db", "scatter_db", "heard"), 0)
-_CHANNELS |= dict.fromkeys(("band_db", "amplitude", "variance", "over_noise_db", "noise_db"), 0)
-_CHANNELS |= {"hidden_db": 0, "in_time_db": 0, "beside": 1, "beside_variance": 1}
+# What the axes of arrays and tuples count, by the name of the field.
+_AXES: dict[str, tuple[str, ...]] = {"family_names": ("families",), "over_noise_db": ("channels",)}
+_AXES |= dict.fromkeys(("channel_names", "units"), ("channels",))
+_AXES |= {"number": ("lines",), "mesh": ("lines",)}
+_AXES |= dict.fromkeys(("level_db", "scatter_db", "heard"), ("channels", "families"))
+_AXES |= dict.fromkeys(("amplitude", "variance"), ("channels", "lines"))
+_AXES |= dict.fromkeys(("beside", "beside_variance"), ("sides", "channels", "lines"))
+_AXES |= dict.fromkeys(("hidden_db", "in_time_db"), ("channels", "cells"))
+_AXES |= {"noise_db": ("channels", "bands of noise"), "band_db": ("channels", "bands")}
 # More than any recording gives: what claims to be larger is damaged, or made to do harm.
 _MUCH, _MOST_DB, _MOST_AMPLITUDE = 1e12, 7000.0, 1e150
 _POSITIVE = ("speed_hz", "duration_s", "sampling_rate_hz", "cell_hz", "width", "top", "pieces")
@@ -269,7 +274,7 @@ def _part(reference: Reference, names: tuple[str, ...]) -> Reference:
     return own
 
 
-def taken(held: Any, rows: Sequence[int], axis: int | None = None) -> Any:
+def taken(held: Any, rows: Sequence[int], axes: Sequence[str] = ()) -> Any:
     """Return what a reference holds of some channels only, in this order.
 
     Parameters
@@ -277,17 +282,17 @@ def taken(held: Any, rows: Sequence[int], axis: int | None = None) -> Any:
     held : Reference, or any part of one
     rows : sequence of int
         Channels to keep.
-    axis : int, optional
-        The axis of the channels, of an array or a tuple that has one.
+    axes : sequence of str
+        What the axes of an array or a tuple count.
     """
     if dataclasses.is_dataclass(held) and not isinstance(held, type):
         names = [own.name for own in dataclasses.fields(held)]
-        kept = {name: taken(getattr(held, name), rows, _CHANNELS.get(name)) for name in names}
+        kept = {name: taken(getattr(held, name), rows, _AXES.get(name, ())) for name in names}
         return replace(held, **kept)
     if isinstance(held, tuple):
-        chosen = held if axis is None else [held[k] for k in rows]
+        chosen = [held[k] for k in rows] if "channels" in axes else held
         return tuple(taken(own, rows) for own in chosen)
-    return held if axis is None or not held.size else held.take(rows, axis)
+    return held.take(rows, axes.index("channels")) if "channels" in axes and held.size else held
 
 
 def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) -> Reference:
@@ -413,43 +418,35 @@ def read_reference(path: str | Path) -> Reference:
         channels, profiles = len(reference.channel_names), reference.profiles
         _need(0 < channels == len(set(reference.channel_names)), "channels")
         _need(bool(profiles) and bool(reference.family_names), "recordings")
-        _check_held("", reference, channels)
-        _need(len({profile.band_db.shape for profile in profiles}) == 1, "broadband levels")
+        _check_held("", reference, {"channels": channels, "bands": len(profiles[0].band_db.T)})
         gears = {tuple((own.stage, own.gear, own.teeth) for own in p.wheels) for p in profiles}
         _need(len(gears) == 1 and all(gears), "gears")
         for profile in profiles:
-            levels, foreign = (profile.level_db, profile.scatter_db, profile.heard), profile.foreign
-            _need(all(len(own.T) == len(profile.family_names) for own in levels), "levels")
+            foreign = profile.foreign
             _need(set(reference.family_names) <= set(profile.family_names), "families")
             _need(tuple(grid.kind for grid in foreign.grids) == KINDS, "spectra")
             seen = [own for grid in foreign.grids for own in (grid.noise_db, grid.hidden_db)]
             _need(all(own.size for own in (foreign.in_time_db, *seen)), "spectra")
             known = (line.kind in KINDS and line.locked in LOCKS for line in foreign)
             _need(all(known), "other lines")
-            for wheel in profile.wheels:
-                of_lines = wheel.number, wheel.mesh, wheel.amplitude.T, wheel.variance.T
-                _need(len({len(own) for own in of_lines}) == 1, "lines")
-                _need(wheel.beside.shape == wheel.beside_variance.shape, "lines beside")
-                whole = wheel.beside.shape == (2, *wheel.amplitude.shape)
-                _need(whole or not wheel.beside.size, "lines beside")
+            _need(all(len(own.beside) in (0, 2) for own in profile.wheels), "lines beside")
     return reference
 
 
-def _check_held(name: str, held: Any, channels: int) -> None:
-    """Refuse other channels than those of a reference, and numbers beyond all that is recorded."""
-    axis, (low, high) = _CHANNELS.get(name), _BOUNDS.get(name, (-np.inf, _MUCH))
+def _check_held(name: str, held: Any, sizes: dict[str, int]) -> None:
+    """Refuse axes of another size than others have, and numbers beyond all that is recorded."""
+    axes, (low, high) = _AXES.get(name, ()), _BOUNDS.get(name, (-np.inf, _MUCH))
     if dataclasses.is_dataclass(held):
+        sizes = dict(sizes)
         for own in dataclasses.fields(held):
-            _check_held(own.name, getattr(held, own.name), channels)
+            _check_held(own.name, getattr(held, own.name), sizes)
     elif isinstance(held, tuple):
-        _need(axis is None or len(held) == channels, name)
+        _need(not axes or sizes.setdefault(axes[0], len(held)) == len(held), name)
         for own in held:
-            _check_held(name, own, channels)
+            _check_held(name, own, sizes)
     elif isinstance(held, np.ndarray):
-        if axis is None:
-            _need(held.ndim == 1, name)
-        elif held.size or not name.startswith("beside"):
-            _need(held.ndim == axis + 2 and held.shape[axis] == channels, name)
+        shape = zip(axes, held.shape, strict=True)
+        _need(all(sizes.setdefault(axis, size) == size for axis, size in shape), name)
         size = np.abs(held) if held.dtype.kind == "c" else held
         # short recordings have bands without a bin
         size = size[~np.isnan(size)] if name == "band_db" else size
