@@ -314,8 +314,8 @@ class _Planning:
         of_mesh = np.logical_or.reduce(meshing)
         lines = np.flatnonzero(orders % turning == 0)
         number = (orders[lines] // turning).astype(np.int64)
-        # planned for a gear that turns k times as often alone, lines tell nothing of one tooth: they
-        # are the same for those k places of the turn
+        # planned only for a gear that turns k times as often, lines tell nothing of one tooth: they
+        # are the same for k places of the turn
         beside_others = np.isin(number + 1, number) | np.isin(number - 1, number)
         lines, number = lines[beside_others], number[beside_others]
         apart = {order: place for order, place in position.items() if not of_mesh[place]}
