@@ -18,7 +18,6 @@ Y. Benjamini and Y. Hochberg, Controlling the false discovery rate, J. R. Stat. 
 
 from __future__ import annotations
 
-import itertools
 import json
 import re
 import subprocess
@@ -236,38 +235,33 @@ def _results(fleet: Fleet, after: int) -> list[dict[str, Any]]:
 
 def renew(fleet: Fleet) -> None:
     """Bring the alarms of all machines with new recordings up to date, in one transaction."""
+    known = "machine = ? AND state != 'being written' ORDER BY time_s, path"
     with writing(fleet) as store:
         new = store.execute("SELECT DISTINCT machine FROM ledger WHERE alarmed = 0").fetchall()
-        for (name,) in new:
-            machine = fleet.machine(name)
-            if machine is not None:
-                _renew(store, machine)
+        for machine in filter(None, (fleet.machine(name) for (name,) in new)):
+            classes: dict[str, list[tuple[float, set[str]]]] = defaultdict(list)
+            for row in recorded(store, known, (machine.name,)):
+                classes[row["class"]].append((row["time_s"], _findings(row, machine)))
+            rule = machine.alarm_after, machine.alarm_clear
+            now = {
+                (machine.name, name, finding, since): until
+                for name, rows in classes.items()
+                for finding, since, until in episodes(rows, *rule)
+            }
+            asked = "SELECT * FROM alarms WHERE machine = ?"
+            stored = map(histories.sound, store.execute(asked, (machine.name,)).fetchall())
+            before = {tuple(row[name] for name in _KEY): row for row in stored}
+            # a recording that arrived late has taken them back, or moved their begin
+            gone = {key: row for key, row in before.items() if key not in now}
+            moved = {key[:3]: row for key, row in gone.items()}
+            for key, until in now.items():
+                own = before.get(key, {"told": "[]", "acknowledged": 0})
+                own = moved.get(key[:3], own) if own["told"] == "[]" else own
+                told = dict(zip(_KEY, key, strict=True)) | {"until_s": until}
+                histories.put(store, "alarms", own | told)
+            where = " AND ".join(f"{name} = ?" for name in _KEY)
+            store.executemany(f"DELETE FROM alarms WHERE {where}", gone)  # noqa: S608 - ours
         store.execute("UPDATE ledger SET alarmed = 1 WHERE alarmed = 0")
-
-
-def _renew(store: Connection, machine: FleetMachine) -> None:
-    known = "machine = ? AND state != 'being written' ORDER BY time_s, path"
-    classes: dict[str, list[tuple[float, set[str]]]] = defaultdict(list)
-    for row in recorded(store, known, (machine.name,)):
-        classes[row["class"]].append((row["time_s"], _findings(row, machine)))
-    now = {
-        (machine.name, name, finding, since): until
-        for name, rows in classes.items()
-        for finding, since, until in episodes(rows, machine.alarm_after, machine.alarm_clear)
-    }
-    rows = store.execute("SELECT * FROM alarms WHERE machine = ?", (machine.name,)).fetchall()
-    before = {tuple(row[name] for name in _KEY): histories.sound(row) for row in rows}
-    # a recording that arrived late has taken them back, or moved their begin
-    gone = {key: row for key, row in before.items() if key not in now}
-    moved = {key[:3]: row for key, row in gone.items()}
-    for key, until in now.items():
-        own = before.get(key, {"told": "[]", "acknowledged": 0})
-        own = moved.get(key[:3], own) if own["told"] == "[]" else own
-        histories.put(store, "alarms", own | dict(zip(_KEY, key, strict=True)) | {"until_s": until})
-    for key in gone:
-        store.execute(
-            "DELETE FROM alarms WHERE (machine, class, finding, since_s) = (?, ?, ?, ?)", key
-        )
 
 
 def _findings(row: dict[str, Any], machine: FleetMachine) -> set[str]:
@@ -505,63 +499,49 @@ def compare(fleet: Fleet, machine: FleetMachine | None = None) -> list[dict[str,
     2 %. Another one that is broken widens it too. The share of false discoveries holds for rows
     that are independent or depend positively on each other.
     """
-    from scipy.stats import false_discovery_control
-
-    stages = {file: load_machine(file).stages for file in {own.file for own in fleet.machines}}
-    kinds: dict[Any, list[FleetMachine]] = {}
-    for own in fleet.machines:
-        kinds.setdefault(stages[own.file], []).append(own)
-    rows = [
-        row
-        for alike in kinds.values()
-        if len(alike) > FEWEST_OTHERS and (machine is None or machine in alike)
-        for row in _beside(fleet, alike)
-    ]
-    if not rows:
-        told = f"{FEWEST_OTHERS + 1} machines with the same gears and recordings of one class"
-        raise ArgumentError(f"{fleet.name}: nothing to compare; it takes {told}")
-    shares = false_discovery_control([row["probability"] for row in rows])
-    told_rows = [row | {"false_discoveries": float(q)} for row, q in zip(rows, shares, strict=True)]
-    return sorted(told_rows, key=lambda row: row["probability"])
-
-
-def _beside(fleet: Fleet, alike: list[FleetMachine]) -> Iterator[dict[str, Any]]:
-    """Yield the rows of machines of one kind."""
     import pandas as pd
+    from scipy.stats import false_discovery_control
     from scipy.stats import t as student
 
+    stages = {file: load_machine(file).stages for file in {own.file for own in fleet.machines}}
+    kinds = list(stages.values())
     with histories.opened(fleet.store, create=False) as store:
         order = "machine = ? AND state = 'done' ORDER BY time_s DESC LIMIT ?"
         told = [
-            {"machine": own.name, "class": row["class"]} | row["indicators"]
-            for own in alike
+            (kinds.index(stages[own.file]), row["class"], name, own.name, value)
+            for own in fleet.machines
+            if machine is None or stages[own.file] == stages[machine.file]
             for row in recorded(store, order, (own.name, LATEST))
+            for name, value in row["indicators"].items()
         ]
-    if not told:
-        return
-    latest = pd.DataFrame(told).groupby(["class", "machine"], sort=True).median()
-    for group, name in itertools.product(latest.index.unique("class"), latest.columns):
-        values = latest.loc[group, name].dropna()
-        own = values.to_numpy(float)
-        count = own.size - 1
-        if count < FEWEST_OTHERS or np.ptp(own) == 0:
-            continue
-        positive = bool(own.min() > 0)
-        scaled = np.log(own) if positive else own
-        apart = scaled - scaled.mean()
-        mean = scaled - apart * (count + 1) / count
-        # of the others: what is left of the sum of squares without one of them
-        squares = np.sum(apart**2) - apart**2 * (count + 1) / count
-        scatter = np.sqrt(np.maximum(squares, 0) / (count - 1) * (1 + 1 / count))
-        with np.errstate(divide="ignore", invalid="ignore"):  # others that are all alike
-            away = np.nan_to_num(np.abs(scaled - mean) / scatter)
-        reach = student.ppf(0.95, count - 1) * scatter
-        columns = {"value": scaled, "usual": mean, "low": mean - reach, "high": mean + reach}
-        table = pd.DataFrame({c: np.exp(x) if positive else x for c, x in columns.items()})
-        table = table.assign(others=count, probability=2 * student.sf(away, count - 1))
-        for machine, row in zip(values.index, table.to_dict("records"), strict=True):
-            place = {"machine": machine, "class": group, "indicator": name}
-            yield place | {str(column): value for column, value in row.items()}
+    alike, columns = ["kind", "class", "indicator"], ["machine", "value"]
+    every = pd.DataFrame(told, columns=[*alike, *columns]).astype({"value": float})
+    values = every.groupby([*alike, "machine"])["value"].median().dropna()
+    group = values.groupby(level=alike)
+    others, positive = group.transform("size") - 1, group.transform("min") > 0
+    kept = (others >= FEWEST_OTHERS) & (group.transform("max") > group.transform("min"))
+    if not kept.any():
+        needed = f"{FEWEST_OTHERS + 1} machines with the same gears and recordings of one class"
+        raise ArgumentError(f"{fleet.name}: nothing to compare; it takes {needed}")
+    values, count, positive = values[kept], others[kept], positive[kept]
+    scaled = np.log(values.where(positive)).fillna(values)
+    apart = scaled - scaled.groupby(level=alike).transform("mean")
+    mean = scaled - apart * (count + 1) / count
+    # of the others: what is left of the sum of squares without one of them
+    squares = (apart**2).groupby(level=alike).transform("sum") - apart**2 * (count + 1) / count
+    scatter = np.sqrt(squares.clip(lower=0.0) / (count - 1) * (1 + 1 / count))
+    reach = student.ppf(0.95, count - 1) * scatter
+    ends = {"value": scaled, "usual": mean, "low": mean - reach, "high": mean + reach}
+    table = pd.DataFrame(ends)
+    table = table.where(positive).apply(np.exp).fillna(table)
+    # others that are all alike leave no scatter to divide by
+    away = ((scaled - mean).abs() / scatter).fillna(0.0)
+    chance = 2 * student.sf(away, count - 1)
+    table = table.assign(others=count, probability=chance)
+    table["false_discoveries"] = false_discovery_control(chance)
+    ranked = table.sort_values("probability", kind="stable").reset_index()
+    rows: list[Any] = ranked[["machine", *alike[1:], *table]].to_dict("records")
+    return rows
 
 
 def _measures(course: pd.DataFrame, fault: pd.Series[bool]) -> pd.DataFrame:
