@@ -17,9 +17,9 @@ none: only that it was too small to be found.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -52,8 +52,10 @@ _CLEAR_BY_CHANCE = 0.05
 _OWN_SHARE = 0.05
 # Against a reference larger losses are hardly ever missed.
 _MOST_MISSED = 0.1
-#: Share of the false-alarm probability given to all losses together; the score gets the rest.
+# Share of the false-alarm probability given to all losses together, and what that makes; the score
+# gets the rest.
 _LOSS_SHARE = 0.5
+_LOSS_BELOW = _LOSS_SHARE * BELOW
 #: Newest recordings for which it is told what could be forecast at their time.
 FORECASTS = 20
 #: How far a trend is followed to a limit, in lengths of the series (beyond is as good as never),
@@ -170,46 +172,39 @@ class Trend:
         which the limit lies within what the data allow. It takes growth to go on in its course,
         straight or faster and faster.
         """
-        value, low, _ = (float(x[0]) for x in self.at(self.series.time_s[-1:]))
-        when = self._when(limit, float(self.series.time_s[0 if value >= limit else -1]))
+        first, last = self.series.time_s[[0, -1]].tolist()
+        value, low, _ = (float(x[0]) for x in self.at([last]))
+        rate, slowest, _ = self.rate()
+        when: dict[str, float | None] = {}
+        if rate > 0:
+            ahead = last + (last - first) * np.geomspace(_NEAREST, _FARTHEST, _STEPS[1])
+            times = np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
+            time, late, early = (_reached(times, x, limit) for x in self.at(times))
+            if time is not None:
+                # nothing before the recordings, or before the last where it is not yet there
+                start = first if value >= limit else last
+                early = max(start, time if early is None else min(early, time))
+                # what may not rise now may never get there
+                late = max(late, time) if late is not None and slowest > 0 else None
+                when = {"time_s": time, "low_s": early, "high_s": late}
         if value >= limit:
             reason = "the trend is at or above the limit"
             reason += "" if low >= limit else "; its interval reaches below the limit"
             return Crossing(status="reached", reason=reason, **when)
-        if refused := self._refused(when):
-            return Crossing(status="not extrapolated", reason=refused)
-        reason = "if growth goes on speeding up as it has"
-        if self._last is not None and self._last.growth.straight:
-            reason = "if the present rate lasts; cracks grow faster the larger they are"
-        return Crossing(status="ahead", reason=reason, **when)
-
-    def _refused(self, when: Mapping[str, float | None]) -> str:
-        """Say why nothing is extrapolated; nothing if it is."""
         if len(self.series) < FEWEST:
-            return f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
-        if not self.grows:
-            return "no growth that noise would not make as well"
-        if self.rate()[1] <= 0:
-            return "the present rate is not surely above zero"
-        return "" if when else "the present rate does not lead to the limit"
-
-    def _when(self, limit: float, start: float) -> dict[str, float | None]:
-        """Return the times of a `Crossing` of a rising trend; none where it does not get there.
-
-        Nothing before the start; no end where it may never get there.
-        """
-        if self.rate()[0] <= 0:
-            return {}
-        first, last = self.series.time_s[[0, -1]]
-        ahead = last + (last - first) * np.geomspace(_NEAREST, _FARTHEST, _STEPS[1])
-        times = np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
-        time, late, early = (_reached(times, x, limit) for x in self.at(times))
-        if time is None:
-            return {}
-        early = max(start, time if early is None else min(early, time))
-        # what may not rise now may never get there
-        late = max(late, time) if late is not None and self.rate()[1] > 0 else None
-        return {"time_s": time, "low_s": early, "high_s": late}
+            reason = f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
+        elif not self.grows:
+            reason = "no growth that noise would not make as well"
+        elif slowest <= 0:
+            reason = "the present rate is not surely above zero"
+        elif not when:
+            reason = "the present rate does not lead to the limit"
+        else:
+            reason = "if growth goes on speeding up as it has"
+            if self._last is not None and self._last.growth.straight:
+                reason = "if the present rate lasts; cracks grow faster the larger they are"
+            return Crossing(status="ahead", reason=reason, **when)
+        return Crossing(status="not extrapolated", reason=reason)
 
     @property
     def _last(self) -> ChangePoint | None:
@@ -509,11 +504,21 @@ def history_trends(history: History, *, limit: float | None = None) -> HistoryTr
     """
     if limit is not None:
         check_range("limit", limit, 1e-6, 1.0)
-    places, share = _followed(history), _LOSS_SHARE * BELOW
-    follow = partial(_tooth_trend, followed=len(places), limit=limit, below=share)
-    teeth = {key: follow(key, points) for key, points in places.items()}
-    standing = {key: places[key] for key, tooth in teeth.items() if tooth.stands}
-    evidence, chance = _evidence(history, BELOW - share)
+    places = _followed(history)
+    teeth = {key: _tooth_trend(key, places[key], len(places), limit) for key in places}
+    evidence, chance = _evidence(history, BELOW - _LOSS_BELOW)
+    # when the first tooth reaches the limit, as could be told at each recording
+    forecasts: dict[float, Crossing] = {}
+    standing = [key for key, tooth in teeth.items() if tooth.stands and limit is not None]
+    for now in (entry.time_s for entry in history.entries[-FORECASTS:]):
+        by_then = {key: [point for point in places[key] if point[0] <= now] for key in standing}
+        known = [(key, p) for key, p in by_then.items() if p and p[-1][0] == now]
+        told = [_tooth_trend(key, points, len(places), limit) for key, points in known]
+        ahead = [own.crossing for own in told if own.stands and own.low[-1] > 0]
+        said = [c for c in ahead if c is not None and c.status != "not extrapolated"]
+        if said:
+            # a limit that is reached stands before any that lies ahead
+            forecasts[now] = min(said, key=lambda c: (c.status != "reached", c.time_s or 0.0))
     ranked = sorted(teeth.values(), key=lambda t: (not t.stands, t.false_alarm_probability))
     return HistoryTrends(
         history=history,
@@ -521,14 +526,12 @@ def history_trends(history: History, *, limit: float | None = None) -> HistoryTr
         evidence=evidence,
         evidence_probability=min(1.0, chance / (1 - _LOSS_SHARE)),
         limit=limit,
-        forecasts=_forecasts(history, standing, follow) if limit is not None else {},
+        forecasts=forecasts,
         notes=tuple(_notes(history, ranked)),
     )
 
 
-def _tooth_trend(
-    key: _Key, points: _Points, *, followed: int, limit: float | None, below: float
-) -> ToothTrend:
+def _tooth_trend(key: _Key, points: _Points, followed: int, limit: float | None) -> ToothTrend:
     """Follow one tooth of so many, or one gear as a whole, through its recordings.
 
     Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
@@ -539,9 +542,9 @@ def _tooth_trend(
     time_s, value, sigma, low, high = np.array(rows, dtype=float).T
     stated = Series(time_s=time_s, value=value, sigma=sigma)
     own, common, missed = own_series(stated)
-    trend = fit_trend(stated, below=below / followed)
+    trend = fit_trend(stated, below=_LOSS_BELOW / followed)
     if trend.changes:
-        refined = fit_trend(own, below=below)
+        refined = fit_trend(own, below=_LOSS_BELOW)
         # a loss that came at once may hide behind what could have been missed before it
         trend = refined if refined.changes else trend
     trend = replace(trend, common=common, missed=missed)
@@ -558,26 +561,10 @@ def _tooth_trend(
         trend=trend,
         low=low,
         high=np.where(np.isnan(high), value + HALF_OF_90 * sigma, high),
-        stands=several and (bool(trend.changes) or by_chance * followed < below),
+        stands=several and (bool(trend.changes) or by_chance * followed < _LOSS_BELOW),
         false_alarm_probability=min(1.0, min(chances) * followed),
         limit=limit,
     )
-
-
-def _forecasts(
-    history: History, standing: Mapping[_Key, _Points], follow: Callable[..., ToothTrend]
-) -> dict[float, Crossing]:
-    """When the first of some teeth reaches the limit, as could be told at each recording."""
-    found: dict[float, Crossing] = {}
-    for now in (entry.time_s for entry in history.entries[-FORECASTS:]):
-        by_then = {key: [p for p in standing[key] if p[0] <= now] for key in standing}
-        told = [follow(key, p) for key, p in by_then.items() if p and p[-1][0] == now]
-        crossings = [tooth.crossing for tooth in told if tooth.stands and tooth.low[-1] > 0]
-        known = [c for c in crossings if c is not None and c.status != "not extrapolated"]
-        if known:
-            # a limit that is reached stands before any that lies ahead
-            found[now] = min(known, key=lambda c: (c.status != "reached", c.time_s or 0.0))
-    return found
 
 
 def _followed(history: History) -> Mapping[_Key, _Points]:
