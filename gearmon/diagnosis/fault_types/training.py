@@ -61,6 +61,8 @@ _PATH_POINTS = 384
 #: Longest echo, in periods of the highest order.
 _LONGEST_ECHO = 80.0
 _ECHOES = 16
+# Waves of the curve by which another speed moves levels.
+_WAVES = 6
 #: Examples that a classifier is trained on unless another number is given.
 EXAMPLES = 1600
 #: Examples that a classifier can be trained on: ten a kind at least.
@@ -196,12 +198,14 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
         moved[wheel.stage - 1, wheel.lines] += load * added.stiffness + added.displacement
     sensors = _Sensors(lines, sound, generator)
     one = sensors.measured(sound)
-    # another speed moves every line along the resonances, the same way in every channel
-    curve = _smooth(lines.plan.orders, generator, 2.0 / sensors.top)
+    # another speed moves every line along the resonances, the same way in every channel: along a
+    # smooth random curve of unit variance
+    rate = generator.uniform(0, 2 * np.pi * (2.0 / sensors.top), _WAVES)
+    size = (generator.normal(size=_WAVES) + 1j * generator.normal(size=_WAVES)) / np.sqrt(_WAVES)
+    phase = generator.uniform(0, 2 * np.pi, _WAVES)
+    curve = np.cos(np.outer(lines.plan.orders, rate) + phase) @ size
     drift = np.exp(log_uniform(generator, 0.01, 0.1) * curve)
-    two = sensors.measured(moved * drift, noise_db)
-    if kind == NONE and generator.uniform() < 0.4:
-        two = _with_strange_lines(two, generator)
+    two = sensors.measured(moved * drift, noise_db, strangers=kind == NONE)
     return Example(
         features=sensors.features(one, two),
         kind=kind,
@@ -486,10 +490,11 @@ def _loose(
 
 
 class _Measured(NamedTuple):
-    """Lines as measured, shape (channels, orders), and their variance."""
+    """A recording: levels of families with their standard errors [dB], patterns of gears."""
 
-    amplitude: ComplexArray
-    variance: FloatArray
+    level_db: FloatArray
+    error_db: FloatArray
+    wheels: list[WheelPattern]
 
 
 class _Sensors:
@@ -500,7 +505,16 @@ class _Sensors:
     ) -> None:
         self.lines, self.rng = lines, generator
         orders, channels = lines.plan.orders, int(generator.integers(1, 4))
-        self.path = np.array([_echoes(orders, generator) for _ in range(channels)])
+        # a smooth random transfer function each: a few delayed echoes
+        point, paths = np.linspace(0, orders[-1], _PATH_POINTS), []
+        for _ in range(channels):
+            longest = 2 * np.pi / orders[-1] * _LONGEST_ECHO * generator.uniform(0.05, 1.0)
+            delay = generator.uniform(0, longest, _ECHOES)
+            # modes of the housing ring on, ever more softly
+            size = generator.normal(size=_ECHOES) + 1j * generator.normal(size=_ECHOES)
+            size *= np.exp(-2.0 * delay / delay.max())
+            paths.append(np.interp(orders, point, np.exp(-1j * np.outer(point, delay)) @ size))
+        self.path = np.array(paths)
         # a mesh is heard through its own bearings: which one is louder is for the path to say
         rms = np.linalg.norm(sound, axis=1)
         self.loudness = 10 ** (generator.uniform(-25, 0, (channels, len(rms))) / 20) / rms
@@ -510,87 +524,59 @@ class _Sensors:
         self.departure = log_uniform(generator, 0.002, 0.03)
         self.top = float(orders[-1] * generator.uniform(0.3, 1.0))
 
-    def measured(self, lines: ComplexArray, noise_db: float = 0.0) -> _Measured:
-        """Measure lines of the meshes, shape (stages, orders)."""
+    def measured(
+        self, lines: ComplexArray, noise_db: float = 0.0, *, strangers: bool = False
+    ) -> _Measured:
+        """Measure lines of the meshes, shape (stages, orders).
+
+        Strangers are lines of something else, a bearing or the mains, that now and then fall on a
+        few lines of the machine.
+        """
+        rng, plan, shape = self.rng, self.lines.plan, self.path.shape
         level = self.variance * 10 ** (noise_db / 10)
-        variance = np.broadcast_to(level[:, None], self.path.shape)
-        random = self.rng.normal(0, np.sqrt(0.5), (2, 2, *self.path.shape))
+        variance = np.broadcast_to(level[:, None], shape)
+        random = rng.normal(0, np.sqrt(0.5), (2, 2, *shape))
         first, second = random[:, 0] + 1j * random[:, 1]
         amplitude = self.path * (self.loudness @ lines) * (1 + self.departure * first)
-        amplitude = self.gain[:, None] ** self.rng.integers(0, 2) * amplitude
-        return _Measured(amplitude + np.sqrt(variance) * second, variance)
+        amplitude = self.gain[:, None] ** rng.integers(0, 2) * amplitude
+        amplitude = amplitude + np.sqrt(variance) * second
+        if strangers and rng.uniform() < 0.4:
+            place = rng.integers(0, shape[1], int(rng.integers(1, 6)))
+            typical = np.sqrt(np.median(np.abs(amplitude) ** 2, axis=1))
+            size = log_uniform(rng, 1.0, 20.0) * typical
+            phase = np.exp(2j * np.pi * rng.uniform(size=(shape[0], len(place))))
+            amplitude[:, place] += size[:, None] * phase
+        square = np.abs(amplitude) ** 2
+        spread = np.sqrt(plan.by_family(variance**2 + 2 * variance * square))
+        levels = level_and_error_db(plan.by_family(square - variance), spread)
+        wheels, told = [], ("stage", "gear", "teeth", "order", "number", "mesh")
+        for wheel in (gear.wheel for gear in self.lines.gears):
+            known = {name: getattr(wheel, name) for name in told}
+            parts = {"amplitude": amplitude, "variance": variance}
+            known |= {name: own[:, wheel.lines] for name, own in parts.items()}
+            wheels.append(WheelPattern(**known).only(wheel.number * wheel.order < self.top))
+        # of the gears of which more than a mesh order is in range
+        return _Measured(*levels, [own for own in wheels if len(own.number) > own.teeth])
 
     def features(self, one: _Measured, two: _Measured) -> FeatureVector:
         """Compare families of lines, channel by channel, turns of the gears, single sidebands."""
-        before, before_scatter = self._levels(one)
-        after, after_scatter = self._levels(two)
-        after += self.rng.normal(0, self.rng.uniform(0.3, 1.5), after.shape)
+        after = two.level_db + self.rng.normal(0, self.rng.uniform(0.3, 1.5), two.level_db.shape)
         families, orders = self.lines.plan.families, self.lines.plan.orders
         inside = orders[[max(family.lines) for family in families]] < self.top
         deviation = LevelDeviation(
-            expected_db=before,
-            rest_db=np.where(inside, after - before, np.nan),
-            sigma_db=np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2),
-            gain_db=np.zeros(len(before)),
+            expected_db=one.level_db,
+            rest_db=np.where(inside, after - one.level_db, np.nan),
+            sigma_db=np.sqrt(one.error_db**2 + two.error_db**2 + _BETWEEN_DB**2),
+            gain_db=np.zeros(len(after)),
         )
-        changes = level_changes(deviation, [*map(str, range(len(before)))], families)
-        old, new = self._patterns(one), self._patterns(two)
+        changes = level_changes(deviation, [*map(str, range(len(after)))], families)
         near = NEAR if self.rng.uniform() < 0.5 else 0
         # what the two recordings do not share beyond their lines fills all of the turn
         floor, energies = log_uniform(self.rng, 0.003, 0.3), {}
-        for known, own in zip(old, new, strict=True):
+        for known, own in zip(one.wheels, two.wheels, strict=True):
             energy = departure_energy(own, known, near)
             raised = energy + floor * energy.mean()
             energies[own.stage, own.gear] = raised / np.median(raised)
         # a caller may have families of lines only
-        sidebands = {} if self.rng.uniform() < 0.1 else turn_changes(new, [old])
+        sidebands = {} if self.rng.uniform() < 0.1 else turn_changes(two.wheels, [one.wheels])
         return kind_features(changes, energies, sidebands)
-
-    def _levels(self, measured: _Measured) -> tuple[FloatArray, FloatArray]:
-        """Levels of the families and their standard errors, as of recordings [dB]."""
-        size, variance = np.abs(measured.amplitude) ** 2, measured.variance
-        power = self.lines.plan.by_family(size - variance)
-        spread = np.sqrt(self.lines.plan.by_family(variance**2 + 2 * variance * size))
-        return level_and_error_db(power, spread)
-
-    def _patterns(self, measured: _Measured) -> list[WheelPattern]:
-        """Return the patterns of the gears of which more than a mesh order is in range."""
-        told = ("stage", "gear", "teeth", "order", "number", "mesh")
-        found = []
-        for wheel in (gear.wheel for gear in self.lines.gears):
-            amplitude, variance = measured.amplitude[:, wheel.lines], measured.variance
-            known = {name: getattr(wheel, name) for name in told}
-            whole = WheelPattern(**known, amplitude=amplitude, variance=variance[:, wheel.lines])
-            found.append(whole.only(wheel.number * wheel.order < self.top))
-        return [own for own in found if len(own.number) > own.teeth]
-
-
-def _echoes(orders: FloatArray, rng: np.random.Generator) -> ComplexArray:
-    """Return a smooth random transfer function: a few delayed echoes."""
-    point = np.linspace(0, orders[-1], _PATH_POINTS)
-    longest = 2 * np.pi / orders[-1] * _LONGEST_ECHO * rng.uniform(0.05, 1.0)
-    delay = rng.uniform(0, longest, _ECHOES)
-    # modes of the housing ring on, ever more softly
-    size = rng.normal(size=_ECHOES) + 1j * rng.normal(size=_ECHOES)
-    size *= np.exp(-2.0 * delay / delay.max())
-    return np.asarray(np.interp(orders, point, np.exp(-1j * np.outer(point, delay)) @ size))
-
-
-def _smooth(orders: FloatArray, rng: np.random.Generator, density: float) -> ComplexArray:
-    """Return a smooth random curve of unit variance, complex."""
-    count = 6
-    rate = rng.uniform(0, 2 * np.pi * density, count)
-    size = (rng.normal(size=count) + 1j * rng.normal(size=count)) / np.sqrt(count)
-    return np.asarray(np.cos(np.outer(orders, rate) + rng.uniform(0, 2 * np.pi, count)) @ size)
-
-
-def _with_strange_lines(measured: _Measured, rng: np.random.Generator) -> _Measured:
-    """Let lines of something else, a bearing or the mains, fall on a few lines of the machine."""
-    channels, orders = measured.amplitude.shape
-    place = rng.integers(0, orders, int(rng.integers(1, 6)))
-    typical = np.sqrt(np.median(np.abs(measured.amplitude) ** 2, axis=1))
-    size = log_uniform(rng, 1.0, 20.0) * typical
-    phase = np.exp(2j * np.pi * rng.uniform(size=(channels, len(place))))
-    amplitude = measured.amplitude.copy()
-    amplitude[:, place] += size[:, None] * phase
-    return measured._replace(amplitude=amplitude)
