@@ -13,7 +13,7 @@ from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from functools import lru_cache, partial
@@ -157,41 +157,34 @@ def in_processes(jobs: Sequence[Job], task: Task = analysed) -> Iterator[Outcome
     while waiting or suspects:
         # who was at work when a process died is given one to itself, to see which it was
         queue, width = (suspects, 1) if suspects else (waiting, cores())
-        died = yield from _until_broken(queue, task, width)
-        barren = 0 if died else barren + 1
+        running: dict[futures.Future[Outcome], Job] = {}
+        # not forked: threads that deliver alarms may run
+        pool = futures.ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core)
+        try:
+            with suppress(BrokenProcessPool):
+                if width == 1:
+                    # a process that is killed as it begins says nothing of the recording
+                    pool.submit(os.getpid).result()
+                while queue or running:
+                    # one more than there are processes: none waits, and memory stays flat
+                    while queue and len(running) < width + (width > 1):
+                        future = pool.submit(task, queue[0])
+                        running[future] = queue.popleft()
+                    for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
+                        yield future.result()
+                        del running[future]
+        finally:
+            pool.shutdown(cancel_futures=True)
+        barren = 0 if running else barren + 1
         if barren > _BARREN:
             told = f"{barren} processes were killed before they could begin; free memory"
             raise ArgumentError(f"{told}, and run again to go on")
-        for job in died:
+        for job in running.values():
             deaths[job.path] += 1
             if deaths[job.path] > _FORGIVEN:
                 yield Outcome(job=job, why=_KILLED)
             else:
                 suspects.append(job)
-
-
-def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcome, None, list[Job]]:
-    """Work through a queue; return what was at work when a process died."""
-    running: dict[futures.Future[Outcome], Job] = {}
-    # not forked: threads that deliver alarms may run
-    pool = futures.ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core)
-    try:
-        if width == 1:
-            # a process that is killed as it begins says nothing of the recording
-            pool.submit(os.getpid).result()
-        while queue or running:
-            # one more than there are processes: none waits, and memory stays flat
-            while queue and len(running) < width + (width > 1):
-                future = pool.submit(task, queue[0])
-                running[future] = queue.popleft()
-            for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
-                yield future.result()
-                del running[future]
-    except BrokenProcessPool:
-        return list(running.values())
-    finally:
-        pool.shutdown(cancel_futures=True)
-    return []
 
 
 def on_dask(
@@ -230,30 +223,29 @@ def on_dask(
             workers = len(client.scheduler_info(n_workers=-1)["workers"])
             share = -(-len(jobs) // (4 * max(1, workers)))
             size = min(max(share, _BATCH[0]), _BATCH[1])
-            batches = deque(jobs[n : n + size] for n in range(0, len(jobs), size))
-            running: dict[Any, Sequence[Job]] = {}
-            suspects, alone = deque[Sequence[Job]](), None
-            while batches or running or suspects:
-                if not batches and not running:
-                    # with nothing else at work, nobody dies for another's fault
-                    alone = suspects.popleft()
-                    batches.append(alone)
-                while batches:
-                    batch = batches.popleft()
-                    running[client.submit(_batch, batch, task, pure=False)] = batch
-                done = wait_for([*running], patience_s, "FIRST_COMPLETED").done
-                for future in done:
-                    batch, error = running.pop(future), future.exception()
-                    if error is None:
-                        yield from future.result()
-                    elif not isinstance(error, KilledWorker):
-                        raise error
-                    elif batch is alone:
-                        yield Outcome(job=batch[0], why=_KILLED)
-                    elif len(batch) == 1:
-                        suspects.append(batch)
-                    else:  # the scheduler has tried it on several workers: which one is it?
-                        batches.extend([one] for one in batch)
+
+            def worked(batches: Sequence[Sequence[Job]]) -> Generator[Outcome, None, list[Job]]:
+                """Work through batches; return the jobs of those that workers died of."""
+                running = {client.submit(_batch, own, task, pure=False): own for own in batches}
+                lost: list[Job] = []
+                while running:
+                    for future in wait_for([*running], patience_s, "FIRST_COMPLETED").done:
+                        batch, error = running.pop(future), future.exception()
+                        if isinstance(error, KilledWorker):
+                            lost += batch
+                        elif error is not None:
+                            raise error
+                        else:
+                            yield from future.result()
+                return lost
+
+            lost = yield from worked([jobs[n : n + size] for n in range(0, len(jobs), size)])
+            # the scheduler has tried a batch on several workers: which one of it was it?
+            lost = yield from worked([[job] for job in lost])
+            for job in lost:
+                # with nothing else at work, nobody dies for another's fault
+                if (yield from worked([[job]])):
+                    yield Outcome(job=job, why=_KILLED)
     except TimeoutError:
         told = f"--scheduler {scheduler}: does not answer, or did nothing for {patience_s:g} s"
         raise ArgumentError(f"{told}; run again to go on") from None
