@@ -216,21 +216,19 @@ def write_results(fleet: Fleet) -> list[Path]:
     written: list[Path] = []
     there = (_FILE.fullmatch(path.name) for path in fleet.results.iterdir())
     last = max((int(own[1]) for own in there if own), default=0)
-    while rows := _results(fleet, last):
-        first, last = rows[0]["ledger_id"], rows[-1]["ledger_id"]
+    # a state that is none is damage, and said to be
+    new = "state NOT IN ('failed', 'being written') AND id > ? ORDER BY id LIMIT ?"
+    while True:
+        with histories.opened(fleet.store, create=False) as store:
+            rows = recorded(store, new, (last, _ROWS))
+        if not rows:
+            return written
+        told = [r | {"ledger_id": r["id"]} | histories.largest_loss(r["places"]) for r in rows]
+        first, last = rows[0]["id"], rows[-1]["id"]
         target = fleet.results / f"{first:012d}-{last:012d}.parquet"
         with replacing(target) as temporary:
-            pq.write_table(pa.Table.from_pylist(rows, schema), temporary, compression="zstd")
+            pq.write_table(pa.Table.from_pylist(told, schema), temporary, compression="zstd")
         written.append(target)
-    return written
-
-
-def _results(fleet: Fleet, after: int) -> list[dict[str, Any]]:
-    with histories.opened(fleet.store, create=False) as store:
-        # a state that is none is damage, and said to be
-        new = "state NOT IN ('failed', 'being written') AND id > ? ORDER BY id LIMIT ?"
-        rows = recorded(store, new, (after, _ROWS))
-    return [row | {"ledger_id": row["id"]} | histories.largest_loss(row["places"]) for row in rows]
 
 
 def renew(fleet: Fleet) -> None:

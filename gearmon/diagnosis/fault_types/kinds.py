@@ -204,8 +204,16 @@ def kind_features(
     own = np.array(
         [(*_levels(groups, g, sidebands.get(g)), *_shape(energies.get(g, still))) for g in ranked]
     )
+    # for contrast, "mate_near_db" to "elsewhere_mesh_db": the most that other gears show
+    stage, shaft = np.array([(gear[0], shafts.get(gear, 0)) for gear in ranked]).T
+    others, mates = ~np.eye(len(ranked), dtype=bool), stage[:, None] == stage
+    coupled = ~mates & (shaft[:, None] == shaft) & (shaft > 0)
+    names = ("near_db", "far_db", "peak_db", "near_db", "mesh_rms_db")
+    among = np.stack([mates & others, mates & others, others, coupled, ~mates])
+    column = own[:, [NAMES.index(name) for name in names]].T
+    shown = np.where(among, column[:, None], -np.inf).max(axis=2).T
     overall = np.full(len(own), _rms(moved_db if len(moved_db) else still))
-    values = np.column_stack([own, _others(own, ranked, shafts), overall])
+    values = np.column_stack([own, np.where(np.isfinite(shown), shown, 0.0), overall])
     return FeatureVector(gears=ranked, values=values)
 
 
@@ -270,18 +278,6 @@ def _shape(energy: FloatArray) -> tuple[float, ...]:
     share, spread = np.max(window) / total, np.log2(total**2 / np.sum(excess**2))
     around = np.abs(turns @ excess) / total
     return *peaks, share, spread, np.count_nonzero(maxima >= least), *around
-
-
-def _others(own: FloatArray, gears: Sequence[_Gear], shafts: Mapping[_Gear, int]) -> FloatArray:
-    """Return what the other gears show, for contrast, "mate_near_db" to "elsewhere_mesh_db"."""
-    stage, shaft = np.array([(gear[0], shafts.get(gear, 0)) for gear in gears]).T
-    others, mates = ~np.eye(len(gears), dtype=bool), stage[:, None] == stage
-    coupled = ~mates & (shaft[:, None] == shaft) & (shaft > 0)
-    names = ("near_db", "far_db", "peak_db", "near_db", "mesh_rms_db")
-    among = np.stack([mates & others, mates & others, others, coupled, ~mates])
-    column = own[:, [NAMES.index(name) for name in names]].T
-    shown = np.where(among, column[:, None], -np.inf).max(axis=2)
-    return np.where(np.isfinite(shown), shown, 0.0).T
 
 
 def _rms(values: FloatArray, weight: FloatArray | None = None) -> float:
@@ -598,13 +594,13 @@ def features(
 
     several = [analyses] if isinstance(analyses, Analysis) else analyses
     check_type("analyses", several, Iterable, "what gearmon.analyse returns, or several of it")
-    frames = []
+    index, values = [], []
     for analysis in several:
         check_type("analyses", analysis, Analysis, "what gearmon.analyse returns")
         found = analysis_features(analysis, reference)
-        rows = [(analysis.recording, stage, gear) for stage, gear in found.gears]
-        index = pd.MultiIndex.from_tuples(rows, names=["recording", "stage", "gear"])
-        frames.append(pd.DataFrame(found.values, index=index, columns=list(NAMES)))
-    if not frames:
+        index += [(analysis.recording, *gear) for gear in found.gears]
+        values.append(found.values)
+    if not values:
         raise ArgumentError("analyses: none is given; features need at least one")
-    return pd.concat(frames)
+    rows = pd.MultiIndex.from_tuples(index, names=["recording", "stage", "gear"])
+    return pd.DataFrame(np.concatenate(values), index=rows, columns=list(NAMES))

@@ -498,18 +498,6 @@ class Fits:
         least = 1.0 if self.series.sigma_known else 0.0
         return max(float(self.left.min()) / max(1, self.freedom), least)
 
-    @property
-    def chance(self) -> FloatArray:
-        """Chance of each fit of all courses, where every time is as likely beforehand."""
-        steps, places = self.places[self.courses == 0], self.places[self.courses == 1]
-        # places stand closer together where recordings do
-        width = [np.gradient(steps), np.tile(np.gradient(places), len(GROWTHS))]
-        # of what fits to the last digit nothing is left to divide by
-        variance = max(self.variance, 1e-12 * self.left.max(), _TINY)
-        told = np.exp(-0.5 * (self.left - self.left.min()) / variance)
-        chance = CHANCES[self.courses] * told * np.concatenate(width)
-        return np.asarray(chance / chance.sum())
-
     def at(
         self, time_s: FloatArray, which: IntArray, weights: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
@@ -592,7 +580,14 @@ def _timed(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -
     times, fits = series.time_s, Fits.of(series, tuple(others), bent=True)
     if fits.freedom < 1:
         return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
-    chance, steps = fits.chance, fits.courses == 0
+    steps, begun = fits.courses == 0, fits.places[fits.courses == 1]
+    # every time is as likely beforehand, and places stand closer together where recordings do
+    width = [np.gradient(fits.places[steps]), np.tile(np.gradient(begun), len(GROWTHS))]
+    # of what fits to the last digit nothing is left to divide by
+    variance = max(fits.variance, 1e-12 * fits.left.max(), _TINY)
+    likely = np.exp(-0.5 * (fits.left - fits.left.min()) / variance)
+    chance = CHANCES[fits.courses] * likely * np.concatenate(width)
+    chance /= chance.sum()
     # a step is one anywhere between the recordings on its two sides
     later = np.searchsorted(times, fits.places)
     low = np.where(steps, times[later - 1], fits.places)

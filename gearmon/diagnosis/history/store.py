@@ -241,16 +241,14 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
         try:
             if len(rows) != known.get(name, 0):
                 raise ValueError(f"recordings of {name!r} are missing")
-            entries = tuple(map(_entry, rows))
+            entries = []
+            for told in map(sound, rows):
+                places = tuple(Place(**own) for own in json.loads(told["places"]))
+                parts = {"findings": tuple(json.loads(told["findings"])), "places": places}
+                entries.append(Entry(**told | parts))
         except (ArgumentError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise _damaged(Path(path), "is a damaged history file", error) from None
-    return History(machine=name, entries=entries)
-
-
-def _entry(row: sqlite3.Row) -> Entry:
-    told = sound(row)
-    places = tuple(Place(**own) for own in json.loads(told["places"]))
-    return Entry(**told | {"findings": tuple(json.loads(told["findings"])), "places": places})
+    return History(machine=name, entries=tuple(entries))
 
 
 @contextmanager
