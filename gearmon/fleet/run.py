@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import logging
-import math
 import os
 import tempfile
 import time
@@ -28,12 +27,12 @@ from gearmon.errors import ArgumentError, GearmonError
 from gearmon.fleet.ledger import Outcome, alarms, counts, deliver, keep, known, renew, write_results
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
 from gearmon.machine import Machine, load_machine
+from gearmon.signals.recording import Recording, free_bytes, read_recording
 from gearmon.signals.threads import THREADS, alone_on_a_core, cores
+from gearmon.signatures.measured.reference import Reference, read_reference
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.results import Analysis
-    from gearmon.signals.recording import Recording
-    from gearmon.signatures.measured.reference import Reference
 
 Task = Callable[[Job], Outcome]
 #: Deaths of its process that a recording is forgiven: whoever kills processes at random (the
@@ -54,7 +53,7 @@ _CONNECT_S = 20.0
 
 def analysed(job: Job) -> Outcome:
     """Analyse a recording; whatever is wrong with it stands in the outcome."""
-    if job.size * _GROWS > (free := _free_memory()) / (os.cpu_count() or 1):
+    if job.size * _GROWS > (free := free_bytes()) / (os.cpu_count() or 1):
         told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"
         told += f" ({free / 1e9:.1f} GB free for {os.cpu_count()} processes)"
         return Outcome(job=job, why=f"{told}; make shorter recordings")
@@ -76,15 +75,6 @@ def analysed(job: Job) -> Outcome:
     if growing:
         return Outcome(job=job, growing=True)
     return Outcome(job=job, hash=digest, entry=entry, indicators=analysis.indicators)
-
-
-def _free_memory() -> float:
-    """Return how much memory may be taken [bytes]; without end where that is not told."""
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-    except OSError:
-        return math.inf
-    return next((1024.0 * int(own.split()[1]) for own in lines if "Available" in own), math.inf)
 
 
 @contextmanager
@@ -112,7 +102,6 @@ def judged(
 ) -> tuple[Analysis, Recording, Reference | None, Machine]:
     """Analyse a recording, of which a file here is a copy; return what it was judged by as well."""
     from gearmon.diagnosis.analysis import analyse
-    from gearmon.signals.recording import read_recording
 
     files = (own.file, *([own.reference] if own.reference else []))
     machine, reference = _read(files, tuple(map(_state, files)))
@@ -126,8 +115,6 @@ def judged(
 @lru_cache(maxsize=8)
 def _read(files: tuple[str, ...], _states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
     """Read machine file and reference, again only if they were written to."""
-    from gearmon.signatures.measured.reference import read_reference
-
     return load_machine(files[0]), read_reference(files[1]) if len(files) > 1 else None
 
 
