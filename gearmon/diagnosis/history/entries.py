@@ -207,11 +207,22 @@ class History:
         ArgumentError
             If there is one of the same time and `replace` is false.
         """
-        known = {one.time_s: one for one in self.entries}
-        if entry.time_s in known and not replace:
-            raise duplicate_time(entry, known[entry.time_s].recording)
-        entries = known | {entry.time_s: entry}
+        if not replace:
+            self.check_new(entry.recording, entry.time_s)
+        entries = {one.time_s: one for one in self.entries} | {entry.time_s: entry}
         return History(machine=self.machine, entries=tuple(entries[t] for t in sorted(entries)))
+
+    def check_new(self, recording: str, time_s: float) -> None:
+        """Refuse a recording if there is one of the same time.
+
+        Raises
+        ------
+        ArgumentError
+            If there is.
+        """
+        for entry in self.entries:
+            if entry.time_s == time_s:
+                raise duplicate_time(recording, self.machine, time_s, entry.recording)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one row a recording, gear and tooth."""
@@ -234,11 +245,12 @@ ENTRY = tuple(f.name for f in fields(Entry) if f.name not in ("findings", "place
 PLACE = tuple(f.name for f in fields(Place))
 
 
-def duplicate_time(entry: Entry, known: str) -> ArgumentError:
+def duplicate_time(recording: str, machine: str, time_s: float, known: str) -> ArgumentError:
     """Say that a recording of the same time is known already, and what to do."""
     return ArgumentError(
-        f"{entry.recording}: the history of {entry.machine or 'this machine'!r} has a recording of "
-        f"{entry.when} already ({known}); replace it explicitly, or give the right time"
+        f"{recording}: the history of {machine or 'this machine'!r} has a recording of "
+        f"{time_text(time_s)} already ({known}); replace it (--replace, replace=True), or give the "
+        "right time"
     )
 
 

@@ -94,7 +94,7 @@ def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool | None =
     known = recording(store, as_text(entry.machine), entry.time_s)
     again = known.get("recording") == as_text(entry.recording)
     if known and not (again if replace is None else replace):
-        raise duplicate_time(entry, known["recording"])
+        raise duplicate_time(entry.recording, entry.machine, entry.time_s, known["recording"])
     places = [{n: x for n, x in vars(own).items() if x is not None} for own in entry.places]
     findings = json.dumps(entry.findings, ensure_ascii=False)
     own = {name: getattr(entry, name) for name in ENTRY} | {"findings": findings}
