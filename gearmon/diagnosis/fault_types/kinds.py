@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import softmax
@@ -189,21 +189,22 @@ def kind_features(
     for name in set(channel.tolist()):
         moved_db[channel == name] -= np.median(moved_db[channel == name])
     moved_db = np.clip(moved_db, -LARGEST_DB, LARGEST_DB)
-    members: dict[tuple[str, int, str], list[tuple[float, float, int]]] = {}
-    for change, own_db in zip(changes, moved_db.tolist(), strict=True):
-        row = (own_db, 1.0 / (change.scatter_db**2 + 1.0), change.harmonic)
-        members.setdefault((change.kind, change.stage, change.gear), []).append(row)
-    groups = {key: _Group(*np.array(rows, dtype=float).T) for key, rows in members.items()}
+    groups = _grouped(changes, moved_db)
     shafts = {(c.stage, c.gear): c.shaft for c in changes if c.shaft is not None and c.gear}
     gears = {key[1:] for key in groups if key[0] != "mesh"} | sidebands.keys() | energies.keys()
     gears |= {(stage, "") for _, stage, _ in groups if stage not in {own for own, _ in gears}}
     if not gears:
         raise ArgumentError("no change of level and no turn of a gear to tell a kind of fault from")
     ranked = tuple(sorted(gears))
-    still = np.zeros(1)  # what could not be compared
-    own = np.array(
-        [(*_levels(groups, g, sidebands.get(g)), *_shape(energies.get(g, still))) for g in ranked]
-    )
+    rows, still = [], np.zeros(1)  # what could not be compared
+    for gear in ranked:
+        keys = ("mesh", gear[0], ""), ("sidebands", *gear), ("residual", *gear)
+        mesh, near, far = (groups.get(key, _UNCHANGED) for key in keys)
+        single = np.clip(sidebands.get(gear, [near[0]] * 4), -LARGEST_DB, LARGEST_DB)
+        turns = *single[:3], single[3:].mean(), gear in sidebands
+        beside = near[0], near[2], far[0], far[2], *turns
+        rows.append([*mesh, *beside, *_shape(energies.get(gear, still))])
+    own = np.array(rows, dtype=np.float64)
     # for contrast, "mate_near_db" to "elsewhere_mesh_db": the most that other gears show
     stage, shaft = np.array([(gear[0], shafts.get(gear, 0)) for gear in ranked]).T
     others, mates = ~np.eye(len(ranked), dtype=bool), stage[:, None] == stage
@@ -212,44 +213,38 @@ def kind_features(
     among = np.stack([mates & others, mates & others, others, coupled, ~mates])
     column = own[:, [NAMES.index(name) for name in names]].T
     shown = np.where(among, column[:, None], -np.inf).max(axis=2).T
-    overall = np.full(len(own), _rms(moved_db if len(moved_db) else still))
+    overall = np.full(len(own), np.sqrt(np.mean((moved_db if len(moved_db) else still) ** 2)))
     values = np.column_stack([own, np.where(np.isfinite(shown), shown, 0.0), overall])
     return FeatureVector(gears=ranked, values=values)
 
 
-class _Group(NamedTuple):
-    """Changes of one kind of family about one gear, over channels and harmonics."""
+def _grouped(
+    changes: Sequence[Change], moved_db: FloatArray
+) -> dict[tuple[str, int, str], tuple[float, float, float, float]]:
+    """Condense changes by kind of family, stage and gear, over channels and harmonics.
 
-    change: FloatArray
-    weight: FloatArray
-    harmonic: FloatArray
+    To their weighted mean, that of the first harmonic, the slope over log2 of the harmonic (0 where
+    there is only one), and their root mean square.
+    """
+    members: dict[tuple[str, int, str], list[int]] = {}
+    for place, change in enumerate(changes):
+        members.setdefault((change.kind, change.stage, change.gear), []).append(place)
+    every = 1.0 / (np.array([change.scatter_db for change in changes]) ** 2 + 1.0)
+    octaves, found = np.log2([change.harmonic for change in changes]), {}
+    for key, own in members.items():
+        octave, moved, weight = octaves[own], moved_db[own], every[own]
+        first = octave == octave.min()
+        spread, product = np.cov(octave, moved, aweights=weight, ddof=0)[0]
+        found[key] = (
+            float(np.average(moved, weights=weight)),
+            float(np.average(moved[first], weights=weight[first])),
+            float(product / spread) if spread >= 1e-9 else 0.0,
+            float(np.sqrt(np.average(moved**2, weights=weight))),
+        )
+    return found
 
-    @property
-    def mean(self) -> float:
-        return float(np.average(self.change, weights=self.weight))
 
-    @property
-    def slope(self) -> float:
-        """Weighted least-squares slope over log2 of the harmonic; 0 where there is only one."""
-        octave = np.log2(self.harmonic)
-        spread, product = np.cov(octave, self.change, aweights=self.weight, ddof=0)[0]
-        return float(product / spread) if spread >= 1e-9 else 0.0
-
-
-_UNCHANGED = _Group(np.zeros(1), np.ones(1), np.ones(1))
-
-
-def _levels(
-    groups: Mapping[tuple[str, int, str], _Group], gear: _Gear, single: FloatArray | None
-) -> tuple[float, ...]:
-    """Return changes of the mesh of a gear, of its sidebands, and of all that is farther away."""
-    mesh = groups.get(("mesh", gear[0], ""), _UNCHANGED)
-    near, far = (groups.get((kind, *gear), _UNCHANGED) for kind in ("sidebands", "residual"))
-    first = _Group(*(part[mesh.harmonic == mesh.harmonic.min()] for part in mesh))
-    moved = np.clip([near.mean] * 4 if single is None else single, -LARGEST_DB, LARGEST_DB)
-    of_mesh = mesh.mean, first.mean, mesh.slope, _rms(mesh.change, mesh.weight)
-    beside = near.mean, near.slope, far.mean, far.slope, *moved[:3].tolist()
-    return *of_mesh, *beside, float(moved[3:].mean()), float(single is not None)
+_UNCHANGED = (0.0,) * 4
 
 
 def _shape(energy: FloatArray) -> tuple[float, ...]:
@@ -278,10 +273,6 @@ def _shape(energy: FloatArray) -> tuple[float, ...]:
     share, spread = np.max(window) / total, np.log2(total**2 / np.sum(excess**2))
     around = np.abs(turns @ excess) / total
     return *peaks, share, spread, np.count_nonzero(maxima >= least), *around
-
-
-def _rms(values: FloatArray, weight: FloatArray | None = None) -> float:
-    return float(np.sqrt(np.average(values**2, weights=weight)))
 
 
 @dataclass(frozen=True, kw_only=True)
