@@ -310,8 +310,9 @@ def run_fleet(
     again : bool
         Whether those that failed, or were analysed by another version, are analysed once more.
     before : dict, optional
-        What `_seen` said a while ago; by default it is found out, which takes `SETTLED_S` if files
-        were written to so lately.
+        How large recordings were a while ago, and when they had changed, by path: two looks tell
+        which are settled. By default it is found out, which takes `SETTLED_S` if files were written
+        to so lately.
     progress : callable, optional
         Called with the share done, 0 to 1.
 
@@ -328,7 +329,7 @@ def run_fleet(
     with _alone(fleet):
         jobs, refused = arrived(fleet)
         if before is None:
-            before = _seen(jobs)
+            before = {job.path: job.state for job in jobs}
             # written to lately, or the clock has jumped back since
             written_s = [int(job.changed) / 1e9 for job in jobs if job.changed.isdecimal()]
             if written_s and time.time() - max(written_s) < SETTLED_S:
@@ -356,11 +357,6 @@ def run_fleet(
         growing=tuple(path for path, what in told.items() if what == "being written"),
         results=results,
     )
-
-
-def _seen(jobs: Sequence[Job]) -> dict[str, Any]:
-    """Return how large recordings are and when they changed: two looks tell which are settled."""
-    return {job.path: job.state for job in jobs}
 
 
 @contextmanager
@@ -406,7 +402,7 @@ def watch_fleet(
     with futures.ThreadPoolExecutor(1, "alarms") as thread:
         while rounds > 0:
             rounds -= 1
-            seen = _seen(arrived(fleet)[0])
+            seen = {job.path: job.state for job in arrived(fleet)[0]}
             run = run_fleet(fleet, engine, before=before)
             before = seen
             if run.done or run.failed:

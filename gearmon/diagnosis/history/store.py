@@ -90,8 +90,21 @@ def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool | None =
 
     Where `replace` is None it may take the place of what the same recording said before.
     """
-    _check_teeth(store, entry)
-    known = recording(store, as_text(entry.machine), entry.time_s)
+    machine = as_text(entry.machine)
+    for stage, gear, teeth in {(p.stage, p.gear, p.teeth) for p in entry.places if p.teeth}:
+        # one tells for all, which were held against each other when they came
+        other = store.execute(
+            "SELECT json_extract(value, '$.teeth') AS teeth FROM recordings, json_each(places) "
+            "WHERE machine = ? AND json_extract(value, '$.stage') = ? "
+            "AND json_extract(value, '$.gear') = ? AND teeth IS NOT NULL LIMIT 1",
+            (machine, stage, gear),
+        ).fetchone()
+        if other is not None and other[0] != teeth:  # another machine under the same name
+            raise ArgumentError(
+                f"{entry.recording}: the {gear} of stage {stage} has {teeth} teeth, and {other[0]} "
+                f"in the history of {entry.machine!r}; another machine needs another name"
+            )
+    known = recording(store, machine, entry.time_s)
     again = known.get("recording") == as_text(entry.recording)
     if known and not (again if replace is None else replace):
         raise duplicate_time(entry.recording, entry.machine, entry.time_s, known["recording"])
@@ -172,24 +185,6 @@ def sound(row: sqlite3.Row) -> dict[str, Any]:
     if row["checksum"] != _mark(told):
         raise ValueError("a row is not what was written")
     return told
-
-
-def _check_teeth(store: sqlite3.Connection, entry: Entry) -> None:
-    """Refuse gears whose teeth have changed: it is another machine under the same name."""
-    for place in {(p.stage, p.gear, p.teeth) for p in entry.places if p.teeth is not None}:
-        # one tells for all, which were held against each other when they came
-        other = store.execute(
-            "SELECT json_extract(value, '$.teeth') AS teeth FROM recordings, json_each(places) "
-            "WHERE machine = ? AND json_extract(value, '$.stage') = ? "
-            "AND json_extract(value, '$.gear') = ? AND teeth IS NOT NULL LIMIT 1",
-            (as_text(entry.machine), *place[:2]),
-        ).fetchone()
-        if other is not None and other[0] != place[2]:
-            raise ArgumentError(
-                f"{entry.recording}: the {place[1]} of stage {place[0]} has {place[2]} teeth, and "
-                f"{other[0]} in the history of {entry.machine!r}; another machine needs another "
-                "name"
-            )
 
 
 def as_text(name: str) -> str:
