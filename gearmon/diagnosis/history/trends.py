@@ -23,7 +23,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.special import bdtrc, ndtri, ndtri_exp, stdtrit
+from scipy.special import bdtrc, ndtri_exp, stdtrit
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.diagnosis.history.changes import (
@@ -215,7 +215,7 @@ class Trend:
     @property
     def _most(self) -> float:
         """How many times larger all values may be, or smaller, by what they share."""
-        return math.exp(float(ndtri(0.5 + 0.5 * LEVEL)) * self.common)
+        return math.exp(HALF_OF_90 * self.common)
 
     def _allowed(
         self, times: FloatArray, weights: FloatArray | None = None
