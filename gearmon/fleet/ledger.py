@@ -179,8 +179,7 @@ def recorded(store: Connection, where: str, values: Sequence[Any]) -> list[dict[
         If a row is not what was written.
     """
     rows, asked = [], f"SELECT * FROM ledger WHERE {where}"  # noqa: S608 - ours
-    for row in store.execute(asked, values).fetchall():
-        own = histories.sound(row) | {"id": row["id"]}
+    for own in histories.rows(store, asked, values):
         kept: dict[str, Any] = dict.fromkeys(ENTRY) | {"findings": "[]", "places": "[]"}
         if own["state"] == "done":
             kept = histories.recording(store, own["machine"], own["time_s"])
@@ -247,7 +246,7 @@ def renew(fleet: Fleet) -> None:
                 for finding, since, until in episodes(rows, *rule)
             }
             asked = "SELECT * FROM alarms WHERE machine = ?"
-            stored = map(histories.sound, store.execute(asked, (machine.name,)).fetchall())
+            stored = histories.rows(store, asked, (machine.name,))
             before = {tuple(row[name] for name in _KEY): row for row in stored}
             # a recording that arrived late has taken them back, or moved their begin
             gone = {key: row for key, row in before.items() if key not in now}
@@ -322,12 +321,9 @@ def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
         acknowledged and told (targets that know of it), among others.
     """
     with histories.opened(fleet.store, create=False) as store:
-        rows = store.execute(
-            "SELECT rowid AS id, * FROM alarms WHERE machine = coalesce(?, machine) "
-            "ORDER BY since_s DESC, machine, class, finding",
-            (machine,),
-        ).fetchall()
-        found = [histories.sound(row) | {"id": row["id"]} for row in rows]
+        asked = "SELECT rowid AS id, * FROM alarms WHERE machine = coalesce(?, machine) "
+        newest_first = "ORDER BY since_s DESC, machine, class, finding"
+        found = histories.rows(store, asked + newest_first, (machine,))
     for own in found:
         until = own.pop("until_s")
         own |= {"since": time_text(own["since_s"]), "acknowledged": bool(own["acknowledged"])}
@@ -386,8 +382,8 @@ def deliver(fleet: Fleet) -> list[str]:
 def _note(fleet: Fleet, number: int, **known: str | int) -> None:
     """Change what an alarm's row says, if there still is one."""
     with writing(fleet) as store:
-        for row in store.execute("SELECT * FROM alarms WHERE rowid = ?", (number,)).fetchall():
-            histories.put(store, "alarms", histories.sound(row) | known)
+        for row in histories.rows(store, "SELECT * FROM alarms WHERE rowid = ?", (number,)):
+            histories.put(store, "alarms", row | known)
 
 
 def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterator[tuple[str, Any]]:

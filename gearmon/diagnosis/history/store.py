@@ -118,8 +118,7 @@ def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool | None =
 def recording(store: sqlite3.Connection, machine: str, time_s: float) -> dict[str, Any]:
     """Return what was `put` of the recording of a machine and time; nothing if there is none."""
     asked = "SELECT * FROM recordings WHERE machine = ? AND time_s = ?"
-    row = store.execute(asked, (machine, time_s)).fetchone()
-    return sound(row) if row else {}
+    return next(iter(rows(store, asked, (machine, time_s))), {})
 
 
 def summarise(store: sqlite3.Connection, machines: Iterable[str]) -> None:
@@ -169,9 +168,8 @@ def read_latest(path: str | Path) -> list[dict[str, Any]]:
         If there is no such file, or it is damaged, of another program or of another version.
     """
     with opened(Path(path), create=False) as store:
-        rows = map(sound, store.execute("SELECT * FROM latest ORDER BY machine").fetchall())
-        listed = ("findings", "scores")
-        return [row | {name: json.loads(row[name]) for name in listed} for row in rows]
+        told, listed = rows(store, "SELECT * FROM latest ORDER BY machine"), ("findings", "scores")
+        return [row | {name: json.loads(row[name]) for name in listed} for row in told]
 
 
 def _mark(told: Mapping[str, Any]) -> str:
@@ -179,12 +177,15 @@ def _mark(told: Mapping[str, Any]) -> str:
     return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
-def sound(row: sqlite3.Row) -> dict[str, Any]:
-    """Return what was `put`; raise ValueError if it is not what was written."""
-    told = {name: x for name, x in dict(row).items() if name not in _UNGUARDED}
-    if row["checksum"] != _mark(told):
-        raise ValueError("a row is not what was written")
-    return told
+def rows(store: sqlite3.Connection, asked: str, values: Sequence[Any] = ()) -> list[dict[str, Any]]:
+    """Return rows as they were `put`, and their `id`; raise ValueError if one is not."""
+    found = []
+    for row in map(dict, store.execute(asked, values).fetchall()):
+        told = {name: value for name, value in row.items() if name not in _UNGUARDED}
+        if row["checksum"] != _mark(told):
+            raise ValueError("a row is not what was written")
+        found.append(told | ({"id": row["id"]} if "id" in row else {}))
+    return found
 
 
 def as_text(name: str) -> str:
@@ -232,12 +233,11 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
             raise ArgumentError(f"{path}: name one of its machines: {listed}")
         name = as_text(machine if machine is not None else next(iter(known)))
         asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
-        rows = store.execute(asked, (name,)).fetchall()
+        found, entries = rows(store, asked, (name,)), []
         try:
-            if len(rows) != known.get(name, 0):
+            if len(found) != known.get(name, 0):
                 raise ValueError(f"recordings of {name!r} are missing")
-            entries = []
-            for told in map(sound, rows):
+            for told in found:
                 places = tuple(Place(**own) for own in json.loads(told["places"]))
                 parts = {"findings": tuple(json.loads(told["findings"])), "places": places}
                 entries.append(Entry(**told | parts))
