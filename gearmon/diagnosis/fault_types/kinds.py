@@ -380,51 +380,25 @@ def rule_probabilities(
     dict of str to float
         Of every kind of `KINDS`; they sum to 1.
     """
-    weights = _of_teeth(row, spread) | _of_lines(row, spread is not None)
-    shares = softmax(np.array([weights[kind] for kind in KINDS]) / _SOFTNESS_DB)
-    return dict(zip(KINDS, shares.tolist(), strict=True))
-
-
-def _of_teeth(row: Mapping[str, float], spread: DepartureSpread | None) -> dict[str, float]:
-    """Return what speaks for damage of one tooth, and of several [dB]."""
-    if spread is None:
-        peak = min(row["peak_db"] - USUAL_PEAK_DB, 12.0)
-        # in a short turn two teeth are a large share: spread over half of the teeth is no event
-        wide = 4.0 * max(row["teeth_involved"] - 3.0, 0.0)
-        alone = row["peaks"] <= 1
-        return {
-            "tooth damage": peak - (0.0 if alone else 5.0) - wide,
-            "several teeth": peak - (5.0 if alone else 0.0) - 0.5 * wide,
-        }
-    one = min(max(spread.one_tooth, 1e-9), 1.0 - 1e-9)
-    odds_db = 10.0 * float(np.log10(one / (1.0 - one)))
-    share = spread.teeth_involved / len(spread.by_tooth)
-    height = min(row["peak_db"] - USUAL_PEAK_DB, 5.0)
-    return {
-        "tooth damage": float(np.clip(odds_db, -_SURE_DB, _SURE_DB)),
-        "several teeth": min(-odds_db, 6.0) + 2.0 * height + 16.0 * (0.5 - share),
-    }
-
-
-def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
-    """Return for other kinds what speaks for each less what it leaves unexplained [dB].
-
-    Parameters
-    ----------
-    row : mapping of str to float
-    seen : bool
-        Whether it is known by other means how far one tooth is the cause.
-    """
     far, once = row["far_db"], row["once_db"]
-    if row["turns_known"] > 0:
-        twice, thrice, several = row["twice_db"], row["thrice_db"], row["several_db"]
-    else:
+    twice, thrice, several = row["twice_db"], row["thrice_db"], row["several_db"]
+    if row["turns_known"] <= 0:
         # where single sidebands are not known the nearest are taken to lead, the rest to follow
         twice, thrice, several = row["near_db"] - 3.0, far, far
-    event = wide = 0.0
-    if not seen:
-        event = min(max(row["peak_db"] - USUAL_PEAK_DB, 0.0), _SURE_DB)
+    peak, alone = row["peak_db"] - USUAL_PEAK_DB, row["peaks"] <= 1
+    if spread is None:
+        event = min(max(peak, 0.0), _SURE_DB)
+        # in a short turn two teeth are a large share: spread over half of the teeth is no event
         wide = 2.0 * max(row["teeth_involved"] - 3.0, 0.0)
+        one_tooth = min(peak, _SURE_DB) - (0.0 if alone else 5.0) - 2.0 * wide
+        teeth = min(peak, _SURE_DB) - (5.0 if alone else 0.0) - wide
+    else:
+        # it is known by other means how far one tooth is the cause
+        one, event, wide = min(max(spread.one_tooth, 1e-9), 1.0 - 1e-9), 0.0, 0.0
+        odds_db = 10.0 * float(np.log10(one / (1.0 - one)))
+        share = spread.teeth_involved / len(spread.by_tooth)
+        one_tooth = float(np.clip(odds_db, -_SURE_DB, _SURE_DB))
+        teeth = min(-odds_db, 6.0) + 2.0 * min(peak, 5.0) + 16.0 * (0.5 - share)
     pitted = far - USUAL_DB
     # what changes smoothly over the turn does not reach the farther lines
     rough = _ROUGH * max(pitted, 0.0) + event
@@ -433,7 +407,10 @@ def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
     lasting = max(several - max(once - _DECAY_DB, 0.0), 0.0)
     loose = min(twice, thrice, several) - 0.7 * max(far, 0.0) + 0.3 * max(row["shaft_near_db"], 0.0)
     unworn = max(once, twice, far, several, 0.0) + event
-    return {
+    # what speaks for each less what it leaves unexplained [dB]
+    weights = {
+        "tooth damage": one_tooth,
+        "several teeth": teeth,
         "distributed pitting": pitted,
         "wear": row["mesh_rms_db"] - USUAL_DB - unworn,
         "eccentricity": once - USUAL_DB - 1.5 * lasting - rough - max(twice - once + 3.0, 0.0),
@@ -441,6 +418,8 @@ def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
         "looseness": loose - USUAL_DB,
         NONE: 0.0,
     }
+    shares = softmax(np.array([weights[kind] for kind in KINDS]) / _SOFTNESS_DB)
+    return dict(zip(KINDS, shares.tolist(), strict=True))
 
 
 def _evidence(kind: str, gear: tuple[int, str], row: Mapping[str, float]) -> tuple[str, ...]:
