@@ -150,12 +150,6 @@ def keep(fleet: Fleet, outcomes: Iterable[Outcome]) -> dict[str, str]:
     return kept
 
 
-def counts(fleet: Fleet) -> dict[str, int]:
-    """Return how many recordings of each state the ledger knows."""
-    with histories.opened(fleet.store, create=False) as store:
-        return dict(map(tuple, store.execute("SELECT state, count(*) FROM ledger GROUP BY state")))
-
-
 def recorded(store: Connection, where: str, values: Sequence[Any]) -> list[dict[str, Any]]:
     """Return rows of the ledger with what the history says of them, checked.
 

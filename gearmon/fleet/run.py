@@ -24,7 +24,7 @@ from gearmon import __version__
 from gearmon.diagnosis.history.entries import entry_of
 from gearmon.diagnosis.history.store import as_text
 from gearmon.errors import ArgumentError, GearmonError
-from gearmon.fleet.ledger import Outcome, alarms, counts, deliver, keep, known, renew, write_results
+from gearmon.fleet.ledger import Outcome, alarms, deliver, keep, known, renew, write_results
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
 from gearmon.machine import Machine, load_machine
 from gearmon.signals.recording import Recording, free_bytes, read_recording
@@ -286,7 +286,7 @@ class Run:
             "analysed": self.done,
             **told,
             "being_written": list(self.growing),
-            "ledger": counts(fleet),
+            "ledger": dict(Counter(sorted(state for _, _, state, _ in known(fleet).values()))),
             "alarms": current,
             "results": [str(path) for path in self.results],
         }

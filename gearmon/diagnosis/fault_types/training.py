@@ -365,8 +365,7 @@ def _gear_lines(place: MeshPlace, wheel: WheelLines, sound: ComplexArray) -> Gea
 
 def _on(lines: ComplexArray, number: IntArray) -> ComplexArray:
     """Return lines by their numbers, 0 where there is none."""
-    known = number < len(lines)
-    return np.asarray(np.where(known, lines[np.where(known, number, 0)], 0.0))
+    return np.append(lines, 0.0)[np.minimum(number, len(lines))]
 
 
 def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[ComplexArray, FloatArray]:
