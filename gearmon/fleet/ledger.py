@@ -30,7 +30,7 @@ from dataclasses import dataclass, field
 from email.message import EmailMessage
 from pathlib import Path
 from sqlite3 import Connection
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -42,10 +42,6 @@ from gearmon.files import made_folder, replacing
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook, Job
 from gearmon.machine import load_machine
 from gearmon.report.wording import printable
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 #: Of what the Parquet files hold; columns may be added within a version.
 RESULTS_VERSION = 1
@@ -448,11 +444,31 @@ def rank(fleet: Fleet) -> list[dict[str, Any]]:
         if len(told) < FEWEST:
             continue
         course = pd.DataFrame([{"score": r["score"]} | r["indicators"] for r in told])
-        usual = course.groupby([row["class"] for row in told]).transform("median")
-        fault = pd.Series([row["verdict"] == "fault" for row in told])
-        measures = _measures(course - usual, fault)
-        measures.insert(0, "machine", machine.name)
-        rows += json.loads(measures.to_json(orient="records"))
+        course -= course.groupby([row["class"] for row in told]).transform("median")
+        # measured in most recordings, and no constant
+        course = course.loc[:, (course.notna().mean() > 0.5) & (course.nunique() > 1)]
+        count, time = len(told), pd.Series(range(len(told)))
+        parts = course.groupby(time * min(_PARTS, count) // count).median()
+        steps = (parts.diff() > 0).sum() - (parts.diff() < 0).sum()
+        late = pd.Series([row["verdict"] == "fault" for row in told])
+        early = ~late
+        if not (late.any() and early.any()):
+            late, early = time >= 2 * count / 3, time < count / 3
+        known, before = course[late].count(), course[early].count()
+        wins = course.where(late | early).rank()[late].sum() - known * (known + 1) / 2
+        measures = pd.DataFrame(
+            {
+                "recordings": course.count(),
+                "monotonicity": (steps / (len(parts) - 1)).abs(),
+                "trend": course.rank().corrwith(time).abs(),
+                "separation": (2 * wins / (known * before) - 1).abs(),
+                "rises": wins / (known * before) > 0.5,
+            }
+        )
+        clear = measures[["monotonicity", "trend", "separation"]].mean(axis=1)
+        table = measures.assign(clearness=clear).rename_axis("indicator").reset_index()
+        table.insert(0, "machine", machine.name)
+        rows += json.loads(table.to_json(orient="records"))
     return sorted(rows, key=lambda row: -row["clearness"])
 
 
@@ -530,33 +546,3 @@ def compare(fleet: Fleet, machine: FleetMachine | None = None) -> list[dict[str,
     ranked = table.sort_values("probability", kind="stable").reset_index()
     rows: list[Any] = ranked[["machine", *alike[1:], *table]].to_dict("records")
     return rows
-
-
-def _measures(course: pd.DataFrame, fault: pd.Series[bool]) -> pd.DataFrame:
-    """Return a row an indicator that was measured in most recordings and is no constant."""
-    import pandas as pd
-
-    course = course.loc[:, (course.notna().mean() > 0.5) & (course.nunique() > 1)]
-    count = len(course)
-    time = pd.Series(range(count))
-    parts = course.groupby(time * min(_PARTS, count) // count).median()
-    steps = (parts.diff() > 0).sum() - (parts.diff() < 0).sum()
-    trend = course.rank().corrwith(time)
-    if fault.any() and not fault.all():
-        late, early = course[fault], course[~fault]
-    else:
-        late, early = course[time >= 2 * count / 3], course[time < count / 3]
-    ranks = pd.concat([late, early]).rank()
-    wins = ranks.head(len(late)).sum() - late.count() * (late.count() + 1) / 2
-    area = wins / (late.count() * early.count())
-    found = pd.DataFrame(
-        {
-            "recordings": course.count(),
-            "monotonicity": (steps / (len(parts) - 1)).abs(),
-            "trend": trend.abs(),
-            "separation": (2 * area - 1).abs(),
-            "rises": area > 0.5,
-        }
-    )
-    found["clearness"] = found[["monotonicity", "trend", "separation"]].mean(axis=1)
-    return found.rename_axis("indicator").reset_index()
