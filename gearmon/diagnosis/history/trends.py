@@ -376,41 +376,6 @@ def _with_interval(name: str, values: Iterable[float]) -> dict[str, float | None
     return {n: float(x) if np.isfinite(x) else None for n, x in zip(names, values, strict=True)}
 
 
-def own_series(stated: Series) -> tuple[Series, float, float]:
-    """Split the uncertainty of losses into what all recordings share and what each has by itself.
-
-    Parameters
-    ----------
-    stated : Series
-        Losses with their standard deviations.
-
-    Returns
-    -------
-    own : Series
-        With standard deviations of what differs between recordings.
-    common : float
-        Standard deviation, relative to the loss, of what they share.
-    missed : float
-        Loss up to which one may have been missed where none was found; 0 if none was found at all.
-
-    Notes
-    -----
-    No recording is surer of the size than what all share, so the relative uncertainty of the surest
-    is taken for that; it errs to the safe side. Estimates that do not stand clear of zero may have
-    missed a loss as large as the smallest that was found, but hardly one of more than 10 %.
-    """
-    value, sigma = stated.value, stated.sigma
-    clear = value > HALF_OF_90 * sigma
-    if not clear.any():
-        return stated, 0.0, 0.0
-    common = float(np.min(sigma[clear] / value[clear]))
-    own = np.sqrt(np.maximum(sigma**2 - (common * value) ** 2, 0.0))
-    own = np.maximum(own, np.maximum(sigma.min(), _OWN_SHARE * np.abs(value)))
-    missed = min(_MOST_MISSED, float(value[clear].min()))
-    own[~clear] = np.maximum(own[~clear], missed / HALF_OF_90)
-    return replace(stated, sigma=own), common, missed
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HistoryTrends(Result):
     """What a history shows.
@@ -535,16 +500,27 @@ def _tooth_trend(key: _Key, points: _Points, followed: int, limit: float | None)
     """Follow one tooth of so many, or one gear as a whole, through its recordings.
 
     Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
-    Once it has, the trend is fitted with `own_series`, and how it went on is no longer a question
-    of how many teeth there are.
+    Once it has, the trend is fitted with what differs between recordings, and how it went on is no
+    longer a question of how many teeth there are.
     """
     rows = [[time, p.loss, p.loss_sigma, p.loss_low, p.loss_high] for time, p in points]
     time_s, value, sigma, low, high = np.array(rows, dtype=float).T
     stated = Series(time_s=time_s, value=value, sigma=sigma)
-    own, common, missed = own_series(stated)
+    own, common, missed = sigma, 0.0, 0.0
+    found = value > HALF_OF_90 * sigma
+    if found.any():
+        # no recording is surer of the size than what all share: the relative uncertainty of the
+        # surest is taken for that, which errs to the safe side
+        common = float(np.min(sigma[found] / value[found]))
+        own = np.sqrt(np.maximum(sigma**2 - (common * value) ** 2, 0.0))
+        own = np.maximum(own, np.maximum(sigma.min(), _OWN_SHARE * np.abs(value)))
+        # where none was found, one as large as the smallest that was may have been missed, but
+        # hardly one of more than 10 %
+        missed = min(_MOST_MISSED, float(value[found].min()))
+        own[~found] = np.maximum(own[~found], missed / HALF_OF_90)
     trend = fit_trend(stated, below=_LOSS_BELOW / followed)
     if trend.changes:
-        refined = fit_trend(own, below=_LOSS_BELOW)
+        refined = fit_trend(replace(stated, sigma=own), below=_LOSS_BELOW)
         # a loss that came at once may hide behind what could have been missed before it
         trend = refined if refined.changes else trend
     trend = replace(trend, common=common, missed=missed)
