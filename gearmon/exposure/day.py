@@ -28,7 +28,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -330,10 +330,10 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
     told_of = ((e.recording, told) for e in every for told in (*e.advice, *e.warnings))
     # that on the statistics of VDV is said once for the day
     warnings = [f"{name}: {told}" for name, told in told_of if "statistics of VDV" not in told]
-    grown = [_growth(plan, felt, 2)]
+    grown = [_Growth(plan, felt, 2)]
     short = [e for e in every if e.duration_s < LEAST_S[0.5]]
     if plan.position != "hand" and not short:
-        grown.append(_growth(plan, felt, 4))
+        grown.append(_Growth(plan, felt, 4))
     elif plan.position != "hand":
         warnings.append(
             f"{short[0].recording}: {short[0].duration_s:.4g} s are too short for the statistics "
@@ -360,49 +360,42 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
     )
 
 
-class _Growth(NamedTuple):
+class _Growth:
     """How fast a dose grows in each job: the mean p-th power, k included, of the worst axis.
 
     Its standard errors follow from how the recordings of a job differ, of a single one from its
     stretches; NaN where that is not known. Jobs begin and end at `ends_h`; what has been `taken` up
-    until then is the sum of these powers over hours.
+    until then is the sum of these powers over hours. A dose is a mean over `span_h`.
     """
 
-    power: int  # 2: A(8), 4: VDV
-    span_h: float  # over which a dose is a mean; that of VDV is a sum over seconds
-    axis: str
-    mean: FloatArray
-    error: FloatArray
-    ends_h: FloatArray
-    taken: FloatArray
+    def __init__(self, plan: DayPlan, felt: Sequence[Sequence[Exposure]], power: int) -> None:
+        means, errors = [], []
+        for job in felt:
+            sizes = [[a.factor * (a.rms_ms2 if power == 2 else a.vdv) for a in e.axes] for e in job]
+            # VDV is a sum over the recording
+            spans = [1.0 if power == 2 else e.duration_s for e in job]
+            own = np.array(sizes) ** power / np.array(spans)[:, None]
+            scatter = [a.square_scatter if power == 2 else a.fourth_scatter for a in job[0].axes]
+            single = own[0] * np.array(scatter, dtype=np.float64)  # None becomes NaN
+            many = own.std(axis=0, ddof=1) / math.sqrt(len(job)) if len(job) > 1 else single
+            means.append(own.mean(axis=0))
+            errors.append(many)
+        mean, error = np.array(means), np.array(errors)
+        hours = np.array([job.hours for job in plan.jobs])
+        worst, self.axis = slice(None), "vector sum"
+        if plan.position != "hand":
+            most = int(np.argmax(hours @ mean))
+            worst, self.axis = slice(most, most + 1), felt[0][0].axes[most].axis
+        self.error = np.sqrt((error[:, worst] ** 2).sum(axis=1))
+        self.mean = mean[:, worst].sum(axis=1)
+        self.ends_h = np.append(0.0, np.cumsum(hours))
+        self.taken = np.append(0.0, np.cumsum(self.mean * hours))
+        # 2: A(8), 4: VDV, which is a sum over seconds
+        self.power, self.span_h = power, 8.0 if power == 2 else 1 / 3600
 
     def dose(self, taken: FloatArray) -> FloatArray:
         """Return the dose of what has been taken up."""
         return np.asarray((taken / self.span_h) ** (1 / self.power))
-
-
-def _growth(plan: DayPlan, felt: Sequence[Sequence[Exposure]], power: int) -> _Growth:
-    means, errors = [], []
-    for job in felt:
-        sizes = [[a.factor * (a.rms_ms2 if power == 2 else a.vdv) for a in e.axes] for e in job]
-        # VDV is a sum over the recording
-        spans = [1.0 if power == 2 else e.duration_s for e in job]
-        own = np.array(sizes) ** power / np.array(spans)[:, None]
-        scatter = [a.square_scatter if power == 2 else a.fourth_scatter for a in job[0].axes]
-        single = own[0] * np.array(scatter, dtype=np.float64)  # None becomes NaN
-        many = own.std(axis=0, ddof=1) / math.sqrt(len(job)) if len(job) > 1 else single
-        means.append(own.mean(axis=0))
-        errors.append(many)
-    mean, error = np.array(means), np.array(errors)
-    hours = np.array([job.hours for job in plan.jobs])
-    worst, axis = slice(None), "vector sum"
-    if plan.position != "hand":
-        most = int(np.argmax(hours @ mean))
-        worst, axis = slice(most, most + 1), felt[0][0].axes[most].axis
-    error = np.sqrt((error[:, worst] ** 2).sum(axis=1))
-    mean = mean[:, worst].sum(axis=1)
-    ends, taken = (np.append(0.0, np.cumsum(own)) for own in (hours, mean * hours))
-    return _Growth(power, 8.0 if power == 2 else 1 / 3600, axis, mean, error, ends, taken)
 
 
 def _jobs(

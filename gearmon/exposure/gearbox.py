@@ -12,10 +12,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_type
@@ -179,7 +178,7 @@ def gear_share(
     if not signature.found:
         return found
     shaft1_hz = signature.speed.estimated_hz
-    heard = _heard(part, exposure, kinematics(machine), signature)
+    heard = _Heard(part, exposure, kinematics(machine), signature)
     points, notes = _points(machine, heard, shaft1_hz, named)
     lines = []
     for name in dict.fromkeys(heard.names.tolist()):
@@ -197,39 +196,30 @@ def gear_share(
     return replace(found, speed_hz=shaft1_hz, warnings=(*found.warnings, *notes), **told)
 
 
-class _Heard(NamedTuple):
-    """Lines as they were recorded, arrays of the shape (lines,), with axes (axes, lines).
+class _Heard:
+    """Lines of shafts and meshes as they were recorded in the channels of the axes.
 
-    Mean squares are without those of noise: of the acceleration as recorded, and as felt. What is
-    felt in all has the shape (axes,).
+    Arrays of the shape (lines,), with axes (axes, lines). Mean squares are without those of noise:
+    of the acceleration as recorded, and as felt. What is felt in all has the shape (axes,).
     """
 
-    exposure: Exposure
-    felt: FloatArray
-    names: NDArray[np.str_]
-    order: FloatArray
-    frequency_hz: FloatArray
-    square: FloatArray
-    weighted: FloatArray
-    above_noise: FloatArray
-
-
-def _heard(
-    part: Recording, exposure: Exposure, train: Kinematics, signature: MeasuredSignature
-) -> _Heard:
-    """Measure the lines of shafts and meshes in the channels of the axes."""
-    rate, block_turns = part.sampling_rate_hz, signature.lines.block_turns
-    shaft1_hz = signature.speed.estimated_hz
-    named = _orders(train, _TOP * rate / shaft1_hz, _APART / block_turns)
-    order = np.array(sorted(named))
-    names, hertz = np.array([named[own] for own in order]), order * shaft1_hz
-    samples = part.select([axis.channel for axis in exposure.axes]).samples
-    blocks = OrderBlocks(samples, rate, signature.track, order, block_turns, error=_LEAKAGE)
-    lines = blocks.lines()
-    power = np.maximum(lines.cross_power(), 0.0)
-    felt = np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes])
-    weighted = power / 2 * _weight(exposure, hertz)
-    return _Heard(exposure, felt, names, order, hertz, power / 2, weighted, power / lines.noise)
+    def __init__(
+        self, part: Recording, exposure: Exposure, train: Kinematics, signature: MeasuredSignature
+    ) -> None:
+        rate, block_turns = part.sampling_rate_hz, signature.lines.block_turns
+        shaft1_hz, self.exposure = signature.speed.estimated_hz, exposure
+        named = _orders(train, _TOP * rate / shaft1_hz, _APART / block_turns)
+        self.order = np.array(sorted(named))
+        self.names = np.array([named[own] for own in self.order])
+        self.frequency_hz = self.order * shaft1_hz
+        samples = part.select([axis.channel for axis in exposure.axes]).samples
+        track = signature.track
+        blocks = OrderBlocks(samples, rate, track, self.order, block_turns, error=_LEAKAGE)
+        lines = blocks.lines()
+        power = np.maximum(lines.cross_power(), 0.0)
+        self.square, self.above_noise = power / 2, power / lines.noise
+        self.weighted = self.square * _weight(exposure, self.frequency_hz)
+        self.felt = np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes])
 
 
 def _weight(exposure: Exposure, frequency_hz: FloatArray) -> FloatArray:
