@@ -16,8 +16,8 @@ recordings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import cycle
 from typing import TYPE_CHECKING, NamedTuple
@@ -35,7 +35,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signatures.expected.baseline import faulty_lines
 from gearmon.signatures.expected.mesh import MeshPlace
-from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, WheelLines, line_plan
 from gearmon.signatures.measured.measurement import level_and_error_db
 from gearmon.signatures.measured.reference import WheelPattern, tooth_counts
 
@@ -71,28 +71,6 @@ EXAMPLES_BETWEEN = (10 * len(KINDS), 1_000_000)
 _LOOSE_MULTIPLES = 10
 # effect of pitch errors, eccentricity and wobble of a sound gear over the lines of the perfect mesh
 _ERROR_EFFECTS = ((0.03, 0.5), (0.03, 0.4), (0.003, 0.05))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Example:
-    """A simulated comparison with a healthy machine, and what was wrong.
-
-    Parameters
-    ----------
-    features : FeatureVector
-        What an analysis would have seen.
-    kind : str
-        Kind of the fault.
-    gears : tuple of (int, str)
-        Stage and gear of all gears that have it; empty for none.
-    size : float
-        Largest loss of stiffness, or effect of an error over the lines of the sound mesh.
-    """
-
-    features: FeatureVector
-    kind: str
-    gears: tuple[tuple[int, str], ...]
-    size: float
 
 
 def train_kinds(
@@ -167,13 +145,13 @@ def examples(machine: Machine, seed: int, operating: int = 0) -> Iterator[Exampl
     Example
     """
     generator = np.random.default_rng([seed, 6])
-    lines = machine_lines(machine, operating)
+    lines = MachineLines(machine, operating)
     for kind in cycle(KINDS):
-        yield draw_example(lines, kind, generator)
+        yield Example(lines, kind, generator)
 
 
-def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator) -> Example:
-    """Draw one machine, what is wrong with it, and two recordings.
+class Example:
+    """One machine drawn, what is wrong with it, and how it compares with the healthy one.
 
     Parameters
     ----------
@@ -182,39 +160,48 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
     kind : str
         One of `KINDS`.
     generator : numpy.random.Generator
+
+    Attributes
+    ----------
+    features : FeatureVector
+        What an analysis would have seen.
+    kind : str
+        Kind of the fault.
+    gears : tuple of (int, str)
+        Stage and gear of all gears that have it; empty for none.
+    size : float
+        Largest loss of stiffness, or effect of an error over the lines of the sound mesh.
     """
-    errors, spread = _errors(lines, generator)
-    sound, wrong = lines.healthy + errors, []
-    if kind == "looseness":
-        wrong = _loose(lines, spread, generator)
-    elif kind != NONE:
-        index = int(generator.integers(len(lines.gears)))
-        gear = lines.gears[index]
-        wrong = [(gear.wheel, _DRAWN[kind](gear, float(spread[index]), generator))]
-    noise_db = float(generator.uniform(0, 8)) if kind == "looseness" else 0.0
-    load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
-    moved = load * lines.healthy + errors
-    for wheel, added in wrong:
-        moved[wheel.stage - 1, wheel.lines] += load * added.stiffness + added.displacement
-    sensors = _Sensors(lines, sound, generator)
-    one = sensors.measured(sound)
-    # another speed moves every line along the resonances, the same way in every channel: along a
-    # smooth random curve of unit variance
-    rate = generator.uniform(0, 2 * np.pi * (2.0 / sensors.top), _WAVES)
-    size = (generator.normal(size=_WAVES) + 1j * generator.normal(size=_WAVES)) / np.sqrt(_WAVES)
-    phase = generator.uniform(0, 2 * np.pi, _WAVES)
-    curve = np.cos(np.outer(lines.plan.orders, rate) + phase) @ size
-    drift = np.exp(log_uniform(generator, 0.01, 0.1) * curve)
-    two = sensors.measured(moved * drift, noise_db, strangers=kind == NONE)
-    return Example(
-        features=sensors.features(one, two),
-        kind=kind,
-        gears=tuple((wheel.stage, wheel.gear) for wheel, _ in wrong),
-        size=max((added.size for _, added in wrong), default=0.0),
-    )
+
+    def __init__(self, lines: MachineLines, kind: str, generator: np.random.Generator) -> None:
+        errors, spread = _errors(lines, generator)
+        sound, wrong = lines.healthy + errors, []
+        if kind == "looseness":
+            wrong = _loose(lines, spread, generator)
+        elif kind != NONE:
+            index = int(generator.integers(len(lines.gears)))
+            gear = lines.gears[index]
+            wrong = [(gear.wheel, _DRAWN[kind](gear, float(spread[index]), generator))]
+        noise_db = float(generator.uniform(0, 8)) if kind == "looseness" else 0.0
+        load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
+        moved = load * lines.healthy + errors
+        for wheel, added in wrong:
+            moved[wheel.stage - 1, wheel.lines] += load * added.stiffness + added.displacement
+        sensors = _Sensors(lines, sound, generator)
+        one = sensors.measured(sound)
+        # another speed moves every line along the resonances, the same way in every channel: along
+        # a smooth random curve of unit variance
+        rate = generator.uniform(0, 2 * np.pi * (2.0 / sensors.top), _WAVES)
+        size = generator.normal(size=_WAVES) + 1j * generator.normal(size=_WAVES)
+        phase = generator.uniform(0, 2 * np.pi, _WAVES)
+        curve = np.cos(np.outer(lines.plan.orders, rate) + phase) @ (size / np.sqrt(_WAVES))
+        drift = np.exp(log_uniform(generator, 0.01, 0.1) * curve)
+        two = sensors.measured(moved * drift, noise_db, strangers=kind == NONE)
+        self.kind, self.features = kind, sensors.features(one, two)
+        self.gears = tuple((wheel.stage, wheel.gear) for wheel, _ in wrong)
+        self.size = max((added.size for _, added in wrong), default=0.0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class GearLines:
     """What can be wrong with one gear, as lines at the multiples of its rotation.
 
@@ -222,8 +209,15 @@ class GearLines:
 
     Parameters
     ----------
+    place : MeshPlace
+        Of its mesh.
     wheel : WheelLines
         The gear and its place in the plan.
+    sound : ndarray of complex
+        Acceleration lines 0, 1, ... of the sound mesh [m/s2].
+
+    Attributes
+    ----------
     distance : ndarray of int, shape (lines,)
         Turns of the gear from the nearest mesh harmonic.
     added : mapping of str to ndarray of complex, shape (lines,)
@@ -233,9 +227,35 @@ class GearLines:
         teeth of unit variance has unit effect.
     """
 
-    wheel: WheelLines
-    distance: IntArray
-    added: Mapping[str, ComplexArray]
+    def __init__(self, place: MeshPlace, wheel: WheelLines, sound: ComplexArray) -> None:
+        module_mm = place.machine.stages[place.stage - 1].module_mm or _USUAL_MODULE_MM
+        rms, half, of_ring = float(np.linalg.norm(sound)), wheel.teeth // 2, wheel.gear == "ring"
+
+        def added(kind: str, modules: float = SIZE) -> ComplexArray:
+            tooth = 1 if kind in _OF_A_TOOTH else "all"
+            size = f"{LOSS}" if kind in _LOSSES else f"{1e3 * modules * module_mm}um"
+            wrong = f"{kind}:{wheel.stage}:{wheel.gear}:{tooth}:{size}"
+            lines = _lines(replace(place, mesh=int(of_ring)), [wrong], wheel.teeth)
+            common = lines[:: wheel.teeth]
+            common -= common if of_ring else sound[: len(common)]
+            return _on(lines, wheel.number)
+
+        def unit(lines: ComplexArray) -> ComplexArray:
+            size = float(np.linalg.norm(lines))
+            # what does not act (a gap that the load closes) leaves rounding errors
+            return np.asarray(lines * (rms / size if size > 1e-6 * rms else 0.0))
+
+        found = {kind: added(kind) / LOSS for kind in _LOSSES}
+        found |= {kind: unit(added(kind)) for kind in ("pitch", "eccentricity", "profile")}
+        # summed over z random teeth, z times the power of one
+        found["pitch"] /= np.sqrt(wheel.teeth)
+        for size in _WOBBLES:
+            wobble = added("misalignment", size)
+            if np.linalg.norm(wobble) > 0.05 * rms:
+                break
+        found["misalignment"] = unit(wobble)
+        self.distance = (wheel.number + half) % wheel.teeth - half
+        self.wheel, self.added = wheel, found
 
     def by_tooth(self, kind: str, weight: FloatArray) -> ComplexArray:
         """Return the lines of a pattern over the teeth, from those of tooth 1."""
@@ -262,27 +282,8 @@ class GearLines:
         return np.asarray((share * whole + (1 - share) * moved) * turned)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class MachineLines:
-    """All that superposition needs of a machine.
-
-    Parameters
-    ----------
-    plan : LinePlan
-        Orders and families.
-    healthy : ndarray of complex, shape (stages, orders)
-        Acceleration of each sound mesh at the operating point [m/s2].
-    gears : tuple of GearLines
-        Every gear.
-    """
-
-    plan: LinePlan
-    healthy: ComplexArray
-    gears: tuple[GearLines, ...]
-
-
-def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
-    """Compute the lines of everything that can be wrong with the gears of a machine.
+    """The lines of everything that can be wrong with the gears of a machine.
 
     Parameters
     ----------
@@ -291,9 +292,14 @@ def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
     operating : int
         Operating point, from 0.
 
-    Returns
-    -------
-    MachineLines
+    Attributes
+    ----------
+    plan : LinePlan
+        Orders and families.
+    healthy : ndarray of complex, shape (stages, orders)
+        Acceleration of each sound mesh at the operating point [m/s2].
+    gears : tuple of GearLines
+        Every gear.
 
     Raises
     ------
@@ -305,21 +311,23 @@ def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
     Of a planetary set the ring's mesh adds to the mesh harmonics with phases that depend on the
     planets; faults of the ring are therefore taken not to change them.
     """
-    train = kinematics(machine)
-    top = _TOP * max(mesh.order for mesh in train.meshes)
-    slowest = min(wheel.relative_order for mesh in train.meshes for wheel in mesh.wheels)
-    plan = line_plan(train, top, 0.5 * slowest)
-    healthy = np.zeros((len(machine.stages), len(plan.orders)), dtype=np.complex128)
-    gears = []
-    for stage, own in enumerate(healthy, 1):
-        place = MeshPlace(machine, stage, operating)
-        sound = _lines(place)
-        wheels = [wheel for wheel in plan.wheels if wheel.stage == stage]
-        gears += [_gear_lines(place, wheel, sound) for wheel in wheels]
-        for wheel in wheels[:1]:
-            chosen = wheel.number % wheel.teeth == 0
-            own[wheel.lines[chosen]] = _on(sound, wheel.number[chosen] // wheel.teeth)
-    return MachineLines(plan=plan, healthy=healthy, gears=tuple(gears))
+
+    def __init__(self, machine: Machine, operating: int = 0) -> None:
+        train = kinematics(machine)
+        top = _TOP * max(mesh.order for mesh in train.meshes)
+        slowest = min(wheel.relative_order for mesh in train.meshes for wheel in mesh.wheels)
+        self.plan = plan = line_plan(train, top, 0.5 * slowest)
+        self.healthy = np.zeros((len(machine.stages), len(plan.orders)), dtype=np.complex128)
+        gears: list[GearLines] = []
+        for stage, own in enumerate(self.healthy, 1):
+            place = MeshPlace(machine, stage, operating)
+            sound = _lines(place)
+            wheels = [wheel for wheel in plan.wheels if wheel.stage == stage]
+            gears += [GearLines(place, wheel, sound) for wheel in wheels]
+            for wheel in wheels[:1]:
+                chosen = wheel.number % wheel.teeth == 0
+                own[wheel.lines[chosen]] = _on(sound, wheel.number[chosen] // wheel.teeth)
+        self.gears = tuple(gears)
 
 
 def _lines(place: MeshPlace, wrong: Sequence[str] = (), teeth: int = 1) -> ComplexArray:
@@ -329,38 +337,6 @@ def _lines(place: MeshPlace, wrong: Sequence[str] = (), teeth: int = 1) -> Compl
     lines = np.zeros(int(np.ceil(_TOP * teeth)) + 1, dtype=np.complex128)
     lines[solved.number * (teeth // solved.period)] = 2 * solved.acceleration
     return lines
-
-
-def _gear_lines(place: MeshPlace, wheel: WheelLines, sound: ComplexArray) -> GearLines:
-    """Return what can be wrong with a gear, beside the sound lines of its mesh."""
-    module_mm = place.machine.stages[place.stage - 1].module_mm or _USUAL_MODULE_MM
-    rms, half, of_ring = float(np.linalg.norm(sound)), wheel.teeth // 2, wheel.gear == "ring"
-
-    def added(kind: str, modules: float = SIZE) -> ComplexArray:
-        tooth = 1 if kind in _OF_A_TOOTH else "all"
-        size = f"{LOSS}" if kind in _LOSSES else f"{1e3 * modules * module_mm}um"
-        wrong = f"{kind}:{wheel.stage}:{wheel.gear}:{tooth}:{size}"
-        lines = _lines(replace(place, mesh=int(of_ring)), [wrong], wheel.teeth)
-        common = lines[:: wheel.teeth]
-        common -= common if of_ring else sound[: len(common)]
-        return _on(lines, wheel.number)
-
-    def unit(lines: ComplexArray) -> ComplexArray:
-        size = float(np.linalg.norm(lines))
-        # what does not act (a gap that the load closes) leaves rounding errors
-        return np.asarray(lines * (rms / size if size > 1e-6 * rms else 0.0))
-
-    found = {kind: added(kind) / LOSS for kind in _LOSSES}
-    found |= {kind: unit(added(kind)) for kind in ("pitch", "eccentricity", "profile")}
-    # summed over z random teeth, z times the power of one
-    found["pitch"] /= np.sqrt(wheel.teeth)
-    for size in _WOBBLES:
-        wobble = added("misalignment", size)
-        if np.linalg.norm(wobble) > 0.05 * rms:
-            break
-    found["misalignment"] = unit(wobble)
-    distance = (wheel.number + half) % wheel.teeth - half
-    return GearLines(wheel=wheel, distance=distance, added=found)
 
 
 def _on(lines: ComplexArray, number: IntArray) -> ComplexArray:

@@ -290,11 +290,21 @@ def _reached(times: FloatArray, values: FloatArray, limit: float) -> float | Non
     return float(np.interp(limit, values[last : last + 2], times[last : last + 2]))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ToothTrend:
-    """The loss of one tooth, or the largest of one gear, over time.
+    """The loss of one tooth, or the largest of one gear, through the recordings of a machine.
 
     Parameters
+    ----------
+    key : tuple of (int, str, int or None)
+        Stage, gear and tooth.
+    points : list of (float, Place)
+        What recordings said of it, with their times [s].
+    followed : int
+        Teeth of the machine that are followed.
+    limit : float or None
+        What the loss is held against.
+
+    Attributes
     ----------
     stage : int
     gear : str
@@ -311,18 +321,45 @@ class ToothTrend:
     false_alarm_probability : float
         Bound on the probability of a change as clear on any tooth of a machine without one.
     limit : float or None
-        What the loss is held against.
+
+    Notes
+    -----
+    Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
+    Once it has, the trend is fitted with what differs between recordings, and how it went on is no
+    longer a question of how many teeth there are.
     """
 
-    stage: int
-    gear: str
-    tooth: int | None
-    trend: Trend
-    low: FloatArray
-    high: FloatArray
-    stands: bool
-    false_alarm_probability: float
-    limit: float | None
+    def __init__(self, key: _Key, points: _Points, followed: int, limit: float | None) -> None:
+        (self.stage, self.gear, self.tooth), self.limit = key, limit
+        rows = [[time, p.loss, p.loss_sigma, p.loss_low, p.loss_high] for time, p in points]
+        time_s, value, sigma, low, high = np.array(rows, dtype=float).T
+        stated = Series(time_s=time_s, value=value, sigma=sigma)
+        own, common, missed = sigma, 0.0, 0.0
+        found = value > HALF_OF_90 * sigma
+        if found.any():
+            # no recording is surer of the size than what all share: the relative uncertainty of the
+            # surest is taken for that, which errs to the safe side
+            common = float(np.min(sigma[found] / value[found]))
+            own = np.sqrt(np.maximum(sigma**2 - (common * value) ** 2, 0.0))
+            own = np.maximum(own, np.maximum(sigma.min(), _OWN_SHARE * np.abs(value)))
+            # where none was found, one as large as the smallest that was may have been missed, but
+            # hardly one of more than 10 %
+            missed = min(_MOST_MISSED, float(value[found].min()))
+            own[~found] = np.maximum(own[~found], missed / HALF_OF_90)
+        trend = fit_trend(stated, below=_LOSS_BELOW / followed)
+        if trend.changes:
+            refined = fit_trend(replace(stated, sigma=own), below=_LOSS_BELOW)
+            # a loss that came at once may hide behind what could have been missed before it
+            trend = refined if refined.changes else trend
+        self.trend = trend = replace(trend, common=common, missed=missed)
+        chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
+        self.low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
+        self.high = np.where(np.isnan(high), value + HALF_OF_90 * sigma, high)
+        clear = self.low > 0
+        by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
+        several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
+        self.stands = several and (bool(trend.changes) or by_chance * followed < _LOSS_BELOW)
+        self.false_alarm_probability = min(1.0, min(chances) * followed)
 
     @property
     def now(self) -> tuple[float, float, float]:
@@ -470,7 +507,7 @@ def history_trends(history: History, *, limit: float | None = None) -> HistoryTr
     if limit is not None:
         check_range("limit", limit, 1e-6, 1.0)
     places = _followed(history)
-    teeth = {key: _tooth_trend(key, places[key], len(places), limit) for key in places}
+    teeth = {key: ToothTrend(key, places[key], len(places), limit) for key in places}
     evidence, chance = _evidence(history, BELOW - _LOSS_BELOW)
     # when the first tooth reaches the limit, as could be told at each recording
     forecasts: dict[float, Crossing] = {}
@@ -478,7 +515,7 @@ def history_trends(history: History, *, limit: float | None = None) -> HistoryTr
     for now in (entry.time_s for entry in history.entries[-FORECASTS:]):
         by_then = {key: [point for point in places[key] if point[0] <= now] for key in standing}
         known = [(key, p) for key, p in by_then.items() if p and p[-1][0] == now]
-        told = [_tooth_trend(key, points, len(places), limit) for key, points in known]
+        told = [ToothTrend(key, points, len(places), limit) for key, points in known]
         ahead = [own.crossing for own in told if own.stands and own.low[-1] > 0]
         said = [c for c in ahead if c is not None and c.status != "not extrapolated"]
         if said:
@@ -493,53 +530,6 @@ def history_trends(history: History, *, limit: float | None = None) -> HistoryTr
         limit=limit,
         forecasts=forecasts,
         notes=tuple(_notes(history, ranked)),
-    )
-
-
-def _tooth_trend(key: _Key, points: _Points, followed: int, limit: float | None) -> ToothTrend:
-    """Follow one tooth of so many, or one gear as a whole, through its recordings.
-
-    Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
-    Once it has, the trend is fitted with what differs between recordings, and how it went on is no
-    longer a question of how many teeth there are.
-    """
-    rows = [[time, p.loss, p.loss_sigma, p.loss_low, p.loss_high] for time, p in points]
-    time_s, value, sigma, low, high = np.array(rows, dtype=float).T
-    stated = Series(time_s=time_s, value=value, sigma=sigma)
-    own, common, missed = sigma, 0.0, 0.0
-    found = value > HALF_OF_90 * sigma
-    if found.any():
-        # no recording is surer of the size than what all share: the relative uncertainty of the
-        # surest is taken for that, which errs to the safe side
-        common = float(np.min(sigma[found] / value[found]))
-        own = np.sqrt(np.maximum(sigma**2 - (common * value) ** 2, 0.0))
-        own = np.maximum(own, np.maximum(sigma.min(), _OWN_SHARE * np.abs(value)))
-        # where none was found, one as large as the smallest that was may have been missed, but
-        # hardly one of more than 10 %
-        missed = min(_MOST_MISSED, float(value[found].min()))
-        own[~found] = np.maximum(own[~found], missed / HALF_OF_90)
-    trend = fit_trend(stated, below=_LOSS_BELOW / followed)
-    if trend.changes:
-        refined = fit_trend(replace(stated, sigma=own), below=_LOSS_BELOW)
-        # a loss that came at once may hide behind what could have been missed before it
-        trend = refined if refined.changes else trend
-    trend = replace(trend, common=common, missed=missed)
-    chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
-    low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
-    clear = low > 0
-    by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
-    several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
-    stage, gear, tooth = key
-    return ToothTrend(
-        stage=stage,
-        gear=gear,
-        tooth=tooth,
-        trend=trend,
-        low=low,
-        high=np.where(np.isnan(high), value + HALF_OF_90 * sigma, high),
-        stands=several and (bool(trend.changes) or by_chance * followed < _LOSS_BELOW),
-        false_alarm_probability=min(1.0, min(chances) * followed),
-        limit=limit,
     )
 
 

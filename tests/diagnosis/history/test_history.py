@@ -389,7 +389,7 @@ def test_begin_and_limit_of_growing_losses_lie_in_their_intervals():
             replace(e, places=tuple(p for p in e.places if p.tooth == 2)) for e in history.entries
         )
         (tooth_,) = history_trends(History(machine="conveyor", entries=alone)).teeth
-        crossing, begin = replace(tooth_, limit=0.2).crossing, tooth_.trend.changes[0]
+        crossing, begin = tooth_.trend.crossing(0.2), tooth_.trend.changes[0]
         covered.append(
             (
                 begin.low_s <= 1.7e9 + 8 * WEEK <= begin.high_s,
