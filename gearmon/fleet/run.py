@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache, partial
 from multiprocessing import get_context
@@ -251,11 +251,19 @@ Engine = Callable[[Sequence[Job]], Iterator[Outcome]]
 SETTLED_S = 5.0
 
 
-@dataclass(frozen=True, kw_only=True)
 class Run:
     """What a run did.
 
     Parameters
+    ----------
+    told : dict of str to str
+        What became of recordings by their paths, see `ledger.keep`.
+    refused : dict of str to str
+        Files that are not taken, and why.
+    results : tuple of Path
+        Parquet files written.
+
+    Attributes
     ----------
     done : int
         Recordings analysed.
@@ -264,14 +272,16 @@ class Run:
     growing : tuple of str
         Recordings still being written.
     results : tuple of Path
-        Parquet files written.
     """
 
-    done: int
-    failed: dict[str, str]
-    refused: dict[str, str]
-    growing: tuple[str, ...]
-    results: tuple[Path, ...]
+    def __init__(
+        self, told: dict[str, str], refused: dict[str, str], results: tuple[Path, ...]
+    ) -> None:
+        self.growing = tuple(path for path, what in told.items() if what == "being written")
+        sound = ("done", "being written")
+        self.failed = {path: why for path, why in told.items() if why not in sound}
+        self.done = len(told) - len(self.failed) - len(self.growing)
+        self.refused, self.results = refused, results
 
     def to_dict(self, fleet: Fleet) -> dict[str, Any]:
         """Return built-in types, ready for JSON; with what the ledger knows of all runs."""
@@ -349,14 +359,7 @@ def run_fleet(
             if progress:
                 progress(count / len(ready))
         renew(fleet)
-        results = tuple(write_results(fleet))
-    return Run(
-        done=list(told.values()).count("done"),
-        failed={p: what for p, what in told.items() if what not in ("done", "being written")},
-        refused=refused,
-        growing=tuple(path for path, what in told.items() if what == "being written"),
-        results=results,
-    )
+        return Run(told, refused, tuple(write_results(fleet)))
 
 
 @contextmanager
