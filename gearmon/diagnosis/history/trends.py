@@ -98,7 +98,6 @@ class Crossing:
         }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Trend:
     """A series with its changes.
 
@@ -112,17 +111,27 @@ class Trend:
         recordings averages it out.
     missed : float
         Size up to which something may have been missed wherever nothing was found.
+
+    Attributes
+    ----------
+    grows : bool
+        Whether any straight piece rises or falls.
     """
 
-    series: Series
-    changes: tuple[ChangePoint, ...]
-    common: float = 0.0
-    missed: float = -math.inf
-
-    @property
-    def grows(self) -> bool:
-        """Whether any straight piece rises or falls."""
-        return any(change.kind == "growth" for change in self.changes)
+    def __init__(
+        self,
+        series: Series,
+        changes: tuple[ChangePoint, ...],
+        common: float = 0.0,
+        missed: float = -math.inf,
+    ) -> None:
+        self.series, self.changes, self.common, self.missed = series, changes, common, missed
+        growths = [change for change in changes if change.kind == "growth"]
+        self.grows = bool(growths)
+        # the latest growth, whose time is uncertain in all intervals
+        self._last = next(reversed(growths or changes), None)
+        # how many times larger all values may be, or smaller, by what they share
+        self._most = math.exp(HALF_OF_90 * common)
 
     def at(self, time_s: FloatArray | Sequence[float]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Value of the trend with its interval.
@@ -187,11 +196,11 @@ class Trend:
                 # what may not rise now may never get there
                 late = max(late, time) if late is not None and slowest > 0 else None
                 when = {"time_s": time, "low_s": early, "high_s": late}
+        status = "not extrapolated"
         if value >= limit:
-            reason = "the trend is at or above the limit"
+            status, reason = "reached", "the trend is at or above the limit"
             reason += "" if low >= limit else "; its interval reaches below the limit"
-            return Crossing(status="reached", reason=reason, **when)
-        if len(self.series) < FEWEST:
+        elif len(self.series) < FEWEST:
             reason = f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
         elif not self.grows:
             reason = "no growth that noise would not make as well"
@@ -200,22 +209,11 @@ class Trend:
         elif not when:
             reason = "the present rate does not lead to the limit"
         else:
-            reason = "if growth goes on speeding up as it has"
+            status, reason = "ahead", "if growth goes on speeding up as it has"
             if self._last is not None and self._last.growth.straight:
                 reason = "if the present rate lasts; cracks grow faster the larger they are"
-            return Crossing(status="ahead", reason=reason, **when)
-        return Crossing(status="not extrapolated", reason=reason)
-
-    @property
-    def _last(self) -> ChangePoint | None:
-        """The latest growth, whose time is uncertain in all intervals."""
-        growths = [change for change in self.changes if change.kind == "growth"]
-        return growths[-1] if growths else self.changes[-1] if self.changes else None
-
-    @property
-    def _most(self) -> float:
-        """How many times larger all values may be, or smaller, by what they share."""
-        return math.exp(HALF_OF_90 * self.common)
+        told = {} if status == "not extrapolated" else when
+        return Crossing(status=status, reason=reason, **told)
 
     def _allowed(
         self, times: FloatArray, weights: FloatArray | None = None
@@ -276,7 +274,7 @@ def fit_trend(series: Series, *, below: float = BELOW, most: int = MOST_CHANGES)
     -------
     Trend
     """
-    return Trend(series=series, changes=find_changes(series, below=below, most=most))
+    return Trend(series, find_changes(series, below=below, most=most))
 
 
 def _reached(times: FloatArray, values: FloatArray, limit: float) -> float | None:
@@ -351,7 +349,7 @@ class ToothTrend:
             refined = fit_trend(replace(stated, sigma=own), below=_LOSS_BELOW)
             # a loss that came at once may hide behind what could have been missed before it
             trend = refined if refined.changes else trend
-        self.trend = trend = replace(trend, common=common, missed=missed)
+        self.trend = trend = Trend(trend.series, trend.changes, common, missed)
         chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
         self.low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
         self.high = np.where(np.isnan(high), value + HALF_OF_90 * sigma, high)
@@ -559,7 +557,7 @@ def _evidence(history: History, below: float) -> tuple[Trend, float]:
         replace(c, false_alarm_probability=max(probability, c.false_alarm_probability))
         for c in found.changes
     )
-    return replace(found, changes=changes), probability
+    return Trend(series, changes), probability
 
 
 def normal_equivalent(score: FloatArray) -> FloatArray:
