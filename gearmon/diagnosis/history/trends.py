@@ -318,6 +318,12 @@ class ToothTrend:
         Whether the loss stands clear of its noise and of zero, over several recordings.
     false_alarm_probability : float
         Bound on the probability of a change as clear on any tooth of a machine without one.
+    risen : bool
+        Whether its latest change is a rise.
+    now : tuple of float
+        Loss at the newest recording with its interval.
+    margin : tuple of float or None
+        What is left to the limit at the newest recording, with its interval.
     limit : float or None
 
     Notes
@@ -355,23 +361,14 @@ class ToothTrend:
         self.high = np.where(np.isnan(high), value + HALF_OF_90 * sigma, high)
         clear = self.low > 0
         by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
-        several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
+        course = trend.at(time_s)
+        several = int(np.count_nonzero(clear & (course[1] > 0))) >= SEVERAL
         self.stands = several and (bool(trend.changes) or by_chance * followed < _LOSS_BELOW)
         self.false_alarm_probability = min(1.0, min(chances) * followed)
-
-    @property
-    def now(self) -> tuple[float, float, float]:
-        """Loss at the newest recording with its interval."""
-        value, low, high = self.trend.at(self.trend.series.time_s[-1:])
-        return float(value[0]), float(low[0]), float(high[0])
-
-    @property
-    def margin(self) -> tuple[float, float, float] | None:
-        """What is left to the limit at the newest recording, with its interval."""
-        if self.limit is None:
-            return None
-        value, low, high = self.now
-        return self.limit - value, self.limit - high, self.limit - low
+        self.risen = bool(trend.changes) and trend.changes[-1].size > 0
+        now, least, most = (float(own[-1]) for own in course)
+        self.now = now, least, most
+        self.margin = None if limit is None else (limit - now, limit - most, limit - least)
 
     @cached_property
     def crossing(self) -> Crossing | None:
@@ -382,11 +379,6 @@ class ToothTrend:
     def reached(self) -> bool:
         """Whether it is at its limit."""
         return self.crossing is not None and self.crossing.status == "reached"
-
-    @property
-    def risen(self) -> bool:
-        """Whether its latest change is a rise."""
-        return bool(self.trend.changes) and self.trend.changes[-1].size > 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
