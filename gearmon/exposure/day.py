@@ -34,13 +34,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
-from gearmon.exposure.measures import (
-    LEAST_S,
-    LIMITS,
-    Exposure,
-    Limits,
-    vibration_exposure,
-)
+from gearmon.exposure.measures import LEAST_S, LIMITS, Exposure, Limits, vibration_exposure
 from gearmon.machine import FieldError, fields
 from gearmon.machine.fields import Checked, Choice, Several, Text, check_fields, held, within
 from gearmon.result import Result
