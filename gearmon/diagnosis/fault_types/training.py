@@ -225,6 +225,8 @@ class GearLines:
         all teeth per whole loss of stiffness; "eccentricity", "misalignment" and "profile" of the
         whole gear, of unit effect; "pitch" of tooth 1 standing back, of which a pattern over the
         teeth of unit variance has unit effect.
+    turn : ndarray of float, shape (teeth,)
+        Where the teeth are in the turn [rad].
     """
 
     def __init__(self, place: MeshPlace, wheel: WheelLines, sound: ComplexArray) -> None:
@@ -256,6 +258,7 @@ class GearLines:
         found["misalignment"] = unit(wobble)
         self.distance = (wheel.number + half) % wheel.teeth - half
         self.wheel, self.added = wheel, found
+        self.turn = 2 * np.pi * np.arange(wheel.teeth) / wheel.teeth
 
     def by_tooth(self, kind: str, weight: FloatArray) -> ComplexArray:
         """Return the lines of a pattern over the teeth, from those of tooth 1."""
@@ -276,8 +279,7 @@ class GearLines:
             Of the gear.
         """
         whole = self.added["eccentricity" if number == 1 else "misalignment"]
-        tooth = 2 * np.pi * np.arange(self.wheel.teeth) / self.wheel.teeth
-        moved = self.by_tooth("pitch", np.sqrt(2.0) * np.cos(number * tooth))
+        moved = self.by_tooth("pitch", np.sqrt(2.0) * np.cos(number * self.turn))
         turned = np.exp(1j * self.distance * angle_rad)
         return np.asarray((share * whole + (1 - share) * moved) * turned)
 
@@ -457,8 +459,7 @@ def _loose(
     found = []
     for index in np.flatnonzero(own).tolist():
         gear = lines.gears[index]
-        turn = 2 * np.pi * np.arange(gear.wheel.teeth) / gear.wheel.teeth
-        weight = np.cos(np.outer(turn, multiple) + phase) @ share
+        weight = np.cos(np.outer(gear.turn, multiple) + phase) @ share
         weight *= min(size, 5.0) * rng.uniform(0.4, 1.0) / np.std(weight)
         found.append((gear.wheel, _Added(size, gear.by_tooth("pitch", weight))))
     return found

@@ -279,13 +279,11 @@ def fit_trend(series: Series, *, below: float = BELOW, most: int = MOST_CHANGES)
 
 def _reached(times: FloatArray, values: FloatArray, limit: float) -> float | None:
     """Time from which on values stay at or above a limit; None if they end below it."""
-    below = np.flatnonzero(values < limit)
-    if not len(below):
-        return float(times[0])
-    last = int(below[-1])
+    last = int(np.max(np.flatnonzero(values < limit), initial=-1))
     if last + 1 >= len(times):
         return None
-    return float(np.interp(limit, values[last : last + 2], times[last : last + 2]))
+    about = slice(max(last, 0), last + 2)
+    return float(np.interp(limit, values[about], times[about]))
 
 
 class ToothTrend:
