@@ -378,6 +378,7 @@ def test_a_growing_loss_is_followed_to_its_limit():
     assert "ahead" in told
     assert as_json(found.to_dict()) == found.to_dict()
     json.dumps(found.to_dict())
+    assert "evidence=<Trend>" in repr(found)
 
 
 def test_begin_and_limit_of_growing_losses_lie_in_their_intervals():
