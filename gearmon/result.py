@@ -228,9 +228,9 @@ def _brief(value: Any) -> str:
         return f"{value.dtype.name}{list(value.shape)}"
     if isinstance(value, tuple | list | Mapping) and len(repr(value)) > _LONGEST_FIELD:
         return f"<{len(value)}>"
-    if dataclasses.is_dataclass(value):
-        return f"<{type(value).__name__}>"
     text = f"{value:.6g}" if isinstance(value, float) else repr(value)
+    if dataclasses.is_dataclass(value) or text.startswith("<"):
+        return f"<{type(value).__name__}>"
     return text if len(text) <= _LONGEST_FIELD else f"{text[: _LONGEST_FIELD - 4]}...{text[-1]}"
 
 

@@ -344,7 +344,7 @@ def test_packed_recordings_are_read_however_quiet(tmp_path):
 def test_more_samples_than_there_is_memory_for_are_refused_with_the_number(tmp_path, monkeypatch):
     rows = np.random.default_rng(0).normal(size=(1000, 2)).tolist()
     (tmp_path / "a.csv").write_text("".join(f"{first},{second}\n" for first, second in rows))
-    monkeypatch.setattr(gearmon.signals.recording, "_free_bytes", lambda: 1000.0)
+    monkeypatch.setattr(gearmon.signals.recording, "free_bytes", lambda: 1000.0)
     with pytest.raises(GearmonError, match=r"need .* GB of memory; .* open_recording"):
         read_recording(tmp_path / "a.csv", 1000.0)
     assert open_recording(tmp_path / "a.csv", 1000.0).samples.shape == (2, 1000)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import replace
-from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -289,24 +288,36 @@ def history(arguments: Namespace) -> int:
     if not arguments.recording and not arguments.store:
         raise ArgumentError("history: name recordings, or with --store a history file to look at")
     name = arguments.name or arguments.machine.name
-    arguments.machine = replace(arguments.machine, name=name)
-    times = []
+    arguments.machine = machine = replace(arguments.machine, name=name)
+    history, times = histories.History(machine=name), []
     if arguments.recording:
         times = histories.recording_times(arguments.recording, arguments.times, arguments.time_from)
-    _refuse_known(arguments, times)
-    entries, errors = _history_entries(arguments, times)
-    replaced = 0
-    if arguments.store:
-        if entries:
-            replaced = histories.append(arguments.store, entries, replace=arguments.replace)
+    if arguments.store and (Path(arguments.store).exists() or not times):
         history = histories.read_history(arguments.store, name)
-        if not (arguments.recording or history.entries):
-            known = [own["machine"] for own in histories.read_latest(arguments.store)]
-            check_word(f"{arguments.store}: machine ", name, known)
-    else:
-        history = histories.History(machine=name)
-        for entry in entries:
-            history = history.with_entry(entry, replace=arguments.replace)
+    if not (times or history.entries):
+        known = [own["machine"] for own in histories.read_latest(arguments.store)]
+        check_word(f"{arguments.store}: machine ", name, known)
+    if not arguments.replace:  # and what is there already is refused before any is analysed
+        for path, time in zip(arguments.recording, times, strict=True):
+            history.check_new(path, time.timestamp())
+    reference = reference_of(arguments) if times else None
+    moments = iter(times)
+
+    def entry(path: str) -> Entry:
+        moment = next(moments)
+        analysis = gearmon.analyse(recording_of(path, arguments), machine, reference)
+        return histories.entry_of(analysis, moment, arguments.time_from or "given")
+
+    done = each_of(arguments.recording, arguments.progress, entry)
+    errors = [own for own in done if isinstance(own, dict)]
+    entries: list[Entry] = [own for own in done if not isinstance(own, dict)]
+    replaced = 0
+    if arguments.store and entries:
+        replaced = histories.append(arguments.store, entries, replace=arguments.replace)
+        history = histories.read_history(arguments.store, name)
+    elif not arguments.store:
+        for own in entries:
+            history = history.with_entry(own, replace=arguments.replace)
     found = histories.history_trends(history, limit=arguments.limit)
     result = found.to_dict() | {"errors": errors, "replaced": replaced}
     if arguments.output:
@@ -314,41 +325,6 @@ def history(arguments: Namespace) -> int:
     show(arguments, result, lambda: _history_lines(found, result))
     told = [*errors, *({"verdict": entry.verdict} for entry in entries)]
     return judged(told, flagged=found.raised)
-
-
-def _refuse_known(arguments: Namespace, times: list[datetime]) -> None:
-    """Refuse times that the history has already, before any recording is analysed."""
-    if arguments.replace or not arguments.store or not Path(arguments.store).exists():
-        return
-    history = histories.read_history(arguments.store, arguments.machine.name)
-    known = {entry.time_s: entry for entry in history.entries}
-    for path, time in zip(arguments.recording, times, strict=True):
-        if time.timestamp() in known:
-            entry = known[time.timestamp()]
-            raise ArgumentError(
-                f"{path}: {arguments.store} has a recording of {entry.when} already "
-                f"({entry.recording}); add --replace, or give the right time"
-            )
-
-
-def _history_entries(
-    arguments: Namespace, times: list[datetime]
-) -> tuple[list[Entry], list[dict[str, str]]]:
-    """Analyse the recordings; a bad one is reported in its place and the others are kept."""
-    if not arguments.recording:
-        return [], []
-    machine, reference = arguments.machine, reference_of(arguments)
-    source, entries = arguments.time_from or "given", []
-    moments = iter(times)
-
-    def entry(path: str) -> dict[str, Any]:
-        moment = next(moments)
-        analysis = gearmon.analyse(recording_of(path, arguments), machine, reference)
-        entries.append(histories.entry_of(analysis, moment, source))
-        return {}
-
-    done = each_of(arguments.recording, arguments.progress, entry)
-    return entries, [bad for bad in done if bad]
 
 
 def _history_written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[str]:

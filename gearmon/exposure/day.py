@@ -31,17 +31,10 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError
-from gearmon.exposure.measures import (
-    LEAST_S,
-    LIMITS,
-    Exposure,
-    Limits,
-    vibration_exposure,
-)
+from gearmon.exposure.measures import LEAST_S, LIMITS, Exposure, Limits, vibration_exposure
 from gearmon.machine import FieldError, fields
 from gearmon.machine.fields import Checked, Choice, Several, Text, check_fields, held, within
 from gearmon.result import Result
@@ -331,10 +324,10 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
     told_of = ((e.recording, told) for e in every for told in (*e.advice, *e.warnings))
     # that on the statistics of VDV is said once for the day
     warnings = [f"{name}: {told}" for name, told in told_of if "statistics of VDV" not in told]
-    grown = [_Growth.of(plan, felt, 2)]
+    grown = [_Growth(plan, felt, 2)]
     short = [e for e in every if e.duration_s < LEAST_S[0.5]]
     if plan.position != "hand" and not short:
-        grown.append(_Growth.of(plan, felt, 4))
+        grown.append(_Growth(plan, felt, 4))
     elif plan.position != "hand":
         warnings.append(
             f"{short[0].recording}: {short[0].duration_s:.4g} s are too short for the statistics "
@@ -342,37 +335,34 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
         )
     if any(np.isnan(own.error).any() for own in grown):
         warnings.append("a recording is too short to see its scatter: intervals leave it out")
-    ends, hours = grown[0].grown()[0], grown[0].hours
+    ends, hours = grown[0].ends_h, np.diff(grown[0].ends_h)
     # closer behind the start of a job: a dose of nothing begins steeply
     at = (ends[:-1, None] + np.multiply.outer(hours, np.linspace(0, 1, _POINTS_A_JOB) ** 3)).ravel()
+    doses = tuple(_dose(plan, own) for own in grown)
     return DayExposure(
         plan=plan.path or "plan",
         position=plan.position,
-        hours=float(hours.sum()),
+        hours=float(ends[-1]),
         jobs=tuple(_jobs(plan, felt, grown[0])),
-        doses=tuple(_dose(plan, own) for own in grown),
+        doses=doses,
         warnings=tuple(dict.fromkeys(warnings)),
         course_h=tuple(at.tolist()),
-        course={own.measure: tuple(own.dose_at(at).tolist()) for own in grown},
+        course={
+            dose.measure: tuple(own.dose(np.interp(at, ends, own.taken)).tolist())
+            for dose, own in zip(doses, grown, strict=True)
+        },
     )
 
 
-@dataclass(frozen=True, kw_only=True)
 class _Growth:
     """How fast a dose grows in each job: the mean p-th power, k included, of the worst axis.
 
     Its standard errors follow from how the recordings of a job differ, of a single one from its
-    stretches; NaN where that is not known.
+    stretches; NaN where that is not known. Jobs begin and end at `ends_h`; what has been `taken` up
+    until then is the sum of these powers over hours. A dose is a mean over `span_h`.
     """
 
-    power: int  # 2: A(8), 4: VDV
-    axis: str
-    hours: FloatArray
-    mean: FloatArray
-    error: FloatArray
-
-    @classmethod
-    def of(cls, plan: DayPlan, felt: Sequence[Sequence[Exposure]], power: int) -> _Growth:
+    def __init__(self, plan: DayPlan, felt: Sequence[Sequence[Exposure]], power: int) -> None:
         means, errors = [], []
         for job in felt:
             sizes = [[a.factor * (a.rms_ms2 if power == 2 else a.vdv) for a in e.axes] for e in job]
@@ -386,44 +376,26 @@ class _Growth:
             errors.append(many)
         mean, error = np.array(means), np.array(errors)
         hours = np.array([job.hours for job in plan.jobs])
-        worst, axis = slice(None), "vector sum"
+        worst, self.axis = slice(None), "vector sum"
         if plan.position != "hand":
             most = int(np.argmax(hours @ mean))
-            worst, axis = slice(most, most + 1), felt[0][0].axes[most].axis
-        error = np.sqrt((error[:, worst] ** 2).sum(axis=1))
-        mean = mean[:, worst].sum(axis=1)
-        return cls(power=power, axis=axis, hours=hours, mean=mean, error=error)
+            worst, self.axis = slice(most, most + 1), felt[0][0].axes[most].axis
+        self.error = np.sqrt((error[:, worst] ** 2).sum(axis=1))
+        self.mean = mean[:, worst].sum(axis=1)
+        self.ends_h = np.append(0.0, np.cumsum(hours))
+        self.taken = np.append(0.0, np.cumsum(self.mean * hours))
+        # 2: A(8), 4: VDV, which is a sum over seconds
+        self.power, self.span_h = power, 8.0 if power == 2 else 1 / 3600
 
-    @property
-    def measure(self) -> str:
-        return "A(8)" if self.power == 2 else "VDV"
-
-    @property
-    def span_h(self) -> float:
-        """Over which a dose is a mean; that of VDV is a sum over seconds."""
-        return 8.0 if self.power == 2 else 1 / 3600
-
-    def grown(self) -> tuple[FloatArray, FloatArray]:
-        """Return when jobs begin and end [h], and what has been taken up until then."""
-        done = np.cumsum(self.mean * self.hours)
-        return np.append(0.0, np.cumsum(self.hours)), np.append(0.0, done)
-
-    def dose_at(self, hour: ArrayLike) -> FloatArray:
-        """Return the dose after hours of work."""
-        done = np.interp(np.asarray(hour, dtype=np.float64), *self.grown())
-        return np.asarray((done / self.span_h) ** (1 / self.power))
-
-    def reached_h(self, dose: float | None) -> float | None:
-        """Return the hours of work after which a dose is reached; None if it is not."""
-        ends, done = self.grown()
-        needed = math.inf if dose is None else dose**self.power * self.span_h
-        return None if needed > done[-1] else float(np.interp([needed], done, ends)[0])
+    def dose(self, taken: FloatArray) -> FloatArray:
+        """Return the dose of what has been taken up."""
+        return np.asarray((taken / self.span_h) ** (1 / self.power))
 
 
 def _jobs(
     plan: DayPlan, felt: Sequence[Sequence[Exposure]], grown: _Growth
 ) -> Iterator[JobExposure]:
-    limits, total = plan.limits, float(grown.mean @ grown.hours) or 1.0
+    limits, total = plan.limits, float(grown.taken[-1]) or 1.0
     assert limits is not None
     for job, own, square in zip(plan.jobs, felt, grown.mean.tolist(), strict=True):
         yield JobExposure(
@@ -440,20 +412,24 @@ def _jobs(
 
 def _dose(plan: DayPlan, grown: _Growth) -> Dose:
     """Sum up, with the errors of what was recorded and of the hours, and compare with limits."""
-    late, total = np.array([job.hours_error for job in plan.jobs]), float(grown.mean @ grown.hours)
-    errors = np.concatenate([np.nan_to_num(grown.error) * grown.hours, grown.mean * late])
+    names = ("A(8)", "m/s2", "ms2") if grown.power == 2 else ("VDV", "m/s^1.75", "vdv")
+    (measure, unit, name), total = names, float(grown.taken[-1])
+    late = np.array([job.hours_error for job in plan.jobs])
+    errors = [np.nan_to_num(grown.error) * np.diff(grown.ends_h), grown.mean * late]
     own = float(np.linalg.norm(errors)) / total / grown.power if total else 0.0
-    value = float(grown.dose_at(grown.hours.sum()))
     relative = COVERAGE * math.hypot(own, plan.instrument)
-    name, unit = ("ms2", "m/s2") if grown.power == 2 else ("vdv", "m/s^1.75")
-    values = {of: getattr(plan.limits, f"{of}_{name}") for of in ("action", "limit")}
+    value = float(grown.dose(grown.taken[-1]))
     low, high = value * max(0.0, 1 - relative), value * (1 + relative)
-    verdict = "below the action value"
+    values = {of: getattr(plan.limits, f"{of}_{name}") for of in ("action", "limit")}
+    verdict, reached = "below the action value", dict.fromkeys(values)
     for of, wanted in values.items():
         if wanted is not None and high >= wanted:
             verdict = f"{'' if low >= wanted else 'may be '}above the {of} value"
+        needed = math.inf if wanted is None else wanted**grown.power * grown.span_h
+        if needed <= total:
+            reached[of] = float(np.interp(needed, grown.taken, grown.ends_h))
     return Dose(
-        measure=grown.measure,
+        measure=measure,
         unit=unit,
         value=value,
         low=low,
@@ -461,5 +437,5 @@ def _dose(plan: DayPlan, grown: _Growth) -> Dose:
         axis=grown.axis,
         **values,
         verdict=verdict,
-        reached_h={of: grown.reached_h(wanted) for of, wanted in values.items()},
+        reached_h=reached,
     )

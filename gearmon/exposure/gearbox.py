@@ -12,12 +12,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gearmon.arrays import BoolArray, FloatArray
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, check_type
 from gearmon.exposure.measures import Exposure, vibration_exposure
 from gearmon.gears.kinematics import Kinematics, kinematics
@@ -179,9 +178,9 @@ def gear_share(
     if not signature.found:
         return found
     shaft1_hz = signature.speed.estimated_hz
-    heard = _heard(part, exposure, kinematics(machine), signature)
+    heard = _Heard(part, exposure, kinematics(machine), signature)
     points, notes = _points(machine, heard, shaft1_hz, named)
-    lines, felt = [], np.maximum(_felt(exposure), np.finfo(float).tiny)
+    lines = []
     for name in dict.fromkeys(heard.names.tolist()):
         own = heard.names == name
         square = heard.weighted[:, own].sum(axis=1)
@@ -189,7 +188,7 @@ def gear_share(
             name=name,
             frequency_hz=float(heard.frequency_hz[own][0]),
             weighted_ms2=tuple(np.sqrt(square).tolist()),
-            share=tuple((square / felt).tolist()),
+            share=tuple((square / np.maximum(heard.felt, np.finfo(float).tiny)).tolist()),
         )
         lines.append(line)
     share = tuple(np.sum([own.share for own in lines], axis=0).tolist())
@@ -197,50 +196,35 @@ def gear_share(
     return replace(found, speed_hz=shaft1_hz, warnings=(*found.warnings, *notes), **told)
 
 
-class _Heard(NamedTuple):
-    """Lines as they were recorded, arrays of the shape (lines,), with axes (axes, lines).
+class _Heard:
+    """Lines of shafts and meshes as they were recorded in the channels of the axes.
 
-    Mean squares are without those of noise: of the acceleration as recorded, and as felt.
+    Arrays of the shape (lines,), with axes (axes, lines). Mean squares are without those of noise:
+    of the acceleration as recorded, and as felt. What is felt in all has the shape (axes,).
     """
 
-    exposure: Exposure
-    names: NDArray[np.str_]
-    order: FloatArray
-    frequency_hz: FloatArray
-    square: FloatArray
-    weighted: FloatArray
-    above_noise: FloatArray
-
-    @property
-    def on_mesh(self) -> BoolArray:
-        return np.char.startswith(self.names, "mesh")
-
-
-def _heard(
-    part: Recording, exposure: Exposure, train: Kinematics, signature: MeasuredSignature
-) -> _Heard:
-    """Measure the lines of shafts and meshes in the channels of the axes."""
-    rate, block_turns = part.sampling_rate_hz, signature.lines.block_turns
-    shaft1_hz = signature.speed.estimated_hz
-    named = _orders(train, _TOP * rate / shaft1_hz, _APART / block_turns)
-    order = np.array(sorted(named))
-    names, hertz = np.array([named[own] for own in order]), order * shaft1_hz
-    samples = part.select([axis.channel for axis in exposure.axes]).samples
-    blocks = OrderBlocks(samples, rate, signature.track, order, block_turns, error=_LEAKAGE)
-    lines = blocks.lines()
-    power = np.maximum(lines.cross_power(), 0.0)
-    weighted = power / 2 * _weight(exposure, hertz)
-    return _Heard(exposure, names, order, hertz, power / 2, weighted, power / lines.noise)
+    def __init__(
+        self, part: Recording, exposure: Exposure, train: Kinematics, signature: MeasuredSignature
+    ) -> None:
+        rate, block_turns = part.sampling_rate_hz, signature.lines.block_turns
+        shaft1_hz, self.exposure = signature.speed.estimated_hz, exposure
+        named = _orders(train, _TOP * rate / shaft1_hz, _APART / block_turns)
+        self.order = np.array(sorted(named))
+        self.names = np.array([named[own] for own in self.order])
+        self.frequency_hz = self.order * shaft1_hz
+        samples = part.select([axis.channel for axis in exposure.axes]).samples
+        track = signature.track
+        blocks = OrderBlocks(samples, rate, track, self.order, block_turns, error=_LEAKAGE)
+        lines = blocks.lines()
+        power = np.maximum(lines.cross_power(), 0.0)
+        self.square, self.above_noise = power / 2, power / lines.noise
+        self.weighted = self.square * _weight(exposure, self.frequency_hz)
+        self.felt = np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes])
 
 
 def _weight(exposure: Exposure, frequency_hz: FloatArray) -> FloatArray:
     """Return k^2 |W|^2 of every axis, shape (axes, lines)."""
     return np.square([axis.gain(frequency_hz) for axis in exposure.axes])
-
-
-def _felt(exposure: Exposure) -> FloatArray:
-    """Return the weighted mean square of every axis."""
-    return np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes])
 
 
 def _orders(train: Kinematics, top: float, apart: float) -> dict[float, str]:
@@ -276,54 +260,44 @@ def _points(
             raise
         return (), (f"operating points are not foretold: {error}",)
     speeds = [point.shaft1_hz for point in machine.operating]
-    here = min(numbers, key=lambda number: abs(speeds[number] - shaft1_hz))
-    path = _path(heard, healthy[here])
-    if path is None:
+    here = healthy[min(numbers, key=lambda number: abs(speeds[number] - shaft1_hz))]
+    # the path: frequencies, and gains to every axis where all axes hear a mesh harmonic
+    on_mesh, known, gains = np.char.startswith(heard.names, "mesh"), [], []
+    for line in np.flatnonzero(on_mesh & (heard.above_noise > 1).all(axis=0)):
+        near = np.abs(here["order"] / heard.order[line] - 1) < 1e-9
+        expected = float(np.square(here["acceleration_ms2"][near]).sum()) / 2
+        if expected > 0:
+            known.append(heard.frequency_hz[line])
+            gains.append(heard.square[:, line] / expected)
+    if not known:
         told = "no mesh line stands clear on all axes: what damage and other speeds do is not told"
         return (), (told,)
-    on_mesh = heard.weighted[:, heard.on_mesh].sum(axis=1)
-    rest = np.maximum(_felt(heard.exposure) - on_mesh, 0.0)
+
+    def through(lines: Signature) -> FloatArray:
+        """Return the weighted mean square that expected lines make at every axis."""
+        frequency = lines["frequency_hz"]
+        line_gains = [np.interp(np.log(frequency), np.log(known), own) for own in np.log(gains).T]
+        felt = np.exp(line_gains) * _weight(heard.exposure, frequency)
+        return np.asarray((felt * np.square(lines["acceleration_ms2"]) / 2).sum(axis=1))
+
+    # what is compared with limits, of mean squares axis by axis
+    compared = np.sum if heard.exposure.position == "hand" else np.max
+    rest = np.maximum(heard.felt - heard.weighted[:, on_mesh].sum(axis=1), 0.0)
     points = []
     for number, point in enumerate(machine.operating):
-        gears, damaged = _through(path, heard, healthy[number]), None
+        gears, damaged = through(healthy[number]), None
         if faults:
             worn = expected_signature(machine, faults, operating=number)
-            damaged = _value(heard.exposure, rest + _through(path, heard, worn))
+            damaged = math.sqrt(compared(rest + through(worn)))
         points.append(
             PointExposure(
                 name=point.name or f"{point.speed_rpm:g} rpm",
                 speed_rpm=point.speed_rpm,
                 gears_ms2=math.sqrt(gears.sum()),
-                value_ms2=_value(heard.exposure, rest + gears),
+                value_ms2=math.sqrt(compared(rest + gears)),
                 damaged_ms2=damaged,
             )
         )
-    low, high = path[0][[0, -1]]
+    low, high = known[0], known[-1]
     note = f"the path is known from {low:.4g} to {high:.4g} Hz, and taken as constant beyond"
     return tuple(sorted(points, key=lambda own: own.value_ms2)), (note,)
-
-
-def _value(exposure: Exposure, squares: FloatArray) -> float:
-    """Return what is compared with limits, of weighted mean squares axis by axis."""
-    return math.sqrt(squares.sum() if exposure.position == "hand" else squares.max())
-
-
-def _path(heard: _Heard, healthy: Signature) -> tuple[FloatArray, FloatArray] | None:
-    """Return frequencies and gains from mesh to every axis where all axes hear a mesh harmonic."""
-    frequency, gain = [], []
-    for line in np.flatnonzero(heard.on_mesh & (heard.above_noise > 1).all(axis=0)):
-        near = np.abs(healthy["order"] / heard.order[line] - 1) < 1e-9
-        expected = float(np.square(healthy["acceleration_ms2"][near]).sum()) / 2
-        if expected > 0:
-            frequency.append(heard.frequency_hz[line])
-            gain.append(heard.square[:, line] / expected)
-    return (np.array(frequency), np.array(gain).T) if gain else None
-
-
-def _through(path: tuple[FloatArray, FloatArray], heard: _Heard, lines: Signature) -> FloatArray:
-    """Return the weighted mean square that expected lines make at every axis."""
-    frequency, (known, gains) = lines["frequency_hz"], path
-    logarithm, known = np.log(frequency), np.log(known)
-    gain = np.array([np.exp(np.interp(logarithm, known, np.log(own))) for own in gains])
-    square = np.square(lines["acceleration_ms2"]) / 2
-    return np.asarray((gain * _weight(heard.exposure, frequency) * square).sum(axis=1))

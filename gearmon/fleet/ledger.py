@@ -18,7 +18,6 @@ Y. Benjamini and Y. Hochberg, Controlling the false discovery rate, J. R. Stat. 
 
 from __future__ import annotations
 
-import itertools
 import json
 import re
 import subprocess
@@ -31,7 +30,7 @@ from dataclasses import dataclass, field
 from email.message import EmailMessage
 from pathlib import Path
 from sqlite3 import Connection
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -43,10 +42,6 @@ from gearmon.files import made_folder, replacing
 from gearmon.fleet.plan import Fleet, FleetMachine, Hook, Job
 from gearmon.machine import load_machine
 from gearmon.report.wording import printable
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 #: Of what the Parquet files hold; columns may be added within a version.
 RESULTS_VERSION = 1
@@ -151,12 +146,6 @@ def keep(fleet: Fleet, outcomes: Iterable[Outcome]) -> dict[str, str]:
     return kept
 
 
-def counts(fleet: Fleet) -> dict[str, int]:
-    """Return how many recordings of each state the ledger knows."""
-    with histories.opened(fleet.store, create=False) as store:
-        return dict(map(tuple, store.execute("SELECT state, count(*) FROM ledger GROUP BY state")))
-
-
 def recorded(store: Connection, where: str, values: Sequence[Any]) -> list[dict[str, Any]]:
     """Return rows of the ledger with what the history says of them, checked.
 
@@ -180,8 +169,7 @@ def recorded(store: Connection, where: str, values: Sequence[Any]) -> list[dict[
         If a row is not what was written.
     """
     rows, asked = [], f"SELECT * FROM ledger WHERE {where}"  # noqa: S608 - ours
-    for row in store.execute(asked, values).fetchall():
-        own = histories.sound(row) | {"id": row["id"]}
+    for own in histories.rows(store, asked, values):
         kept: dict[str, Any] = dict.fromkeys(ENTRY) | {"findings": "[]", "places": "[]"}
         if own["state"] == "done":
             kept = histories.recording(store, own["machine"], own["time_s"])
@@ -217,57 +205,50 @@ def write_results(fleet: Fleet) -> list[Path]:
     written: list[Path] = []
     there = (_FILE.fullmatch(path.name) for path in fleet.results.iterdir())
     last = max((int(own[1]) for own in there if own), default=0)
-    while rows := _results(fleet, last):
-        first, last = rows[0]["ledger_id"], rows[-1]["ledger_id"]
+    # a state that is none is damage, and said to be
+    new = "state NOT IN ('failed', 'being written') AND id > ? ORDER BY id LIMIT ?"
+    while True:
+        with histories.opened(fleet.store, create=False) as store:
+            rows = recorded(store, new, (last, _ROWS))
+        if not rows:
+            return written
+        told = [r | {"ledger_id": r["id"]} | histories.largest_loss(r["places"]) for r in rows]
+        first, last = rows[0]["id"], rows[-1]["id"]
         target = fleet.results / f"{first:012d}-{last:012d}.parquet"
         with replacing(target) as temporary:
-            pq.write_table(pa.Table.from_pylist(rows, schema), temporary, compression="zstd")
+            pq.write_table(pa.Table.from_pylist(told, schema), temporary, compression="zstd")
         written.append(target)
-    return written
-
-
-def _results(fleet: Fleet, after: int) -> list[dict[str, Any]]:
-    with histories.opened(fleet.store, create=False) as store:
-        # a state that is none is damage, and said to be
-        new = "state NOT IN ('failed', 'being written') AND id > ? ORDER BY id LIMIT ?"
-        rows = recorded(store, new, (after, _ROWS))
-    return [row | {"ledger_id": row["id"]} | histories.largest_loss(row["places"]) for row in rows]
 
 
 def renew(fleet: Fleet) -> None:
     """Bring the alarms of all machines with new recordings up to date, in one transaction."""
+    known = "machine = ? AND state != 'being written' ORDER BY time_s, path"
     with writing(fleet) as store:
         new = store.execute("SELECT DISTINCT machine FROM ledger WHERE alarmed = 0").fetchall()
-        for (name,) in new:
-            machine = fleet.machine(name)
-            if machine is not None:
-                _renew(store, machine)
+        for machine in filter(None, (fleet.machine(name) for (name,) in new)):
+            classes: dict[str, list[tuple[float, set[str]]]] = defaultdict(list)
+            for row in recorded(store, known, (machine.name,)):
+                classes[row["class"]].append((row["time_s"], _findings(row, machine)))
+            rule = machine.alarm_after, machine.alarm_clear
+            now = {
+                (machine.name, name, finding, since): until
+                for name, rows in classes.items()
+                for finding, since, until in episodes(rows, *rule)
+            }
+            asked = "SELECT * FROM alarms WHERE machine = ?"
+            stored = histories.rows(store, asked, (machine.name,))
+            before = {tuple(row[name] for name in _KEY): row for row in stored}
+            # a recording that arrived late has taken them back, or moved their begin
+            gone = {key: row for key, row in before.items() if key not in now}
+            moved = {key[:3]: row for key, row in gone.items()}
+            for key, until in now.items():
+                own = before.get(key, {"told": "[]", "acknowledged": 0})
+                own = moved.get(key[:3], own) if own["told"] == "[]" else own
+                told = dict(zip(_KEY, key, strict=True)) | {"until_s": until}
+                histories.put(store, "alarms", own | told)
+            where = " AND ".join(f"{name} = ?" for name in _KEY)
+            store.executemany(f"DELETE FROM alarms WHERE {where}", gone)  # noqa: S608 - ours
         store.execute("UPDATE ledger SET alarmed = 1 WHERE alarmed = 0")
-
-
-def _renew(store: Connection, machine: FleetMachine) -> None:
-    known = "machine = ? AND state != 'being written' ORDER BY time_s, path"
-    classes: dict[str, list[tuple[float, set[str]]]] = defaultdict(list)
-    for row in recorded(store, known, (machine.name,)):
-        classes[row["class"]].append((row["time_s"], _findings(row, machine)))
-    now = {
-        (machine.name, name, finding, since): until
-        for name, rows in classes.items()
-        for finding, since, until in episodes(rows, machine.alarm_after, machine.alarm_clear)
-    }
-    rows = store.execute("SELECT * FROM alarms WHERE machine = ?", (machine.name,)).fetchall()
-    before = {tuple(row[name] for name in _KEY): histories.sound(row) for row in rows}
-    # a recording that arrived late has taken them back, or moved their begin
-    gone = {key: row for key, row in before.items() if key not in now}
-    moved = {key[:3]: row for key, row in gone.items()}
-    for key, until in now.items():
-        own = before.get(key, {"told": "[]", "acknowledged": 0})
-        own = moved.get(key[:3], own) if own["told"] == "[]" else own
-        histories.put(store, "alarms", own | dict(zip(_KEY, key, strict=True)) | {"until_s": until})
-    for key in gone:
-        store.execute(
-            "DELETE FROM alarms WHERE (machine, class, finding, since_s) = (?, ?, ?, ?)", key
-        )
 
 
 def _findings(row: dict[str, Any], machine: FleetMachine) -> set[str]:
@@ -330,12 +311,9 @@ def alarms(fleet: Fleet, machine: str | None = None) -> list[dict[str, Any]]:
         acknowledged and told (targets that know of it), among others.
     """
     with histories.opened(fleet.store, create=False) as store:
-        rows = store.execute(
-            "SELECT rowid AS id, * FROM alarms WHERE machine = coalesce(?, machine) "
-            "ORDER BY since_s DESC, machine, class, finding",
-            (machine,),
-        ).fetchall()
-        found = [histories.sound(row) | {"id": row["id"]} for row in rows]
+        asked = "SELECT rowid AS id, * FROM alarms WHERE machine = coalesce(?, machine) "
+        newest_first = "ORDER BY since_s DESC, machine, class, finding"
+        found = histories.rows(store, asked + newest_first, (machine,))
     for own in found:
         until = own.pop("until_s")
         own |= {"since": time_text(own["since_s"]), "acknowledged": bool(own["acknowledged"])}
@@ -394,8 +372,8 @@ def deliver(fleet: Fleet) -> list[str]:
 def _note(fleet: Fleet, number: int, **known: str | int) -> None:
     """Change what an alarm's row says, if there still is one."""
     with writing(fleet) as store:
-        for row in store.execute("SELECT * FROM alarms WHERE rowid = ?", (number,)).fetchall():
-            histories.put(store, "alarms", histories.sound(row) | known)
+        for row in histories.rows(store, "SELECT * FROM alarms WHERE rowid = ?", (number,)):
+            histories.put(store, "alarms", row | known)
 
 
 def _targets(hook: Hook, machine: FleetMachine, alarm: dict[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -466,11 +444,31 @@ def rank(fleet: Fleet) -> list[dict[str, Any]]:
         if len(told) < FEWEST:
             continue
         course = pd.DataFrame([{"score": r["score"]} | r["indicators"] for r in told])
-        usual = course.groupby([row["class"] for row in told]).transform("median")
-        fault = pd.Series([row["verdict"] == "fault" for row in told])
-        measures = _measures(course - usual, fault)
-        measures.insert(0, "machine", machine.name)
-        rows += json.loads(measures.to_json(orient="records"))
+        course -= course.groupby([row["class"] for row in told]).transform("median")
+        # measured in most recordings, and no constant
+        course = course.loc[:, (course.notna().mean() > 0.5) & (course.nunique() > 1)]
+        count, time = len(told), pd.Series(range(len(told)))
+        parts = course.groupby(time * min(_PARTS, count) // count).median()
+        steps = (parts.diff() > 0).sum() - (parts.diff() < 0).sum()
+        late = pd.Series([row["verdict"] == "fault" for row in told])
+        early = ~late
+        if not (late.any() and early.any()):
+            late, early = time >= 2 * count / 3, time < count / 3
+        known, before = course[late].count(), course[early].count()
+        wins = course.where(late | early).rank()[late].sum() - known * (known + 1) / 2
+        measures = pd.DataFrame(
+            {
+                "recordings": course.count(),
+                "monotonicity": (steps / (len(parts) - 1)).abs(),
+                "trend": course.rank().corrwith(time).abs(),
+                "separation": (2 * wins / (known * before) - 1).abs(),
+                "rises": wins / (known * before) > 0.5,
+            }
+        )
+        clear = measures[["monotonicity", "trend", "separation"]].mean(axis=1)
+        table = measures.assign(clearness=clear).rename_axis("indicator").reset_index()
+        table.insert(0, "machine", machine.name)
+        rows += json.loads(table.to_json(orient="records"))
     return sorted(rows, key=lambda row: -row["clearness"])
 
 
@@ -505,90 +503,46 @@ def compare(fleet: Fleet, machine: FleetMachine | None = None) -> list[dict[str,
     2 %. Another one that is broken widens it too. The share of false discoveries holds for rows
     that are independent or depend positively on each other.
     """
-    from scipy.stats import false_discovery_control
-
-    stages = {file: load_machine(file).stages for file in {own.file for own in fleet.machines}}
-    kinds: dict[Any, list[FleetMachine]] = {}
-    for own in fleet.machines:
-        kinds.setdefault(stages[own.file], []).append(own)
-    rows = [
-        row
-        for alike in kinds.values()
-        if len(alike) > FEWEST_OTHERS and (machine is None or machine in alike)
-        for row in _beside(fleet, alike)
-    ]
-    if not rows:
-        told = f"{FEWEST_OTHERS + 1} machines with the same gears and recordings of one class"
-        raise ArgumentError(f"{fleet.name}: nothing to compare; it takes {told}")
-    shares = false_discovery_control([row["probability"] for row in rows])
-    told_rows = [row | {"false_discoveries": float(q)} for row, q in zip(rows, shares, strict=True)]
-    return sorted(told_rows, key=lambda row: row["probability"])
-
-
-def _beside(fleet: Fleet, alike: list[FleetMachine]) -> Iterator[dict[str, Any]]:
-    """Yield the rows of machines of one kind."""
     import pandas as pd
+    from scipy.stats import false_discovery_control
     from scipy.stats import t as student
 
+    stages = {file: load_machine(file).stages for file in {own.file for own in fleet.machines}}
+    kinds = list(stages.values())
     with histories.opened(fleet.store, create=False) as store:
         order = "machine = ? AND state = 'done' ORDER BY time_s DESC LIMIT ?"
         told = [
-            {"machine": own.name, "class": row["class"]} | row["indicators"]
-            for own in alike
+            (kinds.index(stages[own.file]), row["class"], name, own.name, value)
+            for own in fleet.machines
+            if machine is None or stages[own.file] == stages[machine.file]
             for row in recorded(store, order, (own.name, LATEST))
+            for name, value in row["indicators"].items()
         ]
-    if not told:
-        return
-    latest = pd.DataFrame(told).groupby(["class", "machine"], sort=True).median()
-    for group, name in itertools.product(latest.index.unique("class"), latest.columns):
-        values = latest.loc[group, name].dropna()
-        own = values.to_numpy(float)
-        count = own.size - 1
-        if count < FEWEST_OTHERS or np.ptp(own) == 0:
-            continue
-        positive = bool(own.min() > 0)
-        scaled = np.log(own) if positive else own
-        apart = scaled - scaled.mean()
-        mean = scaled - apart * (count + 1) / count
-        # of the others: what is left of the sum of squares without one of them
-        squares = np.sum(apart**2) - apart**2 * (count + 1) / count
-        scatter = np.sqrt(np.maximum(squares, 0) / (count - 1) * (1 + 1 / count))
-        with np.errstate(divide="ignore", invalid="ignore"):  # others that are all alike
-            away = np.nan_to_num(np.abs(scaled - mean) / scatter)
-        reach = student.ppf(0.95, count - 1) * scatter
-        columns = {"value": scaled, "usual": mean, "low": mean - reach, "high": mean + reach}
-        table = pd.DataFrame({c: np.exp(x) if positive else x for c, x in columns.items()})
-        table = table.assign(others=count, probability=2 * student.sf(away, count - 1))
-        for machine, row in zip(values.index, table.to_dict("records"), strict=True):
-            place = {"machine": machine, "class": group, "indicator": name}
-            yield place | {str(column): value for column, value in row.items()}
-
-
-def _measures(course: pd.DataFrame, fault: pd.Series[bool]) -> pd.DataFrame:
-    """Return a row an indicator that was measured in most recordings and is no constant."""
-    import pandas as pd
-
-    course = course.loc[:, (course.notna().mean() > 0.5) & (course.nunique() > 1)]
-    count = len(course)
-    time = pd.Series(range(count))
-    parts = course.groupby(time * min(_PARTS, count) // count).median()
-    steps = (parts.diff() > 0).sum() - (parts.diff() < 0).sum()
-    trend = course.rank().corrwith(time)
-    if fault.any() and not fault.all():
-        late, early = course[fault], course[~fault]
-    else:
-        late, early = course[time >= 2 * count / 3], course[time < count / 3]
-    ranks = pd.concat([late, early]).rank()
-    wins = ranks.head(len(late)).sum() - late.count() * (late.count() + 1) / 2
-    area = wins / (late.count() * early.count())
-    found = pd.DataFrame(
-        {
-            "recordings": course.count(),
-            "monotonicity": (steps / (len(parts) - 1)).abs(),
-            "trend": trend.abs(),
-            "separation": (2 * area - 1).abs(),
-            "rises": area > 0.5,
-        }
-    )
-    found["clearness"] = found[["monotonicity", "trend", "separation"]].mean(axis=1)
-    return found.rename_axis("indicator").reset_index()
+    alike, columns = ["kind", "class", "indicator"], ["machine", "value"]
+    every = pd.DataFrame(told, columns=[*alike, *columns]).astype({"value": float})
+    values = every.groupby([*alike, "machine"])["value"].median().dropna()
+    group = values.groupby(level=alike)
+    others, positive = group.transform("size") - 1, group.transform("min") > 0
+    kept = (others >= FEWEST_OTHERS) & (group.transform("max") > group.transform("min"))
+    if not kept.any():
+        needed = f"{FEWEST_OTHERS + 1} machines with the same gears and recordings of one class"
+        raise ArgumentError(f"{fleet.name}: nothing to compare; it takes {needed}")
+    values, count, positive = values[kept], others[kept], positive[kept]
+    scaled = np.log(values.where(positive)).fillna(values)
+    apart = scaled - scaled.groupby(level=alike).transform("mean")
+    mean = scaled - apart * (count + 1) / count
+    # of the others: what is left of the sum of squares without one of them
+    squares = (apart**2).groupby(level=alike).transform("sum") - apart**2 * (count + 1) / count
+    scatter = np.sqrt(squares.clip(lower=0.0) / (count - 1) * (1 + 1 / count))
+    reach = student.ppf(0.95, count - 1) * scatter
+    ends = {"value": scaled, "usual": mean, "low": mean - reach, "high": mean + reach}
+    table = pd.DataFrame(ends)
+    table = table.where(positive).apply(np.exp).fillna(table)
+    # others that are all alike leave no scatter to divide by
+    away = ((scaled - mean).abs() / scatter).fillna(0.0)
+    chance = 2 * student.sf(away, count - 1)
+    table = table.assign(others=count, probability=chance)
+    table["false_discoveries"] = false_discovery_control(chance)
+    ranked = table.sort_values("probability", kind="stable").reset_index()
+    rows: list[Any] = ranked[["machine", *alike[1:], *table]].to_dict("records")
+    return rows

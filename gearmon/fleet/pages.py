@@ -157,20 +157,20 @@ class _Site:
     def machine(self, request: Request) -> Response:
         machine = self._named(request)
         rows = self._ledger(machine.name)
+        done = [row for row in rows if row["state"] == "done"]
         found, charts = _trends(self.fleet, machine, len(rows)), ""
         if found.history.entries:
-            classes = {row["time_s"]: row["class"] for row in rows if row["state"] == "done"}
+            classes = {row["time_s"]: row["class"] for row in done}
             charts = wording.as_data({"history": history_charts(found, classes)})
         lines, points = history_lines(found), []
         # what each operating class was heard at, and what was found
-        for name in sorted({row["class"] for row in rows}):
-            own = [row for row in rows if row["class"] == name and row["state"] == "done"]
+        for name in sorted({row["class"] for row in done}):
+            own = [row for row in done if row["class"] == name]
             speeds = [60 * row["speed_hz"] for row in own]
-            if own:
-                told = {"class": name, "recordings": len(own), "latest": own[0]["verdict"]}
-                told |= {"low": min(speeds), "high": max(speeds)}
-                told["score"] = median(row["score"] for row in own)
-                points.append(told | {"faults": sum(row["verdict"] == "fault" for row in own)})
+            told = {"class": name, "recordings": len(own), "latest": own[0]["verdict"]}
+            told |= {"low": min(speeds), "high": max(speeds)}
+            told["score"] = median(row["score"] for row in own)
+            points.append(told | {"faults": sum(row["verdict"] == "fault" for row in own)})
         return self._page(
             "machine",
             machine=machine,

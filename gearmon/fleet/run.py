@@ -5,7 +5,6 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import logging
-import math
 import os
 import tempfile
 import time
@@ -13,8 +12,8 @@ from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import lru_cache, partial
 from multiprocessing import get_context
@@ -25,15 +24,15 @@ from gearmon import __version__
 from gearmon.diagnosis.history.entries import entry_of
 from gearmon.diagnosis.history.store import as_text
 from gearmon.errors import ArgumentError, GearmonError
-from gearmon.fleet.ledger import Outcome, alarms, counts, deliver, keep, known, renew, write_results
+from gearmon.fleet.ledger import Outcome, alarms, deliver, keep, known, renew, write_results
 from gearmon.fleet.plan import Fleet, FleetMachine, Job, arrived, is_remote
 from gearmon.machine import Machine, load_machine
+from gearmon.signals.recording import Recording, free_bytes, read_recording
 from gearmon.signals.threads import THREADS, alone_on_a_core, cores
+from gearmon.signatures.measured.reference import Reference, read_reference
 
 if TYPE_CHECKING:
     from gearmon.diagnosis.results import Analysis
-    from gearmon.signals.recording import Recording
-    from gearmon.signatures.measured.reference import Reference
 
 Task = Callable[[Job], Outcome]
 #: Deaths of its process that a recording is forgiven: whoever kills processes at random (the
@@ -54,7 +53,7 @@ _CONNECT_S = 20.0
 
 def analysed(job: Job) -> Outcome:
     """Analyse a recording; whatever is wrong with it stands in the outcome."""
-    if job.size * _GROWS > (free := _free_memory()) / (os.cpu_count() or 1):
+    if job.size * _GROWS > (free := free_bytes()) / (os.cpu_count() or 1):
         told = f"{job.size / 1e9:.1f} GB of recording take more memory than there is"
         told += f" ({free / 1e9:.1f} GB free for {os.cpu_count()} processes)"
         return Outcome(job=job, why=f"{told}; make shorter recordings")
@@ -76,15 +75,6 @@ def analysed(job: Job) -> Outcome:
     if growing:
         return Outcome(job=job, growing=True)
     return Outcome(job=job, hash=digest, entry=entry, indicators=analysis.indicators)
-
-
-def _free_memory() -> float:
-    """Return how much memory may be taken [bytes]; without end where that is not told."""
-    try:
-        lines = Path("/proc/meminfo").read_text().splitlines()
-    except OSError:
-        return math.inf
-    return next((1024.0 * int(own.split()[1]) for own in lines if "Available" in own), math.inf)
 
 
 @contextmanager
@@ -112,7 +102,6 @@ def judged(
 ) -> tuple[Analysis, Recording, Reference | None, Machine]:
     """Analyse a recording, of which a file here is a copy; return what it was judged by as well."""
     from gearmon.diagnosis.analysis import analyse
-    from gearmon.signals.recording import read_recording
 
     files = (own.file, *([own.reference] if own.reference else []))
     machine, reference = _read(files, tuple(map(_state, files)))
@@ -126,8 +115,6 @@ def judged(
 @lru_cache(maxsize=8)
 def _read(files: tuple[str, ...], _states: tuple[Any, ...]) -> tuple[Machine, Reference | None]:
     """Read machine file and reference, again only if they were written to."""
-    from gearmon.signatures.measured.reference import read_reference
-
     return load_machine(files[0]), read_reference(files[1]) if len(files) > 1 else None
 
 
@@ -157,41 +144,34 @@ def in_processes(jobs: Sequence[Job], task: Task = analysed) -> Iterator[Outcome
     while waiting or suspects:
         # who was at work when a process died is given one to itself, to see which it was
         queue, width = (suspects, 1) if suspects else (waiting, cores())
-        died = yield from _until_broken(queue, task, width)
-        barren = 0 if died else barren + 1
+        running: dict[futures.Future[Outcome], Job] = {}
+        # not forked: threads that deliver alarms may run
+        pool = futures.ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core)
+        try:
+            with suppress(BrokenProcessPool):
+                if width == 1:
+                    # a process that is killed as it begins says nothing of the recording
+                    pool.submit(os.getpid).result()
+                while queue or running:
+                    # one more than there are processes: none waits, and memory stays flat
+                    while queue and len(running) < width + (width > 1):
+                        future = pool.submit(task, queue[0])
+                        running[future] = queue.popleft()
+                    for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
+                        yield future.result()
+                        del running[future]
+        finally:
+            pool.shutdown(cancel_futures=True)
+        barren = 0 if running else barren + 1
         if barren > _BARREN:
             told = f"{barren} processes were killed before they could begin; free memory"
             raise ArgumentError(f"{told}, and run again to go on")
-        for job in died:
+        for job in running.values():
             deaths[job.path] += 1
             if deaths[job.path] > _FORGIVEN:
                 yield Outcome(job=job, why=_KILLED)
             else:
                 suspects.append(job)
-
-
-def _until_broken(queue: deque[Job], task: Task, width: int) -> Generator[Outcome, None, list[Job]]:
-    """Work through a queue; return what was at work when a process died."""
-    running: dict[futures.Future[Outcome], Job] = {}
-    # not forked: threads that deliver alarms may run
-    pool = futures.ProcessPoolExecutor(width, get_context("spawn"), alone_on_a_core)
-    try:
-        if width == 1:
-            # a process that is killed as it begins says nothing of the recording
-            pool.submit(os.getpid).result()
-        while queue or running:
-            # one more than there are processes: none waits, and memory stays flat
-            while queue and len(running) < width + (width > 1):
-                future = pool.submit(task, queue[0])
-                running[future] = queue.popleft()
-            for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
-                yield future.result()
-                del running[future]
-    except BrokenProcessPool:
-        return list(running.values())
-    finally:
-        pool.shutdown(cancel_futures=True)
-    return []
 
 
 def on_dask(
@@ -230,30 +210,29 @@ def on_dask(
             workers = len(client.scheduler_info(n_workers=-1)["workers"])
             share = -(-len(jobs) // (4 * max(1, workers)))
             size = min(max(share, _BATCH[0]), _BATCH[1])
-            batches = deque(jobs[n : n + size] for n in range(0, len(jobs), size))
-            running: dict[Any, Sequence[Job]] = {}
-            suspects, alone = deque[Sequence[Job]](), None
-            while batches or running or suspects:
-                if not batches and not running:
-                    # with nothing else at work, nobody dies for another's fault
-                    alone = suspects.popleft()
-                    batches.append(alone)
-                while batches:
-                    batch = batches.popleft()
-                    running[client.submit(_batch, batch, task, pure=False)] = batch
-                done = wait_for([*running], patience_s, "FIRST_COMPLETED").done
-                for future in done:
-                    batch, error = running.pop(future), future.exception()
-                    if error is None:
-                        yield from future.result()
-                    elif not isinstance(error, KilledWorker):
-                        raise error
-                    elif batch is alone:
-                        yield Outcome(job=batch[0], why=_KILLED)
-                    elif len(batch) == 1:
-                        suspects.append(batch)
-                    else:  # the scheduler has tried it on several workers: which one is it?
-                        batches.extend([one] for one in batch)
+
+            def worked(batches: Sequence[Sequence[Job]]) -> Generator[Outcome, None, list[Job]]:
+                """Work through batches; return the jobs of those that workers died of."""
+                running = {client.submit(_batch, own, task, pure=False): own for own in batches}
+                lost: list[Job] = []
+                while running:
+                    for future in wait_for([*running], patience_s, "FIRST_COMPLETED").done:
+                        batch, error = running.pop(future), future.exception()
+                        if isinstance(error, KilledWorker):
+                            lost += batch
+                        elif error is not None:
+                            raise error
+                        else:
+                            yield from future.result()
+                return lost
+
+            lost = yield from worked([jobs[n : n + size] for n in range(0, len(jobs), size)])
+            # the scheduler has tried a batch on several workers: which one of it was it?
+            lost = yield from worked([[job] for job in lost])
+            for job in lost:
+                # with nothing else at work, nobody dies for another's fault
+                if (yield from worked([[job]])):
+                    yield Outcome(job=job, why=_KILLED)
     except TimeoutError:
         told = f"--scheduler {scheduler}: does not answer, or did nothing for {patience_s:g} s"
         raise ArgumentError(f"{told}; run again to go on") from None
@@ -272,11 +251,19 @@ Engine = Callable[[Sequence[Job]], Iterator[Outcome]]
 SETTLED_S = 5.0
 
 
-@dataclass(frozen=True, kw_only=True)
 class Run:
     """What a run did.
 
     Parameters
+    ----------
+    told : dict of str to str
+        What became of recordings by their paths, see `ledger.keep`.
+    refused : dict of str to str
+        Files that are not taken, and why.
+    results : tuple of Path
+        Parquet files written.
+
+    Attributes
     ----------
     done : int
         Recordings analysed.
@@ -285,14 +272,16 @@ class Run:
     growing : tuple of str
         Recordings still being written.
     results : tuple of Path
-        Parquet files written.
     """
 
-    done: int
-    failed: dict[str, str]
-    refused: dict[str, str]
-    growing: tuple[str, ...]
-    results: tuple[Path, ...]
+    def __init__(
+        self, told: dict[str, str], refused: dict[str, str], results: tuple[Path, ...]
+    ) -> None:
+        self.growing = tuple(path for path, what in told.items() if what == "being written")
+        sound = ("done", "being written")
+        self.failed = {path: why for path, why in told.items() if why not in sound}
+        self.done = len(told) - len(self.failed) - len(self.growing)
+        self.refused, self.results = refused, results
 
     def to_dict(self, fleet: Fleet) -> dict[str, Any]:
         """Return built-in types, ready for JSON; with what the ledger knows of all runs."""
@@ -307,7 +296,7 @@ class Run:
             "analysed": self.done,
             **told,
             "being_written": list(self.growing),
-            "ledger": counts(fleet),
+            "ledger": dict(Counter(sorted(state for _, _, state, _ in known(fleet).values()))),
             "alarms": current,
             "results": [str(path) for path in self.results],
         }
@@ -331,8 +320,9 @@ def run_fleet(
     again : bool
         Whether those that failed, or were analysed by another version, are analysed once more.
     before : dict, optional
-        What `_seen` said a while ago; by default it is found out, which takes `SETTLED_S` if files
-        were written to so lately.
+        How large recordings were a while ago, and when they had changed, by path: two looks tell
+        which are settled. By default it is found out, which takes `SETTLED_S` if files were written
+        to so lately.
     progress : callable, optional
         Called with the share done, 0 to 1.
 
@@ -349,7 +339,7 @@ def run_fleet(
     with _alone(fleet):
         jobs, refused = arrived(fleet)
         if before is None:
-            before = _seen(jobs)
+            before = {job.path: job.state for job in jobs}
             # written to lately, or the clock has jumped back since
             written_s = [int(job.changed) / 1e9 for job in jobs if job.changed.isdecimal()]
             if written_s and time.time() - max(written_s) < SETTLED_S:
@@ -369,19 +359,7 @@ def run_fleet(
             if progress:
                 progress(count / len(ready))
         renew(fleet)
-        results = tuple(write_results(fleet))
-    return Run(
-        done=list(told.values()).count("done"),
-        failed={p: what for p, what in told.items() if what not in ("done", "being written")},
-        refused=refused,
-        growing=tuple(path for path, what in told.items() if what == "being written"),
-        results=results,
-    )
-
-
-def _seen(jobs: Sequence[Job]) -> dict[str, Any]:
-    """Return how large recordings are and when they changed: two looks tell which are settled."""
-    return {job.path: job.state for job in jobs}
+        return Run(told, refused, tuple(write_results(fleet)))
 
 
 @contextmanager
@@ -427,7 +405,7 @@ def watch_fleet(
     with futures.ThreadPoolExecutor(1, "alarms") as thread:
         while rounds > 0:
             rounds -= 1
-            seen = _seen(arrived(fleet)[0])
+            seen = {job.path: job.state for job in arrived(fleet)[0]}
             run = run_fleet(fleet, engine, before=before)
             before = seen
             if run.done or run.failed:

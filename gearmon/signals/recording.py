@@ -351,7 +351,7 @@ def open_recording(
 def _room_in_memory(path: str, shape: tuple[int, int]) -> FloatArray:
     """Return an array of this shape if there is memory for it: the system would give it anyway."""
     needed = 8 * math.prod(shape)
-    if needed > _free_bytes():
+    if needed > free_bytes():
         raise RecordingError(
             f"{path}: its numbers need {1e-9 * needed:.3g} GB of memory; cut the recording, or "
             "take open_recording"
@@ -359,7 +359,7 @@ def _room_in_memory(path: str, shape: tuple[int, int]) -> FloatArray:
     return np.empty(shape)
 
 
-def _free_bytes() -> float:
+def free_bytes() -> float:
     """Return the memory that is free, or given to this group of processes, if Linux tells."""
     free = math.inf
     with suppress(OSError, StopIteration):

@@ -100,7 +100,31 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
         self.mean_, spread = rows.mean(axis=0), rows.std(axis=0)
         self.scale_ = np.where(spread > 1e-9 * np.maximum(np.abs(self.mean_), 1.0), spread, 1.0)
         scaled, self.machine_ = self._scaled(rows), ""
-        self._train(scaled, codes)
+        random, each = check_random_state(self.random_state), np.arange(len(rows))
+        folds = StratifiedKFold(n_splits=_FOLDS, shuffle=True, random_state=random)
+        size = {"hidden_layer_sizes": (_NEURONS,), "alpha": _DECAY, "max_iter": _STEPS}
+        unseen_by, networks = np.empty(len(rows), dtype=np.intp), []
+        for fold, (kept, held) in enumerate(folds.split(scaled, codes)):
+            unseen_by[held] = fold
+            seed = random.randint(2**31 - 1)
+            network = MLPClassifier(activation="tanh", solver="lbfgs", random_state=seed, **size)
+            with warnings.catch_warnings():
+                # stopping early is a choice: the temperature corrects what it costs
+                warnings.simplefilter("ignore", ConvergenceWarning)
+                network.fit(scaled[kept], codes[kept])
+            (first, second), (bias, end) = network.coefs_, network.intercepts_
+            networks.append([first, bias, second, end])
+        self.networks_ = [np.stack(part) for part in zip(*networks, strict=True)]
+        # the temperature is found on what each network has not seen
+        unseen = self._logits(scaled)[unseen_by, each]
+
+        def entropy(log_temperature: float) -> float:
+            told = log_softmax(unseen / np.exp(log_temperature), axis=1)
+            return -float(np.mean(told[each, codes]))
+
+        # between 1/20 and 20
+        best = minimize_scalar(entropy, bounds=(-3.0, 3.0), method="bounded")
+        self.temperature_ = float(np.exp(best.x))
         self.centres_ = np.array([scaled[codes == own].mean(axis=0) for own in np.unique(codes)])
         inner = LedoitWolf(assume_centered=True).fit(scaled - self.centres_[codes]).covariance_
         self.whitener_ = np.linalg.inv(np.linalg.cholesky(inner + 1e-6 * np.eye(len(inner)))).T
@@ -152,33 +176,6 @@ class KindClassifier(ClassifierMixin, BaseEstimator):  # type: ignore[misc]
 
     def _scaled(self, rows: FloatArray) -> FloatArray:
         return np.asarray(np.clip((rows - self.mean_) / self.scale_, -_CUT, _CUT))
-
-    def _train(self, rows: FloatArray, codes: NDArray[np.intp]) -> None:
-        """Fit one network a fold, and the temperature on what each has not seen."""
-        random, each = check_random_state(self.random_state), np.arange(len(rows))
-        folds = StratifiedKFold(n_splits=_FOLDS, shuffle=True, random_state=random)
-        size = {"hidden_layer_sizes": (_NEURONS,), "alpha": _DECAY, "max_iter": _STEPS}
-        unseen_by, networks = np.empty(len(rows), dtype=np.intp), []
-        for fold, (kept, held) in enumerate(folds.split(rows, codes)):
-            unseen_by[held] = fold
-            seed = random.randint(2**31 - 1)
-            network = MLPClassifier(activation="tanh", solver="lbfgs", random_state=seed, **size)
-            with warnings.catch_warnings():
-                # stopping early is a choice: the temperature corrects what it costs
-                warnings.simplefilter("ignore", ConvergenceWarning)
-                network.fit(rows[kept], codes[kept])
-            (first, second), (bias, end) = network.coefs_, network.intercepts_
-            networks.append([first, bias, second, end])
-        self.networks_ = [np.stack(part) for part in zip(*networks, strict=True)]
-        unseen = self._logits(rows)[unseen_by, each]
-
-        def entropy(log_temperature: float) -> float:
-            told = log_softmax(unseen / np.exp(log_temperature), axis=1)
-            return -float(np.mean(told[each, codes]))
-
-        # between 1/20 and 20
-        best = minimize_scalar(entropy, bounds=(-3.0, 3.0), method="bounded")
-        self.temperature_ = float(np.exp(best.x))
 
     def _logits(self, scaled: FloatArray) -> FloatArray:
         """Return what each network says, shape (networks, rows, classes)."""
@@ -247,21 +244,17 @@ def read_kinds(path: str | Path) -> KindClassifier:
         classifier.reach_ = float(header["reach"])
         classifier.machine_ = str(header.get("machine", ""))
         classifier.n_features_in_ = len(classifier.mean_)
-        _check(classifier)
+        # a file may be damaged and still be an archive: what no training gives is refused
+        classes, scales = classifier.classes_, [classifier.reach_, classifier.temperature_]
+        parts = [arrays[name] for name in _ARRAYS[1:]] + classifier.networks_
+        if not all(part.dtype.kind == "f" and np.isfinite(part).all() for part in parts):
+            raise ValueError("its numbers are none")
+        if not np.isfinite(scales).all() or min(*scales, *classifier.scale_) <= 0:
+            raise ValueError("its scales cannot be")
+        if classes.dtype.kind != "U" or not 0 < classes.size == len(set(classes.tolist())):
+            raise ValueError("its kinds cannot be")
+        # what does not fit together cannot be multiplied
+        shares = classifier.predict_proba(np.zeros((1, classifier.n_features_in_)))
+        if shares.shape != (1, len(classes)):
+            raise ValueError("its numbers do not fit together")
     return classifier
-
-
-def _check(classifier: KindClassifier) -> None:
-    """Refuse what no training gives: a file may be damaged and still be an archive."""
-    classes, scales = classifier.classes_, [classifier.reach_, classifier.temperature_]
-    parts = [getattr(classifier, name) for name in _ARRAYS[1:]] + classifier.networks_
-    if not all(part.dtype.kind == "f" and np.isfinite(part).all() for part in parts):
-        raise ValueError("its numbers are none")
-    if not np.isfinite(scales).all() or min(*scales, *classifier.scale_) <= 0:
-        raise ValueError("its scales cannot be")
-    if classes.dtype.kind != "U" or not 0 < classes.size == len(set(classes.tolist())):
-        raise ValueError("its kinds cannot be")
-    # what does not fit together cannot be multiplied
-    shares = classifier.predict_proba(np.zeros((1, classifier.n_features_in_)))
-    if shares.shape != (1, len(classes)):
-        raise ValueError("its numbers do not fit together")

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import softmax
@@ -189,59 +189,62 @@ def kind_features(
     for name in set(channel.tolist()):
         moved_db[channel == name] -= np.median(moved_db[channel == name])
     moved_db = np.clip(moved_db, -LARGEST_DB, LARGEST_DB)
-    members: dict[tuple[str, int, str], list[tuple[float, float, int]]] = {}
-    for change, own_db in zip(changes, moved_db.tolist(), strict=True):
-        row = (own_db, 1.0 / (change.scatter_db**2 + 1.0), change.harmonic)
-        members.setdefault((change.kind, change.stage, change.gear), []).append(row)
-    groups = {key: _Group(*np.array(rows, dtype=float).T) for key, rows in members.items()}
+    groups = _grouped(changes, moved_db)
     shafts = {(c.stage, c.gear): c.shaft for c in changes if c.shaft is not None and c.gear}
     gears = {key[1:] for key in groups if key[0] != "mesh"} | sidebands.keys() | energies.keys()
     gears |= {(stage, "") for _, stage, _ in groups if stage not in {own for own, _ in gears}}
     if not gears:
         raise ArgumentError("no change of level and no turn of a gear to tell a kind of fault from")
     ranked = tuple(sorted(gears))
-    still = np.zeros(1)  # what could not be compared
-    own = np.array(
-        [(*_levels(groups, g, sidebands.get(g)), *_shape(energies.get(g, still))) for g in ranked]
-    )
-    overall = np.full(len(own), _rms(moved_db if len(moved_db) else still))
-    values = np.column_stack([own, _others(own, ranked, shafts), overall])
+    rows, still = [], np.zeros(1)  # what could not be compared
+    for gear in ranked:
+        keys = ("mesh", gear[0], ""), ("sidebands", *gear), ("residual", *gear)
+        mesh, near, far = (groups.get(key, _UNCHANGED) for key in keys)
+        single = np.clip(sidebands.get(gear, [near[0]] * 4), -LARGEST_DB, LARGEST_DB)
+        turns = *single[:3], single[3:].mean(), gear in sidebands
+        beside = near[0], near[2], far[0], far[2], *turns
+        rows.append([*mesh, *beside, *_shape(energies.get(gear, still))])
+    own = np.array(rows, dtype=np.float64)
+    # for contrast, "mate_near_db" to "elsewhere_mesh_db": the most that other gears show
+    stage, shaft = np.array([(gear[0], shafts.get(gear, 0)) for gear in ranked]).T
+    others, mates = ~np.eye(len(ranked), dtype=bool), stage[:, None] == stage
+    coupled = ~mates & (shaft[:, None] == shaft) & (shaft > 0)
+    names = ("near_db", "far_db", "peak_db", "near_db", "mesh_rms_db")
+    among = np.stack([mates & others, mates & others, others, coupled, ~mates])
+    column = own[:, [NAMES.index(name) for name in names]].T
+    shown = np.where(among, column[:, None], -np.inf).max(axis=2).T
+    overall = np.full(len(own), np.sqrt(np.mean((moved_db if len(moved_db) else still) ** 2)))
+    values = np.column_stack([own, np.where(np.isfinite(shown), shown, 0.0), overall])
     return FeatureVector(gears=ranked, values=values)
 
 
-class _Group(NamedTuple):
-    """Changes of one kind of family about one gear, over channels and harmonics."""
+def _grouped(
+    changes: Sequence[Change], moved_db: FloatArray
+) -> dict[tuple[str, int, str], tuple[float, float, float, float]]:
+    """Condense changes by kind of family, stage and gear, over channels and harmonics.
 
-    change: FloatArray
-    weight: FloatArray
-    harmonic: FloatArray
+    To their weighted mean, that of the first harmonic, the slope over log2 of the harmonic (0 where
+    there is only one), and their root mean square.
+    """
+    members: dict[tuple[str, int, str], list[int]] = {}
+    for place, change in enumerate(changes):
+        members.setdefault((change.kind, change.stage, change.gear), []).append(place)
+    every = 1.0 / (np.array([change.scatter_db for change in changes]) ** 2 + 1.0)
+    octaves, found = np.log2([change.harmonic for change in changes]), {}
+    for key, own in members.items():
+        octave, moved, weight = octaves[own], moved_db[own], every[own]
+        first = octave == octave.min()
+        spread, product = np.cov(octave, moved, aweights=weight, ddof=0)[0]
+        found[key] = (
+            float(np.average(moved, weights=weight)),
+            float(np.average(moved[first], weights=weight[first])),
+            float(product / spread) if spread >= 1e-9 else 0.0,
+            float(np.sqrt(np.average(moved**2, weights=weight))),
+        )
+    return found
 
-    @property
-    def mean(self) -> float:
-        return float(np.average(self.change, weights=self.weight))
 
-    @property
-    def slope(self) -> float:
-        """Weighted least-squares slope over log2 of the harmonic; 0 where there is only one."""
-        octave = np.log2(self.harmonic)
-        spread, product = np.cov(octave, self.change, aweights=self.weight, ddof=0)[0]
-        return float(product / spread) if spread >= 1e-9 else 0.0
-
-
-_UNCHANGED = _Group(np.zeros(1), np.ones(1), np.ones(1))
-
-
-def _levels(
-    groups: Mapping[tuple[str, int, str], _Group], gear: _Gear, single: FloatArray | None
-) -> tuple[float, ...]:
-    """Return changes of the mesh of a gear, of its sidebands, and of all that is farther away."""
-    mesh = groups.get(("mesh", gear[0], ""), _UNCHANGED)
-    near, far = (groups.get((kind, *gear), _UNCHANGED) for kind in ("sidebands", "residual"))
-    first = _Group(*(part[mesh.harmonic == mesh.harmonic.min()] for part in mesh))
-    moved = np.clip([near.mean] * 4 if single is None else single, -LARGEST_DB, LARGEST_DB)
-    of_mesh = mesh.mean, first.mean, mesh.slope, _rms(mesh.change, mesh.weight)
-    beside = near.mean, near.slope, far.mean, far.slope, *moved[:3].tolist()
-    return *of_mesh, *beside, float(moved[3:].mean()), float(single is not None)
+_UNCHANGED = (0.0,) * 4
 
 
 def _shape(energy: FloatArray) -> tuple[float, ...]:
@@ -270,22 +273,6 @@ def _shape(energy: FloatArray) -> tuple[float, ...]:
     share, spread = np.max(window) / total, np.log2(total**2 / np.sum(excess**2))
     around = np.abs(turns @ excess) / total
     return *peaks, share, spread, np.count_nonzero(maxima >= least), *around
-
-
-def _others(own: FloatArray, gears: Sequence[_Gear], shafts: Mapping[_Gear, int]) -> FloatArray:
-    """Return what the other gears show, for contrast, "mate_near_db" to "elsewhere_mesh_db"."""
-    stage, shaft = np.array([(gear[0], shafts.get(gear, 0)) for gear in gears]).T
-    others, mates = ~np.eye(len(gears), dtype=bool), stage[:, None] == stage
-    coupled = ~mates & (shaft[:, None] == shaft) & (shaft > 0)
-    names = ("near_db", "far_db", "peak_db", "near_db", "mesh_rms_db")
-    among = np.stack([mates & others, mates & others, others, coupled, ~mates])
-    column = own[:, [NAMES.index(name) for name in names]].T
-    shown = np.where(among, column[:, None], -np.inf).max(axis=2)
-    return np.where(np.isfinite(shown), shown, 0.0).T
-
-
-def _rms(values: FloatArray, weight: FloatArray | None = None) -> float:
-    return float(np.sqrt(np.average(values**2, weights=weight)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -393,51 +380,25 @@ def rule_probabilities(
     dict of str to float
         Of every kind of `KINDS`; they sum to 1.
     """
-    weights = _of_teeth(row, spread) | _of_lines(row, spread is not None)
-    shares = softmax(np.array([weights[kind] for kind in KINDS]) / _SOFTNESS_DB)
-    return dict(zip(KINDS, shares.tolist(), strict=True))
-
-
-def _of_teeth(row: Mapping[str, float], spread: DepartureSpread | None) -> dict[str, float]:
-    """Return what speaks for damage of one tooth, and of several [dB]."""
-    if spread is None:
-        peak = min(row["peak_db"] - USUAL_PEAK_DB, 12.0)
-        # in a short turn two teeth are a large share: spread over half of the teeth is no event
-        wide = 4.0 * max(row["teeth_involved"] - 3.0, 0.0)
-        alone = row["peaks"] <= 1
-        return {
-            "tooth damage": peak - (0.0 if alone else 5.0) - wide,
-            "several teeth": peak - (5.0 if alone else 0.0) - 0.5 * wide,
-        }
-    one = min(max(spread.one_tooth, 1e-9), 1.0 - 1e-9)
-    odds_db = 10.0 * float(np.log10(one / (1.0 - one)))
-    share = spread.teeth_involved / len(spread.by_tooth)
-    height = min(row["peak_db"] - USUAL_PEAK_DB, 5.0)
-    return {
-        "tooth damage": float(np.clip(odds_db, -_SURE_DB, _SURE_DB)),
-        "several teeth": min(-odds_db, 6.0) + 2.0 * height + 16.0 * (0.5 - share),
-    }
-
-
-def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
-    """Return for other kinds what speaks for each less what it leaves unexplained [dB].
-
-    Parameters
-    ----------
-    row : mapping of str to float
-    seen : bool
-        Whether it is known by other means how far one tooth is the cause.
-    """
     far, once = row["far_db"], row["once_db"]
-    if row["turns_known"] > 0:
-        twice, thrice, several = row["twice_db"], row["thrice_db"], row["several_db"]
-    else:
+    twice, thrice, several = row["twice_db"], row["thrice_db"], row["several_db"]
+    if row["turns_known"] <= 0:
         # where single sidebands are not known the nearest are taken to lead, the rest to follow
         twice, thrice, several = row["near_db"] - 3.0, far, far
-    event = wide = 0.0
-    if not seen:
-        event = min(max(row["peak_db"] - USUAL_PEAK_DB, 0.0), _SURE_DB)
+    peak, alone = row["peak_db"] - USUAL_PEAK_DB, row["peaks"] <= 1
+    if spread is None:
+        event = min(max(peak, 0.0), _SURE_DB)
+        # in a short turn two teeth are a large share: spread over half of the teeth is no event
         wide = 2.0 * max(row["teeth_involved"] - 3.0, 0.0)
+        one_tooth = min(peak, _SURE_DB) - (0.0 if alone else 5.0) - 2.0 * wide
+        teeth = min(peak, _SURE_DB) - (5.0 if alone else 0.0) - wide
+    else:
+        # it is known by other means how far one tooth is the cause
+        one, event, wide = min(max(spread.one_tooth, 1e-9), 1.0 - 1e-9), 0.0, 0.0
+        odds_db = 10.0 * float(np.log10(one / (1.0 - one)))
+        share = spread.teeth_involved / len(spread.by_tooth)
+        one_tooth = float(np.clip(odds_db, -_SURE_DB, _SURE_DB))
+        teeth = min(-odds_db, 6.0) + 2.0 * min(peak, 5.0) + 16.0 * (0.5 - share)
     pitted = far - USUAL_DB
     # what changes smoothly over the turn does not reach the farther lines
     rough = _ROUGH * max(pitted, 0.0) + event
@@ -446,7 +407,10 @@ def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
     lasting = max(several - max(once - _DECAY_DB, 0.0), 0.0)
     loose = min(twice, thrice, several) - 0.7 * max(far, 0.0) + 0.3 * max(row["shaft_near_db"], 0.0)
     unworn = max(once, twice, far, several, 0.0) + event
-    return {
+    # what speaks for each less what it leaves unexplained [dB]
+    weights = {
+        "tooth damage": one_tooth,
+        "several teeth": teeth,
         "distributed pitting": pitted,
         "wear": row["mesh_rms_db"] - USUAL_DB - unworn,
         "eccentricity": once - USUAL_DB - 1.5 * lasting - rough - max(twice - once + 3.0, 0.0),
@@ -454,6 +418,8 @@ def _of_lines(row: Mapping[str, float], seen: bool) -> dict[str, float]:
         "looseness": loose - USUAL_DB,
         NONE: 0.0,
     }
+    shares = softmax(np.array([weights[kind] for kind in KINDS]) / _SOFTNESS_DB)
+    return dict(zip(KINDS, shares.tolist(), strict=True))
 
 
 def _evidence(kind: str, gear: tuple[int, str], row: Mapping[str, float]) -> tuple[str, ...]:
@@ -598,13 +564,13 @@ def features(
 
     several = [analyses] if isinstance(analyses, Analysis) else analyses
     check_type("analyses", several, Iterable, "what gearmon.analyse returns, or several of it")
-    frames = []
+    index, values = [], []
     for analysis in several:
         check_type("analyses", analysis, Analysis, "what gearmon.analyse returns")
         found = analysis_features(analysis, reference)
-        rows = [(analysis.recording, stage, gear) for stage, gear in found.gears]
-        index = pd.MultiIndex.from_tuples(rows, names=["recording", "stage", "gear"])
-        frames.append(pd.DataFrame(found.values, index=index, columns=list(NAMES)))
-    if not frames:
+        index += [(analysis.recording, *gear) for gear in found.gears]
+        values.append(found.values)
+    if not values:
         raise ArgumentError("analyses: none is given; features need at least one")
-    return pd.concat(frames)
+    rows = pd.MultiIndex.from_tuples(index, names=["recording", "stage", "gear"])
+    return pd.DataFrame(np.concatenate(values), index=rows, columns=list(NAMES))

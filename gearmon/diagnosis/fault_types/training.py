@@ -16,8 +16,8 @@ recordings.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import cycle
 from typing import TYPE_CHECKING, NamedTuple
@@ -35,7 +35,7 @@ from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.signatures.expected.baseline import faulty_lines
 from gearmon.signatures.expected.mesh import MeshPlace
-from gearmon.signatures.measured.line_plan import MESH_HARMONICS, LinePlan, WheelLines, line_plan
+from gearmon.signatures.measured.line_plan import MESH_HARMONICS, WheelLines, line_plan
 from gearmon.signatures.measured.measurement import level_and_error_db
 from gearmon.signatures.measured.reference import WheelPattern, tooth_counts
 
@@ -61,6 +61,8 @@ _PATH_POINTS = 384
 #: Longest echo, in periods of the highest order.
 _LONGEST_ECHO = 80.0
 _ECHOES = 16
+# Waves of the curve by which another speed moves levels.
+_WAVES = 6
 #: Examples that a classifier is trained on unless another number is given.
 EXAMPLES = 1600
 #: Examples that a classifier can be trained on: ten a kind at least.
@@ -69,28 +71,6 @@ EXAMPLES_BETWEEN = (10 * len(KINDS), 1_000_000)
 _LOOSE_MULTIPLES = 10
 # effect of pitch errors, eccentricity and wobble of a sound gear over the lines of the perfect mesh
 _ERROR_EFFECTS = ((0.03, 0.5), (0.03, 0.4), (0.003, 0.05))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Example:
-    """A simulated comparison with a healthy machine, and what was wrong.
-
-    Parameters
-    ----------
-    features : FeatureVector
-        What an analysis would have seen.
-    kind : str
-        Kind of the fault.
-    gears : tuple of (int, str)
-        Stage and gear of all gears that have it; empty for none.
-    size : float
-        Largest loss of stiffness, or effect of an error over the lines of the sound mesh.
-    """
-
-    features: FeatureVector
-    kind: str
-    gears: tuple[tuple[int, str], ...]
-    size: float
 
 
 def train_kinds(
@@ -165,13 +145,13 @@ def examples(machine: Machine, seed: int, operating: int = 0) -> Iterator[Exampl
     Example
     """
     generator = np.random.default_rng([seed, 6])
-    lines = machine_lines(machine, operating)
+    lines = MachineLines(machine, operating)
     for kind in cycle(KINDS):
-        yield draw_example(lines, kind, generator)
+        yield Example(lines, kind, generator)
 
 
-def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator) -> Example:
-    """Draw one machine, what is wrong with it, and two recordings.
+class Example:
+    """One machine drawn, what is wrong with it, and how it compares with the healthy one.
 
     Parameters
     ----------
@@ -180,37 +160,48 @@ def draw_example(lines: MachineLines, kind: str, generator: np.random.Generator)
     kind : str
         One of `KINDS`.
     generator : numpy.random.Generator
+
+    Attributes
+    ----------
+    features : FeatureVector
+        What an analysis would have seen.
+    kind : str
+        Kind of the fault.
+    gears : tuple of (int, str)
+        Stage and gear of all gears that have it; empty for none.
+    size : float
+        Largest loss of stiffness, or effect of an error over the lines of the sound mesh.
     """
-    errors, spread = _errors(lines, generator)
-    sound, wrong = lines.healthy + errors, []
-    if kind == "looseness":
-        wrong = _loose(lines, spread, generator)
-    elif kind != NONE:
-        index = int(generator.integers(len(lines.gears)))
-        gear = lines.gears[index]
-        wrong = [(gear.wheel, _DRAWN[kind](gear, float(spread[index]), generator))]
-    noise_db = float(generator.uniform(0, 8)) if kind == "looseness" else 0.0
-    load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
-    moved = load * lines.healthy + errors
-    for wheel, added in wrong:
-        moved[wheel.stage - 1, wheel.lines] += load * added.stiffness + added.displacement
-    sensors = _Sensors(lines, sound, generator)
-    one = sensors.measured(sound)
-    # another speed moves every line along the resonances, the same way in every channel
-    curve = _smooth(lines.plan.orders, generator, 2.0 / sensors.top)
-    drift = np.exp(log_uniform(generator, 0.01, 0.1) * curve)
-    two = sensors.measured(moved * drift, noise_db)
-    if kind == NONE and generator.uniform() < 0.4:
-        two = _with_strange_lines(two, generator)
-    return Example(
-        features=sensors.features(one, two),
-        kind=kind,
-        gears=tuple((wheel.stage, wheel.gear) for wheel, _ in wrong),
-        size=max((added.size for _, added in wrong), default=0.0),
-    )
+
+    def __init__(self, lines: MachineLines, kind: str, generator: np.random.Generator) -> None:
+        errors, spread = _errors(lines, generator)
+        sound, wrong = lines.healthy + errors, []
+        if kind == "looseness":
+            wrong = _loose(lines, spread, generator)
+        elif kind != NONE:
+            index = int(generator.integers(len(lines.gears)))
+            gear = lines.gears[index]
+            wrong = [(gear.wheel, _DRAWN[kind](gear, float(spread[index]), generator))]
+        noise_db = float(generator.uniform(0, 8)) if kind == "looseness" else 0.0
+        load = float(np.clip(np.exp(generator.normal(0, 0.12)), 0.7, 1.4))
+        moved = load * lines.healthy + errors
+        for wheel, added in wrong:
+            moved[wheel.stage - 1, wheel.lines] += load * added.stiffness + added.displacement
+        sensors = _Sensors(lines, sound, generator)
+        one = sensors.measured(sound)
+        # another speed moves every line along the resonances, the same way in every channel: along
+        # a smooth random curve of unit variance
+        rate = generator.uniform(0, 2 * np.pi * (2.0 / sensors.top), _WAVES)
+        size = generator.normal(size=_WAVES) + 1j * generator.normal(size=_WAVES)
+        phase = generator.uniform(0, 2 * np.pi, _WAVES)
+        curve = np.cos(np.outer(lines.plan.orders, rate) + phase) @ (size / np.sqrt(_WAVES))
+        drift = np.exp(log_uniform(generator, 0.01, 0.1) * curve)
+        two = sensors.measured(moved * drift, noise_db, strangers=kind == NONE)
+        self.kind, self.features = kind, sensors.features(one, two)
+        self.gears = tuple((wheel.stage, wheel.gear) for wheel, _ in wrong)
+        self.size = max((added.size for _, added in wrong), default=0.0)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class GearLines:
     """What can be wrong with one gear, as lines at the multiples of its rotation.
 
@@ -218,8 +209,15 @@ class GearLines:
 
     Parameters
     ----------
+    place : MeshPlace
+        Of its mesh.
     wheel : WheelLines
         The gear and its place in the plan.
+    sound : ndarray of complex
+        Acceleration lines 0, 1, ... of the sound mesh [m/s2].
+
+    Attributes
+    ----------
     distance : ndarray of int, shape (lines,)
         Turns of the gear from the nearest mesh harmonic.
     added : mapping of str to ndarray of complex, shape (lines,)
@@ -227,11 +225,40 @@ class GearLines:
         all teeth per whole loss of stiffness; "eccentricity", "misalignment" and "profile" of the
         whole gear, of unit effect; "pitch" of tooth 1 standing back, of which a pattern over the
         teeth of unit variance has unit effect.
+    turn : ndarray of float, shape (teeth,)
+        Where the teeth are in the turn [rad].
     """
 
-    wheel: WheelLines
-    distance: IntArray
-    added: Mapping[str, ComplexArray]
+    def __init__(self, place: MeshPlace, wheel: WheelLines, sound: ComplexArray) -> None:
+        module_mm = place.machine.stages[place.stage - 1].module_mm or _USUAL_MODULE_MM
+        rms, half, of_ring = float(np.linalg.norm(sound)), wheel.teeth // 2, wheel.gear == "ring"
+
+        def added(kind: str, modules: float = SIZE) -> ComplexArray:
+            tooth = 1 if kind in _OF_A_TOOTH else "all"
+            size = f"{LOSS}" if kind in _LOSSES else f"{1e3 * modules * module_mm}um"
+            wrong = f"{kind}:{wheel.stage}:{wheel.gear}:{tooth}:{size}"
+            lines = _lines(replace(place, mesh=int(of_ring)), [wrong], wheel.teeth)
+            common = lines[:: wheel.teeth]
+            common -= common if of_ring else sound[: len(common)]
+            return _on(lines, wheel.number)
+
+        def unit(lines: ComplexArray) -> ComplexArray:
+            size = float(np.linalg.norm(lines))
+            # what does not act (a gap that the load closes) leaves rounding errors
+            return np.asarray(lines * (rms / size if size > 1e-6 * rms else 0.0))
+
+        found = {kind: added(kind) / LOSS for kind in _LOSSES}
+        found |= {kind: unit(added(kind)) for kind in ("pitch", "eccentricity", "profile")}
+        # summed over z random teeth, z times the power of one
+        found["pitch"] /= np.sqrt(wheel.teeth)
+        for size in _WOBBLES:
+            wobble = added("misalignment", size)
+            if np.linalg.norm(wobble) > 0.05 * rms:
+                break
+        found["misalignment"] = unit(wobble)
+        self.distance = (wheel.number + half) % wheel.teeth - half
+        self.wheel, self.added = wheel, found
+        self.turn = 2 * np.pi * np.arange(wheel.teeth) / wheel.teeth
 
     def by_tooth(self, kind: str, weight: FloatArray) -> ComplexArray:
         """Return the lines of a pattern over the teeth, from those of tooth 1."""
@@ -252,33 +279,13 @@ class GearLines:
             Of the gear.
         """
         whole = self.added["eccentricity" if number == 1 else "misalignment"]
-        tooth = 2 * np.pi * np.arange(self.wheel.teeth) / self.wheel.teeth
-        moved = self.by_tooth("pitch", np.sqrt(2.0) * np.cos(number * tooth))
+        moved = self.by_tooth("pitch", np.sqrt(2.0) * np.cos(number * self.turn))
         turned = np.exp(1j * self.distance * angle_rad)
         return np.asarray((share * whole + (1 - share) * moved) * turned)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class MachineLines:
-    """All that superposition needs of a machine.
-
-    Parameters
-    ----------
-    plan : LinePlan
-        Orders and families.
-    healthy : ndarray of complex, shape (stages, orders)
-        Acceleration of each sound mesh at the operating point [m/s2].
-    gears : tuple of GearLines
-        Every gear.
-    """
-
-    plan: LinePlan
-    healthy: ComplexArray
-    gears: tuple[GearLines, ...]
-
-
-def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
-    """Compute the lines of everything that can be wrong with the gears of a machine.
+    """The lines of everything that can be wrong with the gears of a machine.
 
     Parameters
     ----------
@@ -287,9 +294,14 @@ def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
     operating : int
         Operating point, from 0.
 
-    Returns
-    -------
-    MachineLines
+    Attributes
+    ----------
+    plan : LinePlan
+        Orders and families.
+    healthy : ndarray of complex, shape (stages, orders)
+        Acceleration of each sound mesh at the operating point [m/s2].
+    gears : tuple of GearLines
+        Every gear.
 
     Raises
     ------
@@ -301,21 +313,23 @@ def machine_lines(machine: Machine, operating: int = 0) -> MachineLines:
     Of a planetary set the ring's mesh adds to the mesh harmonics with phases that depend on the
     planets; faults of the ring are therefore taken not to change them.
     """
-    train = kinematics(machine)
-    top = _TOP * max(mesh.order for mesh in train.meshes)
-    slowest = min(wheel.relative_order for mesh in train.meshes for wheel in mesh.wheels)
-    plan = line_plan(train, top, 0.5 * slowest)
-    healthy = np.zeros((len(machine.stages), len(plan.orders)), dtype=np.complex128)
-    gears = []
-    for stage, own in enumerate(healthy, 1):
-        place = MeshPlace(machine, stage, operating)
-        sound = _lines(place)
-        wheels = [wheel for wheel in plan.wheels if wheel.stage == stage]
-        gears += [_gear_lines(place, wheel, sound) for wheel in wheels]
-        for wheel in wheels[:1]:
-            chosen = wheel.number % wheel.teeth == 0
-            own[wheel.lines[chosen]] = _on(sound, wheel.number[chosen] // wheel.teeth)
-    return MachineLines(plan=plan, healthy=healthy, gears=tuple(gears))
+
+    def __init__(self, machine: Machine, operating: int = 0) -> None:
+        train = kinematics(machine)
+        top = _TOP * max(mesh.order for mesh in train.meshes)
+        slowest = min(wheel.relative_order for mesh in train.meshes for wheel in mesh.wheels)
+        self.plan = plan = line_plan(train, top, 0.5 * slowest)
+        self.healthy = np.zeros((len(machine.stages), len(plan.orders)), dtype=np.complex128)
+        gears: list[GearLines] = []
+        for stage, own in enumerate(self.healthy, 1):
+            place = MeshPlace(machine, stage, operating)
+            sound = _lines(place)
+            wheels = [wheel for wheel in plan.wheels if wheel.stage == stage]
+            gears += [GearLines(place, wheel, sound) for wheel in wheels]
+            for wheel in wheels[:1]:
+                chosen = wheel.number % wheel.teeth == 0
+                own[wheel.lines[chosen]] = _on(sound, wheel.number[chosen] // wheel.teeth)
+        self.gears = tuple(gears)
 
 
 def _lines(place: MeshPlace, wrong: Sequence[str] = (), teeth: int = 1) -> ComplexArray:
@@ -327,42 +341,9 @@ def _lines(place: MeshPlace, wrong: Sequence[str] = (), teeth: int = 1) -> Compl
     return lines
 
 
-def _gear_lines(place: MeshPlace, wheel: WheelLines, sound: ComplexArray) -> GearLines:
-    """Return what can be wrong with a gear, beside the sound lines of its mesh."""
-    module_mm = place.machine.stages[place.stage - 1].module_mm or _USUAL_MODULE_MM
-    rms, half, of_ring = float(np.linalg.norm(sound)), wheel.teeth // 2, wheel.gear == "ring"
-
-    def added(kind: str, modules: float = SIZE) -> ComplexArray:
-        tooth = 1 if kind in _OF_A_TOOTH else "all"
-        size = f"{LOSS}" if kind in _LOSSES else f"{1e3 * modules * module_mm}um"
-        wrong = f"{kind}:{wheel.stage}:{wheel.gear}:{tooth}:{size}"
-        lines = _lines(replace(place, mesh=int(of_ring)), [wrong], wheel.teeth)
-        common = lines[:: wheel.teeth]
-        common -= common if of_ring else sound[: len(common)]
-        return _on(lines, wheel.number)
-
-    def unit(lines: ComplexArray) -> ComplexArray:
-        size = float(np.linalg.norm(lines))
-        # what does not act (a gap that the load closes) leaves rounding errors
-        return np.asarray(lines * (rms / size if size > 1e-6 * rms else 0.0))
-
-    found = {kind: added(kind) / LOSS for kind in _LOSSES}
-    found |= {kind: unit(added(kind)) for kind in ("pitch", "eccentricity", "profile")}
-    # summed over z random teeth, z times the power of one
-    found["pitch"] /= np.sqrt(wheel.teeth)
-    for size in _WOBBLES:
-        wobble = added("misalignment", size)
-        if np.linalg.norm(wobble) > 0.05 * rms:
-            break
-    found["misalignment"] = unit(wobble)
-    distance = (wheel.number + half) % wheel.teeth - half
-    return GearLines(wheel=wheel, distance=distance, added=found)
-
-
 def _on(lines: ComplexArray, number: IntArray) -> ComplexArray:
     """Return lines by their numbers, 0 where there is none."""
-    known = number < len(lines)
-    return np.asarray(np.where(known, lines[np.where(known, number, 0)], 0.0))
+    return np.append(lines, 0.0)[np.minimum(number, len(lines))]
 
 
 def _errors(lines: MachineLines, generator: np.random.Generator) -> tuple[ComplexArray, FloatArray]:
@@ -478,18 +459,18 @@ def _loose(
     found = []
     for index in np.flatnonzero(own).tolist():
         gear = lines.gears[index]
-        turn = 2 * np.pi * np.arange(gear.wheel.teeth) / gear.wheel.teeth
-        weight = np.cos(np.outer(turn, multiple) + phase) @ share
+        weight = np.cos(np.outer(gear.turn, multiple) + phase) @ share
         weight *= min(size, 5.0) * rng.uniform(0.4, 1.0) / np.std(weight)
         found.append((gear.wheel, _Added(size, gear.by_tooth("pitch", weight))))
     return found
 
 
 class _Measured(NamedTuple):
-    """Lines as measured, shape (channels, orders), and their variance."""
+    """A recording: levels of families with their standard errors [dB], patterns of gears."""
 
-    amplitude: ComplexArray
-    variance: FloatArray
+    level_db: FloatArray
+    error_db: FloatArray
+    wheels: list[WheelPattern]
 
 
 class _Sensors:
@@ -500,7 +481,16 @@ class _Sensors:
     ) -> None:
         self.lines, self.rng = lines, generator
         orders, channels = lines.plan.orders, int(generator.integers(1, 4))
-        self.path = np.array([_echoes(orders, generator) for _ in range(channels)])
+        # a smooth random transfer function each: a few delayed echoes
+        point, paths = np.linspace(0, orders[-1], _PATH_POINTS), []
+        for _ in range(channels):
+            longest = 2 * np.pi / orders[-1] * _LONGEST_ECHO * generator.uniform(0.05, 1.0)
+            delay = generator.uniform(0, longest, _ECHOES)
+            # modes of the housing ring on, ever more softly
+            size = generator.normal(size=_ECHOES) + 1j * generator.normal(size=_ECHOES)
+            size *= np.exp(-2.0 * delay / delay.max())
+            paths.append(np.interp(orders, point, np.exp(-1j * np.outer(point, delay)) @ size))
+        self.path = np.array(paths)
         # a mesh is heard through its own bearings: which one is louder is for the path to say
         rms = np.linalg.norm(sound, axis=1)
         self.loudness = 10 ** (generator.uniform(-25, 0, (channels, len(rms))) / 20) / rms
@@ -510,87 +500,59 @@ class _Sensors:
         self.departure = log_uniform(generator, 0.002, 0.03)
         self.top = float(orders[-1] * generator.uniform(0.3, 1.0))
 
-    def measured(self, lines: ComplexArray, noise_db: float = 0.0) -> _Measured:
-        """Measure lines of the meshes, shape (stages, orders)."""
+    def measured(
+        self, lines: ComplexArray, noise_db: float = 0.0, *, strangers: bool = False
+    ) -> _Measured:
+        """Measure lines of the meshes, shape (stages, orders).
+
+        Strangers are lines of something else, a bearing or the mains, that now and then fall on a
+        few lines of the machine.
+        """
+        rng, plan, shape = self.rng, self.lines.plan, self.path.shape
         level = self.variance * 10 ** (noise_db / 10)
-        variance = np.broadcast_to(level[:, None], self.path.shape)
-        random = self.rng.normal(0, np.sqrt(0.5), (2, 2, *self.path.shape))
+        variance = np.broadcast_to(level[:, None], shape)
+        random = rng.normal(0, np.sqrt(0.5), (2, 2, *shape))
         first, second = random[:, 0] + 1j * random[:, 1]
         amplitude = self.path * (self.loudness @ lines) * (1 + self.departure * first)
-        amplitude = self.gain[:, None] ** self.rng.integers(0, 2) * amplitude
-        return _Measured(amplitude + np.sqrt(variance) * second, variance)
+        amplitude = self.gain[:, None] ** rng.integers(0, 2) * amplitude
+        amplitude = amplitude + np.sqrt(variance) * second
+        if strangers and rng.uniform() < 0.4:
+            place = rng.integers(0, shape[1], int(rng.integers(1, 6)))
+            typical = np.sqrt(np.median(np.abs(amplitude) ** 2, axis=1))
+            size = log_uniform(rng, 1.0, 20.0) * typical
+            phase = np.exp(2j * np.pi * rng.uniform(size=(shape[0], len(place))))
+            amplitude[:, place] += size[:, None] * phase
+        square = np.abs(amplitude) ** 2
+        spread = np.sqrt(plan.by_family(variance**2 + 2 * variance * square))
+        levels = level_and_error_db(plan.by_family(square - variance), spread)
+        wheels, told = [], ("stage", "gear", "teeth", "order", "number", "mesh")
+        for wheel in (gear.wheel for gear in self.lines.gears):
+            known = {name: getattr(wheel, name) for name in told}
+            parts = {"amplitude": amplitude, "variance": variance}
+            known |= {name: own[:, wheel.lines] for name, own in parts.items()}
+            wheels.append(WheelPattern(**known).only(wheel.number * wheel.order < self.top))
+        # of the gears of which more than a mesh order is in range
+        return _Measured(*levels, [own for own in wheels if len(own.number) > own.teeth])
 
     def features(self, one: _Measured, two: _Measured) -> FeatureVector:
         """Compare families of lines, channel by channel, turns of the gears, single sidebands."""
-        before, before_scatter = self._levels(one)
-        after, after_scatter = self._levels(two)
-        after += self.rng.normal(0, self.rng.uniform(0.3, 1.5), after.shape)
+        after = two.level_db + self.rng.normal(0, self.rng.uniform(0.3, 1.5), two.level_db.shape)
         families, orders = self.lines.plan.families, self.lines.plan.orders
         inside = orders[[max(family.lines) for family in families]] < self.top
         deviation = LevelDeviation(
-            expected_db=before,
-            rest_db=np.where(inside, after - before, np.nan),
-            sigma_db=np.sqrt(before_scatter**2 + after_scatter**2 + _BETWEEN_DB**2),
-            gain_db=np.zeros(len(before)),
+            expected_db=one.level_db,
+            rest_db=np.where(inside, after - one.level_db, np.nan),
+            sigma_db=np.sqrt(one.error_db**2 + two.error_db**2 + _BETWEEN_DB**2),
+            gain_db=np.zeros(len(after)),
         )
-        changes = level_changes(deviation, [*map(str, range(len(before)))], families)
-        old, new = self._patterns(one), self._patterns(two)
+        changes = level_changes(deviation, [*map(str, range(len(after)))], families)
         near = NEAR if self.rng.uniform() < 0.5 else 0
         # what the two recordings do not share beyond their lines fills all of the turn
         floor, energies = log_uniform(self.rng, 0.003, 0.3), {}
-        for known, own in zip(old, new, strict=True):
+        for known, own in zip(one.wheels, two.wheels, strict=True):
             energy = departure_energy(own, known, near)
             raised = energy + floor * energy.mean()
             energies[own.stage, own.gear] = raised / np.median(raised)
         # a caller may have families of lines only
-        sidebands = {} if self.rng.uniform() < 0.1 else turn_changes(new, [old])
+        sidebands = {} if self.rng.uniform() < 0.1 else turn_changes(two.wheels, [one.wheels])
         return kind_features(changes, energies, sidebands)
-
-    def _levels(self, measured: _Measured) -> tuple[FloatArray, FloatArray]:
-        """Levels of the families and their standard errors, as of recordings [dB]."""
-        size, variance = np.abs(measured.amplitude) ** 2, measured.variance
-        power = self.lines.plan.by_family(size - variance)
-        spread = np.sqrt(self.lines.plan.by_family(variance**2 + 2 * variance * size))
-        return level_and_error_db(power, spread)
-
-    def _patterns(self, measured: _Measured) -> list[WheelPattern]:
-        """Return the patterns of the gears of which more than a mesh order is in range."""
-        told = ("stage", "gear", "teeth", "order", "number", "mesh")
-        found = []
-        for wheel in (gear.wheel for gear in self.lines.gears):
-            amplitude, variance = measured.amplitude[:, wheel.lines], measured.variance
-            known = {name: getattr(wheel, name) for name in told}
-            whole = WheelPattern(**known, amplitude=amplitude, variance=variance[:, wheel.lines])
-            found.append(whole.only(wheel.number * wheel.order < self.top))
-        return [own for own in found if len(own.number) > own.teeth]
-
-
-def _echoes(orders: FloatArray, rng: np.random.Generator) -> ComplexArray:
-    """Return a smooth random transfer function: a few delayed echoes."""
-    point = np.linspace(0, orders[-1], _PATH_POINTS)
-    longest = 2 * np.pi / orders[-1] * _LONGEST_ECHO * rng.uniform(0.05, 1.0)
-    delay = rng.uniform(0, longest, _ECHOES)
-    # modes of the housing ring on, ever more softly
-    size = rng.normal(size=_ECHOES) + 1j * rng.normal(size=_ECHOES)
-    size *= np.exp(-2.0 * delay / delay.max())
-    return np.asarray(np.interp(orders, point, np.exp(-1j * np.outer(point, delay)) @ size))
-
-
-def _smooth(orders: FloatArray, rng: np.random.Generator, density: float) -> ComplexArray:
-    """Return a smooth random curve of unit variance, complex."""
-    count = 6
-    rate = rng.uniform(0, 2 * np.pi * density, count)
-    size = (rng.normal(size=count) + 1j * rng.normal(size=count)) / np.sqrt(count)
-    return np.asarray(np.cos(np.outer(orders, rate) + rng.uniform(0, 2 * np.pi, count)) @ size)
-
-
-def _with_strange_lines(measured: _Measured, rng: np.random.Generator) -> _Measured:
-    """Let lines of something else, a bearing or the mains, fall on a few lines of the machine."""
-    channels, orders = measured.amplitude.shape
-    place = rng.integers(0, orders, int(rng.integers(1, 6)))
-    typical = np.sqrt(np.median(np.abs(measured.amplitude) ** 2, axis=1))
-    size = log_uniform(rng, 1.0, 20.0) * typical
-    phase = np.exp(2j * np.pi * rng.uniform(size=(channels, len(place))))
-    amplitude = measured.amplitude.copy()
-    amplitude[:, place] += size[:, None] * phase
-    return measured._replace(amplitude=amplitude)

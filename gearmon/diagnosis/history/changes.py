@@ -25,7 +25,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -338,7 +338,8 @@ def permuted_probability(series: Series, *, permutations: int = 4999) -> float:
     """
     if len(series) < FEWEST or np.ptp(series.value) <= 1e-12 * np.abs(series.value).max():
         return 1.0
-    paths, _, rest = Fits.of(series, ()).freed
+    fits = Fits.of(series, ())
+    paths, rest = fits.paths, fits.rest
     generator = np.random.default_rng(0)
     clearest, as_clear = float(np.abs(paths @ rest).max()), 0
     for start in range(0, permutations, 500):
@@ -358,7 +359,7 @@ def _repaired(series: Series, below: float) -> list[ChangePoint]:
     if not series.sigma_known or len(series) < FEWEST + 2:
         return []
     fits, end = Fits.of(series, ()), float(series.time_s[-1])
-    scatter = np.linalg.norm(fits.freed[2]) / math.sqrt(len(series))
+    scatter = np.linalg.norm(fits.rest) / math.sqrt(len(series))
     if scatter < _UNEXPLAINED or change_probability(series) < below:
         return []
     places = fits.places[fits.courses == 0].tolist()
@@ -377,8 +378,8 @@ def _borne(series: Series, known: Sequence[ChangePoint], change: ChangePoint) ->
     """
     course = np.array([COURSES.index(change.growth)])
     fits = Fits(series=series, known=known, places=np.array([change.time_s]), courses=course)
-    (path,), _, rest = fits.freed
-    kept = np.arange(len(series)) != np.argmax(path * rest * np.sign(path @ rest))
+    along = fits.paths[0] * fits.rest
+    kept = np.arange(len(series)) != np.argmax(along * np.sign(along.sum()))
     parts = {name: getattr(series, name)[kept] for name in ("time_s", "value", "sigma")}
     return _search(replace(series, **parts), known).false_alarm_probability < WITHOUT_ONE
 
@@ -397,19 +398,18 @@ def _refined(series: Series, found: list[ChangePoint], below: float) -> list[Cha
 def _search(series: Series, known: Sequence[ChangePoint]) -> ChangePoint:
     """Return the clearest change beside those known; where there is none, one at the end."""
     fits, end = Fits.of(series, tuple(known)), float(series.time_s[-1])
-    paths, sizes, rest = fits.freed
-    left, size = len(series) - fits.base.shape[1], float(np.linalg.norm(rest))
+    left, size = fits.dimensions, float(np.linalg.norm(fits.rest))
     # less than known noise leaves: whatever the shape, the probability of the two families is 1
     quiet = series.sigma_known and 2.0 * known_noise_bound(size, 0.0) >= 1.0
     if quiet or left < 3 or size <= 1e-12 * np.linalg.norm(series.value / series.sigma):
         return ChangePoint(growth=STRAIGHT, time_s=end, end_s=end)
     lengths = []
     for course in (0, 1):
-        path = paths[(fits.courses == course) & (sizes > 0)]
+        path = fits.paths[(fits.courses == course) & (fits.sizes > 0)]
         # the length of a path through directions, which may be turned round
         turned = np.abs(np.sum(path[1:] * path[:-1], axis=1))
         lengths += [float(np.arccos(np.minimum(turned, 1.0)).sum())] if len(path) else []
-    along = np.abs(paths @ rest) / size
+    along = np.abs(fits.paths @ fits.rest) / size
     best = int(np.argmax(along))
     probability = sum(tube_bound(along[best], length, left) for length in lengths)
     if series.sigma_known:
@@ -431,7 +431,6 @@ def _solver(series: Series, changes: Sequence[ChangePoint]) -> FloatArray:
     return np.asarray(np.linalg.pinv(columns / scale) / scale[:, None])
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Fits:
     """Least squares by a constant, known changes and one more, for each place and course of that.
 
@@ -445,13 +444,49 @@ class Fits:
         Its course, by its number in `COURSES`.
     tangents : bool
         Whether the known changes may move and bend as well, see `change_columns`.
+
+    Attributes
+    ----------
+    paths : ndarray of float, shape (fits, n)
+        Unit directions of the one more beside what is known; nought where nothing is left of it.
+    sizes : ndarray of float, shape (fits,)
+        What is left of it, in standard deviations.
+    rest : ndarray of float, shape (n,)
+        What the known leave of the values, in standard deviations.
+    dimensions : int
+        Of the space in which that lies.
+    left : ndarray of float, shape (fits,)
+        Weighted sum of squares that each leaves.
+    freedom : int
+        Values beyond those that fits with one more take up, which a step outside does not.
+    variance : float
+        Of the noise in units of the stated one, at least 1 where its size is known.
     """
 
-    series: Series
-    known: Sequence[ChangePoint]
-    places: FloatArray
-    courses: IntArray
-    tangents: bool = False
+    def __init__(
+        self,
+        *,
+        series: Series,
+        known: Sequence[ChangePoint],
+        places: FloatArray,
+        courses: IntArray,
+        tangents: bool = False,
+    ) -> None:
+        self.series, self.known, self.places, self.courses = series, known, places, courses
+        base = change_columns(series.time_s, known, tangents=tangents)
+        basis = np.linalg.qr(base / series.sigma[:, None])[0]
+        shapes = self._rows(series.time_s, np.arange(len(places)))
+        whole = np.vstack([series.value, shapes]) / series.sigma
+        rest = whole - (whole @ basis) @ basis.T
+        size, before = np.linalg.norm(rest[1:], axis=1), np.linalg.norm(whole[1:], axis=1)
+        size[size <= 1e-7 * np.maximum(before, _TINY)] = 0.0
+        self.paths = rest[1:] * (size > 0)[:, None] / np.where(size > 0, size, 1.0)[:, None]
+        self.sizes, self.rest, self.dimensions = size, rest[0], len(series) - base.shape[1]
+        square = float(self.rest @ self.rest)
+        self.left = np.maximum(square - (self.paths @ self.rest) ** 2, 0.0)
+        self.freedom = len(series) - 1 - 2 * (len(known) + bool(size.any()))
+        least = 1.0 if series.sigma_known else 0.0
+        self.variance = max(float(self.left.min()) / max(1, self.freedom), least)
 
     @classmethod
     @lru_cache(maxsize=6)  # a change is bent, and timed a moment later
@@ -474,41 +509,6 @@ class Fits:
         places = np.concatenate([steps, np.tile(begun, len(growths))])
         courses = np.repeat([0, *growths], [len(steps), *[len(begun)] * len(growths)])
         return cls(series=series, known=known, places=places, courses=courses, tangents=not bent)
-
-    @property
-    def base(self) -> FloatArray:
-        """What stands beside the one more, as columns."""
-        return change_columns(self.series.time_s, self.known, tangents=self.tangents)
-
-    @cached_property
-    def left(self) -> FloatArray:
-        """Weighted sum of squares that each leaves, shape (fits,)."""
-        paths, _, rest = self.freed
-        return np.maximum(float(rest @ rest) - (paths @ rest) ** 2, 0.0)
-
-    @cached_property
-    def freedom(self) -> int:
-        """Values beyond those that fits with one more take up, which a step outside does not."""
-        changes = len(self.known) + bool(self.freed[1].any())
-        return len(self.series) - 1 - 2 * changes
-
-    @cached_property
-    def variance(self) -> float:
-        """Variance of the noise in units of the stated one, at least 1 where its size is known."""
-        least = 1.0 if self.series.sigma_known else 0.0
-        return max(float(self.left.min()) / max(1, self.freedom), least)
-
-    @property
-    def chance(self) -> FloatArray:
-        """Chance of each fit of all courses, where every time is as likely beforehand."""
-        steps, places = self.places[self.courses == 0], self.places[self.courses == 1]
-        # places stand closer together where recordings do
-        width = [np.gradient(steps), np.tile(np.gradient(places), len(GROWTHS))]
-        # of what fits to the last digit nothing is left to divide by
-        variance = max(self.variance, 1e-12 * self.left.max(), _TINY)
-        told = np.exp(-0.5 * (self.left - self.left.min()) / variance)
-        chance = CHANCES[self.courses] * told * np.concatenate(width)
-        return np.asarray(chance / chance.sum())
 
     def at(
         self, time_s: FloatArray, which: IntArray, weights: FloatArray | None = None
@@ -533,33 +533,18 @@ class Fits:
         What the known columns explain of the one more is taken off it, so that its size is
         independent of theirs and the variances add (Frisch and Waugh).
         """
-        paths, size, rest = self.freed
         series, solver = self.series, _solver(self.series, self.known)
         known, rows = change_columns(time_s, self.known), self._rows(time_s, which)
         if weights is not None:
             known, rows = weights @ known, rows @ weights.T
         explained = self._rows(series.time_s, which) / series.sigma @ solver.T
         beside = rows - explained @ known.T
-        beside *= np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)[which, None]
+        size = self.sizes[which, None]
+        beside *= np.where(size > 0, 1 / np.where(size > 0, size, 1.0), 0.0)
         value = known @ solver @ (series.value / series.sigma)
         variance = np.sum((known @ solver) ** 2, axis=1)
-        return value + beside * (paths[which] @ rest)[:, None], variance + beside**2
-
-    @cached_property
-    def freed(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Unit directions of the one more beside what is known, their sizes, rest of the values.
-
-        In standard deviations, shapes (fits, n), (fits,) and (n,); directions and sizes are nought
-        where nothing is left of a shape.
-        """
-        series, every = self.series, np.arange(len(self.places))
-        basis = np.linalg.qr(self.base / series.sigma[:, None])[0]
-        whole = np.vstack([series.value, self._rows(series.time_s, every)]) / series.sigma
-        rest = whole - (whole @ basis) @ basis.T
-        size, before = np.linalg.norm(rest[1:], axis=1), np.linalg.norm(whole[1:], axis=1)
-        size[size <= 1e-7 * np.maximum(before, _TINY)] = 0.0
-        paths = rest[1:] * (size > 0)[:, None] / np.where(size > 0, size, 1.0)[:, None]
-        return paths, size, rest[0]
+        along = (self.paths[which] @ self.rest)[:, None]
+        return value + beside * along, variance + beside**2
 
     def _rows(self, time_s: FloatArray, which: IntArray) -> FloatArray:
         """Shapes of the one more at some times, shape (some, times)."""
@@ -592,7 +577,14 @@ def _timed(series: Series, change: ChangePoint, others: Sequence[ChangePoint]) -
     times, fits = series.time_s, Fits.of(series, tuple(others), bent=True)
     if fits.freedom < 1:
         return replace(change, low_s=float(times[0]), high_s=float(times[-1]))
-    chance, steps = fits.chance, fits.courses == 0
+    steps, begun = fits.courses == 0, fits.places[fits.courses == 1]
+    # every time is as likely beforehand, and places stand closer together where recordings do
+    width = [np.gradient(fits.places[steps]), np.tile(np.gradient(begun), len(GROWTHS))]
+    # of what fits to the last digit nothing is left to divide by
+    variance = max(fits.variance, 1e-12 * fits.left.max(), _TINY)
+    likely = np.exp(-0.5 * (fits.left - fits.left.min()) / variance)
+    chance = CHANCES[fits.courses] * likely * np.concatenate(width)
+    chance /= chance.sum()
     # a step is one anywhere between the recordings on its two sides
     later = np.searchsorted(times, fits.places)
     low = np.where(steps, times[later - 1], fits.places)

@@ -28,7 +28,7 @@ HALF_OF_90 = 1.6448536269514722
 _REMEDY = "name it as pump_2026-11-21T10-30-00.csv, or give the times"
 _DATE = r"(?<!\d)(\d{4})([-_.]?)(\d{2})\2(\d{2})"
 _CLOCK = (
-    r"(?:[T_ -]?(\d{2})[:\-.h]?(\d{2})(?:[:\-.m]?(\d{2}))?)?(Z|[+-]\d{2}:?\d{2})?"
+    r"(?:[T_ -]?(\d{2})[:\-.h]?(\d{2})(?:[:\-.m]?(\d{2}))?)?(Z|[+-]\d{2}:?\d{2}|)"
     r"(?![T_ \-.:]?\d)"
 )
 # What an entry takes from an analysis as it is.
@@ -207,11 +207,22 @@ class History:
         ArgumentError
             If there is one of the same time and `replace` is false.
         """
-        known = {one.time_s: one for one in self.entries}
-        if entry.time_s in known and not replace:
-            raise duplicate_time(entry, known[entry.time_s].recording)
-        entries = known | {entry.time_s: entry}
+        if not replace:
+            self.check_new(entry.recording, entry.time_s)
+        entries = {one.time_s: one for one in self.entries} | {entry.time_s: entry}
         return History(machine=self.machine, entries=tuple(entries[t] for t in sorted(entries)))
+
+    def check_new(self, recording: str, time_s: float) -> None:
+        """Refuse a recording if there is one of the same time.
+
+        Raises
+        ------
+        ArgumentError
+            If there is.
+        """
+        for entry in self.entries:
+            if entry.time_s == time_s:
+                raise duplicate_time(recording, self.machine, time_s, entry.recording)
 
     def rows(self) -> list[dict[str, Any]]:
         """Return one row a recording, gear and tooth."""
@@ -234,11 +245,12 @@ ENTRY = tuple(f.name for f in fields(Entry) if f.name not in ("findings", "place
 PLACE = tuple(f.name for f in fields(Place))
 
 
-def duplicate_time(entry: Entry, known: str) -> ArgumentError:
+def duplicate_time(recording: str, machine: str, time_s: float, known: str) -> ArgumentError:
     """Say that a recording of the same time is known already, and what to do."""
     return ArgumentError(
-        f"{entry.recording}: the history of {entry.machine or 'this machine'!r} has a recording of "
-        f"{entry.when} already ({known}); replace it explicitly, or give the right time"
+        f"{recording}: the history of {machine or 'this machine'!r} has a recording of "
+        f"{time_text(time_s)} already ({known}); replace it (--replace, replace=True), or give the "
+        "right time"
     )
 
 
@@ -406,12 +418,12 @@ def time_from_name(path: str | Path) -> datetime:
     """
     name = Path(path).name
     # eight digits that are no date are a number
-    dates = [match for match in re.finditer(_DATE, name) if _moment(*match.group(1, 3, 4))]
+    dates = [match for match in re.finditer(_DATE, name) if _moment(match)]
     if len(dates) != 1:
         what = "no date stands" if not dates else f"{len(dates)} dates stand"
         raise ArgumentError(f"{path}: {what} in the name of the file; {_REMEDY}")
     whole = re.compile(_DATE + _CLOCK).match(name, dates[0].start())
-    found = _moment(*whole.group(1, 3, 4, 5, 6, 7, 8)) if whole else None
+    found = _moment(whole) if whole else None
     if found is None:
         raise ArgumentError(
             f"{path}: what follows the date in the name of the file is no time; {_REMEDY}"
@@ -419,12 +431,12 @@ def time_from_name(path: str | Path) -> datetime:
     return found
 
 
-def _moment(year: str, month: str, day: str, *clock: str | None) -> datetime | None:
+def _moment(match: re.Match[str]) -> datetime | None:
     """Return the time of a date with or without its clock time; None if it is none."""
-    hour, minute, second, offset = clock or [None] * 4
-    time = f"{hour or '00'}:{minute or '00'}:{second or '00'}{offset or ''}"
+    year, _, month, day, *clock = match.groups("00")
+    hour, minute, second, offset = clock or ["00", "00", "00", ""]
     try:
-        return read_time(f"{year}-{month}-{day}T{time}")
+        return read_time(f"{year}-{month}-{day}T{hour}:{minute}:{second}{offset}")
     except ArgumentError:
         return None
 

@@ -90,11 +90,24 @@ def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool | None =
 
     Where `replace` is None it may take the place of what the same recording said before.
     """
-    _check_teeth(store, entry)
-    known = recording(store, as_text(entry.machine), entry.time_s)
+    machine = as_text(entry.machine)
+    for stage, gear, teeth in {(p.stage, p.gear, p.teeth) for p in entry.places if p.teeth}:
+        # one tells for all, which were held against each other when they came
+        other = store.execute(
+            "SELECT json_extract(value, '$.teeth') AS teeth FROM recordings, json_each(places) "
+            "WHERE machine = ? AND json_extract(value, '$.stage') = ? "
+            "AND json_extract(value, '$.gear') = ? AND teeth IS NOT NULL LIMIT 1",
+            (machine, stage, gear),
+        ).fetchone()
+        if other is not None and other[0] != teeth:  # another machine under the same name
+            raise ArgumentError(
+                f"{entry.recording}: the {gear} of stage {stage} has {teeth} teeth, and {other[0]} "
+                f"in the history of {entry.machine!r}; another machine needs another name"
+            )
+    known = recording(store, machine, entry.time_s)
     again = known.get("recording") == as_text(entry.recording)
     if known and not (again if replace is None else replace):
-        raise duplicate_time(entry, known["recording"])
+        raise duplicate_time(entry.recording, entry.machine, entry.time_s, known["recording"])
     places = [{n: x for n, x in vars(own).items() if x is not None} for own in entry.places]
     findings = json.dumps(entry.findings, ensure_ascii=False)
     own = {name: getattr(entry, name) for name in ENTRY} | {"findings": findings}
@@ -105,8 +118,7 @@ def append_to(store: sqlite3.Connection, entry: Entry, *, replace: bool | None =
 def recording(store: sqlite3.Connection, machine: str, time_s: float) -> dict[str, Any]:
     """Return what was `put` of the recording of a machine and time; nothing if there is none."""
     asked = "SELECT * FROM recordings WHERE machine = ? AND time_s = ?"
-    row = store.execute(asked, (machine, time_s)).fetchone()
-    return sound(row) if row else {}
+    return next(iter(rows(store, asked, (machine, time_s))), {})
 
 
 def summarise(store: sqlite3.Connection, machines: Iterable[str]) -> None:
@@ -156,9 +168,8 @@ def read_latest(path: str | Path) -> list[dict[str, Any]]:
         If there is no such file, or it is damaged, of another program or of another version.
     """
     with opened(Path(path), create=False) as store:
-        rows = map(sound, store.execute("SELECT * FROM latest ORDER BY machine").fetchall())
-        listed = ("findings", "scores")
-        return [row | {name: json.loads(row[name]) for name in listed} for row in rows]
+        told, listed = rows(store, "SELECT * FROM latest ORDER BY machine"), ("findings", "scores")
+        return [row | {name: json.loads(row[name]) for name in listed} for row in told]
 
 
 def _mark(told: Mapping[str, Any]) -> str:
@@ -166,30 +177,15 @@ def _mark(told: Mapping[str, Any]) -> str:
     return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 
-def sound(row: sqlite3.Row) -> dict[str, Any]:
-    """Return what was `put`; raise ValueError if it is not what was written."""
-    told = {name: x for name, x in dict(row).items() if name not in _UNGUARDED}
-    if row["checksum"] != _mark(told):
-        raise ValueError("a row is not what was written")
-    return told
-
-
-def _check_teeth(store: sqlite3.Connection, entry: Entry) -> None:
-    """Refuse gears whose teeth have changed: it is another machine under the same name."""
-    for place in {(p.stage, p.gear, p.teeth) for p in entry.places if p.teeth is not None}:
-        # one tells for all, which were held against each other when they came
-        other = store.execute(
-            "SELECT json_extract(value, '$.teeth') AS teeth FROM recordings, json_each(places) "
-            "WHERE machine = ? AND json_extract(value, '$.stage') = ? "
-            "AND json_extract(value, '$.gear') = ? AND teeth IS NOT NULL LIMIT 1",
-            (as_text(entry.machine), *place[:2]),
-        ).fetchone()
-        if other is not None and other[0] != place[2]:
-            raise ArgumentError(
-                f"{entry.recording}: the {place[1]} of stage {place[0]} has {place[2]} teeth, and "
-                f"{other[0]} in the history of {entry.machine!r}; another machine needs another "
-                "name"
-            )
+def rows(store: sqlite3.Connection, asked: str, values: Sequence[Any] = ()) -> list[dict[str, Any]]:
+    """Return rows as they were `put`, and their `id`; raise ValueError if one is not."""
+    found = []
+    for row in map(dict, store.execute(asked, values).fetchall()):
+        told = {name: value for name, value in row.items() if name not in _UNGUARDED}
+        if row["checksum"] != _mark(told):
+            raise ValueError("a row is not what was written")
+        found.append(told | ({"id": row["id"]} if "id" in row else {}))
+    return found
 
 
 def as_text(name: str) -> str:
@@ -237,20 +233,17 @@ def read_history(path: str | Path, machine: str | None = None) -> History:
             raise ArgumentError(f"{path}: name one of its machines: {listed}")
         name = as_text(machine if machine is not None else next(iter(known)))
         asked = "SELECT * FROM recordings WHERE machine = ? ORDER BY time_s"
-        rows = store.execute(asked, (name,)).fetchall()
+        found, entries = rows(store, asked, (name,)), []
         try:
-            if len(rows) != known.get(name, 0):
+            if len(found) != known.get(name, 0):
                 raise ValueError(f"recordings of {name!r} are missing")
-            entries = tuple(map(_entry, rows))
+            for told in found:
+                places = tuple(Place(**own) for own in json.loads(told["places"]))
+                parts = {"findings": tuple(json.loads(told["findings"])), "places": places}
+                entries.append(Entry(**told | parts))
         except (ArgumentError, LookupError, TypeError, ValueError, OverflowError) as error:
             raise _damaged(Path(path), "is a damaged history file", error) from None
-    return History(machine=name, entries=entries)
-
-
-def _entry(row: sqlite3.Row) -> Entry:
-    told = sound(row)
-    places = tuple(Place(**own) for own in json.loads(told["places"]))
-    return Entry(**told | {"findings": tuple(json.loads(told["findings"])), "places": places})
+    return History(machine=name, entries=tuple(entries))
 
 
 @contextmanager

@@ -17,13 +17,13 @@ none: only that it was too small to be found.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.special import bdtrc, ndtri, ndtri_exp, stdtrit
+from scipy.special import bdtrc, ndtri_exp, stdtrit
 
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.diagnosis.history.changes import (
@@ -52,8 +52,10 @@ _CLEAR_BY_CHANCE = 0.05
 _OWN_SHARE = 0.05
 # Against a reference larger losses are hardly ever missed.
 _MOST_MISSED = 0.1
-#: Share of the false-alarm probability given to all losses together; the score gets the rest.
+# Share of the false-alarm probability given to all losses together, and what that makes; the score
+# gets the rest.
 _LOSS_SHARE = 0.5
+_LOSS_BELOW = _LOSS_SHARE * BELOW
 #: Newest recordings for which it is told what could be forecast at their time.
 FORECASTS = 20
 #: How far a trend is followed to a limit, in lengths of the series (beyond is as good as never),
@@ -96,7 +98,6 @@ class Crossing:
         }
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Trend:
     """A series with its changes.
 
@@ -110,17 +111,27 @@ class Trend:
         recordings averages it out.
     missed : float
         Size up to which something may have been missed wherever nothing was found.
+
+    Attributes
+    ----------
+    grows : bool
+        Whether any straight piece rises or falls.
     """
 
-    series: Series
-    changes: tuple[ChangePoint, ...]
-    common: float = 0.0
-    missed: float = -math.inf
-
-    @property
-    def grows(self) -> bool:
-        """Whether any straight piece rises or falls."""
-        return any(change.kind == "growth" for change in self.changes)
+    def __init__(
+        self,
+        series: Series,
+        changes: tuple[ChangePoint, ...],
+        common: float = 0.0,
+        missed: float = -math.inf,
+    ) -> None:
+        self.series, self.changes, self.common, self.missed = series, changes, common, missed
+        growths = [change for change in changes if change.kind == "growth"]
+        self.grows = bool(growths)
+        # the latest growth, whose time is uncertain in all intervals
+        self._last = next(reversed(growths or changes), None)
+        # how many times larger all values may be, or smaller, by what they share
+        self._most = math.exp(HALF_OF_90 * common)
 
     def at(self, time_s: FloatArray | Sequence[float]) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Value of the trend with its interval.
@@ -170,57 +181,39 @@ class Trend:
         which the limit lies within what the data allow. It takes growth to go on in its course,
         straight or faster and faster.
         """
-        value, low, _ = (float(x[0]) for x in self.at(self.series.time_s[-1:]))
-        when = self._when(limit, float(self.series.time_s[0 if value >= limit else -1]))
+        first, last = self.series.time_s[[0, -1]].tolist()
+        value, low, _ = (float(x[0]) for x in self.at([last]))
+        rate, slowest, _ = self.rate()
+        when: dict[str, float | None] = {}
+        if rate > 0:
+            ahead = last + (last - first) * np.geomspace(_NEAREST, _FARTHEST, _STEPS[1])
+            times = np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
+            time, late, early = (_reached(times, x, limit) for x in self.at(times))
+            if time is not None:
+                # nothing before the recordings, or before the last where it is not yet there
+                start = first if value >= limit else last
+                early = max(start, time if early is None else min(early, time))
+                # what may not rise now may never get there
+                late = max(late, time) if late is not None and slowest > 0 else None
+                when = {"time_s": time, "low_s": early, "high_s": late}
+        status = "not extrapolated"
         if value >= limit:
-            reason = "the trend is at or above the limit"
+            status, reason = "reached", "the trend is at or above the limit"
             reason += "" if low >= limit else "; its interval reaches below the limit"
-            return Crossing(status="reached", reason=reason, **when)
-        if refused := self._refused(when):
-            return Crossing(status="not extrapolated", reason=refused)
-        reason = "if growth goes on speeding up as it has"
-        if self._last is not None and self._last.growth.straight:
-            reason = "if the present rate lasts; cracks grow faster the larger they are"
-        return Crossing(status="ahead", reason=reason, **when)
-
-    def _refused(self, when: Mapping[str, float | None]) -> str:
-        """Say why nothing is extrapolated; nothing if it is."""
-        if len(self.series) < FEWEST:
-            return f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
-        if not self.grows:
-            return "no growth that noise would not make as well"
-        if self.rate()[1] <= 0:
-            return "the present rate is not surely above zero"
-        return "" if when else "the present rate does not lead to the limit"
-
-    def _when(self, limit: float, start: float) -> dict[str, float | None]:
-        """Return the times of a `Crossing` of a rising trend; none where it does not get there.
-
-        Nothing before the start; no end where it may never get there.
-        """
-        if self.rate()[0] <= 0:
-            return {}
-        first, last = self.series.time_s[[0, -1]]
-        ahead = last + (last - first) * np.geomspace(_NEAREST, _FARTHEST, _STEPS[1])
-        times = np.concatenate([np.linspace(first, last, _STEPS[0]), ahead])
-        time, late, early = (_reached(times, x, limit) for x in self.at(times))
-        if time is None:
-            return {}
-        early = max(start, time if early is None else min(early, time))
-        # what may not rise now may never get there
-        late = max(late, time) if late is not None and self.rate()[1] > 0 else None
-        return {"time_s": time, "low_s": early, "high_s": late}
-
-    @property
-    def _last(self) -> ChangePoint | None:
-        """The latest growth, whose time is uncertain in all intervals."""
-        growths = [change for change in self.changes if change.kind == "growth"]
-        return growths[-1] if growths else self.changes[-1] if self.changes else None
-
-    @property
-    def _most(self) -> float:
-        """How many times larger all values may be, or smaller, by what they share."""
-        return math.exp(float(ndtri(0.5 + 0.5 * LEVEL)) * self.common)
+        elif len(self.series) < FEWEST:
+            reason = f"{len(self.series)} estimates are too few for a trend, {FEWEST} needed"
+        elif not self.grows:
+            reason = "no growth that noise would not make as well"
+        elif slowest <= 0:
+            reason = "the present rate is not surely above zero"
+        elif not when:
+            reason = "the present rate does not lead to the limit"
+        else:
+            status, reason = "ahead", "if growth goes on speeding up as it has"
+            if self._last is not None and self._last.growth.straight:
+                reason = "if the present rate lasts; cracks grow faster the larger they are"
+        told = {} if status == "not extrapolated" else when
+        return Crossing(status=status, reason=reason, **told)
 
     def _allowed(
         self, times: FloatArray, weights: FloatArray | None = None
@@ -281,25 +274,33 @@ def fit_trend(series: Series, *, below: float = BELOW, most: int = MOST_CHANGES)
     -------
     Trend
     """
-    return Trend(series=series, changes=find_changes(series, below=below, most=most))
+    return Trend(series, find_changes(series, below=below, most=most))
 
 
 def _reached(times: FloatArray, values: FloatArray, limit: float) -> float | None:
     """Time from which on values stay at or above a limit; None if they end below it."""
-    below = np.flatnonzero(values < limit)
-    if not len(below):
-        return float(times[0])
-    last = int(below[-1])
+    last = int(np.max(np.flatnonzero(values < limit), initial=-1))
     if last + 1 >= len(times):
         return None
-    return float(np.interp(limit, values[last : last + 2], times[last : last + 2]))
+    about = slice(max(last, 0), last + 2)
+    return float(np.interp(limit, values[about], times[about]))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ToothTrend:
-    """The loss of one tooth, or the largest of one gear, over time.
+    """The loss of one tooth, or the largest of one gear, through the recordings of a machine.
 
     Parameters
+    ----------
+    key : tuple of (int, str, int or None)
+        Stage, gear and tooth.
+    points : list of (float, Place)
+        What recordings said of it, with their times [s].
+    followed : int
+        Teeth of the machine that are followed.
+    limit : float or None
+        What the loss is held against.
+
+    Attributes
     ----------
     stage : int
     gear : str
@@ -315,33 +316,57 @@ class ToothTrend:
         Whether the loss stands clear of its noise and of zero, over several recordings.
     false_alarm_probability : float
         Bound on the probability of a change as clear on any tooth of a machine without one.
+    risen : bool
+        Whether its latest change is a rise.
+    now : tuple of float
+        Loss at the newest recording with its interval.
+    margin : tuple of float or None
+        What is left to the limit at the newest recording, with its interval.
     limit : float or None
-        What the loss is held against.
+
+    Notes
+    -----
+    Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
+    Once it has, the trend is fitted with what differs between recordings, and how it went on is no
+    longer a question of how many teeth there are.
     """
 
-    stage: int
-    gear: str
-    tooth: int | None
-    trend: Trend
-    low: FloatArray
-    high: FloatArray
-    stands: bool
-    false_alarm_probability: float
-    limit: float | None
-
-    @property
-    def now(self) -> tuple[float, float, float]:
-        """Loss at the newest recording with its interval."""
-        value, low, high = self.trend.at(self.trend.series.time_s[-1:])
-        return float(value[0]), float(low[0]), float(high[0])
-
-    @property
-    def margin(self) -> tuple[float, float, float] | None:
-        """What is left to the limit at the newest recording, with its interval."""
-        if self.limit is None:
-            return None
-        value, low, high = self.now
-        return self.limit - value, self.limit - high, self.limit - low
+    def __init__(self, key: _Key, points: _Points, followed: int, limit: float | None) -> None:
+        (self.stage, self.gear, self.tooth), self.limit = key, limit
+        rows = [[time, p.loss, p.loss_sigma, p.loss_low, p.loss_high] for time, p in points]
+        time_s, value, sigma, low, high = np.array(rows, dtype=float).T
+        stated = Series(time_s=time_s, value=value, sigma=sigma)
+        own, common, missed = sigma, 0.0, 0.0
+        found = value > HALF_OF_90 * sigma
+        if found.any():
+            # no recording is surer of the size than what all share: the relative uncertainty of the
+            # surest is taken for that, which errs to the safe side
+            common = float(np.min(sigma[found] / value[found]))
+            own = np.sqrt(np.maximum(sigma**2 - (common * value) ** 2, 0.0))
+            own = np.maximum(own, np.maximum(sigma.min(), _OWN_SHARE * np.abs(value)))
+            # where none was found, one as large as the smallest that was may have been missed, but
+            # hardly one of more than 10 %
+            missed = min(_MOST_MISSED, float(value[found].min()))
+            own[~found] = np.maximum(own[~found], missed / HALF_OF_90)
+        trend = fit_trend(stated, below=_LOSS_BELOW / followed)
+        if trend.changes:
+            refined = fit_trend(replace(stated, sigma=own), below=_LOSS_BELOW)
+            # a loss that came at once may hide behind what could have been missed before it
+            trend = refined if refined.changes else trend
+        self.trend = trend = Trend(trend.series, trend.changes, common, missed)
+        chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
+        self.low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
+        self.high = np.where(np.isnan(high), value + HALF_OF_90 * sigma, high)
+        clear = self.low > 0
+        by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
+        course = trend.at(time_s)
+        several = int(np.count_nonzero(clear & (course[1] > 0))) >= SEVERAL
+        self.stands = several and (bool(trend.changes) or by_chance * followed < _LOSS_BELOW)
+        self.false_alarm_probability = min(1.0, min(chances) * followed)
+        self.risen = bool(trend.changes) and trend.changes[-1].size > 0
+        now, least, most = (float(own[-1]) for own in course)
+        self.now = now, least, most
+        self.margin = None if limit is None else (limit - now, limit - most, limit - least)
 
     @cached_property
     def crossing(self) -> Crossing | None:
@@ -352,11 +377,6 @@ class ToothTrend:
     def reached(self) -> bool:
         """Whether it is at its limit."""
         return self.crossing is not None and self.crossing.status == "reached"
-
-    @property
-    def risen(self) -> bool:
-        """Whether its latest change is a rise."""
-        return bool(self.trend.changes) and self.trend.changes[-1].size > 0
 
     def to_dict(self) -> dict[str, Any]:
         """Return built-in types, ready for JSON."""
@@ -379,41 +399,6 @@ class ToothTrend:
 def _with_interval(name: str, values: Iterable[float]) -> dict[str, float | None]:
     names = (name, f"{name}_low", f"{name}_high")
     return {n: float(x) if np.isfinite(x) else None for n, x in zip(names, values, strict=True)}
-
-
-def own_series(stated: Series) -> tuple[Series, float, float]:
-    """Split the uncertainty of losses into what all recordings share and what each has by itself.
-
-    Parameters
-    ----------
-    stated : Series
-        Losses with their standard deviations.
-
-    Returns
-    -------
-    own : Series
-        With standard deviations of what differs between recordings.
-    common : float
-        Standard deviation, relative to the loss, of what they share.
-    missed : float
-        Loss up to which one may have been missed where none was found; 0 if none was found at all.
-
-    Notes
-    -----
-    No recording is surer of the size than what all share, so the relative uncertainty of the surest
-    is taken for that; it errs to the safe side. Estimates that do not stand clear of zero may have
-    missed a loss as large as the smallest that was found, but hardly one of more than 10 %.
-    """
-    value, sigma = stated.value, stated.sigma
-    clear = value > HALF_OF_90 * sigma
-    if not clear.any():
-        return stated, 0.0, 0.0
-    common = float(np.min(sigma[clear] / value[clear]))
-    own = np.sqrt(np.maximum(sigma**2 - (common * value) ** 2, 0.0))
-    own = np.maximum(own, np.maximum(sigma.min(), _OWN_SHARE * np.abs(value)))
-    missed = min(_MOST_MISSED, float(value[clear].min()))
-    own[~clear] = np.maximum(own[~clear], missed / HALF_OF_90)
-    return replace(stated, sigma=own), common, missed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -509,11 +494,21 @@ def history_trends(history: History, *, limit: float | None = None) -> HistoryTr
     """
     if limit is not None:
         check_range("limit", limit, 1e-6, 1.0)
-    places, share = _followed(history), _LOSS_SHARE * BELOW
-    follow = partial(_tooth_trend, followed=len(places), limit=limit, below=share)
-    teeth = {key: follow(key, points) for key, points in places.items()}
-    standing = {key: places[key] for key, tooth in teeth.items() if tooth.stands}
-    evidence, chance = _evidence(history, BELOW - share)
+    places = _followed(history)
+    teeth = {key: ToothTrend(key, places[key], len(places), limit) for key in places}
+    evidence, chance = _evidence(history, BELOW - _LOSS_BELOW)
+    # when the first tooth reaches the limit, as could be told at each recording
+    forecasts: dict[float, Crossing] = {}
+    standing = [key for key, tooth in teeth.items() if tooth.stands and limit is not None]
+    for now in (entry.time_s for entry in history.entries[-FORECASTS:]):
+        by_then = {key: [point for point in places[key] if point[0] <= now] for key in standing}
+        known = [(key, p) for key, p in by_then.items() if p and p[-1][0] == now]
+        told = [ToothTrend(key, points, len(places), limit) for key, points in known]
+        ahead = [own.crossing for own in told if own.stands and own.low[-1] > 0]
+        said = [c for c in ahead if c is not None and c.status != "not extrapolated"]
+        if said:
+            # a limit that is reached stands before any that lies ahead
+            forecasts[now] = min(said, key=lambda c: (c.status != "reached", c.time_s or 0.0))
     ranked = sorted(teeth.values(), key=lambda t: (not t.stands, t.false_alarm_probability))
     return HistoryTrends(
         history=history,
@@ -521,63 +516,9 @@ def history_trends(history: History, *, limit: float | None = None) -> HistoryTr
         evidence=evidence,
         evidence_probability=min(1.0, chance / (1 - _LOSS_SHARE)),
         limit=limit,
-        forecasts=_forecasts(history, standing, follow) if limit is not None else {},
+        forecasts=forecasts,
         notes=tuple(_notes(history, ranked)),
     )
-
-
-def _tooth_trend(
-    key: _Key, points: _Points, *, followed: int, limit: float | None, below: float
-) -> ToothTrend:
-    """Follow one tooth of so many, or one gear as a whole, through its recordings.
-
-    Whether the loss changed is tested with the uncertainties as stated: those of a sound tooth.
-    Once it has, the trend is fitted with `own_series`, and how it went on is no longer a question
-    of how many teeth there are.
-    """
-    rows = [[time, p.loss, p.loss_sigma, p.loss_low, p.loss_high] for time, p in points]
-    time_s, value, sigma, low, high = np.array(rows, dtype=float).T
-    stated = Series(time_s=time_s, value=value, sigma=sigma)
-    own, common, missed = own_series(stated)
-    trend = fit_trend(stated, below=below / followed)
-    if trend.changes:
-        refined = fit_trend(own, below=below)
-        # a loss that came at once may hide behind what could have been missed before it
-        trend = refined if refined.changes else trend
-    trend = replace(trend, common=common, missed=missed)
-    chances = [change_probability(stated), *(c.false_alarm_probability for c in trend.changes)]
-    low = np.where(np.isnan(low), value - HALF_OF_90 * sigma, low)
-    clear = low > 0
-    by_chance = float(bdtrc(np.count_nonzero(clear) - 1.0, len(stated), _CLEAR_BY_CHANCE))
-    several = int(np.count_nonzero(clear & (trend.at(stated.time_s)[1] > 0))) >= SEVERAL
-    stage, gear, tooth = key
-    return ToothTrend(
-        stage=stage,
-        gear=gear,
-        tooth=tooth,
-        trend=trend,
-        low=low,
-        high=np.where(np.isnan(high), value + HALF_OF_90 * sigma, high),
-        stands=several and (bool(trend.changes) or by_chance * followed < below),
-        false_alarm_probability=min(1.0, min(chances) * followed),
-        limit=limit,
-    )
-
-
-def _forecasts(
-    history: History, standing: Mapping[_Key, _Points], follow: Callable[..., ToothTrend]
-) -> dict[float, Crossing]:
-    """When the first of some teeth reaches the limit, as could be told at each recording."""
-    found: dict[float, Crossing] = {}
-    for now in (entry.time_s for entry in history.entries[-FORECASTS:]):
-        by_then = {key: [p for p in standing[key] if p[0] <= now] for key in standing}
-        told = [follow(key, p) for key, p in by_then.items() if p and p[-1][0] == now]
-        crossings = [tooth.crossing for tooth in told if tooth.stands and tooth.low[-1] > 0]
-        known = [c for c in crossings if c is not None and c.status != "not extrapolated"]
-        if known:
-            # a limit that is reached stands before any that lies ahead
-            found[now] = min(known, key=lambda c: (c.status != "reached", c.time_s or 0.0))
-    return found
 
 
 def _followed(history: History) -> Mapping[_Key, _Points]:
@@ -606,7 +547,7 @@ def _evidence(history: History, below: float) -> tuple[Trend, float]:
         replace(c, false_alarm_probability=max(probability, c.false_alarm_probability))
         for c in found.changes
     )
-    return replace(found, changes=changes), probability
+    return Trend(series, changes), probability
 
 
 def normal_equivalent(score: FloatArray) -> FloatArray:

@@ -13,9 +13,9 @@ from reference.small_gearbox import machine
 from gearmon.diagnosis.fault_types import KINDS, NAMES, NONE, KindClassifier
 from gearmon.diagnosis.fault_types.kinds import judge_kind, rule_probabilities
 from gearmon.diagnosis.fault_types.training import (
-    draw_example,
+    Example,
+    MachineLines,
     examples,
-    machine_lines,
     train_kinds,
     training_table,
 )
@@ -32,13 +32,13 @@ WHOLE_TURN = ("eccentricity", "misalignment", "looseness")
 
 @cache
 def lines():
-    return machine_lines(machine())
+    return MachineLines(machine())
 
 
 @cache
 def drawn(seed, count):
     random = np.random.default_rng(seed)
-    return [draw_example(lines(), KINDS[i % len(KINDS)], random) for i in range(count)]
+    return [Example(lines(), KINDS[i % len(KINDS)], random) for i in range(count)]
 
 
 @cache
@@ -170,8 +170,8 @@ def test_probabilities_hold():
 
 def test_another_machine_is_told_better_than_by_chance():
     random = np.random.default_rng(8)
-    other = machine_lines(pair())
-    made = [draw_example(other, KINDS[i % len(KINDS)], random) for i in range(120)]
+    other = MachineLines(pair())
+    made = [Example(other, KINDS[i % len(KINDS)], random) for i in range(120)]
     assert accuracy(*told(made)) > 0.4
 
 

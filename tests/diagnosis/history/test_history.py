@@ -378,6 +378,7 @@ def test_a_growing_loss_is_followed_to_its_limit():
     assert "ahead" in told
     assert as_json(found.to_dict()) == found.to_dict()
     json.dumps(found.to_dict())
+    assert "evidence=<Trend>" in repr(found)
 
 
 def test_begin_and_limit_of_growing_losses_lie_in_their_intervals():
@@ -389,7 +390,7 @@ def test_begin_and_limit_of_growing_losses_lie_in_their_intervals():
             replace(e, places=tuple(p for p in e.places if p.tooth == 2)) for e in history.entries
         )
         (tooth_,) = history_trends(History(machine="conveyor", entries=alone)).teeth
-        crossing, begin = replace(tooth_, limit=0.2).crossing, tooth_.trend.changes[0]
+        crossing, begin = tooth_.trend.crossing(0.2), tooth_.trend.changes[0]
         covered.append(
             (
                 begin.low_s <= 1.7e9 + 8 * WEEK <= begin.high_s,
