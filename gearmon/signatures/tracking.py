@@ -82,8 +82,10 @@ _HELD = 0.5
 _NAMED = 3
 # How much more of the lines must be phase-coherent before a speed far away is believed.
 _BETTER = 0.02
-# The same if fewer meshes stand out there.
-_FAR_BETTER = 0.2
+# The same if fewer meshes stand out there, or the speed is another within reach of the first scan,
+# so far beside it at least: of a drawn machine (39/82, 28/30 teeth) 40 % of a tooth put the speed
+# off by 2.1 %, where 0.59 of the lines are coherent instead of 0.98.
+_FAR_BETTER, _BESIDE = 0.2, 0.005
 # Turns that are looked at for a speed elsewhere, and how far off it counts.
 _LOOK_TURNS = 60.0
 _ELSEWHERE = 0.01
@@ -262,6 +264,13 @@ class GearVibration:
         track, share = phases.follow_lines(sums, first.track, self.comb)
         found = replace(first, track=track, coherent=share)
         calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
+        if not calm:
+            # a broken tooth fills the orders of its gear, and the comb suits two speeds alike
+            course = phases.integrate_speed(first.scan.elsewhere(_BESIDE), self.last_s)
+            other, its = phases.follow_lines(sums, course, self.comb)
+            judged = replace(self.judged(other), coherent=its)
+            calm = its > share + _FAR_BETTER and judged.detected >= found.detected
+            found, track, share = (judged, other, its) if calm else (found, track, share)
         if not calm or _elsewhere(first):
             followed = _followed(self)
             if followed is not None:

@@ -206,6 +206,14 @@ class SpeedScan:
         speed_hz = self.nominal_hz * peak_refined(scores, path, self.ratio)
         return SpeedTrack(time_s=self.centre_s[rows], speed_hz=speed_hz)
 
+    def elsewhere(self, apart: float) -> SpeedTrack:
+        """Return the best path that keeps so far from the best of all, as a share of its speed."""
+        away = np.abs(self.ratio / self.ratio[self._path][:, None] - 1)
+        scores = np.where(away > apart, self.scores, self.scores.min())
+        path = best_path(scores, self._reach(np.arange(len(scores))))
+        speed_hz = self.nominal_hz * peak_refined(self.scores, path, self.ratio)
+        return SpeedTrack(time_s=self.centre_s, speed_hz=speed_hz)
+
     @property
     def best_score(self) -> float:
         """Mean score of the best path: compares one nominal speed with another."""

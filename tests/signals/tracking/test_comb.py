@@ -95,6 +95,14 @@ def test_loud_lines_of_another_origin_do_not_decide(seed):
     assert found.mean_hz == pytest.approx(true, rel=5e-4)
 
 
+def test_the_best_path_elsewhere_keeps_away_from_the_best_of_all():
+    time = np.arange(int(8.0 * RATE)) / RATE
+    samples = machine(25.0 * time, level=0.5) + machine(25.5 * time, noise=0.0, level=0.3)
+    scan = SpeedScan(samples, RATE, COMB, 25.2)
+    assert scan.track().mean_hz == pytest.approx(25.0, abs=0.02)
+    assert scan.elsewhere(0.005).mean_hz == pytest.approx(25.5, abs=0.02)
+
+
 @pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
 def test_scale_and_order_of_channels_do_not_matter(factor):
     samples = np.vstack([machine(steady(24.8), seed=1), machine(steady(24.8), seed=2)])

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from reference.simulated_machines import two_stages
 from reference.speed_cases import make_case, random_train, train_of
-from reference.synthetic_signals import as_recording, white
+from reference.synthetic_signals import as_recording, lines_on, wandering_turns, white
 
 from gearmon.gears.kinematics import kinematics
+from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.measurement import measure_signature
@@ -95,6 +96,25 @@ def test_a_wrong_nominal_speed_is_found_out_and_told(seed, off):
     found = tracked(case)
     assert phase_error(case, found.track) < 0.02
     assert any("nominal is 25 Hz" in note for note in found.notes)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_louder_comb_of_lines_that_do_not_keep_their_phases_is_not_followed(seed):
+    rng, time = np.random.default_rng([31, seed]), np.arange(80_000) / 8000.0
+    turns = wandering_turns(time, 25.0, 0.002, seed)
+    orders = [23 * k + r for k in range(1, 7) for r in (-1, 0, 1)]
+    samples = lines_on(turns, orders, [0.3 if order % 23 == 0 else 0.1 for order in orders])
+    samples += white((1, len(time)), 0.5, seed=seed)
+    for order in orders:
+        restless = np.cumsum(rng.normal(size=len(time))) * 0.03
+        samples += 0.5 * np.cos(2 * np.pi * order * 1.021 * turns + restless)
+    stage = ParallelStage(pinion_teeth=23, gear_teeth=61, module_mm=2.0, face_width_mm=20.0)
+    point = OperatingPoint(speed_rpm=1500.0, torque_nm=50.0)
+    machine = Machine(name="pair", operating=(point,), stages=(stage,))
+    found = track_recording(Recording(samples=samples, sampling_rate_hz=8000.0), machine)
+    mean_hz = (turns[-1] - turns[0]) / time[-1]
+    assert found.track.mean_hz == pytest.approx(mean_hz, rel=1e-4)
+    assert found.coherent > 0.8
 
 
 def test_a_ramp_is_measured_to_the_end():
