@@ -101,8 +101,10 @@ def test_errors_follow_from_recordings_hours_and_instrument():
     [
         (0.3, "below the action value"),
         (0.48, "may be above the action value"),
+        (0.52, "may be above the action value"),
         (0.6, "above the action value"),
         (1.1, "may be above the limit value"),
+        (1.18, "may be above the limit value"),
         (1.3, "above the limit value"),
     ],
 )

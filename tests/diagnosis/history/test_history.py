@@ -410,6 +410,29 @@ def test_a_sound_machine_raises_nothing():
     assert "5 teeth followed without a loss that stands clear" in told
 
 
+def test_a_fault_is_for_a_person_while_it_is_the_last_that_was_heard():
+    sound = cracked(step=0.0)
+    for last, place in ((True, -1), (False, 0), (False, 10)):
+        entries = list(sound.entries)
+        entries[place] = replace(entries[place], verdict="fault")
+        assert history_trends(replace(sound, entries=tuple(entries))).raised == last
+
+
+@pytest.mark.parametrize("missing", ["loss_low", "loss_high"])
+def test_an_interval_that_was_not_stated_is_that_of_the_uncertainty(missing):
+    history = cracked()
+    cut = replace(
+        history,
+        entries=tuple(
+            replace(own, places=tuple(replace(place, **{missing: None}) for place in own.places))
+            for own in history.entries
+        ),
+    )
+    whole, found = (history_trends(own).teeth[0] for own in (history, cut))
+    np.testing.assert_allclose(found.low, whole.low, atol=1e-8)
+    np.testing.assert_allclose(found.high, whole.high, atol=1e-8)
+
+
 def with_loss(losses, sigmas, teeth=(1,)):
     """A history of the same losses on some teeth."""
     return History(
