@@ -121,6 +121,15 @@ def test_findings_are_counted():
     assert value(found, "interval covers", "loss 0.2") == (0.5, 2)
     assert value(found, "loss error, quartiles", "loss 0.2") == (pytest.approx(0.05), 2)
     assert value(found, "called a tooth", "eccentricity") == (0.5, 2)
+    (called,) = (r for r in found if (r["figure"], r["of"]) == ("called a fault", "loss 0.2"))
+    # Wilson: where the share lies 1.96 standard deviations of the unknown one away
+    for end, side in ((called["low"], 1), (called["high"], -1)):
+        assert 0.75 - end == pytest.approx(side * 1.95996 * (end * (1 - end) / 4) ** 0.5, rel=1e-4)
+    (error,) = (r for r in found if (r["figure"], r["of"]) == ("loss error, quartiles", "loss 0.2"))
+    # relative: 0.25 and -0.15
+    assert (error["low"], error["high"]) == pytest.approx((-0.05, 0.15))
+    for told in found:
+        assert told["low"] <= told["value"] <= told["high"]
 
 
 def test_rises_are_those_of_the_indicators():

@@ -234,7 +234,9 @@ def test_the_shortening_of_a_stage_is_that_of_sun_and_planet_alone():
 
 
 @pytest.mark.parametrize("shortening", [None, 0.0, -0.03])
-@pytest.mark.parametrize("told", [{}, {"tip_diameter_planet_mm": 2.0}, {"tip_diameter_sun_mm": 2.0}])
+@pytest.mark.parametrize(
+    "told", [{}, {"tip_diameter_planet_mm": 2.0}, {"tip_diameter_sun_mm": 2.0}]
+)
 def test_a_planet_is_one_body_in_both_of_its_meshes(shortening, told):
     """Its tips reach as far in the mesh with the ring as in that with the sun."""
     helical = {"helix_angle_deg": 8.0, "centre_distance_mm": 590.0, "tip_shortening": shortening}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -40,6 +41,20 @@ def report(results, tmp_path_factory):
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     return report
+
+
+def test_the_terminal_is_told_claim_by_claim_and_in_sum(report):
+    lines = report.lines()
+    for entry in report.judged:
+        head = f"{entry.claim.key:<4}{entry.verdict.upper()}"
+        assert any(line.startswith(head) for line in lines)
+        assert " ".join(entry.reason.split()) in " ".join(" ".join(lines).split())
+    counts = Counter(entry.verdict for entry in report.judged)
+    for verdict, count in counts.items():
+        assert re.search(rf"^{len(report.judged)} claims: .*\b{count} {verdict}", lines[-3])
+    assert lines[-2].startswith(f"{len(PICTURES)} pictures for figures 1 to 36, and tables: ")
+    assert lines[-1] == f"report: {report.page}"
+    assert max(map(len, lines[:-2])) <= 100
 
 
 def test_every_figure_has_its_picture():
