@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from reference.small_gearbox import CRACK
 
@@ -51,6 +52,13 @@ def analyse(*recordings):
 
 
 # Help and usage
+
+
+@pytest.mark.parametrize("word", ["anaylse", "Analyse", "ANALYSE"])
+def test_the_command_that_was_meant_is_named(run, word):
+    code, out, err = run(word, "new.csv", "--machine", "machine.toml")
+    assert (code, out) == (2, "")
+    assert f"there is no command {word!r}; did you mean analyse?" in err
 
 
 @pytest.mark.parametrize("option", ["--reference", "--report", "-o", "--tacho"])
@@ -175,7 +183,11 @@ def test_simulate_writes_recording_and_truth(run, tmp_path):
     }
     header = target.read_text().splitlines()[0]
     assert header == "time (s),a1 (m/s2),a2 (m/s2),tacho (V)"
-    assert json.loads(target.with_suffix(".json").read_text())
+    truth = json.loads(target.with_suffix(".json").read_text())
+    # a pulse a turn of shaft 1
+    pulses = np.loadtxt(target, delimiter=",", skiprows=1, usecols=3)
+    turns = np.count_nonzero((pulses[:-1] < 2.5) & (pulses[1:] >= 2.5))
+    assert turns == pytest.approx(0.3 * truth["speed"]["mean_hz"], abs=1.0)
     again = tmp_path / "again.csv"
     run("simulate", "machine.toml", *options, "-o", again)
     assert again.read_bytes() == target.read_bytes()
