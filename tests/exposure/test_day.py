@@ -114,6 +114,33 @@ def test_verdicts_heed_the_interval(rms, told):
     assert told in day.headline()
 
 
+@pytest.mark.parametrize(
+    ("rms", "shown"),
+    [
+        (0.3, {"action": 0.5, "limit": 1.15}),
+        (0.2, {"action": 0.5}),
+        (2.0, {"action": 0.5, "limit": 1.15}),
+    ],
+)
+def test_a_picture_of_the_day_holds_its_curve_and_the_limits_that_are_near(rms, shown):
+    day = sum_up(plan(5.0, 3.0, instrument=0.04), [[felt(axis("z", rms))]] * 2)
+    ax = np.ravel(day.plot())[0]
+    assert ax.get_xlim() == (0.0, 8.0)
+    assert ax.get_ylabel() == "A(8) in m/s²"
+    hours, grown = ax.lines[0].get_data()
+    # all alike: as the root of the hours
+    np.testing.assert_allclose(grown, rms * np.sqrt(hours / 8), atol=1e-12)
+    levels = {line.get_ydata()[0] for line in ax.lines if len(set(line.get_ydata())) == 1}
+    assert set(shown.values()) <= levels
+    for own in (*shown.values(), 1.08 * rms):
+        assert own < ax.get_ylim()[1] < 1.3 * max(*shown.values(), 1.08 * rms)
+    told = [text.get_text() for text in ax.texts if " value " in text.get_text()]
+    for text, (name, value) in zip(told, shown.items(), strict=True):
+        reached = 8 * (value / rms) ** 2
+        when = f", reached after {reached:.2g} h" if value < rms else ""
+        assert text == f"{name} value {value:g}{when}"
+
+
 def test_a_day_at_the_action_value_is_flagged():
     at_it = sum_up(plan(8.0), [[felt(axis("z", 0.5))]])
     assert at_it.doses[0].value == 0.5

@@ -154,4 +154,10 @@ def test_day_and_kinds_are_drawn():
     one, two = kind_figure(kinds).axes
     assert [one.get_title(loc="left"), two.get_title(loc="left")] == ["one", "two"]
     assert [bar.get_height() for bar in one.patches] == [1.0] * 4
+    # the recordings stand side by side about the mark of their feature
+    middles = np.array([bar.get_x() + bar.get_width() / 2 for bar in one.patches]).reshape(2, 2)
+    np.testing.assert_allclose(middles.mean(axis=0), one.get_xticks())
+    gaps = np.diff(middles, axis=0)
+    assert np.all(gaps >= one.patches[0].get_width())
+    assert np.all(gaps < 0.5)
     assert [label.get_text() for label in two.get_xticklabels()] == ["mesh", "far"]

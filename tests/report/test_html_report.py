@@ -185,6 +185,12 @@ def test_text_and_html_load_no_drawing_until_it_is_needed():
     assert done.stdout.strip() == "[]"
 
 
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Without pictures, which take longer than all the rest of a page."""
+    monkeypatch.setattr("gearmon.report.analysis_plots.analysis_figures", lambda *_: [])
+
+
 def chart_data(text, anchor="recording-1"):
     """What the page hands to its charts of a recording, and each chart by its name."""
     told = re.search(r'<script type="application/json" id="chart-data">(.*?)</script>', text, re.S)
@@ -220,6 +226,7 @@ def test_the_charts_hold_what_was_measured_and_the_range_of_the_healthy(written,
             assert low[at] < high[at]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_healthy_channels_are_found_by_their_names(tmp_path, written, faulty):
     reference = faulty.reference
     turned = replace(
@@ -279,12 +286,13 @@ def test_the_order_map_is_in_shades_of_its_highest_value(written, faulty):
     for told in chart["maps"]:
         shades = decoded(told["shades"], "u1").reshape(chart["rows"], len(orders))
         assert (shades.min(), shades.max()) == (0.0, 255.0)
-        line = int(np.argmin(np.abs(signature.plan.orders - 23.0)))
-        size = abs(signature.lines.mean[told["channel"], line])
-        column = shades[:, np.searchsorted(orders, 23.0, side="right") - 1].max()
-        # 255 at the highest value, 0 so many decades below
-        level = told["top"] * 10 ** (told["decades"] * (column / 255 - 1))
-        assert level == pytest.approx(size, rel=0.25)
+        for order in (23.0, 46.0, 69.0):
+            line = int(np.argmin(np.abs(signature.plan.orders - order)))
+            size = abs(signature.lines.mean[told["channel"], line])
+            column = shades[:, np.searchsorted(orders, order, side="right") - 1].max()
+            # 255 at the highest value, 0 so many decades below
+            level = told["top"] * 10 ** (told["decades"] * (column / 255 - 1))
+            assert level == pytest.approx(size, rel=0.25)
 
 
 def test_a_turn_and_the_energy_by_tooth_are_those_of_the_analysis(written, faulty):
@@ -315,3 +323,55 @@ def test_a_turn_and_the_energy_by_tooth_are_those_of_the_analysis(written, fault
             taken = ~plan.mesh | (curve["layer"] == "with the mesh")
             expected = 0.5 * np.sum(np.abs(lines[curve["channel"], taken]) ** 2)
             assert np.mean(wave**2) == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_healthy_turn_is_that_of_like_loudness_turned_until_it_fits(written, faulty):
+    _, charts = chart_data(written[1])
+    signature = faulty.analysis.signature
+    for plan in signature.plan.wheels:
+        drawn = {
+            (curve["layer"], curve["channel"]): curve["top"]
+            / 32_767
+            * decoded(curve["values"], "<i2")
+            for curve in charts[f"turn-{plan.stage}-{plan.gear}"]["curves"]
+        }
+        healthy, rest = (
+            np.array([drawn[layer, row] for row in range(2)])
+            for layer in ("healthy", "without the mesh")
+        )
+        fits = [np.sum(np.roll(healthy, k, axis=1) * rest) for k in range(healthy.shape[1])]
+        assert fits[0] >= max(fits) - 1e-3 * abs(max(fits))
+        loud = np.abs(signature.lines.mean[:, plan.lines]).sum()
+        known = [
+            wheel
+            for profile in faulty.reference.profiles
+            for wheel in profile.wheels
+            if (wheel.stage, wheel.gear) == (plan.stage, plan.gear)
+        ]
+        near = min(known, key=lambda wheel: abs(np.abs(wheel.amplitude).sum() - loud))
+        power = 0.5 * np.sum(np.abs(near.amplitude[:, ~near.mesh]) ** 2, axis=1)
+        np.testing.assert_allclose(np.mean(healthy**2, axis=1), power, rtol=2e-3)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_how_the_reference_was_turned_does_not_show(tmp_path, written, faulty):
+    """Its patterns by some steps of the charts: the healthy turn is put where it fits."""
+    known = chart_data(written[1])[1]
+
+    def turned(wheel, steps=17):
+        angle = steps / known[f"turn-{wheel.stage}-{wheel.gear}"]["even"][2]
+        return replace(wheel, amplitude=wheel.amplitude * np.exp(2j * np.pi * wheel.number * angle))
+
+    profiles = tuple(
+        replace(profile, wheels=tuple(map(turned, profile.wheels)))
+        for profile in faulty.reference.profiles
+    )
+    path, reference = tmp_path / "turned.html", replace(faulty.reference, profiles=profiles)
+    write_report([faulty.analysis], [None], reference, faulty.machine, path)
+    found = chart_data(path.read_text("utf-8"))[1]
+    names = [name for name in known if name.startswith("turn-")]
+    assert len(names) == 2
+    for name in names:
+        for one, other in zip(known[name]["curves"], found[name]["curves"], strict=True):
+            waves = [own["top"] * decoded(own["values"], "<i2") / 32_767 for own in (one, other)]
+            np.testing.assert_allclose(*waves, atol=1e-3 * one["top"])
