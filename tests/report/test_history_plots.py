@@ -156,7 +156,7 @@ def test_day_and_kinds_are_drawn():
     assert [bar.get_height() for bar in one.patches] == [1.0] * 4
     # the recordings stand side by side about the mark of their feature
     middles = np.array([bar.get_x() + bar.get_width() / 2 for bar in one.patches]).reshape(2, 2)
-    np.testing.assert_allclose(middles.mean(axis=0), one.get_xticks())
+    np.testing.assert_allclose(middles.mean(axis=0), one.get_xticks(), atol=1e-12)
     gaps = np.diff(middles, axis=0)
     assert np.all(gaps >= one.patches[0].get_width())
     assert np.all(gaps < 0.5)
