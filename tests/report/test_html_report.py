@@ -375,3 +375,29 @@ def test_how_the_reference_was_turned_does_not_show(tmp_path, written, faulty):
         for one, other in zip(known[name]["curves"], found[name]["curves"], strict=True):
             waves = [own["top"] * decoded(own["values"], "<i2") / 32_767 for own in (one, other)]
             np.testing.assert_allclose(*waves, atol=1e-3 * one["top"])
+
+
+def test_lines_of_the_charts_are_told_by_family_number_and_change(written, faulty):
+    lines, analysis = chart_data(written[1])[0]["lines"], faulty.analysis
+    families = analysis.signature.plan.families
+    assert [own["name"] for own in lines["families"]] == [own.name for own in families]
+    changes = {(own.family, own.channel): own for own in analysis.changes}
+    told = 0
+    for own in lines["families"]:
+        for channel, change in zip(("front", "rear"), own["changes"], strict=True):
+            known = changes.get((own["name"], channel))
+            assert (change is None) == (known is None)
+            if known is not None:
+                assert change == [known.change_db, known.scatter_db]
+                told += 1
+    assert told > 5
+    for order, number, index in zip(lines["order"], lines["number"], lines["family"], strict=True):
+        family = families[index]
+        if family.kind == "sidebands":
+            assert order == pytest.approx(23.0 * family.harmonic + number * family.spacing)
+        elif family.kind == "mesh":
+            assert (order, number) == (pytest.approx(23.0 * family.harmonic), 0)
+    kinds = [group.split()[0] for group in lines["groups"]]
+    assert kinds == sorted(kinds, key=["mesh", "sidebands", "other"].index)
+    assert lines["groups"][0] == "mesh 1"
+    assert {own["group"] for own in lines["families"]} == set(lines["groups"])

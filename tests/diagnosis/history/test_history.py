@@ -27,10 +27,10 @@ from gearmon.diagnosis.history import (
     time_text,
 )
 from gearmon.diagnosis.history.entries import read_time, time_from_name
-from gearmon.diagnosis.history.trends import normal_equivalent
+from gearmon.diagnosis.history.trends import Crossing, normal_equivalent
 from gearmon.diagnosis.results import Flag, ToothProfile
 from gearmon.errors import ArgumentError, SignatureError
-from gearmon.report.text import history_lines
+from gearmon.report.text import crossing_text, history_lines
 
 WEEK = 7 * 86400.0
 
@@ -397,6 +397,18 @@ def test_begin_and_limit_of_growing_losses_lie_in_their_intervals():
             )
         )
     assert np.sum(covered, axis=0).min() >= 7
+
+
+def test_a_limit_is_told_with_the_interval_of_its_time():
+    day = 86400.0
+    known = Crossing(status="ahead", reason="on average", time_s=9 * day, low_s=5 * day)
+    told = {fine: crossing_text(replace(known, high_s=20 * day), fine=fine) for fine in (0, 1)}
+    assert told[0] == "ahead, 1970-01-10 (1970-01-06 to 1970-01-21): on average"
+    assert told[1].startswith("ahead, 1970-01-10 00:00 (1970-01-06 00:00 to 1970-01-21 00:00): ")
+    assert "(1970-01-06 to never)" in crossing_text(known, fine=False)
+    assert "(now to never)" in crossing_text(replace(known, low_s=None), fine=False)
+    unsaid = Crossing(status="not extrapolated", reason="too few")
+    assert crossing_text(unsaid, fine=True) == "not extrapolated: too few"
 
 
 def test_a_sound_machine_raises_nothing():
