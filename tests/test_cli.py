@@ -221,6 +221,19 @@ def test_cracked_recording_exits_with_1(run):
     assert set(told["flags"][0]) >= FLAG_KEYS
 
 
+def test_a_report_names_the_recordings_that_cannot_be_used(run, tmp_path, monkeypatch):
+    # pictures take longer than all the rest
+    monkeypatch.setattr("gearmon.report.analysis_plots.analysis_figures", lambda *_: [])
+    page = tmp_path / "report.html"
+    given = [*analyse("new.csv", "nowhere.csv"), "--reference", "healthy.ref"]
+    code, _, err = run(*given, "--report", page)
+    assert code == 2
+    (told,) = (line for line in err.splitlines() if "nowhere.csv" in line)
+    text = " ".join(page.read_text("utf-8").split())
+    assert told.removeprefix("gearmon: ") in text
+    assert "new.csv" in text
+
+
 def test_a_recording_serves_as_reference(run):
     code, out, _ = run(*analyse("cracked.csv"), "--reference", "healthy-1.csv", "--json")
     told = json.loads(out)["recordings"][0]
