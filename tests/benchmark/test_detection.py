@@ -121,6 +121,10 @@ def test_findings_are_counted():
     assert value(found, "interval covers", "loss 0.2") == (0.5, 2)
     assert value(found, "loss error, quartiles", "loss 0.2") == (pytest.approx(0.05), 2)
     assert value(found, "called a tooth", "eccentricity") == (0.5, 2)
+    rows = [row(run_time_s=0.5, alone_s=0.2), row(run_time_s=0.7, alone_s=0.2), row(machine=1)]
+    timed = detection_summary(rows)
+    assert value(timed, "run time in s", "with reference") == (pytest.approx(0.6), 2)
+    assert value(timed, "run time in s", "without") == (0.2, 1)
     (called,) = (r for r in found if (r["figure"], r["of"]) == ("called a fault", "loss 0.2"))
     # Wilson: where the share lies 1.96 standard deviations of the unknown one away
     for end, side in ((called["low"], 1), (called["high"], -1)):
