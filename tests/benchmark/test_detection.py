@@ -187,6 +187,22 @@ def test_learning_is_trained_on_other_machines():
             assert one["plain learning"] == pytest.approx(score)
 
 
+def test_damage_falls_on_every_tooth_of_every_gear():
+    drawn, rng, seen = draw_machine(np.random.default_rng(2)), np.random.default_rng(3), {}
+    for _ in range(3000):
+        found = detection._somewhere(rng, drawn, "tooth", 0.1)
+        seen.setdefault((found.stage, found.gear), set()).add(found.tooth)
+    teeth = {
+        (number, name): set(range(1, gear.teeth + 1))
+        for number, stage in enumerate(drawn.stages, 1)
+        for name, gear in zip(("pinion", "gear"), stage.gears, strict=True)
+    }
+    assert set(seen) == set(teeth)
+    for place, own in seen.items():
+        assert own <= teeth[place]
+        assert {1, max(teeth[place])} <= own
+
+
 def test_distance_on_a_gear_goes_the_shorter_way():
     assert _around(18.5, 19) == 0.5
     assert _around(-3.0, 19) == 3.0

@@ -50,6 +50,12 @@ def test_wander_is_a_random_walk_in_its_band():
     assert power[1:whole] / power[: whole - 1] == pytest.approx(0.5, rel=0.1)
 
 
+def test_a_wander_begins_anywhere():
+    begun = [wander(0.01, seed).value(0.0) for seed in range(400)]
+    assert np.std(begun) == pytest.approx(0.01, rel=0.1)
+    assert abs(np.mean(begun)) < 0.0015
+
+
 def test_no_deviation_is_a_constant_speed():
     motion = ShaftMotion(mean_hz=25.0, wander=wander(0.0), start_turns=3.0)
     times = np.linspace(0, 5, 11)
