@@ -106,11 +106,11 @@ def test_of_several_gears_the_largest_loss_is_told_with_its_interval(tmp_path):
 
 def test_two_files_of_one_machine_and_time_are_said(tmp_path):
     fleet = made_fleet(tmp_path)
-    arrive(tmp_path, "a_{}.txt", "0.1")
-    arrive(tmp_path, "a_{}_hay.txt", "0.2")
+    first = arrive(tmp_path, "a_{}.txt", "0.1")
+    second = arrive(tmp_path, "a_{}_hay.txt", "0.2")
     run = run_fleet(fleet, at_once)
     assert run.done == 1
-    assert "same machine and time" in next(iter(run.refused.values()))
+    assert run.refused == {str(second): f"is of the same machine and time as {first}"}
 
 
 def test_another_file_of_a_time_that_the_history_knows_is_refused(tmp_path):
