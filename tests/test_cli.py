@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from reference.small_gearbox import CRACK
 
@@ -51,6 +52,13 @@ def analyse(*recordings):
 
 
 # Help and usage
+
+
+@pytest.mark.parametrize("word", ["anaylse", "Analyse", "ANALYSE"])
+def test_the_command_that_was_meant_is_named(run, word):
+    code, out, err = run(word, "new.csv", "--machine", "machine.toml")
+    assert (code, out) == (2, "")
+    assert f"there is no command {word!r}; did you mean analyse?" in err
 
 
 @pytest.mark.parametrize("option", ["--reference", "--report", "-o", "--tacho"])
@@ -175,7 +183,11 @@ def test_simulate_writes_recording_and_truth(run, tmp_path):
     }
     header = target.read_text().splitlines()[0]
     assert header == "time (s),a1 (m/s2),a2 (m/s2),tacho (V)"
-    assert json.loads(target.with_suffix(".json").read_text())
+    truth = json.loads(target.with_suffix(".json").read_text())
+    # a pulse a turn of shaft 1
+    pulses = np.loadtxt(target, delimiter=",", skiprows=1, usecols=3)
+    turns = np.count_nonzero((pulses[:-1] < 2.5) & (pulses[1:] >= 2.5))
+    assert turns == pytest.approx(0.3 * truth["speed"]["mean_hz"], abs=1.0)
     again = tmp_path / "again.csv"
     run("simulate", "machine.toml", *options, "-o", again)
     assert again.read_bytes() == target.read_bytes()
@@ -207,6 +219,19 @@ def test_cracked_recording_exits_with_1(run):
     (told,) = json.loads(out)["recordings"]
     assert told["verdict"] == "fault"
     assert set(told["flags"][0]) >= FLAG_KEYS
+
+
+def test_a_report_names_the_recordings_that_cannot_be_used(run, tmp_path, monkeypatch):
+    # pictures take longer than all the rest
+    monkeypatch.setattr("gearmon.report.analysis_plots.analysis_figures", lambda *_: [])
+    page = tmp_path / "report.html"
+    given = [*analyse("new.csv", "nowhere.csv"), "--reference", "healthy.ref"]
+    code, _, err = run(*given, "--report", page)
+    assert code == 2
+    (told,) = (line for line in err.splitlines() if "nowhere.csv" in line)
+    text = " ".join(page.read_text("utf-8").split())
+    assert told.removeprefix("gearmon: ") in text
+    assert "new.csv" in text
 
 
 def test_a_recording_serves_as_reference(run):

@@ -50,6 +50,29 @@ def test_it_tells_what_it_did(ran, fits_schema):
     assert set(ran.to_dict()) == {"folder", "report", "recordings"}
 
 
+@pytest.mark.parametrize(
+    ("words", "folder"),
+    [
+        ([], "gearmon-demo"),
+        (["crack"], "gearmon-demo"),
+        (["exposure"], "gearmon-exposure"),
+        (["exposure", "-o", "here"], "here"),
+    ],
+)
+def test_a_demo_is_put_where_it_is_told_or_where_its_name_says(
+    ran, monkeypatch, capsys, words, folder
+):
+    def noted(name, path, _):
+        put.append((name, str(path)))
+        return ran
+
+    put = []
+    monkeypatch.setattr("gearmon.demos.run_demo", noted)
+    assert main(["demo", *words]) == 0
+    assert put == [(words[0] if words else "crack", folder)]
+    assert capsys.readouterr().out == "\n".join(ran.lines()) + "\n"
+
+
 def test_unknown_demo_is_refused_and_makes_nothing(tmp_path):
     with pytest.raises(ArgumentError, match="demo='bearing' must be one of crack"):
         run_demo("bearing", tmp_path / "x")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -158,6 +159,17 @@ def test_results_are_like_the_others(farm):
         recording="a.csv", machine="m", speed_hz=25.0, axes=("x", "y", "z"), share=(0.1, 0.2, 0.3),
         lines=(lines,), faults=(), points=(), warnings=(),
     )  # fmt: skip
+    shafts = replace(lines, name="shaft 1", share=(0.25, 0.1, 0.0))
+    bars = np.array(
+        [
+            [(bar.get_x(), bar.get_width()) for bar in own]
+            for own in replace(share, lines=(shafts, lines)).plot().containers
+        ]
+    )
+    # in per cent, one behind the other, and the rest of what is felt behind them
+    parts = [[25.0, 10.0, 0.0], [10.0, 20.0, 30.0], [65.0, 70.0, 70.0]]
+    np.testing.assert_allclose(bars[..., 1], parts)
+    np.testing.assert_allclose(bars[..., 0], np.cumsum([[0.0] * 3, *parts], axis=0)[:-1])
     for result in (felt, found, share, measures.seat_factor(felt, felt)):
         assert len(repr(result)) < 500
         assert len(result.to_frame()) > 0

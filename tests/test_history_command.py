@@ -64,6 +64,16 @@ def test_store_grows_and_files_are_written(folder, tmp_path, capsys):
     assert "machine 'other' is not one of " in capsys.readouterr().err
 
 
+def test_of_two_recordings_of_one_time_the_later_counts_where_that_is_asked_for(folder, capsys):
+    one_time = ("--times", f"{TIMES.split(',')[0]},{TIMES.split(',')[0]}")
+    assert run(folder, *one_time) == 2
+    assert "already" in capsys.readouterr().err
+    assert run(folder, *one_time, "--replace", "--json") == 1
+    (entry,) = json.loads(capsys.readouterr().out)["recordings"]
+    assert entry["verdict"] == "fault"
+    assert entry["recording"].endswith("2026-03-02T08-00-00.csv")
+
+
 def test_a_recording_of_which_nothing_can_be_said_ends_in_three(folder, capsys):
     """Without healthy recordings no machine is called healthy."""
     sound = str(folder / "2026-03-01T08-00-00.csv")

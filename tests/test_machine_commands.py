@@ -12,8 +12,10 @@ from reference.small_gearbox import MACHINE_FILE
 import gearmon
 from gearmon.cli import main
 from gearmon.commands.command import loss_of, machine_of
+from gearmon.dynamics import floquet
 from gearmon.errors import ArgumentError
 from gearmon.signals.recording import Recording
+from gearmon.signatures.expected.mesh import mesh_problem
 
 SECOND = """
 [[stage]]
@@ -53,6 +55,8 @@ def test_the_strongest_lines_are_shown(machine, capsys):
     assert main(["baseline", str(machine), "--fault", crack, "--max-hz", "4000"]) == 0
     out = capsys.readouterr().out
     shown = [float(row["acceleration_ms2"]) for row in rows_below(out, "mesh_harmonic")]
+    places = [float(row["frequency_hz"]) for row in rows_below(out, "mesh_harmonic")]
+    assert places == sorted(places)
     lines = gearmon.expected_signature(machine, [crack], max_hz=4000.0)["acceleration_ms2"]
     assert len(shown) == 30 < len(lines)
     assert sorted(shown) == pytest.approx(sorted(lines.tolist())[-30:], rel=1e-5)
@@ -66,6 +70,26 @@ def test_the_largest_multiplier_is_that_of_the_sentence(tmp_path, capsys):
     (row,) = json.loads(capsys.readouterr().out)["rows"]
     told = float(re.search(r"shrink by the factor (\S+) a period", row["says"])[1])
     assert row["largest_multiplier"] == pytest.approx(told, rel=1e-5)
+
+
+@pytest.mark.parametrize("damping_ratio", [0.01, 1.6])
+def test_how_much_more_variation_would_be_unstable_is_told_if_any_would(
+    tmp_path, capsys, damping_ratio
+):
+    path = tmp_path / "machine.toml"
+    path.write_text(MACHINE_FILE + f"damping_ratio = {damping_ratio}\n")
+    assert main(["stability", str(path), "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    factor = row["unstable_at_variation_times"]
+    problem = mesh_problem(gearmon.load_machine(path), 1, harmonics=12)
+    if damping_ratio > 1:
+        assert factor is None
+        return
+    assert factor > 1
+    for share, stable in ((0.999, True), (1.001, False)):
+        harmonics = share * factor * problem.stiffness_harmonics
+        multipliers = floquet.multipliers(problem.frequency_ratio, problem.damping_ratio, harmonics)
+        assert (abs(multipliers[0]) < 1) == stable
 
 
 def test_meetings_nearest_to_the_operating_speed_are_shown(tmp_path, capsys):

@@ -271,13 +271,18 @@ REFUSED = {
     ),
     "bearing nowhere": (
         PAIR + BEARING.replace("shaft = 1\n", ""),
-        "shaft or planet_stage must be given",
+        ":8: bearing[1].shaft or planet_stage must be given",
     ),
     "bearing of no planets": (
         PAIR + BEARING.replace("shaft", "planet_stage"),
         "planet_stage = 1 must be the number of a planetary stage (none here)",
     ),
     "too many balls": (PAIR + BEARING.replace("= 9", "= 16"), "balls = 16 is more than fits"),
+    # what is missing has no line of its own: that of its table is told
+    "half a bearing": (
+        PAIR + BEARING.replace("balls = 9\n", ""),
+        ":8: bearing[1].balls is missing; give all of balls",
+    ),
     "balls too large": (
         PAIR + BEARING.replace("7.94", "39.04"),
         "must be less than pitch_diameter_mm",

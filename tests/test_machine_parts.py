@@ -151,6 +151,16 @@ def test_lists_become_tuples():
     assert hash(machine) == hash(Machine(operating=(POINT,), stages=(PAIR,)))
 
 
+@pytest.mark.parametrize("balls", [3, 4, 7, 12, 40])
+def test_as_many_balls_fit_as_touch_on_the_pitch_circle(balls):
+    """n balls that touch have their centres d = D sin(pi/n) apart."""
+    touching = 50.0 * math.sin(math.pi / balls)
+    known = {"name": "left", "shaft": 1, "balls": balls, "pitch_diameter_mm": 50.0}
+    assert Bearing(**known, ball_diameter_mm=touching).balls == balls
+    with pytest.raises(FieldError, match=f"balls = {balls} is more .* at most {balls - 1}"):
+        Bearing(**known, ball_diameter_mm=1.005 * touching)
+
+
 def test_sensor_column_of_white_space():
     with pytest.raises(FieldError, match="must be a column name"):
         Sensor(column="  ")

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -111,6 +112,26 @@ def test_meetings_are_drawn_on_the_harmonics_that_make_them():
         assert line.get_xydata() == pytest.approx(np.array([[0, 0], [found.highest_rpm, top_hz]]))
     marks = {tuple(line.get_xydata()[0]) for line in ax.lines if line.get_marker() == "o"}
     assert marks == {(own.speed_rpm, own.frequency_hz) for own in found.campbell}
+
+
+def test_the_headline_tells_of_the_meeting_nearest_to_an_operating_speed():
+    found = gearmon.modes({"operating": POINT, "stage": [PAIR]})
+    first = next(own for own in found.campbell if own.drives)
+
+    def told(*ratios, speed=1500.0):
+        campbell = tuple(
+            replace(first, speed_rpm=speed * ratio, harmonic=number)
+            for number, ratio in enumerate(ratios, 1)
+        )
+        return replace(found, campbell=campbell, speeds_rpm=(speed,)).headline()
+
+    nearest = "nearest to 1500 rpm: harmonic {} of mesh 1 meets mode {} "
+    assert nearest.format(2, first.mode) in told(0.5, 0.9, 1.3)
+    assert nearest.format(3, first.mode) in told(0.5, 0.7, 1.3)
+    # by ratio: twice the speed is as far as half of it
+    assert nearest.format(1, first.mode) in told(0.55, 2.0)
+    assert nearest.format(2, first.mode) in told(0.45, 2.0)
+    assert "nearest" not in told()
 
 
 def torsional(sections, discs, inertia, **places):

@@ -49,6 +49,25 @@ def test_indicators_of_a_run(place, capsys):
     assert {len(rows) for rows in runs.values()} == {2}
 
 
+def test_a_run_is_one_run_whether_told_at_once_or_one_by_one(place, tmp_path, capsys):
+    machine, other = place / "machine.toml", tmp_path / "louder.csv"
+    rows = np.loadtxt(place / "a.csv", delimiter=",", skiprows=1)
+    rows += np.random.default_rng(6).normal(scale=0.1 * rows.std(), size=rows.shape)
+    np.savetxt(other, rows, delimiter=",", header="a1,a2", comments="", fmt="%.6g")
+    shared = ["--sampling-rate", str(RATE_HZ), "--machine", str(machine), "--json"]
+
+    def second(name, *calls):
+        history = tmp_path / name
+        for recordings in calls:
+            given = ["indicators", *map(str, recordings), *shared, "--history", str(history)]
+            assert main(given) == 0
+            found = json.loads(capsys.readouterr().out)["recordings"][-1]
+        return found["indicators"], json.loads(history.read_text())["variances"]
+
+    first = place / "a.csv"
+    assert second("at once", (first, other)) == second("one by one", (first,), (other,))
+
+
 def test_indicators_report_a_bad_recording_in_its_place(place, capsys):
     code = main(
         [

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import sys
 from types import SimpleNamespace
 
 import pytest
+from reference.small_gearbox import MACHINE_FILE
 
 from gearmon.cli import main
 from gearmon.commands.command import recordings_named
@@ -33,6 +35,29 @@ def test_standard_input_is_read_as_a_file_is(monkeypatch, capsys):
     monkeypatch.setattr(sys, "stdin", SimpleNamespace(buffer=text))
     assert main(["spectrum", "-"]) == 0
     assert "standard input" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("when", ["write", "flush"])
+@pytest.mark.parametrize(
+    ("error", "code", "told"),
+    [
+        (BrokenPipeError(errno.EPIPE, "Broken pipe"), 0, ""),
+        (OSError(errno.ENOSPC, "No space left"), 2, "gearmon: standard output: No space left\n"),
+    ],
+)
+def test_a_reader_may_have_seen_enough_but_a_full_disk_is_said(
+    tmp_path, monkeypatch, capsys, when, error, code, told
+):
+    def fails(*_):
+        raise error
+
+    machine = tmp_path / "m.toml"
+    machine.write_text(MACHINE_FILE)
+    out = io.StringIO()
+    monkeypatch.setattr(out, when, fails)
+    monkeypatch.setattr(sys, "stdout", out)
+    assert main(["lines", str(machine)]) == code
+    assert capsys.readouterr().err == told
 
 
 def test_a_speed_hint_must_be_a_speed(tmp_path, capsys):

@@ -121,6 +121,19 @@ def test_findings_are_counted():
     assert value(found, "interval covers", "loss 0.2") == (0.5, 2)
     assert value(found, "loss error, quartiles", "loss 0.2") == (pytest.approx(0.05), 2)
     assert value(found, "called a tooth", "eccentricity") == (0.5, 2)
+    rows = [row(run_time_s=0.5, alone_s=0.2), row(run_time_s=0.7, alone_s=0.2), row(machine=1)]
+    timed = detection_summary(rows)
+    assert value(timed, "run time in s", "with reference") == (pytest.approx(0.6), 2)
+    assert value(timed, "run time in s", "without") == (0.2, 1)
+    (called,) = (r for r in found if (r["figure"], r["of"]) == ("called a fault", "loss 0.2"))
+    # Wilson: where the share lies 1.96 standard deviations of the unknown one away
+    for end, side in ((called["low"], 1), (called["high"], -1)):
+        assert 0.75 - end == pytest.approx(side * 1.95996 * (end * (1 - end) / 4) ** 0.5, rel=1e-4)
+    (error,) = (r for r in found if (r["figure"], r["of"]) == ("loss error, quartiles", "loss 0.2"))
+    # relative: 0.25 and -0.15
+    assert (error["low"], error["high"]) == pytest.approx((-0.05, 0.15))
+    for told in found:
+        assert told["low"] <= told["value"] <= told["high"]
 
 
 def test_rises_are_those_of_the_indicators():
@@ -172,6 +185,22 @@ def test_learning_is_trained_on_other_machines():
     for one, score in zip(scored[1:], expected, strict=True):
         if one["machine"] % FOLDS == 3:
             assert one["plain learning"] == pytest.approx(score)
+
+
+def test_damage_falls_on_every_tooth_of_every_gear():
+    drawn, rng, seen = draw_machine(np.random.default_rng(2)), np.random.default_rng(3), {}
+    for _ in range(3000):
+        found = detection._somewhere(rng, drawn, "tooth", 0.1)
+        seen.setdefault((found.stage, found.gear), set()).add(found.tooth)
+    teeth = {
+        (number, name): set(range(1, gear.teeth + 1))
+        for number, stage in enumerate(drawn.stages, 1)
+        for name, gear in zip(("pinion", "gear"), stage.gears, strict=True)
+    }
+    assert set(seen) == set(teeth)
+    for place, own in seen.items():
+        assert own <= teeth[place]
+        assert {1, max(teeth[place])} <= own
 
 
 def test_distance_on_a_gear_goes_the_shorter_way():

@@ -41,7 +41,7 @@ def row(rng, machine, condition, size, tacho):
         "gear_right": True if hurt else None,
         "tooth_error": float(rng.choice([0.1, 1.0, 2.0, 5.0])),
         "loss": size * 1.1 if hurt else None,
-        "loss_low": size * 0.8 if machine % 2 else size * 1.05,
+        "loss_low": size * 0.8 if machine % 3 else size * 1.05,
         "loss_high": size * 1.4,
         "run_time_s": 0.4 + 0.1 * float(rng.random()),
         "alone_s": 0.3,
@@ -100,7 +100,17 @@ def test_sizes_show_every_estimate(table, ax):
     dots = [line for line in ax.lines if line.get_marker() == "."]
     assert sum(len(line.get_xdata()) for line in dots) == len(own)
     held = own["size"].between(own["loss_low"], own["loss_high"])
-    assert len(dots[0].get_xdata()) == held.sum()
+    # blue are those whose interval holds the true loss, and there are more of them
+    assert [len(line.get_xdata()) for line in dots] == [held.sum(), (~held).sum()]
+    assert held.sum() == 2 * (~held).sum()
+    drawn = np.sort(np.concatenate([line.get_ydata() for line in dots]))
+    np.testing.assert_allclose(drawn, np.sort(100 * own["loss"]))
+    # recordings of one loss stand beside one another about it
+    for line in dots:
+        for true in (5.0, 20.0):
+            at = line.get_xdata()[np.abs(line.get_xdata() / true - 1) < 0.5]
+            assert np.exp(np.mean(np.log(at))) == pytest.approx(true, rel=0.02)
+            assert len(set(at.tolist())) == len(at)
     plot_sizes(own[:0], Figure().add_subplot())
 
 

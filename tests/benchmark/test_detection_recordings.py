@@ -16,6 +16,7 @@ from gearmon.benchmark.detection_machines import (
     Setting,
     draw_machine,
 )
+from gearmon.gears.kinematics import kinematics
 
 SHORT = Setting(seed=5, duration_s=1.0)
 
@@ -46,6 +47,31 @@ def test_machines_can_be_heard_and_differ():
             critical = 2 * np.sqrt(model.stiffness_n_per_m * model.mass_kg)
             assert 0.04 <= model.damping_ns_per_m / critical <= 0.12
             assert 0.9 <= model.stiffness_n_per_m / stage.mechanics.stiffness.mean_n_per_m <= 1.1
+
+
+def test_drawn_machines_are_loaded_and_turn_as_is_said():
+    slowest, loads, longest_s = [], [], []
+    for seed in range(40):
+        drawn = draw_machine(np.random.default_rng(seed), seed)
+        machine = drawn.machine
+        for gear in (own for stage in drawn.stages for own in stage.gears):
+            assert abs(gear.pitch_m.mean()) < 1e-3 * gear.pitch_m.std()
+            assert 0.5 * makers.PITCH_M[0] < gear.pitch_m.std() < 1.5 * makers.PITCH_M[1]
+        longest_s.append(drawn.path.shape[-1] / makers.RATE_HZ)
+        train, point, first = kinematics(machine), machine.operating[0], machine.stages[0]
+        slowest.append(min(shaft.order for shaft in train.shafts) * point.speed_rpm / 60)
+        for mesh in train.meshes:
+            assert MESH_HZ[0] <= mesh.order * point.speed_rpm / 60 <= MESH_HZ[1]
+        # tangential force on the pitch circle of the pinion, over the width
+        radius_mm = first.module_mm * first.pinion_teeth / 2
+        loads.append(1e3 * point.torque_nm / radius_mm / first.face_width_mm)
+    low, high = makers.LOAD_N_PER_MM
+    assert 0.97 * low <= min(loads) < 1.3 * low
+    assert 0.8 * high < max(loads) <= 1.03 * high
+    assert makers.SLOWEST_HZ <= min(slowest) < 2 * makers.SLOWEST_HZ
+    # a mode has fallen to 1e-4 after ln 1e4/(2 pi f zeta): 0.59 s for the slowest there may be
+    rest = np.log(1e4) / (2 * np.pi * makers.MODE_BAND_HZ[0] * makers.MODE_DAMPING[0])
+    assert 0.3 * rest < max(longest_s) <= rest + 1 / makers.RATE_HZ
 
 
 def test_same_seeds_same_recording(bench):

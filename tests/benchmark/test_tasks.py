@@ -111,6 +111,12 @@ def test_tuning_finds_what_time_integration_finds(tuned):
     assert min(tuned[0]["time_s"], tuned[0]["rival_time_s"]) > 0
 
 
+def test_the_power_of_lines_is_held_against_that_of_marching(monkeypatch):
+    monkeypatch.setattr(tasks, "_tuned_power", lambda _: 3.0)
+    monkeypatch.setattr(tasks, "_integrated", lambda _: 2.0)
+    assert tasks._pairs_row(1)["power_ratio"] == 1.5
+
+
 def test_ratios_are_times_of_the_rival_over_ours(tuned):
     for row in tuned:
         assert row["ratio"] == pytest.approx(row["rival_time_s"] / row["time_s"])

@@ -260,6 +260,9 @@ def test_without_a_reference_a_healthy_machine_cannot_be_told():
     assert told.changes == ()
     assert told.compared_with == "expected signature"
     assert told.expected is not None
+    # as far as the recording reaches
+    half_rate = 0.5 * told.signature.sampling_rate_hz
+    assert 0.8 * half_rate < told.expected["frequency_hz"].max() <= half_rate
     assert "no healthy reference" in told.reason
 
 

@@ -31,6 +31,8 @@ def test_derived_numbers_of_the_published_pair():
         ({"mass_kg": np.complex128(0.28 + 1j)}, "mass_kg=.* must be a finite number"),
         ({"damping_ns_per_m": "9e3"}, r"damping_ns_per_m='9e3' \(a text\)"),
         ({"force_n": None}, "force_n=None"),
+        ({"force_n": 1e300}, "force over stiffness=.* must lie in"),
+        ({"force_n": -1e300}, "force over stiffness=.* must lie in"),
         ({"stiffness_harmonics": [60.0, 60.0j]}, "would swing by 120 times its mean"),
         ({"stiffness_harmonics": [1e300]}, r"would swing by 1e\+300 times its mean"),
         ({"stiffness_harmonics": [[1.0]]}, "must be one row"),

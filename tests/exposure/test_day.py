@@ -101,8 +101,10 @@ def test_errors_follow_from_recordings_hours_and_instrument():
     [
         (0.3, "below the action value"),
         (0.48, "may be above the action value"),
+        (0.52, "may be above the action value"),
         (0.6, "above the action value"),
         (1.1, "may be above the limit value"),
+        (1.18, "may be above the limit value"),
         (1.3, "above the limit value"),
     ],
 )
@@ -110,6 +112,33 @@ def test_verdicts_heed_the_interval(rms, told):
     day = sum_up(plan(8.0, instrument=0.04), [[felt(axis("z", rms))]])
     assert day.doses[0].verdict == told
     assert told in day.headline()
+
+
+@pytest.mark.parametrize(
+    ("rms", "shown"),
+    [
+        (0.3, {"action": 0.5, "limit": 1.15}),
+        (0.2, {"action": 0.5}),
+        (2.0, {"action": 0.5, "limit": 1.15}),
+    ],
+)
+def test_a_picture_of_the_day_holds_its_curve_and_the_limits_that_are_near(rms, shown):
+    day = sum_up(plan(5.0, 3.0, instrument=0.04), [[felt(axis("z", rms))]] * 2)
+    ax = np.ravel(day.plot())[0]
+    assert ax.get_xlim() == (0.0, 8.0)
+    assert ax.get_ylabel() == "A(8) in m/s²"
+    hours, grown = ax.lines[0].get_data()
+    # all alike: as the root of the hours
+    np.testing.assert_allclose(grown, rms * np.sqrt(hours / 8), atol=1e-12)
+    levels = {line.get_ydata()[0] for line in ax.lines if len(set(line.get_ydata())) == 1}
+    assert set(shown.values()) <= levels
+    for own in (*shown.values(), 1.08 * rms):
+        assert own < ax.get_ylim()[1] < 1.3 * max(*shown.values(), 1.08 * rms)
+    told = [text.get_text() for text in ax.texts if " value " in text.get_text()]
+    for text, (name, value) in zip(told, shown.items(), strict=True):
+        reached = 8 * (value / rms) ** 2
+        when = f", reached after {reached:.2g} h" if value < rms else ""
+        assert text == f"{name} value {value:g}{when}"
 
 
 def test_a_day_at_the_action_value_is_flagged():

@@ -281,6 +281,10 @@ def test_time_to_the_values_of_the_directive():
     assert LIMITS["seat"] == LIMITS["standing"] == body
     with pytest.raises(GearmonError, match=r"action_ms2 = 2\.0 must not be above"):
         Limits(action_ms2=2.0, limit_ms2=1.0)
+    with pytest.raises(GearmonError, match=r"action_vdv = 3\.0 must not be above"):
+        Limits(action_ms2=1.0, limit_ms2=1.0, action_vdv=3.0, limit_vdv=2.0)
+    # one value for both is that of a plant that stops where it acts
+    assert Limits(action_ms2=1.0, limit_ms2=1.0).action_ms2 == 1.0
 
 
 def test_the_headline_tells_the_time_to_the_action_value_in_hours():
@@ -323,6 +327,10 @@ REFUSED = {
     ),
     "clipped": (lambda: felt(*clipped()), "channel x is clipped: .* record again"),
     "at the range": (lambda: felt(*noise(20.0), range_ms2=4.0), "reaches .* of the sensor's range"),
+    "at the range, downwards": (
+        lambda: felt(np.where(noise(20.0)[2] > 3.0, 0.0, noise(20.0)[2]), range_ms2=4.0),
+        "reaches .* of the sensor's range",
+    ),
     "constant": (lambda: felt(np.full(20_000, 2.0)), "is constant"),
     "no unit": (lambda: felt(*noise(20.0), unit=None), "has unit not stated; exposure needs"),
     "mm/s": (lambda: felt(*noise(20.0), unit="mm/s"), "has unit mm/s; exposure needs"),

@@ -116,7 +116,7 @@ def test_filters_follow_gain_and_phase(name, rate, most, degrees):
     low, high = own.band_hz
     f = np.geomspace(low, min(high, 0.5 * rate), 400)
     error, phase = deviation(own, rate, f)
-    assert own.error(rate) < most
+    assert 0.95 * np.abs(error).max() < own.error(rate) < most
     assert np.abs(error).max() < most
     # what is a straight line through 0 is a delay: nothing that a person would feel
     phase = np.unwrap(phase)

@@ -142,6 +142,18 @@ def test_without_a_rule_two_recordings_raise_an_alarm_and_three_end_it(tmp_path)
     assert stands == [[], [False], [False], [False], [True]]
 
 
+def test_the_newest_alarm_is_first(tmp_path):
+    fleet = made_fleet(tmp_path, ("a", "b", "c"))
+    for name, begin in (("a", 3), ("b", 8), ("c", 5)):
+        for day in range(begin, begin + 2):
+            arrive(tmp_path, name + "_{}.txt", "fault 0.1", days=day)
+    run_fleet(fleet, at_once)
+    assert [own["machine"] for own in alarms(fleet)] == ["b", "c", "a"]
+    since = [own["since"] for own in alarms(fleet)]
+    assert since == [f"2026-03-{day:02d}T00:00:00Z" for day in (9, 6, 4)]
+    assert [own["machine"] for own in alarms(fleet, "c")] == ["c"]
+
+
 def test_one_that_begins_earlier_after_a_late_recording_is_the_same_alarm(tmp_path):
     fleet = worn(tmp_path, '[[alarm]]\ncommand = ["true"]')
     deliver(fleet)

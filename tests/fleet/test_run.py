@@ -36,6 +36,14 @@ from gearmon.fleet.plan import arrived
 from gearmon.fleet.run import analysed
 
 
+def test_progress_rises_from_the_first_recording_to_all_of_them(tmp_path):
+    fleet, told = made_fleet(tmp_path), []
+    for day in range(4):
+        arrive(tmp_path, "a_{}.txt", "bad" if day == 2 else "0.1", days=day)
+    run_fleet(fleet, at_once, progress=told.append)
+    assert told == [0.25, 0.5, 0.75, 1.0]
+
+
 def test_what_is_new_is_analysed_once_and_kept_in_one_store(tmp_path):
     fleet = made_fleet(tmp_path)
     arrive(tmp_path, "a_{}.txt", "0.2")
@@ -98,11 +106,11 @@ def test_of_several_gears_the_largest_loss_is_told_with_its_interval(tmp_path):
 
 def test_two_files_of_one_machine_and_time_are_said(tmp_path):
     fleet = made_fleet(tmp_path)
-    arrive(tmp_path, "a_{}.txt", "0.1")
-    arrive(tmp_path, "a_{}_hay.txt", "0.2")
+    first = arrive(tmp_path, "a_{}.txt", "0.1")
+    second = arrive(tmp_path, "a_{}_hay.txt", "0.2")
     run = run_fleet(fleet, at_once)
     assert run.done == 1
-    assert "same machine and time" in next(iter(run.refused.values()))
+    assert run.refused == {str(second): f"is of the same machine and time as {first}"}
 
 
 def test_another_file_of_a_time_that_the_history_knows_is_refused(tmp_path):
@@ -222,6 +230,20 @@ def test_files_being_written_are_waited_for(tmp_path, monkeypatch):
     os.utime(path, (time.time() + 1e6,) * 2)
     monkeypatch.setattr(running.time, "sleep", lambda _: None)
     assert run_fleet(fleet, at_once).done == 1
+
+
+@pytest.mark.parametrize("scheme", ["", "file://"])
+def test_a_folder_among_the_recordings_is_none(tmp_path, scheme):
+    if scheme:
+        pytest.importorskip("fsspec")
+    made_fleet(tmp_path)
+    text = (tmp_path / "fleet.toml").read_text()
+    (tmp_path / "fleet.toml").write_text(text.replace("'inbox'", f"'{scheme}{tmp_path}/inbox'"))
+    path, seen = arrive(tmp_path, "a_{}.txt", "0.1"), []
+    (tmp_path / "inbox" / "b_2026-03-01.txt").mkdir()
+    run = run_fleet(read_fleet(tmp_path / "fleet.toml"), lambda jobs: seen.extend(jobs) or ())
+    assert [str(job.path) for job in seen] == [f"{scheme}{path}"]
+    assert not run.refused
 
 
 def test_a_folder_that_cannot_be_reached_is_said(tmp_path):

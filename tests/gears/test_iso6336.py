@@ -233,6 +233,24 @@ def test_the_shortening_of_a_stage_is_that_of_sun_and_planet_alone():
     assert [own.tip_shortening for own in outer.gears] == [-0.05, 0.0]
 
 
+@pytest.mark.parametrize("shortening", [None, 0.0, -0.03])
+@pytest.mark.parametrize(
+    "told", [{}, {"tip_diameter_planet_mm": 2.0}, {"tip_diameter_sun_mm": 2.0}]
+)
+def test_a_planet_is_one_body_in_both_of_its_meshes(shortening, told):
+    """Its tips reach as far in the mesh with the ring as in that with the sun."""
+    helical = {"helix_angle_deg": 8.0, "centre_distance_mm": 590.0, "tip_shortening": shortening}
+    stage = replace(TURBINE, **helical)
+    sun, planet = mesh_pairs(stage)[0].geometry.gears
+    radii = {"tip_diameter_sun_mm": sun.tip_radius_m, "tip_diameter_planet_mm": planet.tip_radius_m}
+    cut = {key: 2e3 * radii[key] - less for key, less in told.items()}
+    inner, outer = (pair.geometry for pair in mesh_pairs(replace(stage, **cut)))
+    assert outer.tip_radii_m[0] == pytest.approx(inner.tip_radii_m[1], rel=1e-12)
+    for key, diameter in cut.items():
+        index = 0 if "sun" in key else 1
+        assert 2e3 * inner.tip_radii_m[index] == pytest.approx(diameter, rel=1e-12)
+
+
 def test_speed_increasing_stage_has_the_same_stiffness():
     """Index 1 is the gear with fewer teeth, whichever drives."""
     swapped = replace(

@@ -148,6 +148,19 @@ def test_wander_that_is_soon_forgotten_leaves_a_narrow_line(frequency_hz):
     assert float(share[away <= 3 * half_width, 0].sum()) == pytest.approx(0.8, rel=0.03)
 
 
+@pytest.mark.parametrize("frequency_hz", [50.0, 400.0])
+def test_wander_that_is_long_remembered_is_normal(frequency_hz):
+    wander, memory_s = 0.01, 30.0 / (2 * np.pi * frequency_hz * 0.01)
+    line = vibration_of_lines(
+        [frequency_hz], acceleration_ms2=[1.0], wander=wander, wander_time_s=memory_s
+    )
+    shifted, share = line.nodes(2e-4)
+    away = np.abs(shifted[:, 0] / frequency_hz - 1)
+    for reach, known in ((1.0, 0.6827), (2.0, 0.9545)):
+        inside = float(share[away <= reach * wander, 0].sum())
+        assert inside == pytest.approx(known, abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("changes", "words"),
     [

@@ -154,7 +154,13 @@ def test_orders_maps_averages_and_indicators():
         (turn,) = labels(figure) - {"Acceleration", *strips}
         assert turn.startswith(f"Angle of the {gear} (tooth pitches; 0 ")
     table = indicator_table(recording(), machine())
-    panels = [ax.get_title(loc="left") for ax in indicator_figure([table]).axes]
+    drawn = indicator_figure([table]).axes
+    for ax in drawn:
+        values = np.concatenate([np.atleast_1d(line.get_ydata()) for line in ax.lines])
+        low, high = ax.get_ylim()
+        assert low <= values.min() <= values.max() <= high
+        assert low <= 0.0
+    panels = [ax.get_title(loc="left") for ax in drawn]
     units = {(row.indicator, row.input.split(",")[0]): row.unit for row in table.rows}
     said = {"1": "", "m/s2": " (m/s²)"}
     assert panels == [f"{name}{said[unit]}\nof {of}" for (name, of), unit in units.items()]

@@ -77,6 +77,15 @@ def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
     assert known
     for segment, end in known:
         assert segment[:, 0] == pytest.approx(end)
+    remarks = [text.get_text() for text in positions.texts]
+    for place, told in zip(survey.placed, remarks, strict=True):
+        if place.tuned is None:
+            often = "nothing to tune to"
+        elif np.isfinite(place.interval_s):
+            often = f"a recording every {spoken_time(place.interval_s)}"
+        else:
+            often = "too little to send a recording"
+        assert told == often + "; better only when damaged" * place.good_only_when_damaged
     tuning = figures["-tuning"].axes[0]
     assert tuning.get_ylabel() == "mean power over the duty cycle in µW"
     best = next(line for line in tuning.lines if line.get_marker() == "o")

@@ -50,6 +50,11 @@ def labels(figure):
     return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
 
 
+def in_data(patch):
+    """The outline of a patch in the coordinates of its axes' data."""
+    return patch.get_patch_transform().transform_path(patch.get_path())
+
+
 def test_losses_limit_and_scores_are_drawn():
     found = history_trends(history(), limit=0.3)
     figure = history_figure(found, [0.0] * 14)
@@ -84,6 +89,13 @@ def test_losses_limit_and_scores_are_drawn():
     assert band.get_paths()[0].vertices[:, 0].max() == pytest.approx(crossing.time_s / 86400.0)
     begin = found.teeth[0].trend.changes[0].time_s / 86400.0
     assert any(np.allclose(line.get_xdata(), begin) for line in upper.lines)
+    # an interval of its time is shaded about every change
+    for ax, changes in ((upper, found.teeth[0].trend.changes), (lower, found.evidence.changes)):
+        spans = [patch.get_extents().intervalx for patch in map(in_data, ax.patches)]
+        ends = [(change.low_s / 86400.0, change.high_s / 86400.0) for change in changes]
+        assert changes
+        for own in ends:
+            assert any(np.allclose(span, own) for span in spans)
 
 
 def test_words_and_charts_tell_the_loss_in_percent_and_its_rate_a_day():
@@ -154,4 +166,10 @@ def test_day_and_kinds_are_drawn():
     one, two = kind_figure(kinds).axes
     assert [one.get_title(loc="left"), two.get_title(loc="left")] == ["one", "two"]
     assert [bar.get_height() for bar in one.patches] == [1.0] * 4
+    # the recordings stand side by side about the mark of their feature
+    middles = np.array([bar.get_x() + bar.get_width() / 2 for bar in one.patches]).reshape(2, 2)
+    np.testing.assert_allclose(middles.mean(axis=0), one.get_xticks(), atol=1e-12)
+    gaps = np.diff(middles, axis=0)
+    assert np.all(gaps >= one.patches[0].get_width())
+    assert np.all(gaps < 0.5)
     assert [label.get_text() for label in two.get_xticklabels()] == ["mesh", "far"]

@@ -1,16 +1,20 @@
 from __future__ import annotations
 
 import base64
+import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 from gearmon.errors import ArgumentError
 from gearmon.report.html import Failure, write_report
 from gearmon.report.text import indicator_definitions
+from gearmon.signatures.tracking import SPEED_REACH
 
 
 class Page(HTMLParser):
@@ -179,3 +183,221 @@ def test_text_and_html_load_no_drawing_until_it_is_needed():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Without pictures, which take longer than all the rest of a page."""
+    monkeypatch.setattr("gearmon.report.analysis_plots.analysis_figures", lambda *_: [])
+
+
+def chart_data(text, anchor="recording-1"):
+    """What the page hands to its charts of a recording, and each chart by its name."""
+    told = re.search(r'<script type="application/json" id="chart-data">(.*?)</script>', text, re.S)
+    own = json.loads(told[1])[anchor]
+    return own, {chart["name"]: chart for chart in own["charts"]}
+
+
+def decoded(values, kind="<f4"):
+    return np.frombuffer(base64.b64decode(values), dtype=kind).astype(float)
+
+
+def test_the_charts_hold_what_was_measured_and_the_range_of_the_healthy(written, faulty):
+    signature, reference = faulty.analysis.signature, faulty.reference
+    data, _ = chart_data(written[1])
+    lines = data["lines"]
+    assert data["speed_hz"] == signature.speed.estimated_hz
+    assert [own["name"] for own in data["channels"]] == ["front", "rear"]
+    for row in range(2):
+        measured, low, high = (decoded(lines[name][row]) for name in ("measured", "low", "high"))
+        for k in range(1, 5):
+            at = lines["order"].index(23.0 * k)
+            line = int(np.argmin(np.abs(signature.plan.orders - 23.0 * k)))
+            assert measured[at] == pytest.approx(abs(signature.lines.mean[row, line]), rel=1e-6)
+            healthy = [
+                abs(wheel.amplitude[row, number])
+                for profile in reference.profiles
+                for wheel in profile.wheels
+                for number in np.flatnonzero(np.isclose(wheel.number * wheel.order, 23.0 * k))
+            ]
+            assert len(healthy) == 2 * len(reference.profiles)
+            assert low[at] == pytest.approx(min(healthy), rel=1e-6)
+            assert high[at] == pytest.approx(max(healthy), rel=1e-6)
+            assert low[at] < high[at]
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_healthy_channels_are_found_by_their_names(tmp_path, written, faulty):
+    reference = faulty.reference
+    turned = replace(
+        reference,
+        channel_names=reference.channel_names[::-1],
+        profiles=tuple(
+            replace(
+                profile,
+                wheels=tuple(replace(w, amplitude=w.amplitude[::-1]) for w in profile.wheels),
+            )
+            for profile in reference.profiles
+        ),
+    )
+    path = tmp_path / "turned.html"
+    write_report([faulty.analysis], [None], turned, faulty.machine, path)
+    known, found = (chart_data(text)[0]["lines"] for text in (written[1], path.read_text("utf-8")))
+    assert (found["low"], found["high"]) == (known["low"], known["high"])
+
+
+def test_the_chart_of_the_speeds_covers_the_search_and_marks_what_was_found(tmp_path, gearless):
+    path = tmp_path / "report.html"
+    write_report([gearless.analysis], [gearless.recording], None, gearless.machine, path)
+    speed = gearless.analysis.signature.speed
+    assert speed.estimated_hz != pytest.approx(speed.nominal_hz, rel=1e-3)
+    chart = chart_data(path.read_text("utf-8"))[1]["speed"]
+    assert chart["marked"] == pytest.approx(60 * speed.estimated_hz)
+    rpm, fit = decoded(chart["x"]), decoded(chart["curves"][0]["values"])
+    assert np.all(np.diff(rpm) > 0)
+    reach = 60 * speed.nominal_hz * np.array([1 - SPEED_REACH, 1 + SPEED_REACH])
+    assert rpm[[0, -1]] == pytest.approx(reach, rel=0.01)
+    assert fit.min() >= 0
+    assert len(fit) == len(rpm)
+
+
+def test_spectra_in_the_charts_peak_at_the_mesh(written, faulty):
+    signature, (_, charts) = faulty.analysis.signature, chart_data(written[1])
+    line = int(np.argmin(np.abs(signature.plan.orders - 23.0)))
+    for name, place in (("spectrum", signature.meshes[0].frequency_hz), ("orders", 23.0)):
+        x = decoded(charts[name]["x"])
+        assert charts[name]["scale"] * 23.0 == pytest.approx(place)
+        for row, curve in enumerate(charts[name]["curves"]):
+            values = decoded(curve["values"])
+            near = np.abs(x - place) < 0.02 * place
+            assert curve["channel"] == row
+            # between two bins a Hann window reads up to 15 % too low
+            size = abs(signature.lines.mean[row, line])
+            assert values[near].max() == pytest.approx(size, rel=0.16)
+            assert x[near][values[near].argmax()] == pytest.approx(place, rel=2e-3)
+
+
+def test_the_order_map_is_in_shades_of_its_highest_value(written, faulty):
+    _, charts = chart_data(written[1])
+    chart, signature = charts["map"], faulty.analysis.signature
+    orders = decoded(chart["x"])
+    assert chart["time"][0] == pytest.approx(0.0, abs=0.5)
+    assert chart["time"][1] == pytest.approx(8.0, abs=0.5)
+    for told in chart["maps"]:
+        shades = decoded(told["shades"], "u1").reshape(chart["rows"], len(orders))
+        assert (shades.min(), shades.max()) == (0.0, 255.0)
+        for order in (23.0, 46.0, 69.0):
+            line = int(np.argmin(np.abs(signature.plan.orders - order)))
+            size = abs(signature.lines.mean[told["channel"], line])
+            column = shades[:, np.searchsorted(orders, order, side="right") - 1].max()
+            # 255 at the highest value, 0 so many decades below
+            level = told["top"] * 10 ** (told["decades"] * (column / 255 - 1))
+            assert level == pytest.approx(size, rel=0.25)
+
+
+def test_a_turn_and_the_energy_by_tooth_are_those_of_the_analysis(written, faulty):
+    _, charts = chart_data(written[1])
+    analysis = faulty.analysis
+    (flag,) = [own for own in analysis.flags if own.kind == "tooth damage"]
+    for profile in analysis.profiles:
+        chart = charts[f"teeth-{profile.stage}-{profile.gear}"]
+        teeth, energy = decoded(chart["x"]), decoded(chart["curves"][0]["values"])
+        assert np.all(np.diff(teeth) > 0)
+        assert sorted(energy) == pytest.approx(sorted(profile.energy), rel=1e-6)
+        flagged = profile.gear == flag.gear
+        assert (chart["marked"] is not None) == flagged
+        if flagged:
+            assert abs(chart["marked"] - teeth[energy.argmax()]) <= 1.0
+            assert abs(chart["marked"] - flag.tooth) <= 1.0
+        turn = charts[f"turn-{profile.stage}-{profile.gear}"]
+        _, step, count = turn["even"]
+        assert step * count == pytest.approx(profile.teeth)
+        plan = next(w for w in analysis.signature.plan.wheels if w.gear == profile.gear)
+        lines = analysis.signature.lines.mean[:, plan.lines]
+        for curve in turn["curves"]:
+            if curve["layer"] == "healthy":
+                continue
+            wave = curve["top"] / 32_767 * decoded(curve["values"], "<i2")
+            assert len(wave) == count
+            # Parseval: half the squares of the lines it is the sum of
+            taken = ~plan.mesh | (curve["layer"] == "with the mesh")
+            expected = 0.5 * np.sum(np.abs(lines[curve["channel"], taken]) ** 2)
+            assert np.mean(wave**2) == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_healthy_turn_is_that_of_like_loudness_turned_until_it_fits(written, faulty):
+    _, charts = chart_data(written[1])
+    signature = faulty.analysis.signature
+    for plan in signature.plan.wheels:
+        drawn = {
+            (curve["layer"], curve["channel"]): curve["top"]
+            / 32_767
+            * decoded(curve["values"], "<i2")
+            for curve in charts[f"turn-{plan.stage}-{plan.gear}"]["curves"]
+        }
+        healthy, rest = (
+            np.array([drawn[layer, row] for row in range(2)])
+            for layer in ("healthy", "without the mesh")
+        )
+        fits = [np.sum(np.roll(healthy, k, axis=1) * rest) for k in range(healthy.shape[1])]
+        assert fits[0] >= max(fits) - 1e-3 * abs(max(fits))
+        loud = np.abs(signature.lines.mean[:, plan.lines]).sum()
+        known = [
+            wheel
+            for profile in faulty.reference.profiles
+            for wheel in profile.wheels
+            if (wheel.stage, wheel.gear) == (plan.stage, plan.gear)
+        ]
+        near = min(known, key=lambda wheel: abs(np.abs(wheel.amplitude).sum() - loud))
+        power = 0.5 * np.sum(np.abs(near.amplitude[:, ~near.mesh]) ** 2, axis=1)
+        np.testing.assert_allclose(np.mean(healthy**2, axis=1), power, rtol=2e-3)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_how_the_reference_was_turned_does_not_show(tmp_path, written, faulty):
+    """Its patterns by some steps of the charts: the healthy turn is put where it fits."""
+    known = chart_data(written[1])[1]
+
+    def turned(wheel, steps=17):
+        angle = steps / known[f"turn-{wheel.stage}-{wheel.gear}"]["even"][2]
+        return replace(wheel, amplitude=wheel.amplitude * np.exp(2j * np.pi * wheel.number * angle))
+
+    profiles = tuple(
+        replace(profile, wheels=tuple(map(turned, profile.wheels)))
+        for profile in faulty.reference.profiles
+    )
+    path, reference = tmp_path / "turned.html", replace(faulty.reference, profiles=profiles)
+    write_report([faulty.analysis], [None], reference, faulty.machine, path)
+    found = chart_data(path.read_text("utf-8"))[1]
+    names = [name for name in known if name.startswith("turn-")]
+    assert len(names) == 2
+    for name in names:
+        for one, other in zip(known[name]["curves"], found[name]["curves"], strict=True):
+            waves = [own["top"] * decoded(own["values"], "<i2") / 32_767 for own in (one, other)]
+            np.testing.assert_allclose(*waves, atol=1e-3 * one["top"])
+
+
+def test_lines_of_the_charts_are_told_by_family_number_and_change(written, faulty):
+    lines, analysis = chart_data(written[1])[0]["lines"], faulty.analysis
+    families = analysis.signature.plan.families
+    assert [own["name"] for own in lines["families"]] == [own.name for own in families]
+    changes = {(own.family, own.channel): own for own in analysis.changes}
+    told = 0
+    for own in lines["families"]:
+        for channel, change in zip(("front", "rear"), own["changes"], strict=True):
+            known = changes.get((own["name"], channel))
+            assert (change is None) == (known is None)
+            if known is not None:
+                assert change == [known.change_db, known.scatter_db]
+                told += 1
+    assert told > 5
+    for order, number, index in zip(lines["order"], lines["number"], lines["family"], strict=True):
+        family = families[index]
+        if family.kind == "sidebands":
+            assert order == pytest.approx(23.0 * family.harmonic + number * family.spacing)
+        elif family.kind == "mesh":
+            assert (order, number) == (pytest.approx(23.0 * family.harmonic), 0)
+    kinds = [group.split()[0] for group in lines["groups"]]
+    assert kinds == sorted(kinds, key=["mesh", "sidebands", "other"].index)
+    assert lines["groups"][0] == "mesh 1"
+    assert {own["group"] for own in lines["families"]} == set(lines["groups"])

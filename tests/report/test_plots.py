@@ -7,6 +7,8 @@ import io
 import matplotlib
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from PIL import Image
 
 from gearmon.report.plots import (
@@ -21,6 +23,30 @@ from gearmon.report.plots import (
     stack,
     style,
 )
+from gearmon.report.spectrum_plots import line_marks
+from gearmon.signatures.measured.line_plan import Mark
+
+
+@given(
+    st.lists(st.tuples(st.floats(-5.0, 105.0), st.booleans(), st.integers(1, 3)), max_size=60),
+    st.randoms(use_true_random=False),
+)
+def test_marks_of_an_axis_can_be_told_apart_and_none_is_left_out_for_nothing(told, random):
+    marks = [
+        Mark(place=place, name=f"{n}", kind="mesh" if mesh else "shaft", number=number)
+        for n, (place, mesh, number) in enumerate(told)
+    ]
+    inside = [mark for mark in marks if 0.0 <= mark.place <= 100.0]
+    kept = line_marks(random.sample(marks, len(marks)), 0.0, 100.0)
+    places = [mark.place for mark in kept]
+    assert places == sorted(places)
+    assert np.all(np.diff(places) >= 1.2 - 1e-9)
+    for mark in inside:
+        # whatever gives way does so for a mark that goes before it
+        beside = [own for own in kept if abs(own.place - mark.place) < 1.2]
+        assert mark in kept or beside
+        if mark.kind == "mesh" and mark not in kept:
+            assert any(own.kind == "mesh" and own.number <= mark.number for own in beside)
 
 
 def test_png_has_the_stated_size_and_white_paper():

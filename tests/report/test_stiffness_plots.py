@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gearmon.gears.stiffness_report import stiffness_report
-from gearmon.machine import Machine, OperatingPoint, ParallelStage
+from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
 from gearmon.report.expected_plots import stiffness_figure, stiffness_figures
 from gearmon.report.plots import save_all
 
 STAGE = ParallelStage(pinion_teeth=26, gear_teeth=53, module_mm=2.0, face_width_mm=20.0)
+
+SET = PlanetaryStage(
+    sun_teeth=20, planet_teeth=40, ring_teeth=100, planets=3, module_mm=1.5, face_width_mm=20.0
+)
 
 
 def machine(stages=1):
@@ -97,3 +103,20 @@ def test_each_stage_has_its_file(tmp_path):
     report = stiffness_report(machine(2))
     paths = save_all(stiffness_figures(report), tmp_path / "sheet.png")
     assert [path.name for path in paths] == ["sheet-stage1.png", "sheet-stage2.png"]
+
+
+@pytest.mark.parametrize(
+    ("stages", "names"),
+    [
+        ((STAGE,), [""]),
+        ((STAGE, STAGE), ["-stage1", "-stage2"]),
+        ((SET,), ["-stage1-sun-planet", "-stage1-planet-ring"]),
+        ((STAGE, SET), ["-stage1", "-stage2-sun-planet", "-stage2-planet-ring"]),
+    ],
+)
+def test_every_mesh_has_a_sheet_with_a_name_of_its_own(monkeypatch, stages, names):
+    monkeypatch.setattr("gearmon.report.expected_plots.stiffness_figure", lambda stage: stage)
+    report = stiffness_report(replace(machine(), stages=stages))
+    figures = stiffness_figures(report)
+    assert list(figures) == names
+    assert list(figures.values()) == list(report.stages)

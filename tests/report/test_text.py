@@ -34,7 +34,9 @@ def test_without_a_mesh_no_speed_is_claimed(gearless):
 def test_the_strongest_changes_are_listed_where_no_flag_tells(faulty):
     text = analysis_text(replace(faulty.analysis, flags=()), most_changes=1)
     strongest = max(faulty.analysis.changes, key=lambda change: abs(change.standardised))
-    assert f"{strongest.channel}: {strongest.family}" in text
+    change, scatter = strongest.change_db, strongest.scatter_db
+    told = f"{strongest.channel}: {strongest.family} {change:+.1f} dB (scatter {scatter:.1f} dB)"
+    assert told in text
     assert text.count("(scatter ") == 1
 
 

@@ -45,9 +45,10 @@ def test_probabilities_stand_beside_faults_only(healthy, alone, gearless):
     for case in (alone, gearless):
         assert "how sure" not in summary(case.analysis).more
     assert "gearmon learn" in summary(alone.analysis).more["next"]
-    assert (
-        summary(gearless.analysis).more["next"].startswith("Check the sensor and the tooth counts")
-    )
+    check = summary(gearless.analysis).more["next"]
+    assert check.startswith("Check the sensor and the tooth counts")
+    # the speed that the machine file states, whatever was found in noise
+    assert "ran at about 1200 rpm" in check
 
 
 @pytest.mark.parametrize("kind", ["wear", "bearing", "path changed", "changed mesh", "mesh lost"])

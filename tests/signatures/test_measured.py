@@ -263,6 +263,19 @@ def test_an_engine_that_hunts_is_followed(seed):
     assert found.speed.estimated_hz == pytest.approx(true.speed.estimated_hz, rel=2e-4)
 
 
+@pytest.mark.parametrize(("spacing", "found"), [(None, False), (1.0, False), (23 / 61, True)])
+def test_one_mesh_line_counts_with_sidebands_of_the_gear_on_another_shaft(spacing, found):
+    """Lines a turn of shaft 1 apart stand about anything on a machine without gears as well."""
+    orders, levels = [23.0], [1.0]
+    if spacing:
+        orders += [23.0 + spacing * r for r in (-4, -3, -2, -1, 1, 2, 3, 4)]
+        levels += [0.3] * 8
+    phases = np.random.default_rng(4).uniform(0, 6.28, len(orders))
+    samples = lines_on(TURNS, orders, levels, phases) + white((1, len(TIME)), 0.3, seed=4)
+    recording = Recording(samples=samples, sampling_rate_hz=RATE, origin="synthetic")
+    assert measure_signature(recording, MACHINE).meshes[0].found == found
+
+
 def test_noise_is_a_result_and_not_an_error():
     recording = Recording(samples=white((1, len(TIME)), seed=3), sampling_rate_hz=RATE)
     measured = measure_signature(recording, MACHINE)

@@ -20,6 +20,7 @@ from gearmon.signatures.measured.measurement import measure_signature
 from gearmon.signatures.measured.reference import (
     Profile,
     is_reference,
+    machine_notes,
     make_reference,
     other_speed,
     read_reference,
@@ -195,6 +196,21 @@ def header_of(form="gearmon reference 6", **changes):
     }
     text = json.dumps({"format": form, "reference": known | changes})
     return np.frombuffer(text.encode(), dtype=np.uint8)
+
+
+def test_what_changed_in_the_machine_file_is_told_as_it_was_and_as_it_is():
+    known, own = reference(), machine()
+    assert machine_notes(own, known) == []
+    wider = replace(own, stages=(replace(own.stages[0], face_width_mm=44.0),))
+    (told,) = machine_notes(wider, known)
+    before = float(own.stages[0].face_width_mm)
+    assert told.endswith(f": stage 1 face_width_mm {before}, now 44.0")
+    unsaid = replace(own, stages=(replace(own.stages[0], face_width_mm=None),))
+    (told,) = machine_notes(unsaid, known)
+    assert told.endswith(f": stage 1 face_width_mm {before}, now none")
+    named = replace(own, name="another box")
+    (told,) = machine_notes(named, known)
+    assert f"from {own.name!r}, the machine file names 'another box'" in told
 
 
 def test_another_archive_gets_one_line(tmp_path):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from reference.dense_harmonic_balance import steady_displacement
-from reference.simulated_machines import one_pair
+from reference.simulated_machines import one_pair, planetary
 
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.mechanics import stage_mechanics
@@ -98,6 +98,14 @@ def test_runout_shifts_the_phase_and_back():
     assert mesh.turns(phase) == pytest.approx(turns, abs=1e-12)
     nominal = mesh.order * turns
     assert phase - nominal == pytest.approx(-mesh.runout_m(nominal) / mesh.base_pitch_m)
+
+
+def test_phases_of_every_planet_are_reached_at_their_turns():
+    meshes = build_train(planetary(), seed=1).meshes
+    assert len({round(mesh.offset % 1.0, 9) for mesh in meshes}) > 1
+    phase = np.linspace(-50.0, 200.0, 501)
+    for mesh in meshes:
+        assert mesh.phase(mesh.turns(phase)) == pytest.approx(phase, abs=1e-9)
 
 
 def test_runout_curvature_is_its_second_derivative():

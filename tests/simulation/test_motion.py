@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.simulation.contact import ShaftMotion, random_wander
+from gearmon.simulation.contact import WANDER_BAND_HZ, ShaftMotion, random_wander
 from gearmon.simulation.train import stream
 
 
@@ -34,6 +34,26 @@ def test_wander_is_slow():
     spectrum = np.abs(np.fft.rfft(wander().value(times) * np.hanning(len(times)))) ** 2
     frequency = np.fft.rfftfreq(len(times), times[1])
     assert spectrum[frequency > 2.1].sum() < 1e-6 * spectrum.sum()
+
+
+def test_wander_is_a_random_walk_in_its_band():
+    """A power density that falls as 1/f^2: half the power in every higher octave."""
+    own = [wander(0.01, seed) for seed in range(20)]
+    frequency, amplitude = (
+        np.concatenate([getattr(one, name) for one in own])
+        for name in ("frequencies_hz", "amplitudes")
+    )
+    octave = np.floor(np.log2(frequency / WANDER_BAND_HZ[0]) + 1e-9).astype(int)
+    power = np.bincount(octave, amplitude**2 / 2)
+    whole = int(np.log2(WANDER_BAND_HZ[1] / WANDER_BAND_HZ[0]))
+    assert whole >= 3
+    assert power[1:whole] / power[: whole - 1] == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_wander_begins_anywhere():
+    begun = [wander(0.01, seed).value(0.0) for seed in range(400)]
+    assert np.std(begun) == pytest.approx(0.01, rel=0.1)
+    assert abs(np.mean(begun)) < 0.0015
 
 
 def test_no_deviation_is_a_constant_speed():

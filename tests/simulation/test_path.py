@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from reference.simulated_machines import one_pair
 
+from gearmon.gears.faults import parse_error
+from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
+from gearmon.simulation.train import Settings, build_train
 from gearmon.simulation.vibration import (
     MODE_BAND_HZ,
     ROTOR_SHARE,
+    mesh_vibration,
     noise,
     random_path,
     shaft_lines,
@@ -69,6 +74,40 @@ def test_sine_force_is_heard_with_the_gain_of_the_path():
     gain = path.accelerance(np.array([line * rate / samples]), 0, 1)[0]
     angle = 2 * np.pi * line * np.arange(samples) / samples
     assert heard == pytest.approx((gain * np.exp(1j * angle)).real, abs=1e-12)
+
+
+def test_missing_profile_moves_the_mesh_and_is_heard_through_the_path():
+    """Line by line: |sin| has the harmonics 4/(pi (4 k^2 - 1)), the mesh is mass on spring."""
+    machine, settings = one_pair(), Settings(duration_s=0.08, channels=2, speed_drift=0.0)
+    still = random_wander(0.0, np.random.default_rng(0))
+    speed_hz = machine.operating[0].speed_rpm / 60
+    drive = Drive(motion=ShaftMotion(mean_hz=speed_hz, wander=still), load=still, ripples=())
+
+    def lines(*errors):
+        """Amplitudes of the first mesh harmonics: 0.08 s are 50 periods of the mesh."""
+        train = build_train(machine, [parse_error(own) for own in errors], accuracy_grade=None)
+        heard, _ = mesh_vibration(train, drive, settings, None)
+        return 2 * np.fft.rfft(heard, axis=1)[:, 50:250:50] / heard.shape[1], train
+
+    perfect, train = lines()
+    one, both = (
+        lines(*own)[0] - perfect
+        for own in (
+            ["profile:1:gear:all:6um"],
+            ["profile:1:pinion:all:4um", "profile:1:gear:all:6um"],
+        )
+    )
+    path = random_path(settings.machine_seed, 2, 1, train.gear_mass_kg)
+    k = np.arange(1, 5)
+    w = 2 * np.pi * 625.0 * k
+    stiff, mass = 8e8 + 4e3j * w, 0.28
+    # m q'' + c (q' - e') + k (q - e) = 0, of which the force is m w^2 q
+    force = mass * w**2 * stiff / (stiff - mass * w**2)
+    missing = 4 / np.pi / (4 * k**2 - 1)
+    for channel in range(2):
+        gain = np.abs(path.accelerance(625.0 * k, channel, 0) * force * missing)
+        np.testing.assert_allclose(np.abs(one[channel]), 6e-6 * gain, rtol=0.01)
+        np.testing.assert_allclose(np.abs(both[channel]), 10e-6 * gain, rtol=0.01)
 
 
 def test_noise_has_the_wanted_rms_half_of_it_coloured():

@@ -281,6 +281,7 @@ def test_another_operating_point_may_be_taken():
         ({"duration_s": 1e6}, "duration_s=1e.06 s makes more than 100000000 samples"),
         ({"tacho_shaft": 4}, r"tacho_shaft=4 must lie in \[1, 3\]"),
         ({"mains_hz": 3000.0}, "mains_hz=3000 Hz: its double must lie below"),
+        ({"mains_hz": 1010.0}, "mains_hz=1010 Hz: its double must lie below 0.4 of"),
     ],
 )
 def test_bad_input_is_refused_in_one_line(changes, match):

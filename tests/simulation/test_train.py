@@ -126,6 +126,23 @@ def test_crack_of_a_planet_is_on_the_first_and_opens_under_the_sun():
     assert [len(m.stiffness.pulses) for m in train.meshes] == [1, 0, 0, 0, 0, 0]
 
 
+def test_every_flank_of_every_planet_has_deviations_of_its_own():
+    train = build_train(planetary(), seed=3)
+    sun, ring, planets = [], [], []
+    for mesh in train.meshes:
+        first, second = (own.pitch_m.tobytes() for own in mesh.errors)
+        if "ring" in mesh.name:
+            planets.append(first)
+            ring.append(second)
+        else:
+            sun.append(first)
+            planets.append(second)
+    assert len(planets) == 6
+    assert len(set(planets)) == 6
+    # but all planets roll on the same sun and the same ring
+    assert len(set(sun)) == len(set(ring)) == 1
+
+
 def test_damage_of_the_sun_is_met_by_every_planet():
     train = build_train(planetary(), [parse_fault("crack:1:sun:3:20%")])
     assert [len(m.stiffness.pulses) for m in train.meshes] == [1, 1, 1, 0, 0, 0]

@@ -120,6 +120,74 @@ def test_displacement_at_three_kilograms_is_negative_only_where_it_is_counted_fr
     )
 
 
+def percent(part, whole, digits=0):
+    return f"{100 * (part / whole - 1):.{digits}f} %"
+
+
+def times(row, factors):
+    """Largest and least of the products."""
+    products = np.multiply(row, factors)
+    return products.max(), products.min()
+
+
+GN_PER_M = (0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 1.0, 1.2)
+NS_PER_M = (3e3, 6e3, 9e3, 12e3, 15e3, 18e3, 30e3, 60e3, 90e3)
+# What the sentence of a claim says, made anew from its own numbers `e` and from what is printed:
+# 26 teeth at 1460 rpm, a period of 1.6 ms, 0.28 kg, 9 kN s/m, 4 kN
+SAID = {
+    "1b": lambda _: f"of 1.6 ms is rounded: its lines lie {percent(625.0, 26 * 1460 / 60, 1)} from",
+    "2": lambda e: f"within {percent(e[0], 1.0)} and the forms part above it",
+    "3a": lambda e: "by {:.2g} %, the rectangle by {:.2g} % and its Fourier sum by {:.2g} %".format(
+        *e
+    ),
+    "3b": lambda _: f"c/(2 m) = {9e3 / (2 * 0.28):.0f} 1/s",
+    "3c": lambda e: f"the acceleration falls to {100 * e[2]:.0f} % of that",
+    "4": lambda e: f"both zones within {100 * max(abs(own / 4e3 - 1) for own in e[4:6]):.2f} %",
+    "5a": lambda e: f"At eps = 0.13 the second order is off by {e[3]:.2f} % in displacement",
+    "5b": lambda e: f"in {26 - e[2]:.0f} of 26 cases",
+    "6d": lambda e: f"m/s², {percent(e[1], e[0])} apart",
+    "6e": lambda e: (
+        f"is {100 * e[0]:.0f} % of the largest acceleration line, at 1.2 GN/m {100 * e[1]:.0f} %"
+    ),
+    "6f": lambda e: f"peak acceleration falls by {percent(2 * e[4] - e[5], e[4])}.",
+    "7a": lambda e: f"it grows to {e[2]:g} kg, where harmonic {e[3]:.0f} lies",
+    "7c": lambda e: (
+        f"reach {e[4]:.1f} kg; at 3 kg eps would have to reach {e[6]:.2f}, and no damping"
+    ),
+    "8d": lambda e: f"moves from {NS_PER_M[np.flatnonzero(np.diff(e))[0]] / 1e3:g} kN s/m to",
+    "9a": lambda e: f"as 1/k within {percent(*times(e, GN_PER_M), 1)}.",
+    "9b": lambda e: f"harmonic {' → '.join(f'{own:.0f}' for own in e)}, and",
+    "9c": lambda e: f"The band shrinks to {e[-1]:.0f} Hz",
+    "10": lambda e: f"the next has {100 * e[9]:.0f} % of it; {e[10]:.0f} more have",
+    "12a": lambda e: f"makes sidebands of {e[2]:.0f} dB, a loss of 20 % {e[4]:.0f} dB",
+    "12b": lambda e: (
+        f"of 5 g {'agree' if e[1] == e[2] else 'disagree'} on the best line, {e[1]:.0f}"
+    ),
+}
+
+
+@pytest.mark.parametrize("key", SAID)
+def test_sentences_say_what_their_numbers_do(findings, key):
+    finding = findings[key]
+    assert SAID[key]([item.ours for item in finding.evidence]) in finding.reason
+
+
+def test_sentences_say_what_the_sweeps_do(results, findings):
+    assert sum(len(sweep.points) for sweep in results.sweeps.values()) == 26
+    by_damping = [item.ours for item in findings["8b"].evidence]
+    said = f"(c times it varies by {percent(*times(by_damping, NS_PER_M))})"
+    assert said in findings["8c"].reason
+    points = results.sweeps["stiffness_n_per_m"].points
+    # the highest line with a tenth of the largest energy
+    bands = [
+        max(n for n, own in enumerate(lines) if own >= 0.1 * max(lines)) * 625.0
+        for lines in (point.response.energy_lines for point in (points[0], points[-1]))
+    ]
+    assert "the band grows from {:.0f} to {:.0f} Hz".format(*bands) in findings["9b"].reason
+    second, first = sorted(results.sweeps["damping_ns_per_m"].points[-1].acceleration_lines)[-2:]
+    assert f"the next line has {100 * second / first:.2f} % of" in findings["8d"].reason
+
+
 def test_evidence():
     item = Evidence(quantity="q", ours=1.02, expected=1.0, tolerance=0.01)
     assert item.difference == pytest.approx(0.02)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -40,6 +41,20 @@ def report(results, tmp_path_factory):
     assert shares == sorted(shares)
     assert shares[-1] == 1.0
     return report
+
+
+def test_the_terminal_is_told_claim_by_claim_and_in_sum(report):
+    lines = report.lines()
+    for entry in report.judged:
+        head = f"{entry.claim.key:<4}{entry.verdict.upper()}"
+        assert any(line.startswith(head) for line in lines)
+        assert " ".join(entry.reason.split()) in " ".join(" ".join(lines).split())
+    counts = Counter(entry.verdict for entry in report.judged)
+    for verdict, count in counts.items():
+        assert re.search(rf"^{len(report.judged)} claims: .*\b{count} {verdict}", lines[-3])
+    assert lines[-2].startswith(f"{len(PICTURES)} pictures for figures 1 to 36, and tables: ")
+    assert lines[-1] == f"report: {report.page}"
+    assert max(map(len, lines[:-2])) <= 100
 
 
 def test_every_figure_has_its_picture():
@@ -183,3 +198,22 @@ def test_shown_difference(item, text):
 
 def test_shown_number():
     assert [shown_number(v) for v in (0.0, 1234.56, 2e6)] == ["0", "1235", "2.00e+06"]
+    for value in (1e-4, 0.25, 1234.56, 2e6):
+        assert shown_number(-value) == f"-{shown_number(value)}"
+
+
+def test_the_mesh_force_is_drawn_in_kilonewtons_and_by_its_lines(results):
+    wide, near, lines = draw_picture(NAMED["mesh_force"], results).axes
+    for ax in (wide, near):
+        assert any(set(line.get_ydata()) == {4.0} for line in ax.lines)
+    motion = results.forms["rectangular"].simulated
+    force = 1e-3 * motion.mesh_force_n
+    drawn = [line.get_ydata() for line in wide.lines if len(line.get_ydata()) == len(force) - 1]
+    assert any(np.allclose(own, force[:-1], rtol=1e-12) for own in drawn)
+    # peak amplitudes in decibels over a newton, up to 25 kHz, where they are above one
+    steady = results.forms["fourier-half"].steady
+    level = 20 * np.log10(2 * np.abs(steady.mesh_force[1:41]))
+    (marks,) = (line for line in lines.lines if line.get_marker() == "o")
+    shown = level > 0
+    np.testing.assert_allclose(marks.get_xdata(), 0.625 * (1 + np.flatnonzero(shown)))
+    np.testing.assert_allclose(marks.get_ydata(), level[shown])

@@ -27,10 +27,10 @@ from gearmon.diagnosis.history import (
     time_text,
 )
 from gearmon.diagnosis.history.entries import read_time, time_from_name
-from gearmon.diagnosis.history.trends import normal_equivalent
+from gearmon.diagnosis.history.trends import Crossing, normal_equivalent
 from gearmon.diagnosis.results import Flag, ToothProfile
 from gearmon.errors import ArgumentError, SignatureError
-from gearmon.report.text import history_lines
+from gearmon.report.text import crossing_text, history_lines
 
 WEEK = 7 * 86400.0
 
@@ -400,6 +400,18 @@ def test_begin_and_limit_of_growing_losses_lie_in_their_intervals():
     assert np.sum(covered, axis=0).min() >= 7
 
 
+def test_a_limit_is_told_with_the_interval_of_its_time():
+    day = 86400.0
+    known = Crossing(status="ahead", reason="on average", time_s=9 * day, low_s=5 * day)
+    told = {fine: crossing_text(replace(known, high_s=20 * day), fine=fine) for fine in (0, 1)}
+    assert told[0] == "ahead, 1970-01-10 (1970-01-06 to 1970-01-21): on average"
+    assert told[1].startswith("ahead, 1970-01-10 00:00 (1970-01-06 00:00 to 1970-01-21 00:00): ")
+    assert "(1970-01-06 to never)" in crossing_text(known, fine=False)
+    assert "(now to never)" in crossing_text(replace(known, low_s=None), fine=False)
+    unsaid = Crossing(status="not extrapolated", reason="too few")
+    assert crossing_text(unsaid, fine=True) == "not extrapolated: too few"
+
+
 def test_a_sound_machine_raises_nothing():
     found = history_trends(cracked(step=0.0), limit=0.2)
     assert not found.raised
@@ -409,6 +421,29 @@ def test_a_sound_machine_raises_nothing():
     told = "\n".join(history_lines(found))
     assert "no change that chance" in told
     assert "5 teeth followed without a loss that stands clear" in told
+
+
+def test_a_fault_is_for_a_person_while_it_is_the_last_that_was_heard():
+    sound = cracked(step=0.0)
+    for last, place in ((True, -1), (False, 0), (False, 10)):
+        entries = list(sound.entries)
+        entries[place] = replace(entries[place], verdict="fault")
+        assert history_trends(replace(sound, entries=tuple(entries))).raised == last
+
+
+@pytest.mark.parametrize("missing", ["loss_low", "loss_high"])
+def test_an_interval_that_was_not_stated_is_that_of_the_uncertainty(missing):
+    history = cracked()
+    cut = replace(
+        history,
+        entries=tuple(
+            replace(own, places=tuple(replace(place, **{missing: None}) for place in own.places))
+            for own in history.entries
+        ),
+    )
+    whole, found = (history_trends(own).teeth[0] for own in (history, cut))
+    np.testing.assert_allclose(found.low, whole.low, atol=1e-8)
+    np.testing.assert_allclose(found.high, whole.high, atol=1e-8)
 
 
 def with_loss(losses, sigmas, teeth=(1,)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -71,6 +72,10 @@ def test_bearing_is_named_by_its_slipping_lines(healthy):
     assert len(found[0].lines) == 2
     assert "1 x" in found[0].evidence[0] or "1 x" in found[0].evidence[1]
     assert "is in no healthy recording" in found[0].evidence[0]
+    # the clearest line first, and its change is that of the finding
+    told = [float(re.search(r"(\S+) dB over what could", own)[1]) for own in found[0].evidence]
+    assert told == sorted(told, reverse=True)
+    assert found[0].change_db == pytest.approx(max(told), abs=0.06)
     json.dumps(found[0].to_dict(), allow_nan=False)
 
 

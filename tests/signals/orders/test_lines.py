@@ -139,6 +139,21 @@ def test_cross_power_has_no_share_of_noise(signal):
     assert scatter < 0.1 * noise  # and so the test would notice a tenth of the noise
 
 
+@pytest.mark.parametrize(("signal", "share"), [(0.0, 18 / 19), (2.0, 3 / 8)])
+def test_pairs_of_blocks_are_worth_half_of_them(signal, share):
+    """Between what they are worth in noise alone, and where a strong line stands in it.
+
+    Neighbouring Hann blocks correlate by 1/6. In noise alone so do products of pairs by 1/36: n of
+    them are worth n/(1 + 2/36). In a product with a strong line each block's noise counts twice,
+    and its mean over the blocks varies by 1 + 2/6: they are worth 3n/8.
+    """
+    lines = noise_lines(20.0, seeds=20, signal=signal)
+    powers, independent = lines.block_powers()
+    stated = powers.var(axis=0, ddof=1).mean() / independent
+    true = powers.mean(axis=0).var()
+    assert true / stated == pytest.approx(0.5 / share, rel=0.15)
+
+
 def test_line_that_turns_slowly_keeps_its_cross_power():
     blocks = np.exp(0.05j * np.arange(40))[:, None, None] * np.ones((1, 1, 1))
     assert made(blocks).cross_power()[0, 0] == pytest.approx(np.cos(0.1), rel=1e-12)

@@ -68,6 +68,20 @@ class TestWav:
         path.write_bytes(wav(bits=24, body=body))
         assert read_recording(path).samples[0].tolist() == [n / 2**23 for n in numbers]
 
+    @pytest.mark.parametrize(("stated", "rate_hz"), [(16_000, 8000.0), (0, 8000.0), (8000, None)])
+    def test_bytes_a_second_may_be_left_out_and_must_not_contradict(
+        self, tmp_path, stated, rate_hz
+    ):
+        path = tmp_path / "a.wav"
+        content = bytearray(wav(body=(1e5 * X[0]).astype("<i2").tobytes()))
+        place = content.index(b"fmt ") + 8 + 8
+        content[place : place + 4] = struct.pack("<I", stated)
+        path.write_bytes(content)
+        if rate_hz is None:
+            assert "sampling rate" in refused(path)
+        else:
+            assert read_recording(path).sampling_rate_hz == rate_hz
+
     def test_a_file_of_the_long_kind(self, tmp_path):
         path = tmp_path / "a.wav"
         body = np.arange(-50, 50, dtype="<i2").tobytes()

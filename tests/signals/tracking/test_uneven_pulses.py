@@ -57,6 +57,16 @@ def angle_error(track, wander=0.01, seed=0):
 
 
 @pytest.mark.parametrize("kind", SPACINGS)
+def test_pulses_that_come_late_in_some_turns_are_no_spacing(kind):
+    """A belt that slips, or dirt on a stripe: a fifth of the turns, by a tenth of a turn."""
+    spacing = SPACINGS[kind]
+    times = 0.05 * (np.arange(100)[:, None] + spacing)
+    times[7::5, 1:] += 0.005
+    learned = learn_spacing(times.ravel(), len(spacing))
+    np.testing.assert_allclose(learned, spacing, atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", SPACINGS)
 def test_spacing_is_learned_to_a_ten_thousandth_of_a_turn(kind):
     spacing = SPACINGS[kind]
     learned = learn_spacing(pulse_times(spacing), len(spacing))
