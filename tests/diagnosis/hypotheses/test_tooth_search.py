@@ -391,6 +391,16 @@ def test_the_gear_of_a_shaft_is_blamed_whose_mesh_harmonics_all_tell_one_loss(ca
 
 
 @pytest.mark.parametrize("cause", ["gear", "pinion"])
+def test_a_lead_is_small_where_sidebands_contradict_the_mesh_harmonics(cause):
+    found = of_one_shaft(cause, 0)
+    other = next(gear for gear in found if gear != cause)
+    # as if the sidebands spoke for the other gear, e^30 times as loudly
+    found[other] = replace(found[other], log_likelihood=1e13 * found[other].log_likelihood)
+    _, rivals = most_likely(list(found.values()), one_shaft(), SPEED_HZ)
+    assert 0.0 <= rivals[0][1] <= 1.0
+
+
+@pytest.mark.parametrize("cause", ["gear", "pinion"])
 def test_a_tooth_that_grows_stiffer_is_out_of_phase_with_its_mesh(cause):
     found = of_one_shaft(cause, 0, sense=-1.0)[cause]
     assert found.log_gear > 30.0
