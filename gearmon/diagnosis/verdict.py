@@ -534,7 +534,7 @@ def reason(found: Analysis, evidence: Evidence, unheard: str = "") -> str:
         most = f" Most of all, {strongest[0]}." if strongest else ""
         return f"{fault_sentence(found.flags)} {rested}{most}"
     if found.verdict == "healthy":
-        noticed = f"{_noticed(found.profiles)} {_wear(evidence)}"
+        noticed = f"{_noticed(evidence, found.profiles)} {_wear(evidence)}"
         return f"The machine sounds as it did when it was healthy.{noticed} {rested}"
     told = doubt(evidence) or "Nothing speaks against the machine, but not all of it was heard."
     return " ".join(filter(None, (told, unheard, rested)))
@@ -572,16 +572,19 @@ def most_striking(profiles: Sequence[ToothProfile]) -> str:
     )
 
 
-def _noticed(profiles: Sequence[ToothProfile]) -> str:
-    """Say how much damage of one tooth would have been called a fault."""
+def _noticed(evidence: Evidence, profiles: Sequence[ToothProfile]) -> str:
+    """Say how much damage of one tooth would have been called a fault, or have left it open."""
     from_loss = [p.noticed_from for p in profiles if p.noticed_from is not None]
+    heard = max((heard_from(gear) or 1.0 for gear in evidence.searched), default=1.0)
     blind = [f"the {p.gear} of stage {p.stage}" for p in profiles if p.noticed_from is None]
     told = ""
     if from_loss:
         told = (
-            f" Damage of one tooth would mostly have been noticed from a loss of "
-            f"{100 * max(from_loss):.2g} % of its pair's stiffness."
+            f" Damage of one tooth would mostly have been called a fault from a loss of "
+            f"{100 * max(from_loss):.2g} % of its pair's stiffness"
         )
+        sooner = heard < 0.9 * max(from_loss)
+        told += f", and have left the answer open from {100 * heard:.2g} %." if sooner else "."
     if blind:
         told += (
             f" On {', '.join(blind)} this machine departs too much from one healthy recording to "

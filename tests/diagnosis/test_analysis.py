@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -165,8 +166,18 @@ def heard(two, fault=None, load=0.9, recording_seed=17):
     )
 
 
-def test_healthy_train_is_healthy(train):
-    assert analyse(heard(train[0]), *train).verdict == "healthy"
+def test_healthy_train_is_healthy_and_says_what_would_not_have_been(train):
+    told = analyse(heard(train[0]), *train)
+    assert told.verdict == "healthy"
+    ((fault, sooner),) = re.findall(
+        r"called a fault from a loss of (\S+) % of its pair's stiffness"
+        r"(?:, and have left the answer open from (\S+) %)?\.",
+        told.reason,
+    )
+    largest = max(own.noticed_from for own in told.profiles)
+    assert float(fault) == pytest.approx(100 * largest, rel=0.06)
+    # a broken tooth is excluded
+    assert float(sooner or fault) <= 44.0
 
 
 def test_crack_of_the_second_stage_is_flagged_there(train):
