@@ -74,10 +74,6 @@ _COMPETES = 2.3
 # two is blamed in 240, by the power of lines alone in 215. Deviations of 0.35 to 0.6, shares of 0.1
 # to 0.4, 6 to 8 nepers and weights of 5 to 10 make it 236 to 240.
 _WIDER, _ASTRAY, _NEPERS, _BY_FACTORS = 3.0, 0.2, 8.0, 7.0
-# Lead at most where both contradict each other. Of 122 losses of 5 to 40 % on 19 drawn machines 21
-# are blamed on the other gear of the shaft; 10 of these were said to be in doubt, 14 are with it;
-# of 522 blamed rightly there and on two other simulators' machines 4 more.
-_AT_ODDS = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -288,10 +284,9 @@ def most_likely(
     Notes
     -----
     What the mesh harmonics tell of either gear (`log_caused`) decides, and the ratio of their log
-    factors; where these contradict each other the lead is small. But a damaged tooth of the faster
-    gear meets the same teeth of the slower in every turn, and they answer unequally as they are
-    pressed together: where an event comes again at those teeth it is the faster gear's, equal or
-    not.
+    factors. But a damaged tooth of the faster gear meets the same teeth of the slower in every
+    turn, and they answer unequally as they are pressed together: where an event comes again at
+    those teeth it is the faster gear's, equal or not.
     """
 
     def lead(one: SearchedGear, other: SearchedGear) -> float:
@@ -301,9 +296,7 @@ def most_likely(
             return -again if base is one else again
         by_factors = float(np.log(one.log_gear / other.log_gear))
         first, second = (log_caused(gear, machine, speed_hz) for gear in (one, other))
-        caused = first - second
-        total = caused + _BY_FACTORS * by_factors
-        return total if caused * total >= 0 else float(np.clip(total, -_AT_ODDS, _AT_ODDS))
+        return first - second + _BY_FACTORS * by_factors
 
     ranked = sorted(gears, key=lambda gear: -gear.log_gear)
     best = ranked[0]

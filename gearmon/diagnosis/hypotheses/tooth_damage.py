@@ -404,10 +404,10 @@ def own_mesh_power(
     for too good.
     """
     # in a set the turns of some gears miss the lines where planets put the mesh harmonics
-    alike = [one.mesh_power for one in gears if one.stage == gear.stage]
-    known = min(one.shape[1] for one in alike)
-    power: FloatArray = np.max([one[:, :known] for one in alike], axis=0)
-    told = _by_neighbours(gear.mesh_power[:, :known], response)
+    power, told = gear.mesh_power.copy(), _by_neighbours(gear.mesh_power, response)
+    for alike in (one.mesh_power for one in gears if one.stage == gear.stage):
+        both = slice(min(power.shape[1], alike.shape[1]))
+        power[:, both] = np.maximum(power[:, both], alike[:, both])
     for other in gears:
         ratio = Fraction(gear.order * gear.teeth / (other.order * other.teeth))
         near = ratio.limit_denominator(_FINEST_RATIO)
