@@ -583,7 +583,7 @@ def _noticed(evidence: Evidence, profiles: Sequence[ToothProfile]) -> str:
             f" Damage of one tooth would mostly have been called a fault from a loss of "
             f"{100 * max(from_loss):.2g} % of its pair's stiffness"
         )
-        sooner = heard < 0.9 * max(from_loss)
+        sooner = LIMITS.about * heard < max(from_loss)
         told += f", and have left the answer open from {100 * heard:.2g} %." if sooner else "."
     if blind:
         told += (
