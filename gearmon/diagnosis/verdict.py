@@ -120,15 +120,14 @@ class Flagging:
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
         whole, found = self.evidence, list[Flag]()
-        finding, least = whole.finding, LIMITS.open
-        spread = finding.best.spread if finding is not None else None
-        event = spread is not None and spread.explained >= LIMITS.one_event
-        # another path changes the pattern of every gear all around its turn: the louder of the two
-        # is the cause
-        if whole.path.likely and not event:
-            least = max(least, whole.changed)
-        if finding is not None and whole.strengths["tooth"] >= least:
-            found.append(self._of_finding(finding, whole.strengths["tooth"]))
+        finding, strength = whole.finding, whole.strengths.get("tooth", 0.0)
+        if finding is not None and strength >= LIMITS.open:
+            # another path changes the pattern of every gear, all around its turn: the louder of the
+            # two is the cause, unless it is one event
+            louder = strength >= whole.changed or not whole.path.likely
+            spread = None if louder else finding.best.spread
+            if louder or (spread is not None and spread.explained >= LIMITS.one_event):
+                found.append(self._of_finding(finding, strength))
         found += self._runout({(flag.stage, flag.gear) for flag in found})
         nongear = self._nongear()
         if whole.changed >= LIMITS.fault and not any(flag.tooth for flag in found):
