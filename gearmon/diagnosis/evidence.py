@@ -359,6 +359,11 @@ class Evidence:
         return self.finding.searched if self.finding is not None else ()
 
     @cached_property
+    def heard(self) -> dict[tuple[int, str], float]:
+        """Loss of a tooth of each gear from which it would be heard; 1 where none might be."""
+        return {gear.key: heard_from(gear) or 1.0 for gear in self.searched}
+
+    @cached_property
     def strengths(self) -> dict[str, float]:
         """Strength of every test, by its name."""
         deviation = self.deviation

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from gearmon.diagnosis.evidence import LIMITS, Evidence, heard_from, lines_strength, rare_strength
+from gearmon.diagnosis.evidence import LIMITS, Evidence, lines_strength, rare_strength
 from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
 from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
@@ -481,12 +481,13 @@ def unheard(
     str
         A sentence or two; "" if all of them would have been.
     """
-    loss = {gear.key: heard_from(gear) or 1.0 for gear in evidence.searched}
     gears = dict.fromkeys(
         (mesh.stage, wheel.gear) for mesh in kinematics(machine).meshes for wheel in mesh.wheels
     )
     least = LIMITS.about * must_notice
-    deaf = [_gear(*own) for own in gears if own[0] in hidden or loss.get(own, 1.0) > least]
+    deaf = [
+        _gear(*own) for own in gears if own[0] in hidden or evidence.heard.get(own, 1.0) > least
+    ]
     told = []
     if deaf:
         told.append(
@@ -574,7 +575,7 @@ def most_striking(profiles: Sequence[ToothProfile]) -> str:
 def _noticed(evidence: Evidence, profiles: Sequence[ToothProfile]) -> str:
     """Say how much damage of one tooth would have been called a fault, or have left it open."""
     from_loss = [p.noticed_from for p in profiles if p.noticed_from is not None]
-    heard = max((heard_from(gear) or 1.0 for gear in evidence.searched), default=1.0)
+    heard = max(evidence.heard.values(), default=1.0)
     blind = [f"the {p.gear} of stage {p.stage}" for p in profiles if p.noticed_from is None]
     told = ""
     if from_loss:

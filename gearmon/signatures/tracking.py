@@ -268,9 +268,10 @@ class GearVibration:
             # a broken tooth fills the orders of its gear, and the comb suits two speeds alike
             course = phases.integrate_speed(first.scan.elsewhere(_BESIDE), self.last_s)
             other, its = phases.follow_lines(sums, course, self.comb)
-            judged = replace(self.judged(other), coherent=its)
-            calm = its > share + _FAR_BETTER and judged.detected >= found.detected
-            found, track, share = (judged, other, its) if calm else (found, track, share)
+            if its > share + _FAR_BETTER:
+                judged = replace(self.judged(other), coherent=its)
+                if judged.detected >= found.detected:
+                    found, track, share, calm = judged, other, its, True
         if not calm or _elsewhere(first):
             followed = _followed(self)
             if followed is not None:
