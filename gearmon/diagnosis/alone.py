@@ -24,11 +24,6 @@ from gearmon.signatures.measured.measurement import MeasuredSignature
 from gearmon.signatures.measured.reference import Profile
 from gearmon.signatures.signature import Signature
 
-#: What no recording tells by itself.
-UNKNOWABLE = (
-    "Without a healthy recording it cannot be known whether the gear was always so, how much "
-    "stiffness is lost, nor of wear, pitting, misalignment or eccentricity, which change all teeth."
-)
 # False-alarm probability below which one tooth is called damaged. Seen on simulated sound
 # machines: 1 of 52.
 _BELOW = 0.01
@@ -42,7 +37,10 @@ _LOUD_DB = 20.0
 
 
 def judged_alone(
-    signature: MeasuredSignature, machine: Machine, why: str = "There is no healthy reference"
+    signature: MeasuredSignature,
+    machine: Machine,
+    why: str = "There is no healthy reference",
+    healthy: Sequence[Profile] = (),
 ) -> Analysis:
     """Judge a recording by itself: every tooth against the others of its gear.
 
@@ -54,8 +52,11 @@ def judged_alone(
         Its machine.
     why : str
         Why there is no reference.
+    healthy : sequence of Profile
+        Recordings that tell how far teeth of the sound machine depart from their gears, though
+        nothing else is compared with them.
     """
-    profiles = own_teeth(signature)
+    profiles = own_teeth(Profile.of(signature), healthy)
     log10 = min((p.log10_probability for p in profiles), default=0.0)
     log10 = min(0.0, log10 + _looked_at(profiles))
     flags = own_teeth_flags(profiles)
@@ -69,7 +70,7 @@ def judged_alone(
         recording=signature.origin,
         machine=machine.name,
         verdict="fault" if flags else "cannot tell",
-        reason=own_teeth_reason(profiles, why),
+        reason=own_teeth_reason(profiles, why, healthy),
         score=-log10,
         false_alarm_probability=float(10.0**log10),
         compared_with="expected signature" if expected else "nothing",
@@ -81,13 +82,20 @@ def judged_alone(
     )
 
 
-def own_teeth(signature: MeasuredSignature) -> tuple[ToothProfile, ...]:
-    """Hold every tooth against the others of its gear."""
-    own = Profile.of(signature)
+def own_teeth(own: Profile, healthy: Sequence[Profile] = ()) -> tuple[ToothProfile, ...]:
+    """Hold every tooth against the others of its gear, of which healthy ones may depart as well."""
     # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
     numbered = [own.tacho and abs(wheel.order - 1.0) < 1e-12 for wheel in own.wheels]
     looked = [locate(w, numbered=n) for w, n in zip(own.wheels, numbered, strict=True)]
-    return tuple(profile for profile in looked if profile is not None)
+    usual: dict[tuple[int, str], float] = {}
+    for one in (one for known in healthy for one in own_teeth(known)):
+        key = one.stage, one.gear
+        usual[key] = min(usual.get(key, 0.0), one.log10_probability)
+    found = []
+    for one in (one for one in looked if one is not None):
+        excess = min(0.0, one.log10_probability - usual.get((one.stage, one.gear), 0.0))
+        found.append(replace(one, log10_probability=excess))
+    return tuple(found)
 
 
 def own_teeth_flags(profiles: Sequence[ToothProfile]) -> tuple[Flag, ...]:
@@ -135,13 +143,20 @@ def _looked_at(profiles: Sequence[ToothProfile]) -> float:
     return float(np.log10(max(1, len(profiles))))
 
 
-def own_teeth_reason(profiles: Sequence[ToothProfile], why: str) -> str:
+def own_teeth_reason(
+    profiles: Sequence[ToothProfile], why: str, healthy: Sequence[Profile] = ()
+) -> str:
     """Give the reason of a verdict without a reference, which begins with why there is none."""
+    known, always = "", "whether the gear was always so, "
+    if healthy:
+        known, always = ", less what healthy recordings show of them at another speed", ""
     return (
-        f"{why}. Teeth were compared with the others of their gear. "
+        f"{why}. Teeth were compared with the others of their gear{known}. "
         "Pitch errors and eccentricity of a sound gear look like weak damage, so only gross "
         "damage of one tooth can be found: on simulated machines two of three losses of 40 % "
-        f"of a pair's stiffness, one of four of 20 %. {most_striking(profiles)} {UNKNOWABLE}"
+        f"of a pair's stiffness, one of four of 20 %. {most_striking(profiles)} Without a healthy "
+        f"recording at this speed it cannot be known {always}how much stiffness is lost, nor of "
+        "wear, pitting, misalignment or eccentricity, which change all teeth."
     )
 
 

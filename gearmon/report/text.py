@@ -331,7 +331,8 @@ def _next(analysis: Analysis) -> str:
         doubts = (f"{own[:1].upper()}{own[1:]}." for own in left_open(flag))
         return " ".join([told, *doubts])
     if analysis.compared_with != "reference":
-        return "Record the machine while it is sound, and compare with that (gearmon learn)."
+        sound = "Record the machine while it is sound, at this speed and load, "
+        return sound + "and compare with that (gearmon learn)."
     return (
         "Record again, longer and under steady load. If the answer stays and the machine is sound, "
         "add healthy recordings at this load to the reference."

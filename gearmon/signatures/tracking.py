@@ -168,6 +168,8 @@ class GearVibration:
     pace : Fraction
         Turns of that shaft a turn of shaft 1. The angle is sought in turns of the fastest shaft:
         blocks of some turns of a slow input would smear the lines of all behind it.
+    far : bool
+        Whether a mesh that healthy recordings show is looked for far about that speed, too.
     """
 
     samples: FloatArray
@@ -175,6 +177,7 @@ class GearVibration:
     machine: Machine
     nominal_hz: float
     pace: Fraction = Fraction(1)
+    far: bool = False
 
     @cached_property
     def train(self) -> Kinematics:
@@ -272,13 +275,13 @@ class GearVibration:
                 judged = replace(self.judged(other), coherent=its)
                 if judged.detected >= found.detected:
                     found, track, share, calm = judged, other, its, True
-        if not calm or _elsewhere(first):
+        if not calm or self.far or _elsewhere(first):
             followed = _followed(self)
             if followed is not None:
                 # it must show more meshes, or lines far more coherent
                 more = followed[0].detected - found.detected
                 least = share + (_BETTER if more == 0 else _FAR_BETTER)
-                if more > 0 or followed[0].coherent > least:
+                if self.far or more > 0 or followed[0].coherent > least:
                     return _with_doubt(*followed)
         if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
             # a speed that wanders smears lines in long blocks
@@ -435,7 +438,7 @@ class Tracking:
         return abs(self.track.mean_hz / other.track.mean_hz - 1) <= _APART
 
 
-def track_recording(recording: Recording, machine: Machine) -> Tracking:
+def track_recording(recording: Recording, machine: Machine, far: bool = False) -> Tracking:
     """Find the angle of shaft 1: from a tachometer if there is one, else from comb and phases.
 
     The pulses of a tachometer tell the turn, the phases of the mesh lines the angle between them
@@ -449,6 +452,8 @@ def track_recording(recording: Recording, machine: Machine) -> Tracking:
     machine : Machine
         Nominal speeds, of which that is meant whose own lines are clearest; its sensors tell what
         the tachometer sits on.
+    far : bool
+        As of `GearVibration`; not asked where a tachometer tells the speed.
 
     Returns
     -------
@@ -467,6 +472,7 @@ def track_recording(recording: Recording, machine: Machine) -> Tracking:
         machine=machine,
         nominal_hz=shaft1_hz * float(pace),
         pace=pace,
+        far=far,
     )
     if any(point.shaft1_hz != shaft1_hz for point in machine.operating):
         signal, _ = signal.meant(lambda own: own.scan(_COMPARED_TURNS))
@@ -618,6 +624,7 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
         track = phases.unwarp(sums, track, signal.comb, reach)
     track, share = phases.lock_track(sums, track)
     judged = signal.judged(track)
+    judged = replace(judged, coherent=share)
     if share < _GATHERED or not _agrees(judged):
         return None
     course = course / float(signal.pace)
@@ -626,14 +633,14 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
         f"between {course.min():.4g} and {course.max():.4g} Hz; nominal is {signal.shaft1_hz:.4g} "
         "Hz"
     )
-    return replace(judged, notes=(note,), coherent=share), sums
+    return replace(judged, notes=(note,)), sums
 
 
 def _agrees(judged: Tracking) -> bool:
     """Whether meshes are clear and sidebands agree with a speed; they must show if it is far off.
 
     A mesh of one tooth more stands at the same lines if the shaft turns a little slower: only the
-    spacing of its sidebands tells.
+    spacing of its sidebands tells. Of a machine whose mesh is known coherent lines are enough.
     """
     if judged.clarity[1] < 2:
         return False
@@ -655,7 +662,8 @@ def _agrees(judged: Tracking) -> bool:
         if not (clear and support > excess) and excess > 0 and seen.score - excess < _CONTRADICTED:
             return False
         supported = supported or clear
-    return supported or bool(low <= signal.nominal_hz <= high)
+    known = signal.far and judged.coherent > _COHERENT
+    return supported or known or bool(low <= signal.nominal_hz <= high)
 
 
 def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:

@@ -21,9 +21,10 @@ from reference.small_gearbox import (
     recording,
     reference,
 )
-from reference.synthetic_signals import as_recording, white
+from reference.synthetic_signals import as_recording, lines_on, wandering_turns, white
 from scipy.interpolate import CubicSpline
 
+from gearmon.diagnosis.alone import own_teeth
 from gearmon.diagnosis.analysis import analyse, evidence_against, learn
 from gearmon.diagnosis.evidence import LIMITS, false_alarm_probability
 from gearmon.diagnosis.law.machine import HealthyMachine
@@ -34,6 +35,8 @@ from gearmon.gears.faults import parse_fault
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, load_machine
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking import find_pulses
+from gearmon.signatures.measured.measurement import measure_signature
+from gearmon.signatures.measured.reference import Profile
 from gearmon.simulation import simulate
 
 GEAR_CRACK = "crack:1:gear:30:40%"
@@ -454,6 +457,52 @@ def test_a_speed_outside_the_reference_is_said_so():
     far = against(0.8)
     assert far.verdict == "cannot tell"
     assert "in the reference at" in far.reason
+
+
+def heard_at(speed_hz, orders, levels, seed):
+    """A recording of some lines at this mean speed, in noise."""
+    time = np.arange(int(10 * RATE_HZ)) / RATE_HZ
+    clean = lines_on(wandering_turns(time, speed_hz, 1e-3, seed), orders, levels)
+    samples = clean + white((1, len(time)), 0.1, seed=seed)
+    return Recording(samples=samples, sampling_rate_hz=RATE_HZ, origin=f"{speed_hz} Hz, {seed}")
+
+
+def driven(*stages):
+    gears = [ParallelStage(pinion_teeth=one, gear_teeth=two) for one, two in stages]
+    return Machine(name="driven", operating=(OperatingPoint(speed_rpm=1200),), stages=tuple(gears))
+
+
+def test_the_only_mesh_that_is_heard_passes_for_no_other():
+    # 5 % below the order of the first mesh stands the second, which alone is heard
+    box, order = driven((29, 50), (48, 95)), 48 * 29 / 50
+    lines = [order, 2 * order, 3 * order, 4 * order], [1.0, 0.6, 0.3, 0.3]
+    known = learn([heard_at(20.0, *lines, seed) for seed in (1, 2, 3)], box)
+    fast = heard_at(20.8, *lines, 4)
+    assert abs(measure_signature(fast, box).speed.estimated_hz - 20.8) > 0.5
+    told = analyse(fast, box, known)
+    assert told.signature.speed.estimated_hz == pytest.approx(20.8, rel=1e-3)
+    assert [mesh.found for mesh in told.signature.meshes] == [False, True]
+    assert told.verdict != "fault"
+
+
+def test_a_known_mesh_is_found_far_off_without_sidebands():
+    # alone it may be that of other teeth at another speed
+    box, lines = driven((23, 61)), ([23.0, 46.0, 69.0, 92.0], [1.0, 0.6, 0.3, 0.3])
+    known = learn([heard_at(20.0, *lines, seed) for seed in (1, 2, 3)], box)
+    fast = heard_at(22.8, *lines, 4)
+    assert not measure_signature(fast, box).found
+    told = analyse(fast, box, known)
+    assert told.signature.speed.estimated_hz == pytest.approx(22.8, rel=1e-3)
+    assert told.verdict == "cannot tell"
+    assert "levels change with speed" in told.reason
+
+
+def test_what_healthy_teeth_show_as_well_is_no_damage():
+    one, other = (Profile.of(analysis(CRACK, seed=seed).signature) for seed in (1, 2))
+    assert min(own.log10_probability for own in own_teeth(one)) < -3
+    assert min(own.log10_probability for own in own_teeth(one, [other])) > -2
+    sound = Profile.of(analysis(seed=3).signature)
+    assert min(own.log10_probability for own in own_teeth(one, [sound])) < -3
 
 
 def test_foreign_reference_is_refused():

@@ -324,10 +324,14 @@ def sideband_spacing(
     near = max(2 * step / spacing, 1e-3)
     departures = np.linspace(-reach, reach, 2 * max(20, int(4 * reach / near)) + 1)
     # where the second sideband of one gear nearly meets the first of the other, it is that one's
+    # (of a sound 25/118 pair each fifth turn of the gear, 5.9 % beside the pinion's, stood highest)
     others, low = [other for other in mesh.spacings if other != spacing], np.arange(1, 5)
-    for ratio in (j * other / (i * spacing) for other in others for i in low for j in low):
-        elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
-        departures = departures[elsewhere | (np.abs(departures) <= near)]
+    parts = np.unique(np.outer(low, 1 / low))
+    for other in others:
+        turns = np.arange(5, max(5, (1 + reach) * spacing / other + 1))
+        for ratio in np.concatenate([parts, turns]) * other / spacing:
+            elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
+            departures = departures[elsewhere | (np.abs(departures) <= near)]
     total = np.zeros(len(departures))
     for k in range(1, len(mesh.groups) + 1):
         for r in (*range(-_SIDEBANDS, 0), *range(1, _SIDEBANDS + 1)):

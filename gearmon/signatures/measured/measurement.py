@@ -196,6 +196,7 @@ def measure_signature(
     *,
     sampling_rate_hz: float | None = None,
     unit: str | None = None,
+    far: bool = False,
 ) -> MeasuredSignature:
     """Reduce a recording to the order lines of its machine.
 
@@ -210,6 +211,9 @@ def measure_signature(
         Tooth counts and nominal speeds.
     sampling_rate_hz, unit
         Of an array, or where the recording does not state them: as of `gearmon.read_recording`.
+    far : bool
+        Whether healthy recordings show a mesh of this machine: then one that stands out far from
+        the nominal speeds, its lines coherent, is believed without sidebands.
 
     Returns
     -------
@@ -230,7 +234,7 @@ def measure_signature(
     """
     machine = load_machine(machine)
     recording = read_recording(recording, sampling_rate_hz, sensors=machine.sensors, unit=unit)
-    recording, tracking = _tracked(recording, machine)
+    recording, tracking = _tracked(recording, machine, far)
     vibration, train, track = recording.vibration(), kinematics(machine), tracking.track
     samples, rate = vibration.samples, vibration.sampling_rate_hz
     start, stop = sound_piece(vibration)
@@ -311,7 +315,7 @@ def digests(samples: FloatArray) -> tuple[str, ...]:
     return tuple(hashlib.blake2b(row.data, digest_size=12).hexdigest() for row in rows)
 
 
-def _tracked(recording: Recording, machine: Machine) -> tuple[Recording, Tracking]:
+def _tracked(recording: Recording, machine: Machine, far: bool) -> tuple[Recording, Tracking]:
     """Find what is sound, and the angle in it.
 
     Where the angle is not known across what is left out the longest sound piece is all.
@@ -341,10 +345,10 @@ def _tracked(recording: Recording, machine: Machine) -> tuple[Recording, Trackin
             + (asked if slow <= _SLOW_RPM else "")
         )
     if recording.left_out and _held(recording, machine, "tacho" in recording.channel_kinds):
-        found = track_recording(recording, machine)
+        found = track_recording(recording, machine, far)
     if found is None or not _held(recording, machine, found.track.method == "tacho"):
         recording = sound_part(recording)
-        found = track_recording(recording, machine)
+        found = track_recording(recording, machine, far)
     if found.held_s is None:
         return recording, found
     # nor is what lies beyond the part in which the angle is known

@@ -236,6 +236,13 @@ def test_sidebands_of_the_other_gear_are_no_mismatch():
     assert excess == 0.0
 
 
+def test_a_far_sideband_of_the_other_gear_is_no_mismatch():
+    # each fifth turn of the gear stands 5.9 % beside the pinion's
+    orders = [25.0 * k + r * 5 * 25 / 118 for k in (1, 2, 3) for r in SIDES]
+    told = sideband_spacing(spectrum_of(orders, 0.3), parallel(25, 118), 1.0, 0.25)
+    assert told.excess == 0.0
+
+
 def test_spectrum_without_any_spread_is_no_mismatch():
     spectrum = SimpleNamespace(quality=np.zeros(10_000), step=0.01)
     told = sideband_spacing(spectrum, parallel(23, 61), 1.0, 0.03)
