@@ -59,13 +59,14 @@ _EXIT_CODES = (
 )
 def learn(arguments: Namespace) -> int:
     """Run `gearmon learn`."""
-    from gearmon.diagnosis.analysis import learned
+    from gearmon.diagnosis.analysis import learned, measured_healthy
+
+    def measure(path: str, *known: Any, **ways: Any) -> gearmon.MeasuredSignature:
+        return gearmon.measure_signature(recording_of(path, arguments), *known, **ways)
 
     machine = arguments.machine
-    signatures = [
-        gearmon.measure_signature(recording_of(path, arguments), machine)
-        for path in followed(arguments.recording, len(arguments.recording), arguments.progress)
-    ]
+    paths = followed(arguments.recording, len(arguments.recording), arguments.progress)
+    signatures = measured_healthy((partial(measure, path) for path in paths), machine)
     reference = learned(signatures, machine)
     gearmon.write_reference(reference, arguments.output)
     result = {

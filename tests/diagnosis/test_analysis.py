@@ -495,6 +495,11 @@ def test_a_known_mesh_is_found_far_off_without_sidebands():
     assert told.signature.speed.estimated_hz == pytest.approx(22.8, rel=1e-3)
     assert told.verdict == "cannot tell"
     assert "levels change with speed" in told.reason
+    # nor is it unknown where another healthy recording shows it
+    both = learn([fast, heard_at(20.0, *lines, 1)], box)
+    assert [own.speed_hz for own in both.profiles] == pytest.approx([22.8, 20.0], rel=1e-3)
+    with pytest.raises(ArgumentError, match="no mesh found"):
+        learn([fast], box)
 
 
 def test_what_healthy_teeth_show_as_well_is_no_damage():
