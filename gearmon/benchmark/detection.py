@@ -60,8 +60,9 @@ TEXTBOOK = {name: {"sideband energy ratio": "SER"}.get(name, name) for name in _
 RIVALS = (*TEXTBOOK, LOCALISED, LEARNING)
 LOSSES = (0.01, 0.025, 0.05, 0.1, 0.2, 0.4)
 QUICK_LOSSES = (0.4,)
-#: Load, speed and gain of healthy recordings over nominal, by the name of the variant.
-VARIANTS = ("same", "load", "speed", "gain", "all")
+#: Load, speed and gain of healthy recordings over nominal, by the name of the variant; and one of
+#: a housing that is warmer or colder, by 60 K of steel (212 GPa at 20 C, 200 GPa at 200 C).
+VARIANTS, WARM, WARMTH = ("same", "load", "speed", "gain", "all"), "warm", 0.01
 #: Sizes of the other conditions, see `Condition`.
 SIZES = {
     "eccentricity": (2.0, 8.0),
@@ -182,7 +183,7 @@ def machine_trials(number: int, seed: int, quick: bool = False) -> Iterator[Row]
         taken = drawn.take(condition, setting)
         where = {name: getattr(condition, name) or None for name in ("stage", "gear", "tooth")}
         truth = {"condition": condition.kind, "variant": variant, **where, "size": condition.size}
-        truth |= {name: getattr(setting, name) for name in ("load", "speed", "gain")}
+        truth |= {name: getattr(setting, name) for name in ("load", "speed", "gain", "warmth")}
         for tacho in tachos:
             yield facts | truth | {"tacho": tacho} | NOTHING | judges[tacho](condition, taken)
 
@@ -193,8 +194,9 @@ def _setting(rng: np.random.Generator, variant: str, duration_s: float) -> Setti
     load = rng.uniform(0.8, 1.2) if variant in ("load", "all") else load
     speed = rng.uniform(0.98, 1.02) if variant in ("speed", "all") else speed
     gain = 2.0 ** rng.uniform(-1, 1) if variant in ("gain", "all") else 1.0
-    seed = int(rng.integers(1 << 31))
-    return Setting(load=load, speed=speed, gain=gain, seed=seed, duration_s=duration_s)
+    known: Row = {"seed": int(rng.integers(1 << 31)), "duration_s": duration_s}
+    known["warmth"] = WARMTH * rng.uniform(-1, 1) if variant == WARM else 0.0
+    return Setting(load=load, speed=speed, gain=gain, **known)
 
 
 def _plan(rng: np.random.Generator, drawn: DrawnMachine, quick: bool) -> Iterator[Trial]:
@@ -208,6 +210,8 @@ def _plan(rng: np.random.Generator, drawn: DrawnMachine, quick: bool) -> Iterato
     for kind in ("pitting",) if quick else OTHERS:
         condition = _somewhere(rng, drawn, kind, rng.uniform(*SIZES[kind]))
         yield condition, _setting(rng, "same", duration_s), "same", both[:1]
+    if not quick:
+        yield Condition(), _setting(rng, WARM, duration_s), WARM, both[:1]
 
 
 def _somewhere(rng: np.random.Generator, drawn: DrawnMachine, kind: str, size: float) -> Condition:

@@ -369,6 +369,8 @@ class Setting:
     ----------
     load, speed, gain : float
         Load, speed and sensor gain over nominal.
+    warmth : float
+        Relative change of the housing's natural frequencies.
     seed : int
         Of noise, wander and the angles at the start.
     duration_s : float
@@ -377,6 +379,7 @@ class Setting:
     load: float = 1.0
     speed: float = 1.0
     gain: float = 1.0
+    warmth: float = 0.0
     seed: int = 0
     duration_s: float = DURATION_S
 
@@ -448,6 +451,7 @@ class DrawnMachine:
         Taken
             Channels a1, a2, ... [m/s2], and a tachometer of shaft 1 that tells its whole turns.
         """
+        from scipy.interpolate import make_interp_spline
         from scipy.signal import oaconvolve
 
         rng = np.random.default_rng([setting.seed, 11])
@@ -460,7 +464,11 @@ class DrawnMachine:
         load = setting.load * (1 + _wander(rng, count + lead, LOAD_WANDER))
         forces = self._forces(condition, setting, turns, load)
         forces[0] += self._impacts(condition, turns, forces[0], rng)
-        heard = oaconvolve(forces[None], self.path, mode="valid", axes=-1)
+        path, taps = self.path, np.arange(lead)
+        if setting.warmth:
+            warmer = np.minimum((1 + setting.warmth) * taps, lead - 1)
+            path = make_interp_spline(taps, path, axis=-1)(warmer)
+        heard = oaconvolve(forces[None], path, mode="valid", axes=-1)
         vibration, turns = np.asarray(heard.sum(axis=1)[:, 1:]), turns[lead:]
         vibration += self._tones(condition, turns, vibration, rng)
         for row in vibration:

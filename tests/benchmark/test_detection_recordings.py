@@ -89,6 +89,23 @@ def test_gain_and_tacho(bench):
     np.testing.assert_allclose(loud.samples, np.array([[2], [2], [1]]) * plain.samples, rtol=1e-12)
 
 
+@pytest.mark.usefixtures("quiet")
+def test_modes_of_a_warmer_housing_are_lower(bench):
+    seconds = np.arange(4000) / makers.RATE_HZ
+
+    def heard(mode_hz, warmth):
+        ringing = np.exp(-0.02 * 2 * np.pi * mode_hz * seconds) * np.sin(
+            2 * np.pi * mode_hz * seconds
+        )
+        path = np.tile(ringing, (1, len(bench.stages), 1))
+        taken = replace(bench, path=path).take(Condition(), replace(SHORT, warmth=warmth))
+        return taken.recording.vibration().samples
+
+    lower, same = heard(990.0, 0.0), heard(1000.0, -0.01)
+    np.testing.assert_allclose(same, lower, atol=2e-3 * np.abs(lower).max())
+    assert np.abs(heard(1000.0, 0.0) - lower).max() > 0.02 * np.abs(lower).max()
+
+
 def test_pulses_stand_at_whole_turns(bench):
     taken = bench.take(Condition(), SHORT)
     pulses = taken.recording.samples[-1]

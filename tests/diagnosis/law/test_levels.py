@@ -40,8 +40,8 @@ def test_a_gain_of_a_channel_leaves_nothing():
 
 def test_noise_of_the_assumed_size_is_of_mean_square_one():
     rng = np.random.default_rng(2)
-    # 0.06 Np, the prior of families of lines, in each of two recordings
-    known = 0.06 * 8.686 * rng.normal(size=(2, 1, 1, 4000))
+    # 0.1 Np, the prior of families of lines, in each of two recordings
+    known = 0.1 * 8.686 * rng.normal(size=(2, 1, 1, 4000))
     assert held(known[0][0], known[1]).mean_square() == pytest.approx(1.0, rel=0.1)
 
 
@@ -137,8 +137,8 @@ def test_mesh_harmonics_that_change_otherwise_in_each_channel_are_another_path()
 def test_the_standard_deviation_is_that_of_a_difference_from_a_mean():
     own, known = (levels(np.zeros((1, 9)), error) for error in (0.5, 0.6))
     found = level_deviation(own, [known, known], np.zeros((2, 2)), HERE)
-    # scatter of 0.06 Np in the recording and in the mean of two references
-    own = (20 / np.log(10) * 0.06) ** 2 * (1 + 1 / 2)
+    # scatter of 0.1 Np in the recording and in the mean of two references
+    own = (20 / np.log(10) * 0.1) ** 2 * (1 + 1 / 2)
     assert found.sigma_db**2 == pytest.approx(own + 0.5**2 + 0.6**2 / 2)
 
 
