@@ -416,7 +416,7 @@ def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
 
 
 # several recordings are held against one reference
-_law_of = lru_cache(maxsize=4)(HealthyMachine.of)
+_law_of = lru_cache(maxsize=4)(HealthyMachine)
 
 
 @lru_cache(maxsize=4)

@@ -263,8 +263,7 @@ def turn_changes(
 def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray]:
     """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their variances."""
     lines = GearPattern.of(wheel, int(wheel.number.max()))
-    own = slice(lines.channels)
-    power, variance = np.abs(lines.amplitude[own]) ** 2, lines.variance[own]
+    power, variance = np.abs(lines.amplitude[0]) ** 2, lines.variance[0]
     usable = lines.usable[0].copy()
     centre = wheel.teeth * np.arange(1, harmonics + 1)
     usable[centre] = True

@@ -98,7 +98,7 @@ UNEVEN = np.array([2.2, 1.6, 0.1, 0.0, -0.1, -0.9, 0.2])
 
 
 def test_one_reference_takes_the_median_mesh_harmonic_for_the_load():
-    gauge = StateGauge.of([profile(*0.0 * UNEVEN)], 0.2)
+    gauge = StateGauge([profile(*0.0 * UNEVEN)], 0.2)
     load, speed, swing = gauge.state(profile(*-0.5 + 0.1 * UNEVEN, speed_hz=20.6, swing=0.06))
     assert load == pytest.approx(-0.5 + 0.1 * np.median(UNEVEN))
     assert speed == pytest.approx(0.03 / SPEED_UNIT)
@@ -111,7 +111,7 @@ def test_one_reference_takes_the_median_mesh_harmonic_for_the_load():
 def test_lightly_loaded_references_teach_how_the_harmonics_follow_the_load(share):
     loads = np.log([1.0, 0.75, 0.5])
     references = [profile(*load * UNEVEN) for load in loads]
-    gauge = StateGauge.of(references, share)
+    gauge = StateGauge(references, share)
     between, heavier = (gauge.state(profile(*x * UNEVEN))[0] for x in np.log([0.6, 1.2]))
     size = np.sqrt(np.mean(UNEVEN**2))
     if share < 1.5:
@@ -125,5 +125,5 @@ def test_lightly_loaded_references_teach_how_the_harmonics_follow_the_load(share
 def test_references_of_one_load_teach_nothing():
     rng = np.random.default_rng(3)
     alike = [profile(*0.03 * rng.normal(size=7)) for _ in range(3)]
-    gauge = StateGauge.of(alike, 0.1)
+    gauge = StateGauge(alike, 0.1)
     assert np.all(np.abs(gauge.direction[0, :7] - 1.0) < 0.25)
