@@ -102,44 +102,34 @@ def in_units(states: FloatArray, share: float) -> FloatArray:
     return np.asarray(states / unit)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Kriging:
-    """Prediction of a healthy quantity at a state.
+    """Prediction of a healthy quantity at a state from references.
 
     Parameters
+    ----------
+    known : ndarray of float, shape (references, coordinates)
+        Their states [units].
+    state : ndarray of float, shape (coordinates,)
+        Where to predict.
+    scatter : float, > 0
+        Standard deviation from one healthy recording to the next at the same state.
+    slope : float, >= 0
+        Standard deviation of the change per unit of state.
+
+    Attributes
     ----------
     weights : ndarray of float, shape (references,)
         Of each reference in the prediction; their sum is 1.
     parts : ndarray of float, shape (1 + coordinates,)
         Variance of the quantity about the prediction: by scatter from recording to recording, and
         by what changes with each coordinate of the state. Noise of the measurement comes on top.
+    spread : float
+        Their sum.
     """
 
-    weights: FloatArray
-    parts: FloatArray
-
-    @property
-    def spread(self) -> float:
-        """Variance of the quantity about the prediction."""
-        return float(self.parts.sum())
-
-    @classmethod
-    def of(
-        cls, known: FloatArray, state: FloatArray, scatter: float = 0.06, slope: float = 0.5
-    ) -> Kriging:
-        """Predict at a state from references.
-
-        Parameters
-        ----------
-        known : ndarray of float, shape (references, coordinates)
-            Their states [units].
-        state : ndarray of float, shape (coordinates,)
-            Where to predict.
-        scatter : float, > 0
-            Standard deviation from one healthy recording to the next at the same state.
-        slope : float, >= 0
-            Standard deviation of the change per unit of state.
-        """
+    def __init__(
+        self, known: FloatArray, state: FloatArray, scatter: float = 0.06, slope: float = 0.5
+    ) -> None:
         count, size = len(known), (slope * LENGTH) ** 2
         # the state itself stands last
         states = np.vstack([known, state])
@@ -148,13 +138,13 @@ class Kriging:
         system = shared + scatter**2 * np.eye(count + 1)
         system[count], system[:, count], system[count, count] = 1.0, 1.0, 0.0
         right = np.append(shared[:count, count], 1.0)
-        weights = np.linalg.solve(system, right)[:count]
+        self.weights = weights = np.linalg.solve(system, right)[:count]
         # variance of the prediction less the truth, and what each coordinate alone would make of it
         apart = np.append(weights, -1.0)
         each = np.maximum(apart @ (size * np.exp(-0.5 * far)) @ apart, 0.0)
         each *= max(apart @ shared @ apart, 0.0) / max(each.sum(), np.finfo(float).tiny)
-        parts = [scatter**2 * (1.0 + weights @ weights), *each]
-        return cls(weights=weights, parts=np.array(parts))
+        self.parts = np.array([scatter**2 * (1.0 + weights @ weights), *each])
+        self.spread = float(self.parts.sum())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -532,7 +522,7 @@ class GearLaw:
     def _predicted(self, state: FloatArray, top: int) -> tuple[GearPattern, FloatArray]:
         """Healthy pattern at a state up to a line, and the parts of the variance beside it."""
         known, new = in_units(self.states, self.load), in_units(state, self.load)
-        kriging = Kriging.of(known, new, _SCATTER, _SLOPE)
+        kriging = Kriging(known, new, _SCATTER, _SLOPE)
         return GearPattern.combined(self.patterns, kriging.weights, top), kriging.parts
 
     def _bands(

@@ -221,7 +221,7 @@ def _predicted(
     healthy: Sequence[Levels], states: FloatArray, at: FloatArray, prior: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Levels that references let expect at a state, and their variances [dB, dB^2]."""
-    kriging = Kriging.of(states, at, *prior)
+    kriging = Kriging(states, at, *prior)
     mean = np.tensordot(kriging.weights, [one.level_db for one in healthy], 1)
     error = np.tensordot(kriging.weights**2, [one.error_db**2 for one in healthy], 1)
     return mean, error + _DB**2 * kriging.spread
