@@ -221,33 +221,52 @@ class GearEvidence:
         return float(shape * (peak - 1.0 - np.log(peak)) - np.log(max(1.0, teeth)))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ToothFinding:
     """The tooth whose damage explains a deviation best.
 
     Parameters
     ----------
-    best : GearEvidence
-        The gear to blame.
+    searched : tuple of GearEvidence
+        All gears looked at, at least one.
     machine : Machine
         The machine.
     speed_hz : float
         Speed of shaft 1 [Hz].
+
+    Attributes
+    ----------
+    searched, machine, speed_hz
+        As given.
+    best : GearEvidence
+        The gear to blame.
     evidence : float
         The logarithm of the Bayes factor that is believed, largest of all gears.
     rivals : tuple of (str, int, float)
         Gear and stage of others whose patterns show it too, and the logarithm of the factor by
         which the best explains it better.
-    searched : tuple of GearEvidence
-        All gears looked at.
     """
 
-    best: GearEvidence
-    machine: Machine
-    speed_hz: float
-    evidence: float
-    rivals: tuple[tuple[str, int, float], ...]
-    searched: tuple[GearEvidence, ...]
+    def __init__(
+        self, searched: tuple[GearEvidence, ...], machine: Machine, speed_hz: float
+    ) -> None:
+        self.searched, self.machine, self.speed_hz = searched, machine, speed_hz
+        self.best = first = max(searched, key=lambda one: one.believed)
+        self.evidence, rivals = first.believed, list[tuple[str, int, float]]()
+        # those with a template compete by what either should sound like
+        if first.search is not None and first.believed > 0.0:
+            # a gear whose evidence is hardly believed does not compete, however loud it is, unless
+            # it has its lines in common with the first: what stands out in the turn of one does in
+            # either's
+            competing = []
+            for one in searched:
+                sure = one.believed >= _COMPETES * first.believed
+                loud = one.log_factor >= _AS_LOUD * first.log_factor
+                if one.search and (sure or (loud and share_lines(one.search, first.search))):
+                    competing.append(one.search)
+            blamed, others = most_likely(competing, machine, speed_hz)
+            self.best = next(one for one in searched if one.search is blamed)
+            rivals += [(g.difference.gear, g.difference.stage, lead) for g, lead in others]
+        self.rivals = tuple(rivals)
 
     @cached_property
     def loss(self) -> LossEstimate | None:
@@ -281,31 +300,7 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
     near = min(machine.operating, key=lambda point: abs(point.shaft1_hz - own.speed_hz))
     machine = replace(machine, operating=(replace(near, share=1.0),))
     searched = tuple(_searched(own, deviation, machine))
-    if not searched:
-        return None
-    best = first = max(searched, key=lambda one: one.believed)
-    rivals: tuple[tuple[SearchedGear, float], ...] = ()
-    # those with a template compete by what either should sound like
-    if first.search is not None and first.believed > 0.0:
-        # a gear whose evidence is hardly believed does not compete, however loud it is, unless it
-        # has its lines in common with the first: what stands out in the turn of one does in
-        # either's
-        competing = []
-        for one in searched:
-            sure = one.believed >= _COMPETES * first.believed
-            loud = one.log_factor >= _AS_LOUD * first.log_factor
-            if one.search and (sure or (loud and share_lines(one.search, first.search))):
-                competing.append(one.search)
-        blamed, rivals = most_likely(competing, machine, own.speed_hz)
-        best = next(one for one in searched if one.search is blamed)
-    return ToothFinding(
-        best=best,
-        machine=machine,
-        speed_hz=own.speed_hz,
-        evidence=first.believed,
-        rivals=tuple((gear.difference.gear, gear.difference.stage, lead) for gear, lead in rivals),
-        searched=searched,
-    )
+    return ToothFinding(searched, machine, own.speed_hz) if searched else None
 
 
 def _searched(
