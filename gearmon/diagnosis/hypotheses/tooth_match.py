@@ -91,6 +91,12 @@ class SearchedGear:
     matched_peak, directions : ndarray of float, shape (losses,)
         What that would be over the one at sound teeth, on average, at a tooth that has lost as
         much, and the directions that tell of it: 1 / sum of squares of their shares.
+    log_tooth : ndarray of float, shape (teeth,)
+        Logarithm of the Bayes factor of each tooth.
+    log_gear : float
+        Logarithm of the Bayes factor of damage on some tooth.
+    best : int
+        Tooth where damage is most likely if there is any, from 0.
     """
 
     def __init__(
@@ -121,6 +127,9 @@ class SearchedGear:
         self.expected, self.stands_out, ratio, weight, squares = expected
         self.matched_peak = ratio / np.maximum(weight, np.finfo(float).tiny)
         self.directions = weight**2 / np.maximum(squares, np.finfo(float).tiny)
+        self.log_tooth = _any_loss(self.log_likelihood)
+        self.log_gear = float(log_mean(self.log_tooth[:, None])[0])
+        self.best = int(np.argmax(self.log_place))
 
     @property
     def matched_event(self) -> tuple[float, float]:
@@ -129,21 +138,6 @@ class SearchedGear:
         energy = self.matched[likeliest]
         usual = max(float(np.median(energy)), np.finfo(float).tiny)
         return float(energy[self.best]) / usual, float(self.directions[likeliest])
-
-    @property
-    def log_tooth(self) -> FloatArray:
-        """Logarithm of the Bayes factor of each tooth, shape (teeth,)."""
-        return _any_loss(self.log_likelihood)
-
-    @property
-    def log_gear(self) -> float:
-        """Logarithm of the Bayes factor of damage on some tooth."""
-        return float(log_mean(self.log_tooth[:, None])[0])
-
-    @property
-    def best(self) -> int:
-        """Tooth where damage is most likely if there is any, from 0."""
-        return int(np.argmax(self.log_place))
 
     def log_again(self, times: int) -> float:
         """Logarithm of the Bayes factor of events at equal distances in a turn over one alone.
