@@ -314,11 +314,8 @@ class _Compared:
         flags: tuple[Flag, ...] = ()
         if answer == "fault":
             energies = {(own.stage, own.gear): own.energy for own in profiles}
-            flags = verdict.Flagging(
-                evidence=evidence,
-                changes=changes,
-                features=kind_features(changes, energies, self.sidebands),
-            ).flags()
+            features = kind_features(changes, energies, self.sidebands)
+            flags = verdict.Flagging(evidence, changes, features).flags()
         found = Analysis(
             recording=signature.origin,
             machine=self.machine.name,

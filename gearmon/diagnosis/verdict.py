@@ -7,7 +7,7 @@ sentences that can be checked on the pictures.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from operator import attrgetter
 from typing import Any
 
@@ -98,7 +98,6 @@ def doubt(evidence: Evidence) -> str:
     return ""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Flagging:
     """All that flags are made from.
 
@@ -112,9 +111,12 @@ class Flagging:
         What kinds of fault are told by.
     """
 
-    evidence: Evidence
-    changes: tuple[Change, ...]
-    features: FeatureVector
+    def __init__(
+        self, evidence: Evidence, changes: tuple[Change, ...], features: FeatureVector
+    ) -> None:
+        self.evidence, self.changes, self.features = evidence, changes, features
+        # the gear that changed most
+        self._focus = features.gears[features.focus]
 
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
@@ -219,11 +221,6 @@ class Flagging:
         alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
         kind, place, told = self._kind(self._focus if alike else best.key, _UNCLEAR, best.key)
         return self._flag(kind, strength, (*evidence, *told), place)
-
-    @property
-    def _focus(self) -> tuple[int, str]:
-        """The gear that changed most."""
-        return self.features.gears[self.features.focus]
 
     def _kind(
         self, gear: tuple[int, str], otherwise: str, place: _Place
