@@ -314,11 +314,8 @@ class _Compared:
         flags: tuple[Flag, ...] = ()
         if answer == "fault":
             energies = {(own.stage, own.gear): own.energy for own in profiles}
-            flags = verdict.Flagging(
-                evidence=evidence,
-                changes=changes,
-                features=kind_features(changes, energies, self.sidebands),
-            ).flags()
+            features = kind_features(changes, energies, self.sidebands)
+            flags = verdict.Flagging(evidence, changes, features).flags()
         found = Analysis(
             recording=signature.origin,
             machine=self.machine.name,
@@ -416,7 +413,7 @@ def _profiles(evidence: Evidence, hidden: set[int]) -> Iterator[ToothProfile]:
 
 
 # several recordings are held against one reference
-_law_of = lru_cache(maxsize=4)(HealthyMachine.of)
+_law_of = lru_cache(maxsize=4)(HealthyMachine)
 
 
 @lru_cache(maxsize=4)

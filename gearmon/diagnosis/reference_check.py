@@ -121,12 +121,12 @@ def check_reference(reference: Reference | str | Path, machine: MachineLike) -> 
         reference = read_reference(reference)
     check_type("reference", reference, Reference, "what gearmon.learn returns, or its file")
     machine_notes(machine, reference)
-    loads = np.exp(HealthyMachine.of(reference, machine).states[:, 0])
+    loads = np.exp(HealthyMachine(reference, machine).states[:, 0])
     recordings: list[CheckedRecording] = []
     heard: dict[tuple[int, str], float] = {}
     for number, own in enumerate(reference.profiles):
         others = (*reference.profiles[:number], *reference.profiles[number + 1 :])
-        law = HealthyMachine.of(replace(reference, profiles=others or (own,)), machine)
+        law = HealthyMachine(replace(reference, profiles=others or (own,)), machine)
         deviation = law.deviation(own)
         finding = find_tooth(own, deviation, machine)
         evidence = Evidence(deviation=deviation, finding=finding, references=max(1, len(others)))

@@ -7,15 +7,14 @@ sentences that can be checked on the pictures.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from gearmon.diagnosis.evidence import LIMITS, Evidence, lines_strength, rare_strength
-from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, KindJudgement, judge_kind
-from gearmon.diagnosis.hypotheses.several_teeth import DepartureSpread
+from gearmon.diagnosis.fault_types.kinds import NONE, FeatureVector, judge_kind
 from gearmon.diagnosis.hypotheses.tooth_damage import GearEvidence, ToothFinding, crack_depth_mm
 from gearmon.diagnosis.law.machine import SPEED_UNIT, LevelDeviation
 from gearmon.diagnosis.results import Analysis, Change, Flag, ToothProfile
@@ -99,7 +98,6 @@ def doubt(evidence: Evidence) -> str:
     return ""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Flagging:
     """All that flags are made from.
 
@@ -113,9 +111,12 @@ class Flagging:
         What kinds of fault are told by.
     """
 
-    evidence: Evidence
-    changes: tuple[Change, ...]
-    features: FeatureVector
+    def __init__(
+        self, evidence: Evidence, changes: tuple[Change, ...], features: FeatureVector
+    ) -> None:
+        self.evidence, self.changes, self.features = evidence, changes, features
+        # the gear that changed most
+        self._focus = features.gears[features.focus]
 
     def flags(self) -> tuple[Flag, ...]:
         """Flag what stands out, the strongest first."""
@@ -128,8 +129,22 @@ class Flagging:
             spread = None if louder else finding.best.spread
             if louder or (spread is not None and spread.explained >= LIMITS.one_event):
                 found.append(self._of_finding(finding, strength))
-        found += self._runout({(flag.stage, flag.gear) for flag in found})
-        nongear = self._nongear()
+        # none of 51 simulated gears that run out changes the noise or whole bands; bearings and
+        # sensors that were moved do, and move single sidebands with them
+        moved = whole.changed >= LIMITS.fault and (whole.noise_rose or whole.path.likely)
+        grown = whole.strengths["runout"] >= LIMITS.fault and not moved
+        flagged = {(flag.stage, flag.gear) for flag in found}
+        for growth in whole.runout if grown else ():
+            strength, gear = rare_strength([growth.log10_probability]), (growth.stage, growth.gear)
+            if strength >= LIMITS.fault and gear not in flagged:
+                kind, _, told = self._kind(gear, growth.kind, gear)
+                found.append(self._flag(kind, strength, (*growth.evidence, *told), gear))
+        # lines that belong to no gear blame none
+        nongear = [
+            self._flag(own.kind, strength, (own.name, *own.evidence))
+            for own in whole.nongear
+            if (strength := rare_strength([own.log10_probability])) >= LIMITS.fault
+        ]
         if whole.changed >= LIMITS.fault and not any(flag.tooth for flag in found):
             found += self._levels(bool(nongear))
         return (*found, *nongear)
@@ -145,36 +160,39 @@ class Flagging:
     def _of_finding(self, finding: ToothFinding, strength: float) -> Flag:
         """Flag the departure that the search found: of one tooth, or of another kind."""
         best, loss, spread = finding.best, finding.loss, finding.best.spread
+        departs = f"{_gear(*best.key)} departs from its healthy pattern"
+        explained = list[str]()
         around = best.deviation.peak < LIMITS.all_around * best.deviation.misfit
         if spread is not None:
+            explained = [f"one tooth explains {100 * spread.explained:.0f} % of the departure"]
             # an event that rings on around a small pinion is still one tooth's
             around = around and spread.explained < LIMITS.one_event
             around = around or spread.one_tooth < self._least_sure(best)
         if around:
-            return self._spread_flag(finding, strength)
-        (stage, gear), (tooth, _) = best.key, best.place
-        evidence = [
-            f"the {gear} of stage {stage} departs from its healthy pattern at tooth "
-            f"{tooth}: {best.deviation.peak:.1f} times the energy elsewhere in its turn"
-        ]
-        sizes = {}
+            return self._spread_flag(finding, strength, [f"{departs} around its turn", *explained])
+        tooth, _ = best.place
+        peak = f"{best.deviation.peak:.1f} times the energy elsewhere in its turn"
+        evidence, crack, sizes = [f"{departs} at tooth {tooth}: {peak}"], list[str](), {}
         if loss is not None:
             sizes = {"": loss.loss, "_low": loss.low, "_high": loss.high}
             evidence.append(
                 f"as a loss of {100 * loss.loss:.0f} % ({100 * loss.low:.0f} to "
                 f"{100 * loss.high:.0f} %) of the stiffness of that tooth's pair would make it"
             )
-        evidence += [_COUNTED[best.counted_from], *_alike(finding)]
-        if spread is not None:
-            evidence.append(_explained(spread))
+            # known where the geometry of the gears is
+            depths = [crack_depth_mm(finding.machine, *best.key, own) for own in astuple(loss)]
+            if depths[0] is not None:
+                size, low, high = ("?" if own is None else f"{own:.2g}" for own in depths)
+                crack = [f"as a crack depth that would be {size} mm ({low} to {high} mm)"]
+        evidence += [_COUNTED[best.counted_from], *_alike(finding), *explained]
         evidence += [
             f"the {name} of stage {number} shows it too"
             + (f" and {_UNTOLD[2]}" if lead < _SURE_LEAD else "")
             for name, number, lead in finding.rivals
         ]
-        evidence += _crack(finding)
         more = {f"stiffness_loss{end}": size for end, size in sizes.items()}
-        return self._flag("tooth damage", strength, evidence, best.key, tooth=tooth, **more)
+        told = (*evidence, *crack)
+        return self._flag("tooth damage", strength, told, best.key, tooth=tooth, **more)
 
     def _least_sure(self, best: GearEvidence) -> float:
         """Probability from which a departure is called that of one tooth."""
@@ -185,115 +203,80 @@ class Flagging:
         first, others = max(row["once_db"], row["twice_db"]), max(row["several_db"], 0.0)
         return _ONE_TOOTH_AND_RUNOUT if first - others > _RUNOUT_DB else _ONE_TOOTH
 
-    def _spread_flag(self, finding: ToothFinding, strength: float) -> Flag:
+    def _spread_flag(self, finding: ToothFinding, strength: float, evidence: list[str]) -> Flag:
         """Flag a departure that one tooth does not explain, by its kind where one is clear."""
         best, spread = finding.best, finding.best.spread
-        stage, gear = best.key
-        evidence = [f"the {gear} of stage {stage} departs from its healthy pattern around its turn"]
         if spread is not None:
-            evidence += [_explained(spread), *_second_told(spread)]
+            second = spread.second
+            if second is not None and spread.several_teeth > _NAMED:
+                count, way = abs(second.distance), "after" if second.distance > 0 else "before"
+                evidence.append(
+                    f"a second tooth, {count} teeth {way} the one that departs most, is heard at "
+                    f"about {second.size:.1f} of it"
+                )
             if spread.of_two_teeth:
                 return self._flag("several teeth", strength, evidence, best.key)
         # what departs repeats with all gears on its shaft: the one that changed most tells its kind
         focused, order = finding.of(*self._focus), best.deviation.order
         alike = focused is not None and abs(focused.deviation.order - order) <= 1e-9 * order
-        judged = self._clear(self._focus if alike else best.key)
-        kind, place = (judged.kind, (judged.stage, judged.gear)) if judged else (_UNCLEAR, best.key)
-        return self._flag(kind, strength, (*evidence, *_told(judged)), place)
+        kind, place, told = self._kind(self._focus if alike else best.key, _UNCLEAR, best.key)
+        return self._flag(kind, strength, (*evidence, *told), place)
 
-    @property
-    def _focus(self) -> tuple[int, str]:
-        """The gear that changed most."""
-        return self.features.gears[self.features.focus]
-
-    def _clear(self, gear: tuple[int, str]) -> KindJudgement | None:
-        """Judge the kind of a fault of one gear; None where no kind but one tooth is clear."""
-        features, finding = self.features, self.evidence.finding
-        if gear not in features.gears:
-            return None
-        own = finding.of(*gear) if finding is not None else None
-        spread = own.spread if own is not None else None
-        judged = judge_kind(features, gear=gear, spread=spread)
-        clear = judged.kind not in (NONE, "tooth damage") and judged.probability >= _NAMED
-        return judged if clear else None
-
-    def _runout(self, flagged: set[_Place]) -> list[Flag]:
-        """Flag gears whose first or second sidebands have grown beyond the farther ones."""
-        if self.evidence.strengths["runout"] < LIMITS.fault:
-            return []
-        # none of 51 simulated gears that run out changes the noise or whole bands; bearings and
-        # sensors that were moved do, and move single sidebands with them
-        elsewhere = self.evidence.noise_rose or self.evidence.path.likely
-        if self.evidence.changed >= LIMITS.fault and elsewhere:
-            return []
-        found = []
-        for growth in self.evidence.runout:
-            strength = rare_strength([growth.log10_probability])
-            gear = growth.stage, growth.gear
-            if strength < LIMITS.fault or gear in flagged:
-                continue
-            judged = self._clear(gear)
-            kind = growth.kind if judged is None else judged.kind
-            found.append(self._flag(kind, strength, (*growth.evidence, *_told(judged)), gear))
-        return found
-
-    def _nongear(self) -> list[Flag]:
-        """Flag lines that belong to no gear, and blame none."""
-        return [
-            self._flag(finding.kind, strength, (finding.name, *finding.evidence))
-            for finding in self.evidence.nongear
-            if (strength := rare_strength([finding.log10_probability])) >= LIMITS.fault
-        ]
+    def _kind(
+        self, gear: tuple[int, str], otherwise: str, place: _Place
+    ) -> tuple[str, _Place, tuple[str, ...]]:
+        """Kind of a fault of one gear, its place, and why; where no kind but one tooth is clear."""
+        finding = self.evidence.finding
+        if gear in self.features.gears:
+            own = finding.of(*gear) if finding is not None else None
+            spread = own.spread if own is not None else None
+            judged = judge_kind(self.features, gear=gear, spread=spread)
+            if judged.kind not in (NONE, "tooth damage") and judged.probability >= _NAMED:
+                likely = f"{judged.probability:.0%} by physical rules, not calibrated"
+                told = f"most like {judged.kind} ({likely})", *judged.evidence
+                return judged.kind, (judged.stage, judged.gear), told
+        return otherwise, place, ()
 
     def _levels(self, nongear: bool) -> list[Flag]:
         """Flag changed levels: as noise, a path, a kind of a gear's fault, or as they are."""
-        strongest, strength = sentences(self.changes), self.evidence.changed
-        noisy, bands = self.evidence.noise_rose, self.evidence.strengths["path"]
-        if self.evidence.path.likely and (bands >= LIMITS.fault or not noisy):
-            common = 100 * self.evidence.path.common
+        whole, strength, strongest = self.evidence, self.evidence.changed, sentences(self.changes)
+        noisy, path = whole.noise_rose, whole.path
+        if path.likely and (whole.strengths["path"] >= LIMITS.fault or not noisy):
             told = (
-                f"all lines about one mesh harmonic moved together: {common:.0f} % "
+                f"all lines about one mesh harmonic moved together: {100 * path.common:.0f} % "
                 "of the change is common to them, and no gear stands out: a sensor that was moved "
-                "or fixed anew, or a gearbox that was opened",
-                *strongest,
+                "or fixed anew, or a gearbox that was opened"
             )
-            return [self._flag("path changed", strength, told)]
+            return [self._flag("path changed", strength, (told, *strongest))]
+        first = max(self.changes, key=lambda c: abs(c.standardised), default=None)
+        told = "no line of a gear moved with it"
         if noisy:
-            if nongear:
-                return []
             told = (
                 "the spectrum between the lines of the gears rose, by more than those lines: a "
-                "bearing, a loose part, or another machine",
-                *strongest[:1],
+                "bearing, a loose part, or another machine"
             )
-            return [self._flag("broadband rise", strength, told)]
-        first = max(self.changes, key=lambda c: abs(c.standardised), default=None)
-        if first is None or lines_strength(self.evidence.deviation.levels) < LIMITS.open:
-            # mains and bearings fill whole bands of the spectrum; no gear is to blame
-            told = ("no line of a gear moved with it", *strongest[:1])
-            return [] if nongear else [self._flag("broadband change", strength, told)]
-        group = attrgetter("kind", "stage", "gear")
-        own = sentences([change for change in self.changes if group(change) == group(first)])
-        # the kind of fault that they are most like
-        judged = self._clear(self._focus)
-        plain = f"changed {first.kind}", (first.stage, first.gear)
-        kind, place = (judged.kind, (judged.stage, judged.gear)) if judged else plain
-        return [self._flag(kind, strength, (*_told(judged), *own), place)]
+        elif first is not None and lines_strength(whole.deviation.levels) >= LIMITS.open:
+            group = attrgetter("kind", "stage", "gear")
+            own = sentences([change for change in self.changes if group(change) == group(first)])
+            # the kind of fault that they are most like
+            plain = f"changed {first.kind}", (first.stage, first.gear)
+            kind, place, why = self._kind(self._focus, *plain)
+            return [self._flag(kind, strength, (*why, *own), place)]
+        # mains and bearings fill whole bands of the spectrum; no gear is to blame
+        kind = "broadband rise" if noisy else "broadband change"
+        return [] if nongear else [self._flag(kind, strength, (told, *strongest[:1]))]
 
 
 def _alike(finding: ToothFinding) -> list[str]:
     """Tell which teeth of a planetary set sound alike."""
-    best = finding.best
-    count, teeth = best.deviation.meetings, best.deviation.teeth
-    if count > 1 and best.deviation.gear == "planet":
+    own, (tooth, _) = finding.best.deviation, finding.best.place
+    count, teeth = own.meetings, own.teeth
+    if count > 1 and own.gear == "planet":
         return [f"which of the planets it is of {_UNTOLD[0]}"]
-    others = sorted(
-        {round(best.place[0] - 1 + k * teeth / count) % teeth + 1 for k in range(count)}
-    )
-    if len(others) < 2:
-        return []
-    named = ", ".join(str(tooth) for tooth in others)
-    return [f"teeth {named} meet a planet at the same moments: it {_UNTOLD[1]}"]
+    others = sorted({round(tooth - 1 + k * teeth / count) % teeth + 1 for k in range(count)})
+    named = ", ".join(map(str, others))
+    told = f"teeth {named} meet a planet at the same moments: it {_UNTOLD[1]}"
+    return [told] if len(others) > 1 else []
 
 
 def left_open(flag: Flag) -> list[str]:
@@ -304,41 +287,6 @@ def left_open(flag: Flag) -> list[str]:
     flag : Flag
     """
     return [told for told in flag.evidence if told.endswith(_UNTOLD)]
-
-
-def _explained(spread: DepartureSpread) -> str:
-    return f"one tooth explains {100 * spread.explained:.0f} % of the departure"
-
-
-def _second_told(spread: DepartureSpread) -> list[str]:
-    """Tell of a second damaged tooth, where one is likely."""
-    second = spread.second
-    if second is None or spread.several_teeth <= _NAMED:
-        return []
-    count, way = abs(second.distance), "after" if second.distance > 0 else "before"
-    return [
-        f"a second tooth, {count} teeth {way} the one that departs most, is heard at about "
-        f"{second.size:.1f} of it"
-    ]
-
-
-def _told(judged: KindJudgement | None) -> tuple[str, ...]:
-    if judged is None:
-        return ()
-    likely = f"{judged.probability:.0%} by physical rules, not calibrated"
-    return f"most like {judged.kind} ({likely})", *judged.evidence
-
-
-def _crack(finding: ToothFinding) -> list[str]:
-    """Tell the depth of a crack that would do it, where the geometry of the gears is known."""
-    loss = finding.loss
-    if loss is None:
-        return []
-    depths = [crack_depth_mm(finding.machine, *finding.best.key, own) for own in astuple(loss)]
-    if depths[0] is None:
-        return []
-    size, low, high = (f"{own:.2g}" if own is not None else "?" for own in depths)
-    return [f"as a crack depth that would be {size} mm ({low} to {high} mm)"]
 
 
 def level_changes(
@@ -391,6 +339,7 @@ def sentences(changes: Sequence[Change]) -> tuple[str, ...]:
 
 
 _PLAIN = {
+    "tooth damage": "Damage of {tooth} of {gear}{loss}.",
     "several teeth": "Several teeth of {gear} are likely damaged.",
     "distributed pitting": "Many teeth of {gear} are likely pitted.",
     "wear": "The teeth of {gear} are likely worn.",
@@ -418,18 +367,14 @@ def fault_sentence(flags: Sequence[Flag]) -> str:
     """
     if not flags:
         return "The machine no longer sounds as it did when it was healthy."
-    first = flags[0]
+    first, loss = flags[0], ""
     gear = _gear(first.stage, first.gear)
-    if first.kind == "tooth damage":
-        tooth = f"tooth {first.tooth} of {gear}" if first.tooth else f"one tooth of {gear}"
-        loss = ""
-        if first.stiffness_loss is not None:
-            loss = f", which has lost about {100 * first.stiffness_loss:.0f} % of its stiffness"
-        return f"Damage of {tooth}{loss}."
-    plain = _PLAIN.get(
-        first.kind, "The vibration of {gear} changed; what kind of fault is unclear."
-    )
-    return plain.format(gear=gear, Gear=gear[:1].upper() + gear[1:])
+    tooth = f"tooth {first.tooth}" if first.tooth else "one tooth"
+    if first.stiffness_loss is not None:
+        loss = f", which has lost about {100 * first.stiffness_loss:.0f} % of its stiffness"
+    plain = "The vibration of {gear} changed; what kind of fault is unclear."
+    capital = gear[:1].upper() + gear[1:]
+    return _PLAIN.get(first.kind, plain).format(gear=gear, Gear=capital, tooth=tooth, loss=loss)
 
 
 def _gear(stage: int | None, gear: str | None) -> str:
@@ -528,37 +473,27 @@ def reason(found: Analysis, evidence: Evidence, unheard: str = "") -> str:
     unheard : str
         What could not have been told of; "" if nothing.
     """
-    rested = f"{_levels(evidence)} {most_striking(found.profiles)}"
-    if found.verdict == "fault":
-        strongest = sentences(found.changes)[:1]
-        most = f" Most of all, {strongest[0]}." if strongest else ""
-        return f"{fault_sentence(found.flags)} {rested}{most}"
-    if found.verdict == "healthy":
-        noticed = f"{_noticed(evidence, found.profiles)} {_wear(evidence)}"
-        return f"The machine sounds as it did when it was healthy.{noticed} {rested}"
-    told = doubt(evidence) or "Nothing speaks against the machine, but not all of it was heard."
-    return " ".join(filter(None, (told, unheard, rested)))
-
-
-def _wear(evidence: Evidence) -> str:
-    """Say how much wear of all teeth would not pass for a heavier load."""
-    loss = 1.0 - np.exp(evidence.deviation.heavy - LIMITS.heaviest)
-    return (
-        "Wear of all teeth alike sounds like a heavier load: it would not have been noticed below "
-        f"a loss of about {100 * loss:.0f} %."
-    )
-
-
-def _levels(evidence: Evidence) -> str:
-    levels = evidence.deviation.levels
-    told = (
+    levels, broadband = evidence.deviation.levels, evidence.deviation.broadband
+    rested = (
         f"Levels of lines differ from the expected by {levels.mean_square() ** 0.5:.1f} times "
         f"their healthy scatter (root mean square of {levels.rest_db.size})"
     )
-    broadband = evidence.deviation.broadband
-    if broadband is None:
-        return f"{told}."
-    return f"{told}, the spectrum between them by {broadband.mean_square() ** 0.5:.1f} times."
+    if broadband is not None:
+        rested += f", the spectrum between them by {broadband.mean_square() ** 0.5:.1f} times"
+    rested += f". {most_striking(found.profiles)}"
+    if found.verdict == "fault":
+        most = [f"Most of all, {strongest}." for strongest in sentences(found.changes)[:1]]
+        return " ".join((fault_sentence(found.flags), rested, *most))
+    if found.verdict != "healthy":
+        told = doubt(evidence) or "Nothing speaks against the machine, but not all of it was heard."
+        return " ".join(filter(None, (told, unheard, rested)))
+    # wear of all teeth that would pass for a heavier load
+    worn = 100 * (1.0 - np.exp(evidence.deviation.heavy - LIMITS.heaviest))
+    return (
+        f"The machine sounds as it did when it was healthy.{_noticed(evidence, found.profiles)} "
+        "Wear of all teeth alike sounds like a heavier load: it would not have been noticed below "
+        f"a loss of about {worn:.0f} %. {rested}"
+    )
 
 
 def most_striking(profiles: Sequence[ToothProfile]) -> str:
@@ -574,17 +509,17 @@ def most_striking(profiles: Sequence[ToothProfile]) -> str:
 
 def _noticed(evidence: Evidence, profiles: Sequence[ToothProfile]) -> str:
     """Say how much damage of one tooth would have been called a fault, or have left it open."""
-    from_loss = [p.noticed_from for p in profiles if p.noticed_from is not None]
-    heard = max(evidence.heard.values(), default=1.0)
-    blind = [f"the {p.gear} of stage {p.stage}" for p in profiles if p.noticed_from is None]
-    told = ""
-    if from_loss:
+    named = [(p.noticed_from, _gear(p.stage, p.gear)) for p in profiles]
+    loss = max((loss for loss, _ in named if loss is not None), default=None)
+    blind, told = [gear for loss, gear in named if loss is None], ""
+    if loss is not None:
+        heard = max(evidence.heard.values(), default=1.0)
+        sooner = f", and have left the answer open from {100 * heard:.2g} %"
         told = (
-            f" Damage of one tooth would mostly have been called a fault from a loss of "
-            f"{100 * max(from_loss):.2g} % of its pair's stiffness"
+            " Damage of one tooth would mostly have been called a fault from a loss of "
+            f"{100 * loss:.2g} % of its pair's stiffness"
+            f"{sooner if LIMITS.about * heard < loss else ''}."
         )
-        sooner = LIMITS.about * heard < max(from_loss)
-        told += f", and have left the answer open from {100 * heard:.2g} %." if sooner else "."
     if blind:
         told += (
             f" On {', '.join(blind)} this machine departs too much from one healthy recording to "

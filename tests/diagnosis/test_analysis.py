@@ -239,7 +239,7 @@ def test_no_tooth_is_counted_from_one_of_several_pulses(four_a_turn, first):
 
 
 def test_a_recording_is_heavy_by_what_it_is_beyond_the_heaviest_learned():
-    law = HealthyMachine.of(reference(), machine())
+    law = HealthyMachine(reference(), machine())
     loads = law.states[:, 0]
     assert np.ptp(loads) > 0.2
     heavy = [law.deviation(own).heavy for own in law.reference.profiles]
@@ -249,7 +249,7 @@ def test_a_recording_is_heavy_by_what_it_is_beyond_the_heaviest_learned():
 def test_a_recording_counts_by_its_length_beside_the_shortest_learned():
     known = reference().profiles
     learned = [replace(p, duration_s=s) for p, s in zip(known, (4.0, 8.0, 6.0), strict=True)]
-    law = HealthyMachine.of(replace(reference(), profiles=tuple(learned)), machine())
+    law = HealthyMachine(replace(reference(), profiles=tuple(learned)), machine())
     for seconds, length in ((1.0, 0.25), (3.0, 0.75), (4.0, 1.0), (10.0, 1.0)):
         own = replace(known[0], duration_s=seconds)
         assert law.deviation(own).length == pytest.approx(length)

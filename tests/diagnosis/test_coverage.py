@@ -96,7 +96,7 @@ def test_what_was_not_looked_at_or_not_heard_is_named():
     told = unheard(found, pair, ["a2"], loss / 2)
     assert f"unnoticed on {both}: record longer" in told
     assert "What a2 hears is missing: check sensor, cable and name of the channel" in told
-    mate = replace(clear, deviation=replace(clear.deviation, gear="gear"))
+    mate = GearEvidence(replace(clear.deviation, gear="gear"), clear.search)
     heard = replace(found, finding=SimpleNamespace(searched=(clear, mate)))
     assert unheard(heard, pair, [], 2 * loss) == ""
     assert unheard(heard, pair, ["a2"], 2 * loss).startswith("What a2 hears is missing")
@@ -118,9 +118,9 @@ def test_of_a_mesh_that_is_not_detected_only_harmonics_that_stand_out_tell(usual
         replace(band, pattern=np.full(band.rest.shape, level + 0j))
         for band in clear.deviation.bands
     ]
-    own = replace(clear, deviation=replace(clear.deviation, bands=tuple(bands)))
+    own = GearEvidence(replace(clear.deviation, bands=tuple(bands)), clear.search)
     assert own.mesh_stands_out == heard
-    mate = replace(own, deviation=replace(own.deviation, gear="gear"))
+    mate = GearEvidence(replace(own.deviation, gear="gear"), own.search)
     found = Evidence(
         deviation=own.deviation, finding=SimpleNamespace(searched=(own, mate)), references=2
     )

@@ -54,14 +54,8 @@ def evidence(own=None, lines=0.0, noise=0.0, noise_gain_db=0.0, runout=(), **off
     finding = None
     if own is not None:
         searched = GearEvidence(deviation=own.difference, search=own)
-        finding = ToothFinding(
-            best=searched,
-            machine=machine(),
-            speed_hz=25.0,
-            evidence=80.0,
-            rivals=(),
-            searched=(searched,),
-        )
+        finding = ToothFinding((searched,), machine(), 25.0)
+        finding.evidence = 80.0
         vars(finding)["loss"] = LossEstimate(loss=0.2, low=0.15, high=0.25)
     deviation = MachineDeviation(
         gap=0.0,

@@ -29,6 +29,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -229,8 +230,7 @@ _CLEAR, _SHARE_OF_FIRST, _CLEAR_IF_LARGE = 30.0, 0.2, 8.0
 _SURE, _LEFT_BY_TWO = 0.99, 0.1
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class SecondTooth:
+class SecondTooth(NamedTuple):
     """The second tooth that explains a departure best beside the first.
 
     Parameters
@@ -249,11 +249,17 @@ class SecondTooth:
     size: float
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class DepartureSpread:
     """How far a departure is that of one tooth.
 
     Parameters
+    ----------
+    gear : SearchedGear
+        Searched for a damaged tooth.
+    bands : sequence of Band
+        Its departure, see `bands_of`; at least one.
+
+    Attributes
     ----------
     log_likelihood : ndarray of float, shape (len(SHARES),)
         Logarithm of the likelihood that one tooth leaves each of `SHARES` unexplained.
@@ -261,53 +267,44 @@ class DepartureSpread:
         Energy of the departure at each tooth over that of noise, as a mean square.
     second : SecondTooth or None
         The second tooth that explains it best beside the first.
+    one_tooth, several_teeth : float
+        Probability that the departure is one tooth's, and that a second one is damaged beside the
+        first, these and a departure of the whole turn held equally likely before.
+    of_two_teeth : bool
+        Whether two teeth explain nearly all of it, and one does not.
+    explained : float
+        Share of the departure that one tooth explains, 0 to 1.
+    teeth_involved : float
+        Number of teeth that would share the departure's energy equally.
     """
 
-    log_likelihood: FloatArray
-    by_tooth: FloatArray
-    second: SecondTooth | None = None
-
-    @cached_property
-    def _kinds(self) -> FloatArray:
-        """Probabilities of one tooth, of two or more that stand out, and of the whole turn."""
-        one = SHARES < ONE_TOOTH_BELOW
-        second = self.second.log_likelihood[one] if self.second else np.full(one.sum(), -np.inf)
-        told = (self.log_likelihood[one], second, self.log_likelihood[~one])
-        largest = max(float(part.max()) for part in told)
-        chance = np.array([np.mean(np.exp(part - largest)) for part in told])
-        return np.asarray(chance / chance.sum())
-
-    @property
-    def one_tooth(self) -> float:
-        """Probability that the departure is one tooth's, all kinds held equally likely before."""
-        return float(self._kinds[0])
-
-    @property
-    def several_teeth(self) -> float:
-        """Probability that a second tooth is damaged beside the first."""
-        return float(self._kinds[1])
-
-    @property
-    def of_two_teeth(self) -> bool:
-        """Whether two teeth explain nearly all of it, and one does not."""
-        if self.second is None or self.several_teeth < _SURE:
-            return False
-        return bool(SHARES[np.argmax(self.second.log_likelihood)] <= _LEFT_BY_TWO)
-
-    @property
-    def explained(self) -> float:
-        """Share of the departure that one tooth explains, 0 to 1."""
-        chance = np.exp(self.log_likelihood - self.log_likelihood.max())
-        one = SHARES < ONE_TOOTH_BELOW
-        chance /= np.where(one, one.sum(), (~one).sum())
-        return float(1.0 - chance @ SHARES / chance.sum())
-
-    @property
-    def teeth_involved(self) -> float:
-        """Number of teeth that would share the departure's energy equally."""
+    def __init__(self, gear: SearchedGear, bands: Sequence[Band]) -> None:
+        tried = np.argsort(-gear.log_tooth, kind="stable")[:_TRIED]
+        by_ringing: FloatArray = np.zeros((len(RINGING), len(SHARES), len(tried)))
+        self.by_tooth = np.zeros(gear.difference.teeth)
+        for band in bands:
+            for number, (power, direction) in enumerate(band.events):
+                energy = energies(band, direction, slice(None))
+                by_ringing[number] += log_likelihood(band, power, energy[tried])
+                if number == _TOLD:
+                    self.by_tooth += energy @ (power / power.sum()) / len(bands)
+        total, one = log_mean(by_ringing), SHARES < ONE_TOOTH_BELOW
+        # the tooth that explains most of it, which may be another than the likeliest to be damaged
+        first = int(tried[np.argmax(log_mean(total[one]))])
+        self.log_likelihood = told = log_mean(total.T.copy())
+        self.second = second_tooth(bands, first, self.by_tooth, gear.log_gear)
+        two = self.second.log_likelihood if self.second else np.full(len(SHARES), -np.inf)
+        kinds = told[one], two[one], told[~one]
+        largest = max(float(part.max()) for part in kinds)
+        chance = np.array([np.mean(np.exp(part - largest)) for part in kinds])
+        self.one_tooth, self.several_teeth, _ = (chance / chance.sum()).tolist()
+        left_by_two = SHARES[np.argmax(two)]
+        self.of_two_teeth = bool(self.several_teeth >= _SURE and left_by_two <= _LEFT_BY_TWO)
+        likely = np.exp(told - told.max()) / np.where(one, one.sum(), (~one).sum())
+        self.explained = float(1.0 - likely @ SHARES / likely.sum())
         excess = np.maximum(self.by_tooth - 1.0, 0.0)
-        square = float(np.sum(excess**2))
-        return float(excess.sum()) ** 2 / square if square > 0 else float(len(excess))
+        whole, square = float(excess.sum()), float(np.sum(excess**2))
+        self.teeth_involved = whole**2 / square if square > 0 else float(len(excess))
 
 
 def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
@@ -329,28 +326,8 @@ def departure_spread(gear: SearchedGear) -> DepartureSpread | None:
     A second tooth is told where its event is about half of the first's or more and two or more
     teeth away; a damaged neighbour passes for the same tooth.
     """
-    if gear.difference.meetings > 1:
-        return None
-    tried = np.argsort(-gear.log_tooth, kind="stable")[:_TRIED]
-    by_ringing: FloatArray = np.zeros((len(RINGING), len(SHARES), len(tried)))
-    by_tooth = np.zeros(gear.difference.teeth)
-    bands = list(bands_of(gear))
-    if not bands:
-        return None
-    for band in bands:
-        for number, (power, direction) in enumerate(band.events):
-            energy = energies(band, direction, slice(None))
-            by_ringing[number] += log_likelihood(band, power, energy[tried])
-            if number == _TOLD:
-                by_tooth += energy @ (power / power.sum()) / len(bands)
-    total = log_mean(by_ringing)
-    # the tooth that explains most of it, which may be another than the likeliest to be damaged
-    first = int(tried[np.argmax(log_mean(total[SHARES < ONE_TOOTH_BELOW]))])
-    return DepartureSpread(
-        log_likelihood=log_mean(total.T.copy()),
-        by_tooth=by_tooth,
-        second=second_tooth(bands, first, by_tooth, gear.log_gear),
-    )
+    bands = [] if gear.difference.meetings > 1 else list(bands_of(gear))
+    return DepartureSpread(gear, bands) if bands else None
 
 
 def second_tooth(
@@ -396,9 +373,7 @@ def second_tooth(
     asked = np.where(size > SIZES[0], _CLEAR_IF_LARGE, small)
     total = log_mean(by_ringing) - asked - float(np.log(teeth * len(SIZES)))
     best = int(np.argmax(total.max(axis=0)))
-    return SecondTooth(
-        log_likelihood=total[:, best], distance=int(distance[best]), size=float(size[best])
-    )
+    return SecondTooth(total[:, best], int(distance[best]), float(size[best]))
 
 
 def repetition(bands: Sequence[Band], teeth: int) -> FloatArray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -85,7 +85,6 @@ _AS_LOUD = 0.5
 _NORMAL_90 = 3.29
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class GearEvidence:
     """What speaks for damage of one tooth of a gear.
 
@@ -100,17 +99,55 @@ class GearEvidence:
         Whether the gear's mesh is heard by itself (`mesh_shown`).
     instead : SearchedGear, optional
         The less likely search of a set of which nothing tells whether its sun floats.
+
+    Attributes
+    ----------
+    deviation, search, shown, instead
+        As given.
+    key : tuple of (int, str)
+        Stage and gear.
+    tooth : int
+        The tooth that is most likely damaged, from 0, as the recording counts them.
+    counted_from : {"tacho", "reference"}
+        Where teeth are counted from in all recordings: from the one that enters mesh at the
+        tachometer pulse, or from about where the first healthy recording begins.
+    place : tuple of (int, float)
+        That tooth, so counted, from 1, and the middle of its contact in turns after the angle zero.
+    log_factor, believed : float
+        Logarithm of the Bayes factor of damage of some tooth against none, and as far as it is
+        believed. Without a template that of an event of unknown form: the likelihood ratio of the
+        energy at the best tooth, as a gamma variable, over the teeth that it may be.
     """
 
-    deviation: GearDeviation
-    search: SearchedGear | None
-    shown: bool = True
-    instead: SearchedGear | None = None
-
-    @property
-    def key(self) -> tuple[int, str]:
-        """Stage and gear."""
-        return self.deviation.stage, self.deviation.gear
+    def __init__(
+        self,
+        deviation: GearDeviation,
+        search: SearchedGear | None,
+        shown: bool = True,
+        instead: SearchedGear | None = None,
+    ) -> None:
+        self.deviation, self.search, self.shown, self.instead = deviation, search, shown, instead
+        self.key, teeth = (deviation.stage, deviation.gear), deviation.teeth
+        self.counted_from = "tacho" if deviation.same_zero else "reference"
+        shift = 0.0
+        if search is None:
+            self.tooth, matched = int(np.argmax(deviation.by_tooth)), (1.0, 0.0)
+            # the meetings of one turn depart together on a healthy machine, too: however many there
+            # are, the largest mean over them scatters as one of them would
+            shape = max(0.5, 2.0 * deviation.lines / teeth / _OVERDISPERSION)
+            self.log_factor = self._of_gamma(shape, deviation.peak)
+        else:
+            self.tooth, self.log_factor = search.best, search.log_gear
+            matched = search.matched_event
+            # the maximum of a parabola through the best tooth and its neighbours
+            told = np.take(search.log_place, self.tooth + np.arange(-1, 2), mode="wrap")
+            bend = -np.diff(told, 2)[0]
+            if bend > 0 and not deviation.same_zero:
+                shift = float(np.clip(0.5 * (told[2] - told[0]) / bend, -0.5, 0.5))
+        entry = self.tooth + shift
+        turned = 0.0 if deviation.same_zero else deviation.shift_turns * teeth
+        self.place = round(entry + turned) % teeth + 1, (entry + CONTACT_CENTRE) / teeth % 1.0
+        self.believed = self.believes(self.log_factor, deviation.peak, *matched)
 
     @property
     def mesh_stands_out(self) -> bool:
@@ -128,64 +165,10 @@ class GearEvidence:
         """Whether nothing tells what the load changes: teeth loaded lightly, one reference."""
         return self.deviation.load < FULL_LOAD and not len(self.deviation.bands[0].known)
 
-    @property
-    def tooth(self) -> int:
-        """The tooth that is most likely damaged, from 0, as the recording counts them."""
-        if self.search is not None:
-            return self.search.best
-        return int(np.argmax(self.deviation.by_tooth))
-
-    @cached_property
-    def place(self) -> tuple[int, float]:
-        """That tooth, counted from 1, and the middle of its contact in turns after the angle zero.
-
-        Teeth are counted as `counted_from` tells.
-        """
-        deviation, entry = self.deviation, float(self.tooth)
-        if self.search is not None and not deviation.same_zero:
-            # the maximum of a parabola through the best tooth and its neighbours
-            told = np.take(self.search.log_place, self.tooth + np.arange(-1, 2), mode="wrap")
-            bend = -np.diff(told, 2)[0]
-            shift = 0.5 * (told[2] - told[0]) / bend if bend > 0 else 0.0
-            entry += float(np.clip(shift, -0.5, 0.5))
-        turned = 0.0 if deviation.same_zero else deviation.shift_turns * deviation.teeth
-        position = (entry + CONTACT_CENTRE) / deviation.teeth % 1.0
-        return round(entry + turned) % deviation.teeth + 1, position
-
-    @property
-    def counted_from(self) -> str:
-        """Where teeth are counted from in all recordings.
-
-        "tacho": from the one that enters mesh at the tachometer pulse; "reference": from about
-        where the first healthy recording begins.
-        """
-        return "tacho" if self.deviation.same_zero else "reference"
-
     @cached_property
     def spread(self) -> DepartureSpread | None:
         """How far the departure is one tooth's; None without a template."""
         return departure_spread(self.search) if self.search is not None else None
-
-    @property
-    def log_factor(self) -> float:
-        """Logarithm of the Bayes factor of damage of some tooth against none.
-
-        Without a template that of an event of unknown form: the likelihood ratio of the energy at
-        the best tooth, as a gamma variable, over the teeth that it may be.
-        """
-        if self.search is not None:
-            return self.search.log_gear
-        own = self.deviation
-        shape = max(0.5, 2.0 * own.lines / own.teeth / _OVERDISPERSION)
-        # the meetings of one turn depart together on a healthy machine, too: however many there
-        # are, the largest mean over them scatters as one of them would
-        return self._of_gamma(shape, own.peak)
-
-    @property
-    def believed(self) -> float:
-        """`log_factor`, as far as it is believed."""
-        matched = self.search.matched_event if self.search is not None else (1.0, 0.0)
-        return self.believes(self.log_factor, self.deviation.peak, *matched)
 
     def believes(self, log_factor: float, peak: float, matched: float, directions: float) -> float:
         """Return how much is believed of a log Bayes factor.
@@ -221,33 +204,52 @@ class GearEvidence:
         return float(shape * (peak - 1.0 - np.log(peak)) - np.log(max(1.0, teeth)))
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class ToothFinding:
     """The tooth whose damage explains a deviation best.
 
     Parameters
     ----------
-    best : GearEvidence
-        The gear to blame.
+    searched : tuple of GearEvidence
+        All gears looked at, at least one.
     machine : Machine
         The machine.
     speed_hz : float
         Speed of shaft 1 [Hz].
+
+    Attributes
+    ----------
+    searched, machine, speed_hz
+        As given.
+    best : GearEvidence
+        The gear to blame.
     evidence : float
         The logarithm of the Bayes factor that is believed, largest of all gears.
     rivals : tuple of (str, int, float)
         Gear and stage of others whose patterns show it too, and the logarithm of the factor by
         which the best explains it better.
-    searched : tuple of GearEvidence
-        All gears looked at.
     """
 
-    best: GearEvidence
-    machine: Machine
-    speed_hz: float
-    evidence: float
-    rivals: tuple[tuple[str, int, float], ...]
-    searched: tuple[GearEvidence, ...]
+    def __init__(
+        self, searched: tuple[GearEvidence, ...], machine: Machine, speed_hz: float
+    ) -> None:
+        self.searched, self.machine, self.speed_hz = searched, machine, speed_hz
+        self.best = first = max(searched, key=lambda one: one.believed)
+        self.evidence, rivals = first.believed, list[tuple[str, int, float]]()
+        # those with a template compete by what either should sound like
+        if first.search is not None and first.believed > 0.0:
+            # a gear whose evidence is hardly believed does not compete, however loud it is, unless
+            # it has its lines in common with the first: what stands out in the turn of one does in
+            # either's
+            competing = []
+            for one in searched:
+                sure = one.believed >= _COMPETES * first.believed
+                loud = one.log_factor >= _AS_LOUD * first.log_factor
+                if one.search and (sure or (loud and share_lines(one.search, first.search))):
+                    competing.append(one.search)
+            blamed, others = most_likely(competing, machine, speed_hz)
+            self.best = next(one for one in searched if one.search is blamed)
+            rivals += [(g.difference.gear, g.difference.stage, lead) for g, lead in others]
+        self.rivals = tuple(rivals)
 
     @cached_property
     def loss(self) -> LossEstimate | None:
@@ -281,31 +283,7 @@ def find_tooth(own: Profile, deviation: MachineDeviation, machine: Machine) -> T
     near = min(machine.operating, key=lambda point: abs(point.shaft1_hz - own.speed_hz))
     machine = replace(machine, operating=(replace(near, share=1.0),))
     searched = tuple(_searched(own, deviation, machine))
-    if not searched:
-        return None
-    best = first = max(searched, key=lambda one: one.believed)
-    rivals: tuple[tuple[SearchedGear, float], ...] = ()
-    # those with a template compete by what either should sound like
-    if first.search is not None and first.believed > 0.0:
-        # a gear whose evidence is hardly believed does not compete, however loud it is, unless it
-        # has its lines in common with the first: what stands out in the turn of one does in
-        # either's
-        competing = []
-        for one in searched:
-            sure = one.believed >= _COMPETES * first.believed
-            loud = one.log_factor >= _AS_LOUD * first.log_factor
-            if one.search and (sure or (loud and share_lines(one.search, first.search))):
-                competing.append(one.search)
-        blamed, rivals = most_likely(competing, machine, own.speed_hz)
-        best = next(one for one in searched if one.search is blamed)
-    return ToothFinding(
-        best=best,
-        machine=machine,
-        speed_hz=own.speed_hz,
-        evidence=first.believed,
-        rivals=tuple((gear.difference.gear, gear.difference.stage, lead) for gear, lead in rivals),
-        searched=searched,
-    )
+    return ToothFinding(searched, machine, own.speed_hz) if searched else None
 
 
 def _searched(

@@ -17,7 +17,6 @@ probability of at most 1/x.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -61,7 +60,6 @@ _LEFT_OUT = 0.01
 _MEETS_AGAIN = 0.8
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class SearchedGear:
     """How well damage on each tooth of a gear explains its departure.
 
@@ -71,6 +69,13 @@ class SearchedGear:
         The departure.
     response : ToothResponse
         Expected lines of the gear.
+    speed_hz : float
+        Speed of shaft 1 [Hz].
+    heard : sequence of tuple of ndarray
+        What departs in each band and channel, see `_heard`; at least one.
+
+    Attributes
+    ----------
     log_likelihood : ndarray of float, shape (losses, teeth)
         Logarithm of the likelihood of each of `LOSSES` on each tooth over that of no damage.
     log_place : ndarray of float, shape (teeth,)
@@ -86,17 +91,45 @@ class SearchedGear:
     matched_peak, directions : ndarray of float, shape (losses,)
         What that would be over the one at sound teeth, on average, at a tooth that has lost as
         much, and the directions that tell of it: 1 / sum of squares of their shares.
+    log_tooth : ndarray of float, shape (teeth,)
+        Logarithm of the Bayes factor of each tooth.
+    log_gear : float
+        Logarithm of the Bayes factor of damage on some tooth.
+    best : int
+        Tooth where damage is most likely if there is any, from 0.
     """
 
-    difference: GearDeviation
-    response: ToothResponse
-    log_likelihood: FloatArray
-    log_place: FloatArray
-    expected: FloatArray
-    stands_out: FloatArray
-    matched: FloatArray
-    matched_peak: FloatArray
-    directions: FloatArray
+    def __init__(
+        self,
+        difference: GearDeviation,
+        response: ToothResponse,
+        speed_hz: float,
+        heard: Sequence[_Lines],
+    ) -> None:
+        self.difference, self.response, teeth = difference, response, difference.teeth
+        rotation_hz = difference.order * speed_hz
+        delays = [event_delays(response, rotation_hz, decay_s) for decay_s in DECAY_S]
+        turns = np.exp(2j * np.pi / teeth * np.arange(teeth))
+        size, around = response.amplitude(LOSSES), difference.expected_by_tooth
+        total, expected = np.zeros((2, len(LOSSES), teeth)), np.zeros((5, len(LOSSES)))
+        self.matched = np.zeros(total.shape[1:])
+        for number, rest, signal, noise in _alike(heard, len(LOSSES) * teeth):
+            place = turns[np.arange(teeth)[:, None] * number[:, None] % teeth]
+            turned = place * rest[:, None]
+            unit = signal[:, :, None]
+            roots = (unit * ringing(number * rotation_hz, delay) for delay in delays)
+            each = [_log_likelihood(turned, number, root, size, around, noise) for root in roots]
+            told, mean, energy = zip(*each, strict=True)
+            total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)
+            expected += np.mean(mean, axis=0)
+            self.matched += np.mean(energy, axis=0)
+        self.log_likelihood, self.log_place = total[0], _any_loss(total[1])
+        self.expected, self.stands_out, ratio, weight, squares = expected
+        self.matched_peak = ratio / np.maximum(weight, np.finfo(float).tiny)
+        self.directions = weight**2 / np.maximum(squares, np.finfo(float).tiny)
+        self.log_tooth = _any_loss(self.log_likelihood)
+        self.log_gear = float(log_mean(self.log_tooth[:, None])[0])
+        self.best = int(np.argmax(self.log_place))
 
     @property
     def matched_event(self) -> tuple[float, float]:
@@ -105,21 +138,6 @@ class SearchedGear:
         energy = self.matched[likeliest]
         usual = max(float(np.median(energy)), np.finfo(float).tiny)
         return float(energy[self.best]) / usual, float(self.directions[likeliest])
-
-    @property
-    def log_tooth(self) -> FloatArray:
-        """Logarithm of the Bayes factor of each tooth, shape (teeth,)."""
-        return _any_loss(self.log_likelihood)
-
-    @property
-    def log_gear(self) -> float:
-        """Logarithm of the Bayes factor of damage on some tooth."""
-        return float(log_mean(self.log_tooth[:, None])[0])
-
-    @property
-    def best(self) -> int:
-        """Tooth where damage is most likely if there is any, from 0."""
-        return int(np.argmax(self.log_place))
 
     def log_again(self, times: int) -> float:
         """Logarithm of the Bayes factor of events at equal distances in a turn over one alone.
@@ -169,39 +187,8 @@ def search_gear(
         None if no mesh harmonic calibrates the path.
     """
     path = path_power(difference.mesh_power, response.mesh)
-    rotation_hz = difference.order * speed_hz
-    delays = [event_delays(response, rotation_hz, decay_s) for decay_s in DECAY_S]
-    turns = np.exp(2j * np.pi / difference.teeth * np.arange(difference.teeth))
-    size = response.amplitude(LOSSES)
-    around = difference.expected_by_tooth
-    total = np.zeros((2, len(LOSSES), difference.teeth))
-    expected = np.zeros((5, len(LOSSES)))
-    matched = np.zeros(total.shape[1:])
     heard = list(_heard(difference, response, path))
-    if not heard:
-        return None
-    for number, rest, signal, noise in _alike(heard, len(LOSSES) * difference.teeth):
-        place = turns[np.arange(difference.teeth)[:, None] * number[:, None] % difference.teeth]
-        turned = place * rest[:, None]
-        unit = signal[:, :, None]
-        roots = (unit * ringing(number * rotation_hz, delay) for delay in delays)
-        each = [_log_likelihood(turned, number, root, size, around, noise) for root in roots]
-        told, mean, energy = zip(*each, strict=True)
-        total += _with_unsure_path(log_mean(np.array(told))).sum(axis=0)
-        expected += np.mean(mean, axis=0)
-        matched += np.mean(energy, axis=0)
-    ratio, weight, squares = expected[2:]
-    return SearchedGear(
-        difference=difference,
-        response=response,
-        log_likelihood=total[0],
-        log_place=_any_loss(total[1]),
-        expected=expected[0],
-        stands_out=expected[1],
-        matched=matched,
-        matched_peak=ratio / np.maximum(weight, np.finfo(float).tiny),
-        directions=weight**2 / np.maximum(squares, np.finfo(float).tiny),
-    )
+    return SearchedGear(difference, response, speed_hz, heard) if heard else None
 
 
 _Lines = tuple[NDArray[Any], ...]

@@ -18,7 +18,7 @@ of the fourth to sixth, and held against what it does between healthy recordings
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,7 +58,8 @@ PRIOR_DB, PRIOR_WORTH = 1.2, 10.0
 SLOPE_DB = 8.0
 # Sidebands held against the first and the second.
 _OTHERS = slice(3, 6)
-_KINDS = ("eccentricity", "misalignment")
+# What growth once or twice a turn away from the mesh is most like.
+_KINDS = (("once", "eccentricity"), ("twice", "misalignment"))
 _TINY = np.finfo(float).tiny
 
 
@@ -263,8 +264,7 @@ def turn_changes(
 def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray]:
     """Levels by channel, mesh harmonic and distance from it, 0 to 6, and their variances."""
     lines = GearPattern.of(wheel, int(wheel.number.max()))
-    own = slice(lines.channels)
-    power, variance = np.abs(lines.amplitude[own]) ** 2, lines.variance[own]
+    power, variance = np.abs(lines.amplitude[0]) ** 2, lines.variance[0]
     usable = lines.usable[0].copy()
     centre = wheel.teeth * np.arange(1, harmonics + 1)
     usable[centre] = True
@@ -279,49 +279,50 @@ def _levels(wheel: WheelPattern, harmonics: int) -> tuple[FloatArray, FloatArray
     return 10 * np.log10(clean), scatter**2
 
 
-@dataclass(frozen=True, kw_only=True)
 class RunoutGrowth:
     """Growth of the sidebands of one gear that are once or twice a turn away from the mesh.
 
     Parameters
     ----------
-    stage : int
-        Stage, from 1.
-    gear : str
-        Gear.
-    times : {1, 2}
-        Turns away from the mesh harmonics of what grew most.
-    change_db : float
-        Change of these sidebands [dB].
-    others_db : float
-        Change of the fourth to sixth [dB].
+    key : (int, str)
+        Stage, from 1, and gear.
+    change : ndarray of float, shape (6,)
+        Changes of its sidebands, see `turn_changes` [dB].
     sigma_db : float
-        Standard deviation of the difference on a healthy machine [dB].
+        Standard deviation of the growth on a healthy machine [dB].
+    worth : float
+        Degrees of freedom of that.
+    places : int
+        How many such growths are looked at.
+
+    Attributes
+    ----------
+    stage, gear, sigma_db
+        As given.
+    kind : str
+        What it is most like.
+    change_db, others_db : float
+        Change of these sidebands, and of the fourth to sixth [dB].
     log10_probability : float
         Logarithm of the probability that any gear of a healthy machine shows as much.
+    evidence : tuple of str
+        Sentences that can be checked on the pictures.
     """
 
-    stage: int
-    gear: str
-    times: int
-    change_db: float
-    others_db: float
-    sigma_db: float
-    log10_probability: float
-
-    @property
-    def kind(self) -> str:
-        """What it is most like."""
-        return _KINDS[self.times - 1]
-
-    @property
-    def evidence(self) -> tuple[str, ...]:
-        """Sentences that can be checked on the pictures."""
-        once = ("once", "twice")[self.times - 1]
-        return (
+    def __init__(
+        self, key: tuple[int, str], change: FloatArray, sigma_db: float, worth: float, places: int
+    ) -> None:
+        (self.stage, self.gear), self.sigma_db = key, sigma_db
+        contrast = _contrast(change)
+        first = int(np.argmax(contrast))
+        self.change_db, self.others_db = float(change[first]), float(np.mean(change[_OTHERS]))
+        chance = places * max(float(stdtr(worth, -contrast[first] / sigma_db)), 1e-300)
+        self.log10_probability = min(0.0, float(np.log10(chance)))
+        once, self.kind = _KINDS[first]
+        self.evidence = (
             f"sidebands {once} the rotation of the {self.gear} of stage {self.stage} away from the "
             f"mesh harmonics changed by {self.change_db:+.1f} dB, those four to six turns away by "
-            f"{self.others_db:+.1f} dB; scatter {self.sigma_db:.1f} dB",
+            f"{self.others_db:+.1f} dB; scatter {sigma_db:.1f} dB",
         )
 
 
@@ -357,22 +358,8 @@ def runout_growth(
     square = PRIOR_WORTH * PRIOR_DB**2
     square += len(healthy) * float(np.mean(np.square(seen))) if seen else 0.0
     sigma = float(np.sqrt(square / worth + (SLOPE_DB * gap) ** 2))
-    places, found = 2 * len(sidebands), []
-    for (stage, gear), change in sidebands.items():
-        contrast = _contrast(change)
-        first = int(np.argmax(contrast))
-        chance = places * max(float(stdtr(worth, -contrast[first] / sigma)), 1e-300)
-        found.append(
-            RunoutGrowth(
-                stage=stage,
-                gear=gear,
-                times=first + 1,
-                change_db=float(change[first]),
-                others_db=float(np.mean(change[_OTHERS])),
-                sigma_db=sigma,
-                log10_probability=min(0.0, float(np.log10(chance))),
-            )
-        )
+    places = 2 * len(sidebands)
+    found = (RunoutGrowth(key, own, sigma, worth, places) for key, own in sidebands.items())
     return tuple(sorted(found, key=lambda growth: growth.log10_probability))
 
 

@@ -102,44 +102,34 @@ def in_units(states: FloatArray, share: float) -> FloatArray:
     return np.asarray(states / unit)
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Kriging:
-    """Prediction of a healthy quantity at a state.
+    """Prediction of a healthy quantity at a state from references.
 
     Parameters
+    ----------
+    known : ndarray of float, shape (references, coordinates)
+        Their states [units].
+    state : ndarray of float, shape (coordinates,)
+        Where to predict.
+    scatter : float, > 0
+        Standard deviation from one healthy recording to the next at the same state.
+    slope : float, >= 0
+        Standard deviation of the change per unit of state.
+
+    Attributes
     ----------
     weights : ndarray of float, shape (references,)
         Of each reference in the prediction; their sum is 1.
     parts : ndarray of float, shape (1 + coordinates,)
         Variance of the quantity about the prediction: by scatter from recording to recording, and
         by what changes with each coordinate of the state. Noise of the measurement comes on top.
+    spread : float
+        Their sum.
     """
 
-    weights: FloatArray
-    parts: FloatArray
-
-    @property
-    def spread(self) -> float:
-        """Variance of the quantity about the prediction."""
-        return float(self.parts.sum())
-
-    @classmethod
-    def of(
-        cls, known: FloatArray, state: FloatArray, scatter: float = 0.06, slope: float = 0.5
-    ) -> Kriging:
-        """Predict at a state from references.
-
-        Parameters
-        ----------
-        known : ndarray of float, shape (references, coordinates)
-            Their states [units].
-        state : ndarray of float, shape (coordinates,)
-            Where to predict.
-        scatter : float, > 0
-            Standard deviation from one healthy recording to the next at the same state.
-        slope : float, >= 0
-            Standard deviation of the change per unit of state.
-        """
+    def __init__(
+        self, known: FloatArray, state: FloatArray, scatter: float = 0.06, slope: float = 0.5
+    ) -> None:
         count, size = len(known), (slope * LENGTH) ** 2
         # the state itself stands last
         states = np.vstack([known, state])
@@ -148,13 +138,13 @@ class Kriging:
         system = shared + scatter**2 * np.eye(count + 1)
         system[count], system[:, count], system[count, count] = 1.0, 1.0, 0.0
         right = np.append(shared[:count, count], 1.0)
-        weights = np.linalg.solve(system, right)[:count]
+        self.weights = weights = np.linalg.solve(system, right)[:count]
         # variance of the prediction less the truth, and what each coordinate alone would make of it
         apart = np.append(weights, -1.0)
         each = np.maximum(apart @ (size * np.exp(-0.5 * far)) @ apart, 0.0)
         each *= max(apart @ shared @ apart, 0.0) / max(each.sum(), np.finfo(float).tiny)
-        parts = [scatter**2 * (1.0 + weights @ weights), *each]
-        return cls(weights=weights, parts=np.array(parts))
+        self.parts = np.array([scatter**2 * (1.0 + weights @ weights), *each])
+        self.spread = float(self.parts.sum())
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -453,7 +443,7 @@ class GearLaw:
 
         Returns
         -------
-        departures : ndarray of complex, shape (references, rows, top + 1)
+        departures : ndarray of complex, shape (references, sides, channels, top + 1)
             Whitened, on the grid of their patterns.
         scales : dict of (int, int) to ndarray of float, shape (parts, channels)
             Variances of departures over their priors, by side and harmonic of the band. Where they
@@ -470,10 +460,9 @@ class GearLaw:
             rest = np.delete(every, row)
             known = tuple(self.patterns[n] for n in rest)
             others = replace(self, patterns=known, states=self.states[rest])
-            pattern, parts = others._predicted(self.states[row])
+            pattern, parts = others._predicted(self.states[row], grid.top)
             for band in others._bands(self.patterns[row], pattern, parts, (departures[:0], {})):
-                first = _SIDES.index(band.side) * grid.channels
-                own[first : first + grid.channels, band.number] = band.rest
+                own[_SIDES.index(band.side)][:, band.number] = band.rest
                 told = parts / parts.sum(), np.mean(np.abs(band.rest) ** 2, axis=1)
                 found.setdefault((band.side, band.harmonic), []).append(told)
         scales = {}
@@ -505,16 +494,14 @@ class GearLaw:
         """
         top = min(self.patterns[0].top, int(wheel.number.max(initial=0)))
         new = GearPattern.of(wheel, top)
-        known, parts = self._predicted(state)
-        known = known.up_to(top)
+        known, parts = self._predicted(state, top)
         known, angle = (known, 0.0) if same_zero else known.turned_to(new, wheel.teeth)
         known = known.modulated_as(new, wheel.teeth)
         turn = np.exp(2j * np.pi * angle * np.arange(top + 1))
         departures, scales = self._learned
-        learned = departures[:, :, : top + 1] * turn, scales
+        learned = departures[..., : top + 1] * turn, scales
         bands = tuple(self._bands(new, known, parts, learned))
-        lines = new.amplitude[:, :: wheel.teeth]
-        meshes = np.abs(lines) ** 2
+        lines = new.amplitude[..., :: wheel.teeth]
         if not bands:
             return None
         return GearDeviation(
@@ -524,19 +511,19 @@ class GearLaw:
             order=wheel.order,
             bands=bands,
             # planets may put a mesh harmonic a turn of the carrier beside its place
-            mesh_power=meshes.reshape(-1, new.channels, meshes.shape[1]).sum(axis=0),
+            mesh_power=(np.abs(lines) ** 2).sum(axis=0),
             shift_turns=angle,
-            mesh_lines=None if len(wheel.beside) else lines,
+            mesh_lines=None if len(wheel.beside) else lines[0],
             light=max(0.0, float(self.states[:, 0].min() - state[0])),
             load=self.load,
             same_zero=same_zero,
         )
 
-    def _predicted(self, state: FloatArray) -> tuple[GearPattern, FloatArray]:
-        """Healthy pattern at a state, and the parts of the variance of departures from it."""
+    def _predicted(self, state: FloatArray, top: int) -> tuple[GearPattern, FloatArray]:
+        """Healthy pattern at a state up to a line, and the parts of the variance beside it."""
         known, new = in_units(self.states, self.load), in_units(state, self.load)
-        kriging = Kriging.of(known, new, _SCATTER, _SLOPE)
-        return GearPattern.combined(self.patterns, kriging.weights), kriging.parts
+        kriging = Kriging(known, new, _SCATTER, _SLOPE)
+        return GearPattern.combined(self.patterns, kriging.weights, top), kriging.parts
 
     def _bands(
         self, new: GearPattern, known: GearPattern, parts: FloatArray, learned: _Learned
@@ -551,17 +538,16 @@ class GearLaw:
             far = np.abs(offset) > NEAR
             if far.sum() < LEAST_LINES:
                 continue
-            rows = slice(place * new.channels, (place + 1) * new.channels)
-            scale = scales.get((side, harmonic), np.ones((len(parts), new.channels)))
-            healthy = known.amplitude[rows, use]
-            noise = new.variance[rows, use] + known.variance[rows, use]
+            scale = scales.get((side, harmonic), np.ones((len(parts), new.amplitude.shape[1])))
+            healthy = known.amplitude[place][:, use]
+            noise = new.variance[place][:, use] + known.variance[place][:, use]
             # mean power of the lines about each, the mesh harmonic left out
             told, window = (offset != 0).astype(float), np.ones(2 * _BESIDE + 1)
             total = convolve1d(told * np.abs(healthy) ** 2, window, mode="constant")
             loudness = total / np.maximum(convolve1d(told, window, mode="constant"), 1.0)
             deviation = np.sqrt(noise + (parts @ scale)[:, None] * loudness)
             pattern = healthy / deviation
-            rest = new.amplitude[rows, use] / deviation - pattern
+            rest = new.amplitude[place][:, use] / deviation - pattern
             yield BandDeviation(
                 harmonic=harmonic,
                 number=use[far],
@@ -569,7 +555,7 @@ class GearLaw:
                 deviation=deviation[:, far],
                 noise=np.sqrt(noise[:, far]),
                 pattern=pattern[:, far],
-                known=departures[:, rows, use[far]],
+                known=departures[:, place][..., use[far]],
                 changing=1.0 - float(parts[0] * scale[0].sum() / (parts @ scale).sum()),
                 side=side,
             )

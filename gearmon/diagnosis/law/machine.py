@@ -12,7 +12,7 @@ depart farther from one another's predictions.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -53,52 +53,43 @@ _TOLD, _ROUNDS = 0.15, 5
 SPEED_UNIT, FLUCTUATION_UNIT = 0.03, 0.05
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class StateGauge:
     """Tells the operating state of recordings, relative to the first reference.
 
+    Learns from the references how the mesh harmonics of this machine follow its load: in proportion
+    where teeth are loaded fully. Of teeth that are loaded less one factor is fitted to the changes
+    from the first reference, with a prior of equal parts: as teeth leave contact some harmonics
+    fall to a third and some double while the load is halved.
+
     Parameters
     ----------
-    base : Profile
-        The first reference, at the origin.
+    profiles : sequence of Profile
+        The references, in the same channels; the first is at the origin.
+    share : float, > 0
+        How the teeth are loaded that are loaded least (`gears.mechanics.load_share`).
+
+    Attributes
+    ----------
     direction : ndarray of float, shape (channels, families)
         How the level of each mesh harmonic changes with the load, over the root mean square of all.
+
+    Notes
+    -----
+    Seven simulated machines at 17 and 42 N/mm, loads 0.5 to 1.0: the median of the harmonics was
+    off the load by 0.06 to 0.30 Np, and of one machine it was the same at 0.75 and at 0.5. Learned
+    from three references it is off by 0.01 to 0.04 Np, at loads between them too, and of the
+    healthy pairs told of at `FULL_LOAD` 5 are called faults instead of 17. On a real rig of unknown
+    torque harmonics change in all directions, and what two references at neighbouring loads would
+    teach is chance.
     """
 
-    base: Profile
-    direction: FloatArray
-
-    @classmethod
-    def of(cls, profiles: Sequence[Profile], share: float) -> StateGauge:
-        """Learn from the references how the mesh harmonics of this machine follow its load.
-
-        In proportion where teeth are loaded fully. Of teeth that are loaded less one factor is
-        fitted to the changes from the first reference, with a prior of equal parts: as teeth leave
-        contact some harmonics fall to a third and some double while the load is halved.
-
-        Parameters
-        ----------
-        profiles : sequence of Profile
-            The references, in the same channels.
-        share : float, > 0
-            How the teeth are loaded that are loaded least (`gears.mechanics.load_share`).
-
-        Notes
-        -----
-        Seven simulated machines at 17 and 42 N/mm, loads 0.5 to 1.0: the median of the harmonics
-        was off the load by 0.06 to 0.30 Np, and of one machine it was the same at 0.75 and at 0.5.
-        Learned from three references it is off by 0.01 to 0.04 Np, at loads between them too, and
-        of the healthy pairs told of at `FULL_LOAD` 5 are called faults instead of 17. On a real rig
-        of unknown torque harmonics change in all directions, and what two references at
-        neighbouring loads would teach is chance.
-        """
-        base = profiles[0]
-        direction = np.ones((len(base.level_db), len(base.family_names)))
-        gauge = cls(base=base, direction=direction)
+    def __init__(self, profiles: Sequence[Profile], share: float) -> None:
+        self.base = base = profiles[0]
+        self.direction = direction = np.ones((len(base.level_db), len(base.family_names)))
         unit = load_unit(share)
         if unit == 1.0:
-            return gauge
-        changes = np.array([gauge._changes(profile) for profile in profiles])
+            return
+        changes = np.array([self._changes(profile) for profile in profiles])
         heard = ~np.isnan(changes)
         prior = _TOLD**2 / (1.0 - unit)
         for _ in range(_ROUNDS):
@@ -106,7 +97,7 @@ class StateGauge:
             direction = np.sum(np.where(heard, load * changes, 0.0), axis=0) + prior
             direction /= np.sum(heard * load**2, axis=0) + prior
             direction /= np.sqrt(np.mean(direction[heard[0]] ** 2)) if heard.any() else 1.0
-        return replace(gauge, direction=direction)
+        self.direction = direction
 
     def state(self, profile: Profile) -> FloatArray:
         """Place a recording in the space of operating states.
@@ -233,7 +224,7 @@ def _predicted(
     healthy: Sequence[Levels], states: FloatArray, at: FloatArray, prior: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
     """Levels that references let expect at a state, and their variances [dB, dB^2]."""
-    kriging = Kriging.of(states, at, *prior)
+    kriging = Kriging(states, at, *prior)
     mean = np.tensordot(kriging.weights, [one.level_db for one in healthy], 1)
     error = np.tensordot(kriging.weights**2, [one.error_db**2 for one in healthy], 1)
     return mean, error + _DB**2 * kriging.spread
@@ -300,7 +291,6 @@ class MachineDeviation:
     broadband: LevelDeviation | None
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
 class HealthyMachine:
     """The law of one machine.
 
@@ -308,6 +298,11 @@ class HealthyMachine:
     ----------
     reference : Reference
         The healthy recordings.
+    machine : Machine
+        The machine.
+
+    Attributes
+    ----------
     gauge : StateGauge
         Tells operating states.
     states : ndarray of float, shape (references, 3)
@@ -318,20 +313,12 @@ class HealthyMachine:
         How the teeth of the stage that is loaded least are loaded (`gears.mechanics.load_share`).
     """
 
-    reference: Reference
-    gauge: StateGauge
-    states: FloatArray
-    gears: tuple[GearLaw, ...]
-    lightest: float
-
-    @classmethod
-    def of(cls, reference: Reference, machine: Machine) -> HealthyMachine:
-        """Build the law of a machine from a reference."""
-        profiles = reference.profiles
-        gears: list[GearLaw] = []
+    def __init__(self, reference: Reference, machine: Machine) -> None:
+        self.reference, profiles, gears = reference, reference.profiles, list[GearLaw]()
         loads = [load_share(machine, number + 1) for number in range(len(machine.stages))]
-        gauge = StateGauge.of(profiles, min(loads))
-        states = np.array([gauge.state(profile) for profile in profiles])
+        self.lightest = min(loads)
+        self.gauge = StateGauge(profiles, self.lightest)
+        self.states = states = np.array([self.gauge.state(profile) for profile in profiles])
         for wheel in profiles[0].wheels:
             same = [found for p in profiles if (found := wheel.same_in(p.wheels))]
             if len(same) < len(profiles) or not all(len(one.number) for one in same):
@@ -343,9 +330,7 @@ class HealthyMachine:
             gears.append(
                 GearLaw(wheel=wheel, patterns=patterns, states=states, load=load, indexed=indexed)
             )
-        return cls(
-            reference=reference, gauge=gauge, states=states, gears=tuple(gears), lightest=min(loads)
-        )
+        self.gears = tuple(gears)
 
     def deviation(self, own: Profile, left_out: Sequence[str] = ()) -> MachineDeviation:
         """Hold a recording against the law.

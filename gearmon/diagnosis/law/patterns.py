@@ -65,57 +65,48 @@ class GearPattern:
 
     Parameters
     ----------
-    amplitude : ndarray of complex, shape (rows, top + 1)
-        Lines; 0 where none was measured. A row for each channel or, where planets pass the sensor,
-        three: of the lines themselves, then of those beside them (`WheelPattern.beside`).
-    variance : ndarray of float, shape (rows, top + 1)
+    amplitude : ndarray of complex, shape (sides, channels, top + 1)
+        Lines; 0 where none was measured. One side, the lines themselves; where planets pass the
+        sensor, two more of those beside them (`WheelPattern.beside`).
+    variance : ndarray of float, shape (sides, channels, top + 1)
         Mean square error of each.
-    usable : ndarray of bool, shape (1 or 3, top + 1)
+    usable : ndarray of bool, shape (sides, top + 1)
         Whether the line was measured there and is no mesh harmonic of any stage.
-    channels : int
-        Number of channels.
     """
 
     amplitude: ComplexArray
     variance: FloatArray
     usable: NDArray[np.bool_]
-    channels: int
 
     @classmethod
     def of(cls, wheel: WheelPattern, top: int) -> GearPattern:
         """Return the pattern up to a multiple of the rotation."""
-        inside = wheel.number <= top
+        inside, tiny = wheel.number <= top, np.finfo(float).tiny
         number = wheel.number[inside]
-        lines = np.concatenate([own[:, inside] for own in (wheel.amplitude, *wheel.beside)])
-        beside = [own[:, inside] for own in wheel.beside_variance]
-        own = np.maximum(wheel.variance[:, inside], np.finfo(float).tiny)
-        amplitude = np.zeros((len(lines), top + 1), dtype=complex)
-        variance = np.ones((len(lines), top + 1))
-        usable = np.zeros((1 + len(beside), top + 1), dtype=bool)
-        amplitude[:, number] = lines
-        variance[:, number] = np.concatenate([own, *(np.where(e > 0, e, 1.0) for e in beside)])
-        usable[:, number] = [~wheel.mesh[inside], *(np.all(e > 0, axis=0) for e in beside)]
-        return cls(amplitude=amplitude, variance=variance, usable=usable, channels=len(own))
+        lines = np.stack([wheel.amplitude, *wheel.beside])[..., inside]
+        error = np.stack([np.maximum(wheel.variance, tiny), *wheel.beside_variance])[..., inside]
+        amplitude = np.zeros((*lines.shape[:2], top + 1), dtype=complex)
+        variance, usable = np.ones(amplitude.shape), np.zeros((len(lines), top + 1), dtype=bool)
+        amplitude[..., number], variance[..., number] = lines, np.where(error > 0, error, 1.0)
+        usable[:, number] = [~wheel.mesh[inside], *np.all(error[1:] > 0, axis=1)]
+        return cls(amplitude=amplitude, variance=variance, usable=usable)
 
     @classmethod
-    def combined(cls, patterns: Sequence[GearPattern], weights: FloatArray) -> GearPattern:
-        """Return the weighted sum of patterns of the same lines."""
-        return replace(
-            patterns[0],
-            amplitude=np.tensordot(weights, [p.amplitude for p in patterns], 1),
-            variance=np.tensordot(weights**2, [p.variance for p in patterns], 1),
-            usable=np.logical_and.reduce([p.usable for p in patterns]),
+    def combined(
+        cls, patterns: Sequence[GearPattern], weights: FloatArray, top: int
+    ) -> GearPattern:
+        """Return the weighted sum of patterns, up to a multiple that all of them reach."""
+        own = slice(top + 1)
+        return cls(
+            amplitude=np.tensordot(weights, [p.amplitude[..., own] for p in patterns], 1),
+            variance=np.tensordot(weights**2, [p.variance[..., own] for p in patterns], 1),
+            usable=np.logical_and.reduce([p.usable[:, own] for p in patterns]),
         )
 
     @property
     def top(self) -> int:
         """Highest multiple of the rotation."""
         return int(self.usable.shape[1]) - 1
-
-    def up_to(self, top: int) -> GearPattern:
-        """Return the pattern up to a lower multiple of the rotation."""
-        whole = {name: getattr(self, name) for name in ("amplitude", "variance", "usable")}
-        return replace(self, **{name: own[:, : top + 1] for name, own in whole.items()})
 
     def turned(self, angle: float) -> GearPattern:
         """Return the same pattern `angle` turns later."""
@@ -133,16 +124,14 @@ class GearPattern:
         other = turning(self, new, teeth, NEAR) if len(self.usable) == 1 else angle
         if abs((other - angle + 0.5) % 1.0 - 0.5) * teeth >= _ANOTHER:
             both = (self.turned(each).modulated_as(new, teeth) for each in (angle, other))
-            left = [_Pair.of(known, new, teeth, NEAR).left(np.zeros(1))[0] for known in both]
+            left = [_Pair(known, new, teeth, NEAR).left(np.zeros(1))[0] for known in both]
             angle = other if left[1] < _LEFT * left[0] else angle
         found = self.turned(angle)
         told = found.amplitude.conj() * new.amplitude / (found.variance + new.variance)
-        told = told.reshape(len(self.usable), self.channels, -1).sum(axis=1)
-        phase = np.where(self.usable & new.usable, told, 0.0).sum(axis=1)
+        phase = np.where(self.usable & new.usable, told.sum(axis=1), 0.0).sum(axis=1)
         phase[0] = 1.0
         phase /= np.maximum(np.abs(phase), np.finfo(float).tiny)
-        turned = found.amplitude * np.repeat(phase, self.channels)[:, None]
-        return replace(found, amplitude=turned), angle
+        return replace(found, amplitude=found.amplitude * phase[:, None, None]), angle
 
     def modulated_as(self, new: GearPattern, teeth: int) -> GearPattern:
         """Return the same pattern, modulated as another is: of a gear that turns as unevenly.
@@ -179,43 +168,34 @@ class GearPattern:
         harmonics = (self.top + 1 - first) // teeth
         if len(self.usable) > 1 or harmonics < _HARMONICS or teeth <= 2 * _PULSES:
             return self
-        inside, shape = slice(first, first + harmonics * teeth), (self.channels, harmonics, teeth)
-        own, other = (each.amplitude[:, inside].reshape(shape) for each in (self, new))
-        noise = (self.variance + new.variance)[:, inside].reshape(shape)
+        inside = slice(first, first + harmonics * teeth)
+        shape = (-1, harmonics, teeth)
+        own, other = (each.amplitude[0, :, inside].reshape(shape) for each in (self, new))
+        noise = (self.variance + new.variance)[0, :, inside].reshape(shape)
         bands = _Bands(own, other, noise)
         common = bands.common()
         if not common.any():
             return self
         moved = bands.modulated(common + bands.beyond(common)) - own
-        change = np.where(own != 0, moved, 0.0).reshape(self.channels, -1)
+        change = np.where(own != 0, moved, 0.0).reshape(len(own), -1)
         amplitude, variance = self.amplitude.copy(), self.variance.copy()
-        amplitude[:, inside] += change
-        variance[:, inside] += np.abs(change) ** 2
+        amplitude[0, :, inside] += change
+        variance[0, :, inside] += np.abs(change) ** 2
         return replace(self, amplitude=amplitude, variance=variance)
 
 
-@dataclass(frozen=True, eq=False)
 class _Bands:
-    """Lines about each mesh harmonic of two patterns, shape (channels, harmonics, teeth)."""
+    """Lines about each mesh harmonic of two patterns, shape (channels, harmonics, teeth).
 
-    own: ComplexArray
-    other: ComplexArray
-    noise: FloatArray
+    The mesh harmonic is in their `middle`; `mesh` is the other's, 0 where one of both is not heard.
+    Own bands `around` the turn have two steps a tooth.
+    """
 
-    @property
-    def middle(self) -> int:
-        """Where the mesh harmonic is."""
-        return int(self.own.shape[2]) // 2
-
-    @cached_property
-    def mesh(self) -> ComplexArray:
-        """The other's mesh harmonics; 0 where one of both is not heard."""
-        return np.where(self.own[:, :, self.middle] != 0, self.other[:, :, self.middle], 0.0)
-
-    @cached_property
-    def around(self) -> ComplexArray:
-        """Own bands around the turn, at two steps a tooth."""
-        return np.asarray(np.fft.ifft(self.own, 2 * self.own.shape[2]))
+    def __init__(self, own: ComplexArray, other: ComplexArray, noise: FloatArray) -> None:
+        self.own, self.other, self.noise = own, other, noise
+        self.middle = middle = own.shape[2] // 2
+        self.mesh = np.where(own[:, :, middle] != 0, other[:, :, middle], 0.0)
+        self.around = np.fft.ifft(own, 2 * own.shape[2])
 
     def modulated(self, exponent: ComplexArray) -> ComplexArray:
         """Own lines times exp of a course, whose lines -_PULSES .. _PULSES are given."""
@@ -329,7 +309,7 @@ def turning(known: GearPattern, new: GearPattern, teeth: int, beyond: int = 0) -
         pattern to whichever healthy tooth departs most. Where none is clear, that at which the
         pattern and one event leave least together.
     """
-    pair = _Pair.of(known, new, teeth, beyond)
+    pair = _Pair(known, new, teeth, beyond)
     if not pair.bands:
         return 0.0
     angles = pair.likely_angles()
@@ -341,34 +321,30 @@ def turning(known: GearPattern, new: GearPattern, teeth: int, beyond: int = 0) -
         return angle
     # an event that is loud, or of several teeth, leaks to all the others
     beside = replace(new, amplitude=new.amplitude - event)
-    angles = np.append(angles, _Pair.of(known, beside, teeth, beyond).likely_angles())
+    angles = np.append(angles, _Pair(known, beside, teeth, beyond).likely_angles())
     return float(angles[int(np.argmin(pair.beside_event(angles)))])
 
 
-@dataclass(frozen=True, eq=False)
 class _Pair:
     """A healthy pattern and a new one, about the mesh harmonics whose lines both have.
 
-    Numbers of the lines of each band, healthy and new lines over the standard deviation of what
-    differs, and that deviation.
+    `bands` are those in which so many lines are shared that they tell anything: numbers of the
+    lines, healthy and new ones over the standard deviation of what differs, and that deviation, all
+    sides and channels together.
     """
 
-    bands: Sequence[tuple[IntArray, ComplexArray, ComplexArray, FloatArray]]
-    new: GearPattern
-    teeth: int
-
-    @classmethod
-    def of(cls, known: GearPattern, new: GearPattern, teeth: int, beyond: int) -> _Pair:
-        """Take the bands in which so many lines are shared that they tell anything."""
+    def __init__(self, known: GearPattern, new: GearPattern, teeth: int, beyond: int) -> None:
+        self.new, self.teeth, every = new, teeth, (-1, new.top + 1)
         usable = new.usable[0] & known.usable[0]
         away = (np.arange(len(usable)) + teeth // 2) % teeth - teeth // 2
-        usable, scale = usable & (np.abs(away) > beyond), np.sqrt(new.variance + known.variance)
-        both, bands = (known.amplitude / scale, new.amplitude / scale, scale), []
+        scale = np.sqrt(new.variance + known.variance)
+        both = known.amplitude / scale, new.amplitude / scale, scale
+        rows, bands = [own.reshape(every) for own in both], []
         for band in mesh_bands(teeth, new.top):
-            use = band[usable[band]]
+            use = band[usable[band] & (np.abs(away[band]) > beyond)]
             if len(use) >= LEAST_LINES:
-                bands.append((use, *(own[:, use] for own in both)))
-        return cls(bands, new, teeth)
+                bands.append((use, *(own[:, use] for own in rows)))
+        self.bands = bands
 
     def left(self, angles: FloatArray) -> FloatArray:
         """Mean energy left at most of the teeth, the quietest, for each angle."""
@@ -415,11 +391,11 @@ class _Pair:
         (place,), (out,) = self._events(np.array([angle]))
         if out < _EVENT:
             return None
-        event = np.zeros_like(self.new.amplitude)
+        event = np.zeros(self.new.amplitude.reshape(-1, self.new.top + 1).shape, dtype=complex)
         for (band, _, value, scale), waves in zip(self.bands, self._waves, strict=True):
             turn = np.exp(2j * np.pi * place * band)
             event[:, band] = _along(waves, value * turn) / turn * scale
-        return event
+        return event.reshape(self.new.amplitude.shape)
 
     def beside_event(self, angles: FloatArray) -> FloatArray:
         """Energy that the healthy pattern and one event together leave, for each angle."""
@@ -477,7 +453,7 @@ def turned_alike(wheels: Sequence[WheelPattern], *, same_zero: bool) -> tuple[Ge
         pattern = GearPattern.of(wheel, top)
         if found and not same_zero:
             # the mean of those that are turned already: it is surer than any one
-            mean = GearPattern.combined(found, np.full(len(found), 1.0 / len(found)))
+            mean = GearPattern.combined(found, np.full(len(found), 1.0 / len(found)), top)
             pattern, _ = pattern.turned_to(mean, wheel.teeth)
         found.append(pattern.modulated_as(found[0], wheel.teeth) if found else pattern)
     return tuple(found)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from functools import cache
 
@@ -402,7 +403,8 @@ def test_an_event_that_comes_again_tells_as_much_as_each_of_its_places():
     match = of_whole_ratio((1.0, 0.0, 0.0), 0)["gear"]
     told = np.full(60, -30.0)
     told[[4, 24, 44]] = 50.0, 9.0, 2.0
-    places = replace(match, log_likelihood=np.broadcast_to(told, match.log_likelihood.shape))
+    places = copy(match)
+    places.log_tooth = told
     assert places.log_again(3) == pytest.approx(
         np.log([0.8 * np.exp(v) + 0.2 for v in (9, 2)]).sum()
     )

@@ -146,11 +146,13 @@ def test_the_standard_deviation_is_that_of_a_difference_from_a_mean():
 def test_of_lightly_loaded_teeth_a_change_of_load_lets_expect_more(share):
     healthy = learn([recording(load=1.0)], machine())
     new = Profile.of(measure_signature(recording(load=0.7, seed=5), machine()))
-    law = HealthyMachine.of(healthy, machine())
+    law = HealthyMachine(healthy, machine())
 
     def held_at(load):
-        gears = tuple(replace(own, load=load) for own in law.gears)
-        return replace(law, lightest=load, gears=gears).deviation(new)
+        own = HealthyMachine(healthy, machine())
+        own.gears = tuple(replace(one, load=load) for one in law.gears)
+        own.lightest = load
+        return own.deviation(new)
 
     full, light = held_at(np.inf), held_at(FULL_LOAD * share)
     assert full.gap == light.gap > 0.2

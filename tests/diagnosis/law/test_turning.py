@@ -21,10 +21,9 @@ def complex_noise(rng, *shape):
 
 def pattern(lines, noise, rng):
     return GearPattern(
-        amplitude=lines + noise * complex_noise(rng, *lines.shape),
-        variance=np.full(lines.shape, max(noise, 1e-6) ** 2),
+        amplitude=(lines + noise * complex_noise(rng, *lines.shape))[None],
+        variance=np.full((1, *lines.shape), max(noise, 1e-6) ** 2),
         usable=((NUMBER > 0) & (NUMBER % TEETH > 0))[None],
-        channels=2,
     )
 
 
@@ -77,7 +76,7 @@ def test_nothing_healthy_to_turn_is_no_error(event):
 def test_a_sum_of_patterns_has_the_errors_of_a_sum():
     (one, _), (other, _) = pair(1, 0.0, noise=0.1), pair(2, 0.0, noise=0.3)
     other = replace(other, usable=other.usable & (NUMBER > TEETH))
-    found = GearPattern.combined([one, other], np.array([0.25, 0.75]))
+    found = GearPattern.combined([one, other], np.array([0.25, 0.75]), TOP)
     assert found.amplitude == pytest.approx(0.25 * one.amplitude + 0.75 * other.amplitude)
     assert found.variance == pytest.approx(0.25**2 * 0.1**2 + 0.75**2 * 0.3**2)
     assert np.array_equal(found.usable, other.usable)
@@ -85,10 +84,10 @@ def test_a_sum_of_patterns_has_the_errors_of_a_sum():
 
 def test_a_pattern_up_to_a_line_has_that_line_and_none_beyond():
     known, _ = pair(3, 0.0)
-    short = known.up_to(TEETH)
+    short = GearPattern.combined([known], np.ones(1), TEETH)
     assert short.top == TEETH
-    assert np.array_equal(short.amplitude, known.amplitude[:, : TEETH + 1])
-    assert short.variance.shape == (2, TEETH + 1)
+    assert np.array_equal(short.amplitude, known.amplitude[..., : TEETH + 1])
+    assert short.variance.shape == (1, 2, TEETH + 1)
 
 
 @pytest.mark.parametrize("steps", [TOP + 1, 256])

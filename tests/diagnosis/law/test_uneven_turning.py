@@ -69,7 +69,7 @@ def patterns(known, new):
 def off(known, new):
     """Departure beyond the near sidebands, over what the noise of both explains."""
     far = np.abs((NUMBER + TEETH // 2) % TEETH - TEETH // 2) > 2
-    apart = np.abs(known.amplitude - new.amplitude)[:, NUMBER[far]] ** 2
+    apart = np.abs(known.amplitude - new.amplitude)[..., NUMBER[far]] ** 2
     return float(np.mean(apart) / (4 * NOISE**2))
 
 
