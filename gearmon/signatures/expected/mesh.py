@@ -60,8 +60,6 @@ _TOLD: tuple[str, ...] = ("stage", "mesh", "mesh_frequency_hz", "force_n")
 _TOLD += ("natural_frequency_hz", "damping_ratio", "equivalent_mass_kg", "damping_ns_per_m")
 # Sensors of acoustic emission reach up to here [Hz]; beyond it lines by the million would follow.
 _HIGHEST_HZ = 1e6
-#: What the phases and amplitudes of all expected lines mean.
-AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -507,13 +505,6 @@ def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:
         name: np.concatenate([t.get(name, np.zeros(len(t["stage"]), dtype=int)) for t in found])
         for name in names
     }
-
-
-def refuse_no_lines(mesh_hz: Iterable[float], max_hz: float | None) -> None:
-    """Say that no line is left below the highest frequency."""
-    raise ArgumentError(
-        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {min(mesh_hz):.6g} Hz: no lines"
-    )
 
 
 def rms(lines: ComplexArray | FloatArray) -> float:
