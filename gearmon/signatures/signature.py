@@ -28,6 +28,8 @@ TEXT_COLUMNS = ("sideband_of",)
 SIZES = ("displacement_m", "velocity_ms", "acceleration_ms2")
 COLUMNS = (*INTEGER_COLUMNS, *TEXT_COLUMNS, "order", "frequency_hz", *SIZES, "phase_rad")
 FORMAT = "gearmon signature 1"
+#: What the phases and amplitudes of expected lines mean.
+AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
 RESERVED = ("format", "machine", "origin", "columns", "rows")
 SUFFIXES = (".csv", ".json", ".parquet")
 

@@ -9,7 +9,6 @@ import pytest
 from scipy.linalg import expm
 
 import gearmon
-from gearmon.errors import ArgumentError
 from gearmon.gears.assembly import drive_train
 from gearmon.gears.kinematics import kinematics
 from gearmon.signatures.expected.mesh import MeshPlace
@@ -138,7 +137,7 @@ def test_a_final_drive_is_heard_where_its_housing_rings(snr_db):
 
 def stepped(machine, fault, gear_teeth, highest, steps):
     """Lines of the forces of each planet, in steps of constant stiffness from drive train alone."""
-    train, posed = drive_train(machine), MeshPlace(machine, 1).as_set(fault)
+    train, posed = drive_train(machine), MeshPlace(machine, 1).posed(fault)
     squares, shapes = train.modes
     shapes = shapes[:, squares > 0]
     meshes, mesh_hz = train.meshes(1), posed.mechanics.mesh_frequency_hz
@@ -225,9 +224,11 @@ def test_sets_that_the_file_says_too_little_of_are_one_mesh():
 
 def test_pairs_have_no_planets():
     pair = {"kind": "parallel", "pinion_teeth": 23, "gear_teeth": 57}
-    machine = gearmon.load_machine(operating={"speed_rpm": 1500.0}, stage=pair)
-    with pytest.raises(ArgumentError, match="stage=1 is not planetary"):
-        MeshPlace(machine, 1).as_set()
+    pair |= {"module_mm": 2.0, "face_width_mm": 20.0}
+    point = {"speed_rpm": 1500.0, "torque_nm": 50.0}
+    posed = MeshPlace(gearmon.load_machine(operating=point, stage=pair), 1, mesh=1).posed()
+    assert posed.train is None
+    assert posed.note == ""
 
 
 def test_damage_of_a_worn_gear_is_added_to_what_its_wear_does():
@@ -255,7 +256,7 @@ def test_modes_that_its_meshes_do_not_feel_are_left_out(monkeypatch):
     crack = ("crack:3:sun:4:20%",)
 
     def found():
-        posed = MeshPlace(machine, 3).as_set(crack)
+        posed = MeshPlace(machine, 3).posed(crack)
         return posed.modes.fastest_hz, len(posed.modes.inputs), expected(machine, crack)[0]
 
     fastest, size, lines = found()

@@ -26,17 +26,8 @@ from gearmon.gears.faults import faults_of
 from gearmon.gears.mechanics import StageMechanics
 from gearmon.machine import MachineLike, load_machine
 from gearmon.signatures.expected.contact_motion import Deviations, PeriodicMotion, PhaseGrid
-from gearmon.signatures.expected.mesh import (
-    AMPLITUDES,
-    MeshLines,
-    MeshPlace,
-    PosedStage,
-    Wrong,
-    joined,
-    refuse_no_lines,
-    rms,
-)
-from gearmon.signatures.signature import Signature
+from gearmon.signatures.expected.mesh import MeshLines, MeshPlace, PosedStage, Wrong, joined, rms
+from gearmon.signatures.signature import AMPLITUDES, Signature
 
 if TYPE_CHECKING:  # an analysis solves no mesh
     from gearmon.dynamics import Method
@@ -145,6 +136,13 @@ def expected_signature(
         "tolerance": tolerance,
     }
     return Signature(machine=machine.name, origin="expected", header=header, columns=joined(tables))
+
+
+def refuse_no_lines(mesh_hz: Iterable[float], max_hz: float | None) -> None:
+    """Say that no line is left below the highest frequency."""
+    raise ArgumentError(
+        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {min(mesh_hz):.6g} Hz: no lines"
+    )
 
 
 def _stage_lines(

@@ -22,18 +22,9 @@ from gearmon.gears.pulses import LEAST_OVERLAP
 from gearmon.gears.tooth_pairs import POTENTIAL_ENERGY
 from gearmon.machine import Machine, MachineLike, load_machine
 from gearmon.result import Result
-from gearmon.signatures.expected.baseline import faulty_lines, periodic_lines
-from gearmon.signatures.expected.mesh import (
-    AMPLITUDES,
-    MeshLines,
-    MeshPlace,
-    PosedStage,
-    Wrong,
-    joined,
-    refuse_no_lines,
-    rms,
-)
-from gearmon.signatures.signature import Signature
+from gearmon.signatures.expected.baseline import faulty_lines, periodic_lines, refuse_no_lines
+from gearmon.signatures.expected.mesh import MeshLines, MeshPlace, PosedStage, Wrong, joined, rms
+from gearmon.signatures.signature import AMPLITUDES, Signature
 
 #: What a family holds unless told otherwise. A crack in % is a uniform loss of stiffness.
 FAMILY_KINDS: tuple[str, ...] = ("crack", "breakage", "pitting", "spall", "wear", "missing")

@@ -60,8 +60,6 @@ _TOLD: tuple[str, ...] = ("stage", "mesh", "mesh_frequency_hz", "force_n")
 _TOLD += ("natural_frequency_hz", "damping_ratio", "equivalent_mass_kg", "damping_ns_per_m")
 # Sensors of acoustic emission reach up to here [Hz]; beyond it lines by the million would follow.
 _HIGHEST_HZ = 1e6
-#: What the phases and amplitudes of all expected lines mean.
-AMPLITUDES = "peak; phase of the displacement as a cosine when tooth 1 enters contact"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -275,13 +273,15 @@ class MeshPlace:
         """The operating point."""
         return self.machine.operating[self.operating]
 
-    def alone(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
+    def alone(self, wrong: Iterable[Wrong | str] = (), why: str = "") -> PosedStage:
         """Pose the mesh, taken by itself, with what is wrong with it.
 
         Parameters
         ----------
         wrong : iterable of Fault, GearError or str
             Of any stage; those of others are left aside.
+        why : str
+            Reason to be noted.
 
         Raises
         ------
@@ -289,63 +289,44 @@ class MeshPlace:
             If the machine lacks data, or a fault does not fit it.
         """
         mesh = kinematics(self.machine).mesh(self.stage)
-        members = (self._meshed(faults_of(wrong, errors=True)),)
-        return PosedStage(members=members, mesh=mesh, angles_rad=np.zeros(1))
-
-    def as_set(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
-        """Pose the planetary set of the mesh as a part of its machine, with what is wrong with it.
-
-        Parameters
-        ----------
-        wrong
-            As in `alone`. What concerns one tooth of a planet, or a planet that runs out, concerns
-            the first; wear and profiles concern all of them.
-
-        Raises
-        ------
-        ArgumentError
-            If the stage is not planetary, the machine lacks data, or a fault does not fit it.
-        """
-        own = self.machine.stages[self.stage - 1]
-        if not isinstance(own, PlanetaryStage):
-            raise ArgumentError(f"stage={self.stage} is not planetary: no planets pass the housing")
-        train = drive_train(self.machine, self.point, self.form)
-        known = faults_of(wrong, errors=True)
-        alike = tuple(w for w in known if w.gear != "planet" or w.kind in ("wear", "profile"))
-        meshed = cache(lambda side, wrong: replace(self, mesh=side)._meshed(wrong))
-        every = [(side, alike if i else known) for side in (0, 1) for i in range(own.planets)]
-        springs = zip(every, train.meshes(self.stage), strict=True)
-        return PosedStage(
-            members=tuple(replace(meshed(*place), lead=spring.phase) for place, spring in springs),
-            mesh=kinematics(self.machine).mesh(self.stage),
-            train=train,
-            angles_rad=train.planets[self.stage].angles_rad,
-        )
+        own = self._meshed(self.mesh, faults_of(wrong, errors=True))
+        note = f"the {own.mesh} mesh is taken by itself: {why}" if why else ""
+        return PosedStage(members=(own,), mesh=mesh, angles_rad=np.zeros(1), note=note)
 
     def posed(self, wrong: Iterable[Wrong | str] = ()) -> PosedStage:
-        """Pose a pair, or a planetary set as a whole if the machine file says enough.
+        """Pose a pair, or a planetary set as a part of its machine if the file says enough.
 
         Parameters
         ----------
         wrong
-            As in `alone`, which is taken where the set cannot be.
+            As in `alone`, which is taken where the set cannot be. What concerns one tooth of a
+            planet, or a planet that runs out, concerns the first; wear and profiles concern all of
+            them.
         """
-        if not isinstance(self.machine.stages[self.stage - 1], PlanetaryStage):
-            return replace(self, mesh=0).alone(wrong)
-        faults = tuple(wrong)
+        stage, known = self.machine.stages[self.stage - 1], faults_of(wrong, errors=True)
+        if not isinstance(stage, PlanetaryStage):
+            return replace(self, mesh=0).alone(known)
+        alike = tuple(w for w in known if w.gear != "planet" or w.kind in ("wear", "profile"))
+        places = [(side, alike if i else known) for side in (0, 1) for i in range(stage.planets)]
         try:
-            found = self.as_set(faults)
-            if found.is_local:
-                return found
-            why = "an error of a turning gear acts all through the turn"
+            train = drive_train(self.machine, self.point, self.form)
+            springs, meshed = train.meshes(self.stage), cache(self._meshed)
+            every = zip(places, springs, strict=True)
+            found = PosedStage(
+                members=tuple(replace(meshed(*own), lead=spring.phase) for own, spring in every),
+                mesh=kinematics(self.machine).mesh(self.stage),
+                train=train,
+                angles_rad=train.planets[self.stage].angles_rad,
+            )
         except ArgumentError as error:
-            why = str(error)
-        alone = self.alone(faults)
-        return replace(alone, note=f"the {alone.mechanics.mesh} mesh is taken by itself: {why}")
+            return self.alone(known, str(error))
+        if found.is_local:
+            return found
+        return self.alone(known, "an error of a turning gear acts all through the turn")
 
-    def _meshed(self, wrong: Sequence[Wrong]) -> StageMechanics:
+    def _meshed(self, mesh: int, wrong: Sequence[Wrong]) -> StageMechanics:
         place = self.machine, self.stage, self.point
-        return stage_mechanics(*place, faults=wrong, form=self.form, mesh=self.mesh)
+        return stage_mechanics(*place, faults=wrong, form=self.form, mesh=mesh)
 
 
 def mesh_problem(
@@ -524,13 +505,6 @@ def joined(tables: Iterable[dict[str, Any]]) -> dict[str, Any]:
         name: np.concatenate([t.get(name, np.zeros(len(t["stage"]), dtype=int)) for t in found])
         for name in names
     }
-
-
-def refuse_no_lines(mesh_hz: Iterable[float], max_hz: float | None) -> None:
-    """Say that no line is left below the highest frequency."""
-    raise ArgumentError(
-        f"max_hz={max_hz} Hz lies below the lowest mesh frequency, {min(mesh_hz):.6g} Hz: no lines"
-    )
 
 
 def rms(lines: ComplexArray | FloatArray) -> float:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from itertools import combinations, product
 from operator import itemgetter
 from typing import Any
@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from gearmon.arrays import BoolArray, FloatArray, IntArray
-from gearmon.gears.kinematics import Kinematics, Line, Mesh, Wheel, kinematics
+from gearmon.gears.kinematics import Kinematics, Mesh, Wheel, kinematics
 from gearmon.machine import Machine
 
 MESH_HARMONICS = 8
@@ -180,6 +180,12 @@ class LinePlan:
         return np.asarray(np.add.reduceat(own, np.cumsum(sizes) - sizes, axis=-1))
 
 
+# A line in parts of an order, the rank of a claim on it (the lowest wins), and the family if any.
+_Claim = tuple[int, int, Family | None]
+# How far beside multiples of a gear's turn passing planets are heard, and of which multiples.
+_Side = tuple[int, int, int]
+
+
 # recordings of one machine have the same lines
 @lru_cache(maxsize=16)
 def line_plan(
@@ -206,15 +212,23 @@ def line_plan(
         every gear's rotation up to half a mesh order beyond.
     """
     top = Fraction(top_order).limit_denominator(10**6)
-    plan = _Planning(train, top, finest_spacing, shaft1_hz)
-    claims = sorted(plan.claims(), key=itemgetter(1))
-    end = math.ceil(plan.top * plan.unit)
+    # orders are counted in whole parts of one of which all lines are multiples: exact as fractions
+    exact = [shaft.exact for shaft in train.shafts]
+    for mesh in train.meshes:
+        exact += [mesh.exact, mesh.carrier, *(own.exact for own in mesh.modulations)]
+        exact += [wheel.exact_relative for wheel in mesh.wheels]
+    unit = math.lcm(*(order.denominator for order in exact))
+    end, claims = math.ceil(top * unit), list[_Claim]()
+    for mesh in train.meshes:
+        count = min(mesh_harmonics(mesh.order * shaft1_hz), int(top / mesh.exact))
+        claims += _claims(mesh, range(1, count + 1), finest_spacing, unit)
+    claims.sort(key=itemgetter(1))
     # a family that the sampling rate cuts short would differ from recording to recording
     cut = {family for order, _, family in claims if order >= end}
     # the strongest claim wins, of equal ones the first: it is the last to be written
     owner = {order: family for order, _, family in reversed(claims) if 0 < order < end}
     if not owner:  # no mesh can be seen at this sampling rate: at least the shafts
-        turning = (plan.units(shaft.exact) for shaft in train.shafts)
+        turning = (int(shaft.exact * unit) for shaft in train.shafts)
         owner = dict.fromkeys(order for order in turning if order < end)
     position = {order: index for index, order in enumerate(sorted(owner))}
     members: dict[Family, list[int]] = {}
@@ -224,113 +238,76 @@ def line_plan(
             members.setdefault(known, []).append(index)
     ranked = sorted(members, key=lambda own: (own.stage, own.kind, own.spacing, own.harmonic))
     return LinePlan(
-        orders=np.array([order / plan.unit for order in position]),
+        orders=np.array([order / unit for order in position]),
         families=tuple(replace(own, lines=tuple(members[own])) for own in ranked),
-        wheels=tuple(plan.wheel_lines(*own, position) for own in plan.wheels),
+        wheels=_wheels(train, finest_spacing, unit, position),
     )
 
 
-@dataclass(frozen=True)
-class _Planning:
-    """The lines of a train; orders are counted in whole parts of one, exact as fractions."""
-
-    train: Kinematics
-    top: Fraction
-    finest: float
-    shaft1_hz: float
-
-    @cached_property
-    def unit(self) -> int:
-        """The least number of parts of an order of which all lines are multiples."""
-        exact = [shaft.exact for shaft in self.train.shafts]
-        for mesh in self.train.meshes:
-            exact += [mesh.exact, mesh.carrier, *(own.exact for own in mesh.modulations)]
-            exact += [wheel.exact_relative for wheel in mesh.wheels]
-        return math.lcm(*(order.denominator for order in exact))
-
-    def units(self, order: Fraction) -> int:
-        """Return an order in parts."""
-        return int(order * self.unit)
-
-    @property
-    def wheels(self) -> list[tuple[Mesh, Wheel]]:
-        """The gears whose turn can be resolved."""
-        every = [(mesh, wheel) for mesh in self.train.meshes for wheel in mesh.wheels]
-        return [own for own in every if own[1].relative_order >= self.finest]
-
-    def harmonics(self, mesh: Mesh) -> range:
-        """Return the harmonics of a mesh that are planned."""
-        count = mesh_harmonics(mesh.order * self.shaft1_hz)
-        return range(1, min(count, int(self.top / mesh.exact)) + 1)
-
-    def claims(self) -> Iterator[tuple[int, int, Family | None]]:
-        """Give lines in parts of an order, the rank of each claim, and the family if it has one."""
-        for mesh in self.train.meshes:
-            for k in self.harmonics(mesh):
-                family = Family(kind="mesh", stage=mesh.stage, harmonic=k)
-                for order in group_orders(mesh, k):
-                    rank = k - (1000 if order == k * mesh.exact else 500)
-                    yield self.units(order), rank, family
-        for mesh in self.train.meshes:
-            spacings = {own.exact: own for own in reversed(mesh.modulations)}
-            for modulation in mesh.modulations:
-                if spacings[modulation.exact] is modulation and modulation.order >= self.finest:
-                    yield from self._sidebands(mesh, modulation)
-        for mesh, wheel in self.wheels:
-            turning, half = self.units(wheel.exact_relative), wheel.teeth // 2
-            sides = self._sides(mesh, wheel)
-            for k in self.harmonics(mesh):
-                for n in range(k * wheel.teeth - half, k * wheel.teeth + half + 1):
-                    yield n * turning, 10**6, None
-                    for aside, step, first in sides:
-                        if n % step == first:
-                            yield n * turning + aside, 10**6, None
-
-    def _sidebands(self, mesh: Mesh, modulation: Line) -> Iterator[tuple[int, int, Family | None]]:
-        teeth = {wheel.gear: wheel.teeth for wheel in mesh.wheels}.get(modulation.gear, 0)
-        centre, apart = self.units(mesh.exact), self.units(modulation.exact)
-        reach = min(max(NEAR_SIDEBANDS, teeth // 2), centre // (2 * apart))
-        whose: dict[str, Any] = {"stage": mesh.stage, "gear": modulation.gear}
-        whose |= {"spacing": modulation.order, "shaft": modulation.shaft}
-        for k in self.harmonics(mesh):
-            near = Family(kind="sidebands", harmonic=k, **whose)
+def _claims(mesh: Mesh, harmonics: range, finest: float, unit: int) -> Iterator[_Claim]:
+    """Give the lines of a mesh, its sidebands and all multiples of its gears' turns about them."""
+    for k in harmonics:
+        family = Family(kind="mesh", stage=mesh.stage, harmonic=k)
+        for order in group_orders(mesh, k):
+            yield int(order * unit), k - (1000 if order == k * mesh.exact else 500), family
+    centre, teeth = int(mesh.exact * unit), {own.gear: own.teeth for own in mesh.wheels}
+    seen = set[Fraction]()
+    for own in mesh.modulations:
+        if own.exact in seen or own.order < finest:
+            continue
+        seen.add(own.exact)
+        apart = int(own.exact * unit)
+        reach = min(max(NEAR_SIDEBANDS, teeth.get(own.gear, 0) // 2), centre // (2 * apart))
+        whose: dict[str, Any] = {"gear": own.gear, "spacing": own.order, "shaft": own.shaft}
+        for k in harmonics:
+            near = Family(kind="sidebands", stage=mesh.stage, harmonic=k, **whose)
             far = replace(near, kind="residual")
-            for r in range(1, reach + 1):
-                for order in (k * centre - r * apart, k * centre + r * apart):
-                    yield order, r, near if r <= NEAR_SIDEBANDS else far
+            for r, sign in product(range(1, reach + 1), (-1, 1)):
+                yield k * centre + sign * r * apart, r, near if r <= NEAR_SIDEBANDS else far
+    for wheel, turning, sides in _resolved(mesh, finest, unit):
+        half = wheel.teeth // 2
+        for k in harmonics:
+            for n in range(k * wheel.teeth - half, k * wheel.teeth + half + 1):
+                yield n * turning, 10**6, None
+                for aside, step, first in sides:
+                    if n % step == first:
+                        yield n * turning + aside, 10**6, None
 
-    def _sides(self, mesh: Mesh, wheel: Wheel) -> list[tuple[int, int, int]]:
-        """Return how far beside multiples of a gear's turn passing planets are heard, and which."""
-        if not mesh.carrier or abs(mesh.carrier) < self.finest or not wheel.exact:
-            return []
-        carrier = self.units(mesh.carrier)
-        return [(s * carrier, *mesh.brought_alike(wheel.gear, s)) for s in (-1, 1)]
 
-    def wheel_lines(self, mesh: Mesh, wheel: Wheel, position: dict[int, int]) -> WheelLines:
-        """Return the lines of a gear among those of the plan."""
-        # whole numbers of any size
-        turning, orders = self.units(wheel.exact_relative), np.array([*position], dtype=object)
-        meshing = [orders % self.units(own.exact) == 0 for own in self.train.meshes]
-        of_mesh = np.logical_or.reduce(meshing)
-        lines = np.flatnonzero(orders % turning == 0)
-        number = (orders[lines] // turning).astype(np.int64)
-        # planned only for a gear that turns k times as often, lines tell nothing of one tooth: they
-        # are the same for k places of the turn
-        beside_others = np.isin(number + 1, number) | np.isin(number - 1, number)
-        lines, number = lines[beside_others], number[beside_others]
-        apart = {order: place for order, place in position.items() if not of_mesh[place]}
-        beside = [
-            [apart.get(n * turning + aside, -1) if n % step == first else -1 for n in number]
-            for aside, step, first in self._sides(mesh, wheel)
-        ]
-        return WheelLines.of(
-            mesh.stage,
-            wheel,
-            number=number,
-            lines=lines,
-            mesh=of_mesh[lines],
-            beside=np.array(beside, dtype=np.int64).reshape(len(beside), len(lines)),
-        )
+def _resolved(mesh: Mesh, finest: float, unit: int) -> Iterator[tuple[Wheel, int, list[_Side]]]:
+    """Give the gears of a mesh whose turn can be resolved, with it in parts of an order."""
+    carrier = int(mesh.carrier * unit) if abs(mesh.carrier) >= finest else 0
+    for wheel in mesh.wheels:
+        if wheel.relative_order >= finest:
+            told = (-1, 1) if carrier and wheel.exact else ()
+            sides = [(s * carrier, *mesh.brought_alike(wheel.gear, s)) for s in told]
+            yield wheel, int(wheel.exact_relative * unit), sides
+
+
+def _wheels(
+    train: Kinematics, finest: float, unit: int, position: dict[int, int]
+) -> tuple[WheelLines, ...]:
+    """Return the lines of every gear among those of the plan."""
+    # whole numbers of any size
+    orders, found = np.array([*position], dtype=object), []
+    of_mesh = np.logical_or.reduce([orders % int(own.exact * unit) == 0 for own in train.meshes])
+    apart = {order: place for order, place in position.items() if not of_mesh[place]}
+    for mesh in train.meshes:
+        for wheel, turning, sides in _resolved(mesh, finest, unit):
+            lines = np.flatnonzero(orders % turning == 0)
+            number = (orders[lines] // turning).astype(np.int64)
+            # planned only for a gear that turns k times as often, lines tell nothing of one tooth:
+            # they are the same for k places of the turn
+            kept = np.isin(number + 1, number) | np.isin(number - 1, number)
+            lines, number = lines[kept], number[kept]
+            beside = [
+                [apart.get(n * turning + aside, -1) if n % step == first else -1 for n in number]
+                for aside, step, first in sides
+            ]
+            own: dict[str, Any] = {"number": number, "lines": lines, "mesh": of_mesh[lines]}
+            own["beside"] = np.array(beside, dtype=np.int64).reshape(len(beside), len(lines))
+            found.append(WheelLines.of(mesh.stage, wheel, **own))
+    return tuple(found)
 
 
 def group_orders(mesh: Mesh, harmonic: int) -> tuple[Fraction, ...]:

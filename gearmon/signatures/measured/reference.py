@@ -319,24 +319,19 @@ def make_reference(signatures: Sequence[MeasuredSignature], machine: Machine) ->
         raise ArgumentError("a reference needs at least one healthy recording")
     first = signatures[0]
     for number, signature in enumerate(signatures):
-        if not signature.found:
-            raise ArgumentError(
-                f"{signature.origin}: no mesh found, so it cannot serve as a reference: "
-                f"{signature.meshes[0].reason}"
-            )
-        if signature.channel_names != first.channel_names:
-            raise ArgumentError(
-                f"{signature.origin}: channels {', '.join(signature.channel_names)} differ from "
-                f"{', '.join(first.channel_names)} of {first.origin}; name the same ones with "
-                "--channel"
-            )
-        digests = set(signature.digests)
+        wrong, digests = "", set(signature.digests)
         again = [own.origin for own in signatures[:number] if digests & set(own.digests)]
-        if again:
-            raise ArgumentError(
-                f"{signature.origin}: holds the same samples as {again[0]}; a recording counts "
-                "once, name it once"
-            )
+        if not signature.found:
+            why = signature.meshes[0].reason
+            wrong = f"no mesh found, so it cannot serve as a reference: {why}"
+        elif signature.channel_names != first.channel_names:
+            own, known = (", ".join(one.channel_names) for one in (signature, first))
+            wrong = f"channels {own} differ from {known} of {first.origin}; "
+            wrong += "name the same ones with --channel"
+        elif again:
+            wrong = f"holds the same samples as {again[0]}; a recording counts once, name it once"
+        if wrong:
+            raise ArgumentError(f"{signature.origin}: {wrong}")
     profiles = tuple(Profile.of(signature) for signature in signatures)
     shared = set.intersection(*(set(profile.family_names) for profile in profiles))
     if not shared:
