@@ -68,6 +68,12 @@ def test_alternating_pitch_errors_are_a_gears_own_comb_at_half_the_mesh():
     # 65 teeth have no such pattern
     assert spacing_about(samples, RATE, 20.0, 24, 65, own=[24 / 65]) == pytest.approx(12.0)
     assert spacing_about(samples, RATE, 20.0, 24, 65, own=[1.0, 24 / 65]) is None
+    # nor is what the path leaves of it, each third line, a comb of something else
+    orders = np.arange(1, 24) * 12.0
+    levels = np.where(orders % 24 == 0, 1.0, np.where(orders % 36 == 0, 0.9, 0.0))
+    samples = lines_on(20.0 * time, orders, levels) + white((1, len(time)), seed=2)
+    assert spacing_about(samples, RATE, 20.0, 24, 65) == pytest.approx(36.0)
+    assert spacing_about(samples, RATE, 20.0, 24, 65, own=[1.0, 24 / 65]) is None
 
 
 def test_invented_pairs_are_not_found_on_bearings():

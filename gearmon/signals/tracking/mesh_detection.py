@@ -374,9 +374,8 @@ def foreign_spacing(
     own : sequence of float, optional
         Rotations of gears whose sidebands show them. Pitch errors put the same line of their
         pattern between all mesh harmonics, so a spacing of so many turns may be theirs, beyond
-        those sidebands, if it is a whole part of the mesh order: with an even number of teeth
-        errors that alternate are a comb at half the mesh order. A comb at two thirds of it is the
-        mesh itself, at another speed.
+        those sidebands: with an even number of teeth errors that alternate are a comb at half the
+        mesh order.
     parts : sequence of float, optional
         The only parts of the mesh order that are tried, as of another speed; then one line between
         those of the mesh is enough, four otherwise.
@@ -398,9 +397,8 @@ def foreign_spacing(
     lines = (_Lines(quality, spectrum, averaged) for averaged in _AVERAGED)
     tried, least = (mesh.order * np.array(parts), 1) if parts else (mesh.order * _RATIOS, _LINES)
     for turns in own:
-        times, parted = tried / turns, mesh.order / tried
-        whole = np.abs([times - np.rint(times), parted - np.rint(parted)]).max(axis=0) < 1e-6
-        tried = tried[~whole | (times <= _SIDEBANDS + 0.5)]
+        times = tried / turns
+        tried = tried[(np.abs(times - np.rint(times)) > 1e-6) | (times <= _SIDEBANDS + 0.5)]
     found = [_finer_comb(one, mesh, tried, least) for one in lines]
     return min((spacing for spacing in found if spacing is not None), default=None)
 
