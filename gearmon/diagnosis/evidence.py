@@ -485,8 +485,8 @@ def rare_strength(log10_probabilities: Sequence[float]) -> float:
 
 # The factor is a mean over all losses held possible, of which a quarter or so explain a departure.
 _LOSSES_IN_FIVE = 5.0
-# Share of the energy along what damage would add, over that at sound teeth, that is found there: 0.44
-# to 0.68 in the median of each of seven situations (198 comparisons, 10 to 30 % on 16 drawn
+# Share of the energy along what damage would add, over that at sound teeth, that is found there:
+# 0.44 to 0.68 in the median of each of seven situations (198 comparisons, 10 to 30 % on 16 drawn
 # machines, references at other speeds and loads too), 0.39 to 0.47 of 16 others.
 _MATCHED = 0.5
 # Directions that hold the energy of an event in a band, its place in the contact and the ringing of
