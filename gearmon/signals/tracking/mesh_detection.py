@@ -332,12 +332,16 @@ def sideband_spacing(
         for ratio in np.concatenate([parts, turns]) * other / spacing:
             elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
             departures = departures[elsewhere | (np.abs(departures) <= near)]
-    total = np.zeros(len(departures))
+    total, usual = np.zeros(len(departures)), float(np.median(quality))
     for k in range(1, len(mesh.groups) + 1):
         for r in (*range(-_SIDEBANDS, 0), *range(1, _SIDEBANDS + 1)):
             orders = k * mesh.order + r * spacing * (1 + departures)
             if orders.min() > 0 and orders.max() < (len(quality) - 1) * step:
-                total += quality[np.rint(orders / step).astype(int)]
+                heard = quality[np.rint(orders / step).astype(int)]
+                for other in mesh.meshing:
+                    theirs = np.abs(orders - other * np.rint(orders / other)) <= 4 * step
+                    heard[theirs] = np.minimum(heard[theirs], usual)
+                total += heard
     standard = _above(total, total)
     expected = float(standard[np.abs(departures) <= near].max())
     for share in (other / (spacing * i) for other in others if broken for i in low):

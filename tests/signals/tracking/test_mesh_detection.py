@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -241,6 +242,19 @@ def test_a_far_sideband_of_the_other_gear_is_no_mismatch():
     orders = [25.0 * k + r * 5 * 25 / 118 for k in (1, 2, 3) for r in SIDES]
     told = sideband_spacing(spectrum_of(orders, 0.3), parallel(25, 118), 1.0, 0.25)
     assert told.excess == 0.0
+
+
+def test_lines_of_another_mesh_are_no_mismatch():
+    # its sixth, twelfth ... harmonic stands 1.12 orders below every second of this one
+    orders = [14.0 * k for k in range(1, 9)] + [4.48 * k for k in range(1, 26)]
+    sides = [14.0 * k + r for k in (1, 2) for r in (-1, 1)]
+    spectrum = spectrum_of([*orders, *sides], [*len(orders) * [0.3], *len(sides) * [0.05]])
+    told = [
+        sideband_spacing(spectrum, replace(parallel(14, 45), meshing=meshing), 1.0, 0.25)
+        for meshing in ((), (4.48,))
+    ]
+    assert told[0].departure == pytest.approx(0.12, abs=2e-3)
+    assert told[1].excess == 0.0
 
 
 def test_spectrum_without_any_spread_is_no_mismatch():
