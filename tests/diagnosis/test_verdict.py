@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -172,6 +173,20 @@ def test_runout_asks_for_more_before_a_tooth_is_blamed():
     assert flags_of(evidence(departure), features(once_db=20))[0].kind == "eccentricity"
     sure = flags_of(evidence(gear(weights(3))), features(once_db=20))[0]
     assert sure.kind == "tooth damage"
+
+
+@pytest.mark.parametrize(("order", "competes"), [(TEETH / 47, False), (0.5, True), (2.0, True)])
+def test_a_loud_gear_that_is_hardly_believed_competes_with_those_of_its_own_lines(order, competes):
+    """What stands out in one turn does in that of a gear that turns a whole number of times."""
+    first, loud = gear(weights(4), height=3.0), copy(gear(weights(9), height=30.0))
+    loud.difference = replace(loud.difference, gear="gear", order=order)
+    sure, unsure = (GearEvidence(deviation=own.difference, search=own) for own in (first, loud))
+    unsure.believed = 0.01 * sure.believed
+    assert unsure.log_factor > sure.log_factor
+    finding = ToothFinding((sure, unsure), machine(), 25.0)
+    assert finding.evidence == sure.believed
+    assert bool(finding.rivals) == competes
+    assert competes or finding.best is sure
 
 
 def test_an_unclear_kind_is_not_guessed():
