@@ -102,6 +102,13 @@ def test_known_changes_come_back():
     )
 
 
+def test_the_overall_change_is_the_root_mean_square_of_all_families():
+    """Of ten families about each harmonic one changed."""
+    found = kind_features(levels(lambda *own: 4.0 if own[:2] == ("mesh", 1) else 0.0))
+    for row in range(len(found.gears)):
+        assert found.named(row)["overall_db"] == pytest.approx(4.0 / np.sqrt(10.0))
+
+
 def test_gears_on_one_shaft_know_of_each_other():
     def change(*family):
         return 5.0 if family[:3] == ("sidebands", 1, "gear") else 0.0

@@ -170,7 +170,7 @@ def test_events_have_a_trace_of_the_lines():
 
 
 @pytest.mark.parametrize("height", [3.0, 10.0, 300.0])
-@pytest.mark.parametrize("distance", [3, 5, 11, -7])
+@pytest.mark.parametrize("distance", [3, 5, 11, -7, TEETH // 2])
 @pytest.mark.parametrize("size", [0.7, 1.0])
 def test_a_second_tooth_is_told_where_it_is(height, distance, size):
     weight = weights(9)
