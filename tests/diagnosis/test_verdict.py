@@ -32,6 +32,7 @@ from gearmon.diagnosis.verdict import (
     decide,
     fault_sentence,
     level_changes,
+    limits,
     reason,
     sentences,
     taken_for_granted,
@@ -506,6 +507,28 @@ def test_a_changed_level_is_what_was_expected_and_the_rest():
     )
     assert (other.level_db, other.reference_db, other.standardised) == (-32.0, -30.0, -2.0 / 0.7)
     assert (other.channel, other.family, other.harmonic) == ("a1", families[2].name, 3)
+
+
+@pytest.mark.parametrize(
+    ("speed_hz", "swing", "told"),
+    [
+        (25.0, 0.001, []),
+        (30.1, 0.04, []),
+        (27.0, 0.001, ["speed 27.00 Hz is more than"]),
+        (25.0, 0.09, ["the speed swung by +-9 %"]),
+    ],
+)
+def test_a_speed_is_new_that_no_healthy_recording_comes_near(speed_hz, swing, told):
+    known = [SimpleNamespace(speed_hz=x, speed_fluctuation=y) for x, y in ((25, 0.0), (30, 0.04))]
+    reference = SimpleNamespace(notes=(), profiles=known, channel_names=("a", "b"))
+    speed = SimpleNamespace(estimated_hz=speed_hz)
+    new = SimpleNamespace(channel_names=("a", "b"), speed=speed, speed_fluctuation=swing)
+    found = [*limits(new, reference)]
+    assert [note[: len(own)] for note, own in zip(found, told, strict=True)] == told
+    new.channel_names = ("b", "c")
+    left_out, missing = list(limits(new, reference))[:2]
+    assert left_out == "channels not in the reference were left out: c"
+    assert missing.startswith("channels of the reference not looked at: a;")
 
 
 @pytest.mark.parametrize("fixed", ["ring", "carrier"])
