@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -31,6 +32,7 @@ from gearmon.diagnosis.verdict import (
     decide,
     fault_sentence,
     level_changes,
+    limits,
     reason,
     sentences,
     taken_for_granted,
@@ -172,6 +174,20 @@ def test_runout_asks_for_more_before_a_tooth_is_blamed():
     assert flags_of(evidence(departure), features(once_db=20))[0].kind == "eccentricity"
     sure = flags_of(evidence(gear(weights(3))), features(once_db=20))[0]
     assert sure.kind == "tooth damage"
+
+
+@pytest.mark.parametrize(("order", "competes"), [(TEETH / 47, False), (0.5, True), (2.0, True)])
+def test_a_loud_gear_that_is_hardly_believed_competes_with_those_of_its_own_lines(order, competes):
+    """What stands out in one turn does in that of a gear that turns a whole number of times."""
+    first, loud = gear(weights(4), height=3.0), copy(gear(weights(9), height=30.0))
+    loud.difference = replace(loud.difference, gear="gear", order=order)
+    sure, unsure = (GearEvidence(deviation=own.difference, search=own) for own in (first, loud))
+    unsure.believed = 0.01 * sure.believed
+    assert unsure.log_factor > sure.log_factor
+    finding = ToothFinding((sure, unsure), machine(), 25.0)
+    assert finding.evidence == sure.believed
+    assert bool(finding.rivals) == competes
+    assert competes or finding.best is sure
 
 
 def test_an_unclear_kind_is_not_guessed():
@@ -491,6 +507,28 @@ def test_a_changed_level_is_what_was_expected_and_the_rest():
     )
     assert (other.level_db, other.reference_db, other.standardised) == (-32.0, -30.0, -2.0 / 0.7)
     assert (other.channel, other.family, other.harmonic) == ("a1", families[2].name, 3)
+
+
+@pytest.mark.parametrize(
+    ("speed_hz", "swing", "told"),
+    [
+        (25.0, 0.001, []),
+        (30.1, 0.04, []),
+        (27.0, 0.001, ["speed 27.00 Hz is more than"]),
+        (25.0, 0.09, ["the speed swung by +-9 %"]),
+    ],
+)
+def test_a_speed_is_new_that_no_healthy_recording_comes_near(speed_hz, swing, told):
+    known = [SimpleNamespace(speed_hz=x, speed_fluctuation=y) for x, y in ((25, 0.0), (30, 0.04))]
+    reference = SimpleNamespace(notes=(), profiles=known, channel_names=("a", "b"))
+    speed = SimpleNamespace(estimated_hz=speed_hz)
+    new = SimpleNamespace(channel_names=("a", "b"), speed=speed, speed_fluctuation=swing)
+    found = [*limits(new, reference)]
+    assert [note[: len(own)] for note, own in zip(found, told, strict=True)] == told
+    new.channel_names = ("b", "c")
+    left_out, missing = list(limits(new, reference))[:2]
+    assert left_out == "channels not in the reference were left out: c"
+    assert missing.startswith("channels of the reference not looked at: a;")
 
 
 @pytest.mark.parametrize("fixed", ["ring", "carrier"])

@@ -153,6 +153,21 @@ def test_forces_and_harmonics_shown():
         )
 
 
+@pytest.mark.parametrize("shown", [1, 2, 3])
+def test_the_bound_is_relative_to_the_harmonics_that_are_shown(shown):
+    """Without a sweep the absolute error is bounded alike, however many harmonics are shown."""
+    p = scaled_problem(6.3, 0.02, [0.01, 0.03j, -0.02, 0.01, 0.02, 0.05])
+    whole, part = direct.solve(p, 0.9), direct.solve(p, 0.9, shown)
+    size = np.arange(len(whole.displacement)) ** 2 * np.abs(whole.displacement)
+    assert np.linalg.norm(size[: shown + 1]) < 0.3 * np.linalg.norm(size)
+
+    def absolute(found, count):
+        """bound = error / (size - error)."""
+        return np.linalg.norm(size[:count]) * found.bound / (1 + found.bound)
+
+    assert absolute(part, shown + 1) == pytest.approx(absolute(whole, len(size)), rel=1e-6)
+
+
 def test_pure_oscillating_force_needs_no_mean():
     p = scaled_problem(2.2, 0.1, [0.1], force_harmonics=[200.0 - 30j], force=0.0)
     r = steady_state(p, 1e-9)

@@ -118,6 +118,22 @@ def test_missing_tooth_opens_a_gap():
     assert 5e-6 < gone.at(np.linspace(4 + eps - 1, 5, 99)).max() < 5e-5
 
 
+def test_a_gap_between_helical_teeth_is_about_that_of_their_transverse_section():
+    """Spur teeth of that section; the virtual ones that stand for helical teeth come near it."""
+    beta, alpha = math.radians(20.0), math.radians(STAGE.pressure_angle_deg)
+    section = {"module_mm": 2.0 / math.cos(beta)}
+    section["pressure_angle_deg"] = math.degrees(math.atan(math.tan(alpha) / math.cos(beta)))
+    for name in ("tip_factor_pinion", "tip_factor_gear", "root_factor_pinion", "root_factor_gear"):
+        section[name] = getattr(STAGE, name) * math.cos(beta)
+    oblique, straight = (
+        excite(faults=["missing:1:pinion:5"], stage=stage, form="potential-energy").errors[0].gap
+        for stage in (replace(STAGE, helix_angle_deg=20.0), replace(STAGE, **section))
+    )
+    np.testing.assert_allclose(oblique.edges, straight.edges, rtol=1e-4)
+    x = np.linspace(*straight.edges[[0, -1]], 41)[1:-1]
+    np.testing.assert_allclose(oblique.value(x), straight.value(x), rtol=0.025)
+
+
 def test_tip_corner_gap_against_points_in_the_plane():
     """The arc on the mate's base circle through which its flank must turn to meet the corner."""
     pair = teeth_of(mesh_pairs(STAGE)[0])

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import ArgumentError
-from gearmon.gears.faults import parse_fault
+from gearmon.gears.faults import parse_error, parse_fault
 from gearmon.gears.mechanics import DAMPING_RATIO, load_share, stage_mechanics
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.machine import Machine, OperatingPoint, ParallelStage, PlanetaryStage
@@ -189,7 +190,10 @@ def test_torque_grows_as_the_speed_falls():
 
 def test_faults_of_other_stages_are_left_aside():
     faults = [parse_fault("crack:1:pinion:3:40%"), parse_fault("crack:2:gear:50:40%")]
-    assert stage_mechanics(machine(PAPER, PAPER), 2, faults=faults).stiffness.period_mesh == 53
+    faults += [parse_error("pitch:1:gear:7:8um"), parse_fault("wear:1:gear:all:0.02mm")]
+    found = stage_mechanics(machine(PAPER, PAPER), 2, faults=faults)
+    assert found.stiffness.period_mesh == 53
+    assert not found.excitation.at(np.linspace(0.0, 53.0, 300)).any()
 
 
 def test_faults_of_stages_that_do_not_exist_are_refused():

@@ -220,6 +220,16 @@ def test_what_machines_and_recorders_do_is_left_alone(kind):
     assert sound_part(own).notes == own.notes
 
 
+@pytest.mark.parametrize("apart", [5, -5, 40, -40])
+def test_a_peak_beside_another_is_a_knock_that_rings(apart):
+    """Neither is a bad sample, whichever is the larger; far apart they both are."""
+    values = 0.01 * white(60_000, seed=15)
+    values[30_000], values[30_000 + apart] = 3.0, -1.5
+    found = sorted((bad.start, bad.stop) for bad in bad_stretches(values))
+    alone = sorted((at, at + 1) for at in (30_000, 30_000 + apart))
+    assert found == (alone if abs(apart) == 40 else [])
+
+
 @pytest.mark.parametrize("length", [60_000, (1 << 20) + 7])
 def test_stretches_are_found_wherever_they_lie(length):
     random = np.random.default_rng(0)

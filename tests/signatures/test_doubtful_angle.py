@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from reference.simulated_machines import two_stages
 from reference.speed_cases import make_case
+from reference.synthetic_signals import lines_on, track_of
 
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import load_machine
@@ -114,3 +117,20 @@ def test_both_ends_of_the_angle_make_the_speed_uncertain():
     found = Tracking(signal=signal, track=track, scan=None, evidence=()).speed()
     assert found.estimated_hz == pytest.approx(25.0)
     assert found.uncertainty_hz == pytest.approx(np.hypot(1e-3, 1e-3) / 10.0)
+
+
+@pytest.mark.parametrize("heard", [(True, False), (True, True)])
+@pytest.mark.parametrize("part", [0.5, 1.0])
+def test_lines_between_those_of_any_mesh_that_is_heard_are_of_another_speed(part, heard):
+    """At half the spacing of the mesh of 26 teeth; whatever the other mesh says."""
+    time_s = np.arange(24_000) / 4000.0
+    orders = part * 26.0 * np.arange(1, 6 / part)
+    samples = lines_on(25.0 * time_s, orders, 1.0)
+    samples = samples + 0.3 * np.random.default_rng(1).normal(size=samples.shape)
+    signal = GearVibration(samples=samples, rate=4000.0, machine=two_stages(), nominal_hz=25.0)
+    evidence = tuple(SimpleNamespace(stands_out=own) for own in heard)
+    track = track_of(lambda time: 25.0 * time, float(time_s[-1]), 100)
+    found = Tracking(signal=signal, track=track, scan=None, evidence=evidence)
+    assert found.finer((0.5,)) == (part == 0.5)
+    assert not found.finer(())
+    assert not replace(found, evidence=(SimpleNamespace(stands_out=False),) * 2).finer((0.5,))

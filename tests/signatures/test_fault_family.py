@@ -270,6 +270,36 @@ def test_a_pair_without_shafts_is_its_own_train():
         assert same[1].displacement == pytest.approx(same[0].displacement, rel=1e-6, abs=1e-18)
 
 
+@pytest.mark.parametrize("gear", ["sun", "planet", "ring"])
+def test_a_planetary_mesh_follows_a_slow_runout_of_any_of_its_gears(gear):
+    """Far below resonance z = e: a line of half of the eccentricity, in whichever mesh it acts."""
+    stage = {"kind": "planetary", "sun_teeth": 20, "planet_teeth": 40, "ring_teeth": 100}
+    stage |= {"planets": 3, "fixed": "ring", "module_mm": 2.0, "face_width_mm": 20.0}
+    operating = {"speed_rpm": 300.0, "torque_nm": 50.0}
+    known = load_machine({"operating": operating, "stage": stage})
+    (member,) = fault_family(known, ["eccentricity"], ["10um"], [gear]).members
+    (once,) = member.lines.displacement[member.lines.number == 1]
+    assert abs(once) == pytest.approx(5e-6, rel=0.01)
+
+
+@pytest.mark.parametrize("gear", ["sun", "ring"])
+def test_a_line_of_a_set_is_named_without_its_carrier_where_it_can_be(gear):
+    """Planets pass a ring that stands still at whole lines of its own."""
+    stage = {"kind": "planetary", "sun_teeth": 20, "planet_teeth": 40, "ring_teeth": 100}
+    stage |= {"planets": 4, "fixed": "ring", "module_mm": 2.0, "face_width_mm": 20.0}
+    known = load_machine({"operating": {"speed_rpm": 900.0, "torque_nm": 50.0}, "stage": stage})
+    (member,) = fault_family(known, ["crack"], ["10%"], [gear], max_hz=1300.0).members
+    lines = member.lines.of_tooth(1)
+    # z lines a mesh order, and a hundred passes of the carrier
+    parts = 100 // lines.period
+    places = parts * lines.number + lines.carrier
+    named = dict.fromkeys((parts * lines.number[lines.carrier == 0]).tolist())
+    aside = places[lines.carrier != 0]
+    assert not [at for at in aside.tolist() if at in named]
+    whole = (aside % parts == 0) & (aside < places.max())
+    assert not whole.any()
+
+
 def test_all_teeth_alike_damaged_leave_mesh_lines_only():
     response = loss_response(COMBINE, 1, "gear", max_order=200.0)
     later = np.arange(response.teeth)[:, None] * response.number / response.teeth

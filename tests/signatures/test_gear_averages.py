@@ -48,6 +48,14 @@ def test_average_is_residual_and_what_was_removed(found):
         assert np.abs(left).max() < 1e-9 * own.average.per_turn
 
 
+def test_lines_taken_out_are_told_in_orders_of_shaft_1(found):
+    """Of either gear its shaft once and twice a turn, then the mesh that they share."""
+    for own in found.to_dict()["averages"]:
+        orders = own["removed_orders"]["residual"]
+        turn = 1.0 if own["shaft"] == 1 else 23 / 57
+        assert orders[:4] == pytest.approx([turn, 2 * turn, 23.0, 46.0])
+
+
 def test_mesh_line_agrees_with_the_hann_blocks(found):
     signature = measure_signature(recording(), machine())
     at = int(np.argmin(np.abs(signature.lines.orders - 23.0)))

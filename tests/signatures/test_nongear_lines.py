@@ -150,6 +150,19 @@ def test_a_silent_channel_changes_nothing():
     assert all(np.isfinite(line.level_db).all() for line in other)
 
 
+def test_a_line_is_judged_in_the_channel_in_which_it_is_clear():
+    """Beside a far louder one that hears noise alone, as of a sensor in another unit."""
+    samples, track = recorded(1, orders=(40.37,), tones_hz=(777.7,), wander=0.01)
+    noise = np.random.default_rng(3).standard_normal(samples.shape[-1])
+    found = []
+    for size in (0.1, 1e4):
+        x = InAngle.of(np.vstack([samples[:1], size * noise]), RATE_HZ, track)
+        found.append(nongear_lines(x, train(), fine_order_spectrum(x)))
+    quiet, loud = ([(line.order, line.locked) for line in own] for own in found)
+    assert quiet == loud
+    assert {locked for _, locked in loud} == {"shaft", "time"}
+
+
 def test_of_very_many_lines_the_clearest_are_listed(monkeypatch):
     everything = heard(1, orders=TURNING, level=[0.2, 0.05, 0.02])
     monkeypatch.setattr("gearmon.signatures.measured.nongear_lines.MOST_LINES", 2)

@@ -67,6 +67,8 @@ def test_a_band_cuts_the_axis():
         ({"kind": "power"}, "kind='power'"),
         ({"band": (5.0, 3.0)}, "low must be below high"),
         ({"band": (5.0, 5000.0)}, "band high=5000"),
+        ({"band": (5.0, 0.51 * RATE)}, "band high=2088"),
+        ({"kind": "cepstrum", "band": (0.1, 1.01)}, "band high=1.01"),
         ({"band": (5.0, 5.01)}, "fewer than two lines"),
         ({"kind": "kurtogram", "band": (1.0, 2.0)}, "leave the band out"),
         ({"window_name": "none"}, "window='none'"),
@@ -104,6 +106,14 @@ def test_orders_of_any_shaft():
         line = first.values[row, np.abs(first.place - 23) < 0.1].max()
         assert seen[row, np.abs(ours - 23) < 0.3].max() == pytest.approx(line, rel=0.2)
     assert first.map.speed_hz.mean() == pytest.approx(2960 / 60, rel=0.03)
+
+
+@pytest.mark.parametrize("shaft", [1, 2])
+def test_a_map_has_half_overlapped_blocks_for_two_dozen_rows_of_its_own_shaft(shaft):
+    found = order_spectra(recording(), machine(), shaft, most_peaks=0)
+    turned = np.ptp(found.signature.track.turns) * (1.0 if shaft == 1 else 23 / 57)
+    # but for a length that is transformed quickly
+    assert found.map.block_turns == pytest.approx(np.clip(turned / 12, 8.0, 40.0), rel=0.05)
 
 
 @pytest.mark.parametrize(

@@ -297,7 +297,6 @@ def tooth_response(machine: Machine, stage: int, gear: str, max_order: float) ->
         top = int(max_order / mesh_of_stage.order * teeth)
         mesh, lines = _deflected(stiffness, share, phase, teeth, top)
     else:
-        standard = False
         lines, mesh = (np.append(0.0, own) for own in (found.acceleration, found.mesh_acceleration))
         is_set = isinstance(own, PlanetaryStage)
         lines, mesh = _of_set(machine, found) if is_set else (lines, mesh[::teeth])

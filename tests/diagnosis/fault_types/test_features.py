@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.diagnosis.fault_types import FEATURES, NAMES, kind_features
+from gearmon.diagnosis.fault_types.kinds import judge_kind
 from gearmon.diagnosis.hypotheses.turns import turn_changes
 from gearmon.errors import ArgumentError
 from gearmon.signatures.measured.reference import WheelPattern, taken
@@ -101,6 +102,13 @@ def test_known_changes_come_back():
     )
 
 
+def test_the_overall_change_is_the_root_mean_square_of_all_families():
+    """Of ten families about each harmonic one changed."""
+    found = kind_features(levels(lambda *own: 4.0 if own[:2] == ("mesh", 1) else 0.0))
+    for row in range(len(found.gears)):
+        assert found.named(row)["overall_db"] == pytest.approx(4.0 / np.sqrt(10.0))
+
+
 def test_gears_on_one_shaft_know_of_each_other():
     def change(*family):
         return 5.0 if family[:3] == ("sidebands", 1, "gear") else 0.0
@@ -131,6 +139,19 @@ def test_two_opposite_teeth_are_two_peaks():
     assert row["teeth_involved"] == pytest.approx(1.0)
     assert row["turn_once"] == pytest.approx(0.0, abs=1e-12)
     assert row["turn_twice"] == pytest.approx(1.0)
+
+
+def test_what_speaks_for_a_kind_is_told_in_teeth_per_cent_and_decibels():
+    """Two teeth of forty at 20 dB, half of the excess each; sidebands of a known size."""
+    energy = one_tooth(40, 3)
+    energy[23] = 100.0
+    single = np.array([9.0, -1.0, 2.0, 3.0, 4.0, 5.0])
+    found = kind_features(levels(), {(1, "gear"): energy}, sidebands={(1, "gear"): single})
+    told = " ".join(judge_kind(found, gear=(1, "gear")).evidence)
+    assert "is 20.0 dB above its median at its highest, 50 % of the excess within four" in told
+    assert "(2 separate peaks, 2.0 teeth involved)" in told
+    assert "changed by +9.0 dB one turn away from the mesh harmonics, -1.0 dB two turns" in told
+    assert "+4.0 dB four to six turns, +0.0 dB farther away" in told
 
 
 @pytest.mark.parametrize(("teeth", "apart"), [(40, 5), (40, -5), (12, 3), (12, -3)])

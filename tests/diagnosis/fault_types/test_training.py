@@ -10,7 +10,7 @@ import pytest
 from reference.simulated_machines import one_pair, two_stages
 from reference.small_gearbox import machine
 
-from gearmon.diagnosis.fault_types import KINDS, NAMES, NONE, KindClassifier
+from gearmon.diagnosis.fault_types import KINDS, NAMES, NONE, KindClassifier, training
 from gearmon.diagnosis.fault_types.kinds import judge_kind, rule_probabilities
 from gearmon.diagnosis.fault_types.training import (
     Example,
@@ -105,6 +105,23 @@ def test_the_same_seed_draws_the_same_examples():
         for a, b in zip(one, two, strict=True)
     )
     assert {example.kind for example in one} == set(KINDS)
+
+
+def test_drawn_levels_scatter_by_the_errors_that_they_are_given():
+    """Of lines far above the noise, which is all that two recordings do not share here."""
+    random = np.random.default_rng(12)
+    shape = (2, *lines().healthy.shape)
+    sound = lines().healthy + 0.1 * np.abs(lines().healthy).max() * (
+        random.normal(size=shape) * np.array([[[1.0]], [[1j]]])
+    ).sum(axis=0)
+    sensors = training._Sensors(lines(), sound, random)
+    sensors.departure, sensors.gain = 0.0, np.ones(len(sensors.path))
+    drawn_levels = [sensors.measured(sound)[:2] for _ in range(200)]
+    level_db, error_db = np.array(drawn_levels).swapaxes(0, 1)
+    clear = error_db.max(axis=0) < 0.5
+    assert clear.sum() > 20
+    ratio = np.std(level_db, axis=0)[clear] / error_db.mean(axis=0)[clear]
+    assert np.sqrt(np.mean(ratio**2)) == pytest.approx(1.0, rel=0.05)
 
 
 def test_the_departure_of_one_tooth_is_found_at_that_tooth():

@@ -250,6 +250,23 @@ def test_straight_line_has_its_closed_form():
     assert trend.crossing(0.1).status == "reached"
 
 
+def test_a_limit_within_the_interval_is_reached_or_not_as_the_trend_says():
+    generator = np.random.default_rng(16)
+    times = 1.7e9 + DAY * np.arange(30)
+    value = np.maximum(np.arange(30) - 9.0, 0.0) + generator.normal(0, 0.5, 30)
+    trend = fit_trend(series(value, 0.5, times))
+    last, low, high = (x[0] for x in trend.at(times[-1:]))
+    assert low < last < high
+    # what is not yet there was not there before, though it may have been as far as is known
+    above = trend.crossing(0.9 * last + 0.1 * high)
+    assert (above.status, above.low_s) == ("ahead", times[-1])
+    sure, unsure = trend.crossing(0.9 * low), trend.crossing(0.9 * last + 0.1 * low)
+    assert (sure.status, unsure.status) == ("reached", "reached")
+    assert times[0] <= unsure.low_s < unsure.time_s < times[-1]
+    told = "its interval reaches below the limit"
+    assert [told in own.reason for own in (sure, unsure)] == [False, True]
+
+
 def test_constant_series_has_the_weighted_mean_with_its_interval():
     sigma = np.array([1.0, 2.0, 1.0, 0.5, 1.0, 2.0, 1.0])
     value = 2.0 + 0.1 * np.array([1, -1, 1, -1, 1, -1, 0.0])

@@ -215,7 +215,14 @@ def test_times_in_names(name, time):
 
 
 @pytest.mark.parametrize(
-    "name", ["new.csv", "20261341.csv", "2026-01-01_2026-01-02.csv", "20261121_3.csv"]
+    "name",
+    [
+        "new.csv",
+        "20261341.csv",
+        "2026-01-01_2026-01-02.csv",
+        "2026-01-01 to 2026-01-02.csv",
+        "20261121_3.csv",
+    ],
 )
 def test_names_without_one_time_are_refused(name):
     with pytest.raises(ArgumentError, match="in the name"):

@@ -136,6 +136,22 @@ def test_more_damage_is_more_evidence():
     assert peaks == sorted(peaks)
 
 
+@pytest.mark.parametrize("teeth", [17, 40])
+def test_of_lines_alike_the_law_has_as_many_and_as_many_places_as_teeth(teeth):
+    """Lines of unit size and much the same phase, beyond three sidebands; windows of two teeth."""
+    rng = np.random.default_rng(teeth)
+    number = np.arange(teeth - teeth // 2, 6 * teeth - teeth // 2)
+    wheel = Gear(teeth, seed=1).recording(1)
+    phase = rng.uniform(-2.0, 2.0, (1, len(number)))
+    alike = {"number": number, "mesh": number % teeth == 0, "amplitude": np.exp(1j * phase)}
+    found = locate(replace(wheel, **alike, variance=np.zeros(phase.shape)), numbered=True)
+    far = np.abs((number + teeth // 2) % teeth - teeth // 2) > 3
+    shape = 2 * far.sum() / teeth / 9
+    tail = gamma_law.logsf(found.ratio, shape, scale=1 / shape) / math.log(10)
+    assert found.log10_probability == pytest.approx(min(0.0, tail + math.log10(teeth)), rel=1e-6)
+    assert found.log10_probability < 0.0
+
+
 def test_too_few_lines_are_no_profile():
     gear = Gear(23, seed=4)
     assert locate(gear.recording(1, lines=slice(0, 12)), numbered=True) is None

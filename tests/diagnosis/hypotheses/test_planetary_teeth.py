@@ -166,6 +166,10 @@ def test_damage_of_sun_and_planet_is_found_in_a_simulated_set():
         assert told.verdict == "fault"
         assert (told.flags[0].kind, told.flags[0].gear) == ("tooth damage", gear)
         assert 0.1 < told.flags[0].stiffness_loss < 0.5
+    # each of three planets meets every sixth tooth of eighteen at one moment
+    first = (told.flags[0].tooth - 1) % 6 + 1
+    alike = f"teeth {first}, {first + 6}, {first + 12} meet a planet at the same moments"
+    assert any(text.startswith(alike) for text in told.flags[0].evidence)
 
 
 def ring_with(loss, tooth, stage, seed):

@@ -69,6 +69,18 @@ def test_the_share_left_unexplained_comes_back():
         assert np.median(found) == pytest.approx(share, abs=0.12)
 
 
+def test_noise_alone_has_a_mean_square_of_one_at_every_tooth():
+    found = [departure_spread(gear(None, seed=seed, height=0.0)).by_tooth for seed in range(6)]
+    assert np.mean(found) == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_noise_involves_no_teeth(seed):
+    """An event as loud as the noise is on as many teeth as one that drowns it."""
+    quiet, loud = (departure_spread(gear(weights(5), seed=seed, height=h)) for h in (1.0, 300.0))
+    assert quiet.teeth_involved == pytest.approx(loud.teeth_involved, rel=0.1)
+
+
 @given(st.integers(0, TEETH - 1))
 def test_which_tooth_it_is_does_not_matter(tooth):
     plain = departure_spread(gear(weights(0), noise=0.0))
@@ -158,7 +170,7 @@ def test_events_have_a_trace_of_the_lines():
 
 
 @pytest.mark.parametrize("height", [3.0, 10.0, 300.0])
-@pytest.mark.parametrize("distance", [3, 5, 11, -7])
+@pytest.mark.parametrize("distance", [3, 5, 11, -7, TEETH // 2])
 @pytest.mark.parametrize("size", [0.7, 1.0])
 def test_a_second_tooth_is_told_where_it_is(height, distance, size):
     weight = weights(9)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from reference.gear_departures import held_against
 
-from gearmon.diagnosis.law.patterns import GearPattern
+from gearmon.diagnosis.law.patterns import GearPattern, turned_alike
 from gearmon.signatures.measured.reference import WheelPattern
 
 TEETH, HARMONICS, STEPS = 24, 8, 1024
@@ -119,6 +119,14 @@ def test_the_angle_is_that_of_the_teeth_not_that_of_the_pulses(seed):
     known, new = patterns(first, second)
     _, angle = known.turned_to(new, TEETH)
     assert abs((angle - turn + 0.5) % 1.0 - 0.5) * TEETH < 0.25
+
+
+@pytest.mark.parametrize("same_zero", [True, False])
+def test_healthy_recordings_of_a_gear_become_those_of_the_first_turn(same_zero):
+    bands, turn = excitation(3), 0.0 if same_zero else 0.3
+    wheels = [wheel(bands, 1), wheel(bands, 2, ahead=pulsating(0.09, 0.7), turn=turn)]
+    first, second = turned_alike(wheels, same_zero=same_zero)
+    assert off(second, first) < 0.05 * off(*patterns(*wheels))
 
 
 def test_sound_gears_do_not_stand_out_and_a_crack_does():

@@ -88,6 +88,15 @@ def test_impacts_of_a_bearing_are_named(healthy):
     assert all(one.kind == "bearing" for one in found)
 
 
+def test_a_line_of_the_shaft_is_not_a_tone_that_stood_at_its_frequency():
+    """At a lower speed, so at another order."""
+    place, slower = 40.37, {"wander": 0.01, "speed_hz": 0.93 * SPEED_HZ}
+    new = heard(1, orders=(place,), wander=0.01)
+    assert [line.locked for line in new] == ["shaft"]
+    assert len(flagged(new, [heard(100, tones_hz=(place * SPEED_HZ,), **slower)])) == 1
+    assert flagged(new, [heard(100, orders=(place,), **slower)]) == []
+
+
 @pytest.mark.parametrize("wander", [0.0, 0.005])
 @pytest.mark.parametrize("mains", [50.0, 60.0])
 def test_mains_are_electrical(healthy, mains, wander):

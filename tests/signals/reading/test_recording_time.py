@@ -237,6 +237,15 @@ def test_what_goes_up_evenly():
     assert not even_step(np.full(100, 2.0))
 
 
+@pytest.mark.parametrize("bend", [1, -1])
+def test_of_a_clock_that_drifts_the_end_is_named(bend):
+    """A parabola lies farthest from its best line at its ends, whichever way it bends."""
+    number = np.arange(COUNT)
+    found = spacing(np.round(number / 5000 * (1 + bend * number / 3e5), 9))
+    assert "is off the even spacing of" in found.fault
+    assert found.row in (0, COUNT - 1)
+
+
 def test_dates_and_times_of_day(write):
     stamps = [f"2024-03-12 10:11:{12 + index / 1000:09.6f}" for index in range(COUNT)]
     assert read_recording(write(stamps, "Datum")).sampling_rate_hz == 1000.0

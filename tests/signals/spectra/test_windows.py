@@ -11,6 +11,7 @@ from gearmon.signals.spectra import (
     half_lobe,
     noise_bandwidth,
     window,
+    window_powers,
     window_spectrum,
 )
 
@@ -48,3 +49,17 @@ def test_unknown_windows_are_refused_with_the_nearest_name():
 def test_weights_are_shared_and_therefore_read_only():
     with pytest.raises(ValueError, match="read-only"):
         window("hann", 16)[0] = 1.0
+
+
+@pytest.mark.parametrize("length", [64, 100])
+def test_an_offset_does_not_hide_a_signal_behind_its_side_lobes(length):
+    """Whatever the window, and filled up with zeros or not."""
+    signals = np.random.default_rng(length).normal(size=(3, 64))
+    weights = window("hann", 64)
+    plain = window_powers(signals, weights, length)
+    np.testing.assert_allclose(window_powers(signals + 1e3, weights, length), plain, rtol=1e-6)
+    direct = (signals - signals.mean(axis=1, keepdims=True)) * weights
+    turned = np.exp(-2j * np.pi * np.outer(np.arange(64), np.arange(length // 2 + 1)) / length)
+    np.testing.assert_allclose(plain, np.abs(direct @ turned) ** 2, rtol=1e-9, atol=1e-12)
+    kept = window_powers(signals + 1e3, weights, length, centred=False)
+    assert kept[:, 0] == pytest.approx((1e3 * weights.sum()) ** 2, rel=1e-2)
