@@ -6,8 +6,11 @@ No test asserts on seconds.
 from __future__ import annotations
 
 import json
+import os
 import sys
+from importlib import import_module
 from importlib.util import find_spec
+from types import SimpleNamespace
 
 import pytest
 from reference.small_gearbox import MACHINE_FILE
@@ -130,7 +133,29 @@ def test_optimum_is_not_below_brute_force(tuned):
 def test_facts_of_run():
     facts = facts_of_run()
     assert set(facts) >= {"processor", "model", "cores", "python", "numpy", "scipy", "pandas"}
-    assert facts["cores"] >= 1
+    assert facts["cores"] == os.cpu_count()
+    assert facts["python"] == sys.version.split()[0]
+    for name in ("gearmon", "numpy", "scipy", "pandas"):
+        assert facts[name] == import_module(name).__version__
+
+
+def test_indicators_are_timed_on_as_many_samples_as_are_told(monkeypatch):
+    """They last their number over the sampling rate."""
+    asked = []
+
+    def take(_condition, setting):
+        asked.append(setting.duration_s)
+        return SimpleNamespace(recording=SimpleNamespace(vibration=lambda: None))
+
+    drawn = SimpleNamespace(take=take, machine=None)
+    monkeypatch.setattr(tasks, "find_spec", lambda _: None)
+    monkeypatch.setattr(tasks, "example_machine", lambda: MACHINE_FILE)
+    monkeypatch.setattr(tasks, "simulate", shortly)
+    monkeypatch.setattr(tasks, "draw_machine", lambda *_, **__: drawn)
+    monkeypatch.setattr(tasks, "indicator_table", lambda *_: None)
+    rows = tasks._reading(30_000, 1, 1)
+    assert asked == [pytest.approx(30_000 / tasks.RATE_HZ)]
+    assert {row["samples"] for row in rows} == {30_000}
 
 
 @pytest.fixture
