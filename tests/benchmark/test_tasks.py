@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+from functools import partial
 from importlib import import_module
 from importlib.util import find_spec
 from types import SimpleNamespace
@@ -69,6 +70,19 @@ def test_what_solves_many_sets_at_once_is_told_for_one(monkeypatch):
     assert (row["median_s"], row["fastest_s"], row["sets"]) == (0.2, 0.2, 4)
     assert (row["error"], row["repeats"]) == (4, 3)
     assert (other["median_s"], other["repeats"], other["note"]) == (None, 0, "not run")
+
+
+def test_every_way_is_told_by_its_own_time_and_result(monkeypatch):
+    monkeypatch.setattr(timing, "task_time", lambda run: (run(), run()))
+    listed = [
+        timing.Contender(f"way {n}", run=partial(float, n), judge=lambda made: {"error": 10 * made})
+        for n in (1, 2, 3)
+    ]
+    listed.insert(1, timing.Contender("missing", note="not run"))
+    rows = timing.measured(listed, 2, 100.0)
+    assert [row["method"] for row in rows] == ["way 1", "missing", "way 2", "way 3"]
+    assert [row["median_s"] for row in rows] == [1.0, None, 2.0, 3.0]
+    assert [row["error"] for row in rows] == [10.0, None, 20.0, 30.0]
 
 
 def test_rows_without_the_other_library(monkeypatch):
