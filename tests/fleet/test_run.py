@@ -361,6 +361,7 @@ def test_a_recording_that_kills_its_process_is_isolated(tmp_path, monkeypatch):
         ("recordings = 'inbox'", "recordings = ''", "is no folder"),
         ("[defaults]", "[[defaults]]\n[[defaults]]", "defaults must be one table"),
         (PATTERN, "(?P<day>.*)", "must have the group"),
+        (PATTERN, "(?P<machine>.*)", "must have the group"),
         (PATTERN, "(?P<time>", "no regular expression"),
         ('name = "b"', 'name = "a"', "another machine"),
         ('name = "b"', 'name = "b"\nlimit = 20', "must lie in"),
