@@ -140,3 +140,14 @@ def test_an_archive_of_any_format_that_is_known_is_read(tmp_path, name):
         reading_archive(path, ("next",), *told),
     ):
         raise AssertionError("not refused")
+
+
+def test_an_archive_that_swells_is_refused_before_its_arrays_are_made(tmp_path, monkeypatch):
+    path = tmp_path / "swells.npz"
+    write_archive(path, {"format": "new"}, {"a": np.zeros(50_000)})
+    monkeypatch.setattr("gearmon.files.most_unpacked", lambda packed: 100 * packed)
+    with (
+        pytest.raises(SignatureError, match=r"not a readable file \(it unpacks to more than any\)"),
+        reading_archive(path, ("new",), "file", "write it", "write one"),
+    ):
+        raise AssertionError("not refused")
