@@ -164,6 +164,13 @@ def test_baseline_writes_the_lines_asked_for(run, tmp_path):
     assert [Path(name).read_bytes()[:4] for name in told["pictures"]] == [b"\x89PNG"]
 
 
+def test_every_file_that_is_written_is_told(run, tmp_path):
+    _, out, _ = run("baseline", "machine.toml", "--max-hz", 2000, "-o", tmp_path / "lines.csv")
+    told = {line.removeprefix("wrote ") for line in out.splitlines() if line.startswith("wrote ")}
+    assert told == {str(path) for path in tmp_path.iterdir()}
+    assert {Path(name).suffix for name in told} == {".csv", ".png"}
+
+
 def test_baseline_with_a_fault_has_sidebands(run):
     code, out, _ = run("baseline", "machine.toml", "--max-hz", 2000, "--fault", CRACK, "--json")
     assert code == 0
@@ -232,6 +239,19 @@ def test_a_report_names_the_recordings_that_cannot_be_used(run, tmp_path, monkey
     text = " ".join(page.read_text("utf-8").split())
     assert told.removeprefix("gearmon: ") in text
     assert "new.csv" in text
+
+
+def test_the_worst_recording_is_told_first_and_files_of_the_report_are_counted(
+    run, tmp_path, monkeypatch
+):
+    # pictures take longer than all the rest
+    monkeypatch.setattr("gearmon.report.analysis_plots.analysis_figures", lambda *_: [])
+    given = [*analyse("new.csv", "cracked.csv"), "--reference", "healthy.ref"]
+    code, out, _ = run(*given, "--report", tmp_path / "report.html")
+    assert code == 1
+    assert out.index("cracked.csv: FAULT") < out.index("new.csv: HEALTHY")
+    pictures = len(list(tmp_path.rglob("*.png")))
+    assert f"report: {tmp_path / 'report.html'} and {pictures} pictures" in out.splitlines()
 
 
 def test_a_recording_serves_as_reference(run):

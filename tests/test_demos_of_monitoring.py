@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 from reference.small_gearbox import as_json
 
@@ -9,6 +10,20 @@ from gearmon.demos import DEMOS, monitoring, run_demo
 from gearmon.diagnosis.history import read_history
 from gearmon.machine import load_machine
 from gearmon.signatures.measured.reference import read_reference
+
+#: What functions of the demos were last given and returned, by their names.
+KEPT = {}
+
+
+def noting(function, kept):
+    """The same function, whose last use is kept."""
+
+    def noted(*given):
+        returned = function(*given)
+        kept[function.__name__] = given, returned
+        return returned
+
+    return noted
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -23,6 +38,8 @@ def shortened():
     patch.setattr(monitoring, "NEW_LOADS", (0.93,))
     patch.setattr(monitoring, "KIND_LOADS", (0.7, 0.85, 1.0))
     patch.setattr(monitoring, "EXAMPLES", 160)
+    for name in ("day_figure", "kind_figure", "_monitored"):
+        patch.setattr(monitoring, name, noting(getattr(monitoring, name), KEPT))
     yield
     patch.undo()
 
@@ -39,7 +56,9 @@ def told_apart(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def through_a_day(tmp_path_factory):
-    return run_demo("day", tmp_path_factory.mktemp("day"))
+    demo = run_demo("day", tmp_path_factory.mktemp("day"))
+    KEPT["day"] = KEPT["_monitored"]
+    return demo
 
 
 @pytest.mark.parametrize("name", ["growing", "told_apart", "through_a_day"])
@@ -88,3 +107,30 @@ def test_a_day_counts_its_alarms_itself(through_a_day):
     assert facts["alarms"] == [one["verdict"] for one in facts["recordings"]].count("fault")
     assert f"False alarms: {facts['alarms']}," in through_a_day.files["story"].read_text()
     assert max(facts["load"]) > 1.1 * min(facts["load"])
+
+
+@pytest.mark.usefixtures("through_a_day")
+def test_a_day_is_drawn_by_the_hour_and_its_level_re_the_mean_of_the_reference():
+    (day, limit_db), _ = KEPT["day_figure"]
+    _, (healthy, _, judged) = KEPT["day"]
+    assert limit_db == monitoring.LEVEL_LIMIT_DB
+    assert day.index.tolist() == [6.0, 7.0]
+
+    def level_db(recording):
+        return 10 * np.log10(np.square(recording.vibration().samples).mean(axis=1))
+
+    usual = np.mean([level_db(recording) for recording in healthy], axis=0)
+    for row, (recording, analysis) in zip(day.itertuples(index=False), judged, strict=True):
+        speed = analysis.signature.speed.estimated_hz
+        assert row[1:4] == (speed, analysis.score, analysis.verdict)
+        np.testing.assert_allclose(row[4:], level_db(recording) - usual, atol=0.05)
+
+
+def test_changes_of_a_state_are_those_of_its_own_recordings(told_apart):
+    (changes,), _ = KEPT["kind_figure"]
+    judged = told_apart.facts["recordings"]
+    for (title, frame), one in zip(changes.items(), judged, strict=True):
+        assert title == f"Truth: {one['truth']}. Told: {one['told']}."
+        assert frame.index.tolist() == ["93% load"]
+        assert frame.iloc[0].tolist() == list(one["features_db"].values())
+        assert frame.columns.tolist() == list(monitoring.FEATURES.values())

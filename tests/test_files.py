@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import stat
 
+import numpy as np
 import pytest
 
-from gearmon.errors import ArgumentError
-from gearmon.files import replacing, write_atomically
+from gearmon.errors import ArgumentError, SignatureError
+from gearmon.files import reading_archive, replacing, write_archive, write_atomically
 
 
 def fail_half_way(path):
@@ -124,3 +125,29 @@ def test_pipe_is_refused_and_not_replaced(tmp_path):
     with pytest.raises(ArgumentError, match="pipe: is no ordinary file"):
         write_atomically(tmp_path / "pipe", "new")
     assert stat.S_ISFIFO((tmp_path / "pipe").lstat().st_mode)
+
+
+@pytest.mark.parametrize("name", ["new", "old"])
+def test_an_archive_of_any_format_that_is_known_is_read(tmp_path, name):
+    path = tmp_path / "kept.npz"
+    write_archive(path, {"format": name}, {"a": np.arange(3.0)})
+    told = "file", "write it", "write one"
+    with reading_archive(path, ("new", "old"), *told) as (header, arrays):
+        assert header["format"] == name
+        assert arrays["a"].tolist() == [0.0, 1.0, 2.0]
+    with (
+        pytest.raises(SignatureError, match=f"format '{name}' is not 'next'; write it anew"),
+        reading_archive(path, ("next",), *told),
+    ):
+        raise AssertionError("not refused")
+
+
+def test_an_archive_that_swells_is_refused_before_its_arrays_are_made(tmp_path, monkeypatch):
+    path = tmp_path / "swells.npz"
+    write_archive(path, {"format": "new"}, {"a": np.zeros(50_000)})
+    monkeypatch.setattr("gearmon.files.most_unpacked", lambda packed: 100 * packed)
+    with (
+        pytest.raises(SignatureError, match=r"not a readable file \(it unpacks to more than any\)"),
+        reading_archive(path, ("new",), "file", "write it", "write one"),
+    ):
+        raise AssertionError("not refused")

@@ -64,6 +64,16 @@ def test_store_grows_and_files_are_written(folder, tmp_path, capsys):
     assert "machine 'other' is not one of " in capsys.readouterr().err
 
 
+def test_a_recording_that_cannot_be_used_is_told_among_the_others(folder, tmp_path, capsys):
+    missing = tmp_path / "2026-03-03T08-00-00.csv"
+    names = [str(folder / "2026-03-01T08-00-00.csv"), str(missing)]
+    known = ["--machine", str(folder / "machine.toml"), "--reference", str(folder / "healthy.ref")]
+    assert main(["history", *names, *known, "--time-from", "name"]) == 2
+    shown = capsys.readouterr()
+    assert f"{missing}: not analysed" in shown.out.splitlines()
+    assert f"{missing}: " in shown.err
+
+
 def test_of_two_recordings_of_one_time_the_later_counts_where_that_is_asked_for(folder, capsys):
     one_time = ("--times", f"{TIMES.split(',')[0]},{TIMES.split(',')[0]}")
     assert run(folder, *one_time) == 2

@@ -104,6 +104,20 @@ def test_meetings_nearest_to_the_operating_speed_are_shown(tmp_path, capsys):
     assert shown == pytest.approx(sorted(nearest), rel=1e-5)
 
 
+def test_a_table_without_rows_keeps_its_columns(machine, tmp_path, monkeypatch):
+    """Up to 1 rpm no mesh harmonic meets a natural frequency."""
+    monkeypatch.setattr("gearmon.report.save_all", lambda *_: [])
+    heads = []
+    for rpm in ("1", "20000"):
+        target = tmp_path / f"modes{rpm}.csv"
+        assert main(["modes", str(machine), "--to-rpm", rpm, "-o", str(target)]) == 0
+        heads.append(target.with_name(f"modes{rpm}-campbell.csv").read_text().splitlines())
+    empty, full = heads
+    assert empty == full[:1]
+    assert "speed_rpm" in full[0].split(",")
+    assert len(full) > 1
+
+
 def test_a_speed_hint_belongs_to_the_nearest_operating_point(tmp_path):
     """Its load counts, at the speed that is known better."""
     path = tmp_path / "machine.toml"

@@ -19,6 +19,7 @@ from gearmon.machine import (
     ParallelStage,
     PlanetaryStage,
     Sensor,
+    ShaftSection,
 )
 from gearmon.machine.fields import shown_value
 
@@ -223,3 +224,22 @@ def test_ring_has_its_tips_inside_its_roots():
     assert stage.tip_diameter_ring_mm == 196.4
     with pytest.raises(FieldError, match="must be less than the root diameter, 202 mm"):
         PlanetaryStage(**SET_MM, tip_diameter_ring_mm=195.0 + 8, root_diameter_ring_mm=202.0)
+
+
+def test_what_sits_on_a_shaft_lies_within_the_length_of_that_shaft():
+    """Sections of a shaft add up to its length; those of another are no part of it."""
+    lengths = ((1, 60.0), (1, 90.0), (2, 40.0))
+    sections = tuple(
+        ShaftSection(shaft=shaft, length_mm=length, diameter_mm=30.0) for shaft, length in lengths
+    )
+
+    def built(shaft, position):
+        seat = Bearing(name="seat", shaft=shaft, position_mm=position, stiffness_n_per_m=1e8)
+        parts = {"operating": (POINT,), "stages": (PAIR,), "sections": sections}
+        return Machine(name="m", bearings=(seat,), **parts)
+
+    for shaft, length in ((1, 150.0), (2, 40.0)):
+        assert built(shaft, length).bearings[0].position_mm == length
+        told = rf"must lie in \[0, {length:g}\] mm: the length of shaft {shaft}"
+        with pytest.raises(FieldError, match=told):
+            built(shaft, length + 1.0)

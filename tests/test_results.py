@@ -128,6 +128,13 @@ def test_pictures_are_drawn_and_their_axes_returned(name):
     assert first.get_ylabel() or first.get_xlabel() or first.get_title("left")
 
 
+def test_the_result_itself_is_no_option_of_its_picture():
+    family = results()["family"]
+    for word in ("family", "found"):
+        with pytest.raises(gearmon.GearmonError, match=f"plot option '?{word}"):
+            family.plot(**{word: family})
+
+
 def test_what_is_saved_is_read_again(tmp_path):
     for name, read in (
         ("reference", gearmon.read_reference),

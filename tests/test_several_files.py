@@ -38,6 +38,14 @@ def test_an_error_of_a_task_is_reported_in_its_place(monkeypatch, capsys, thread
     assert capsys.readouterr().err == "gearmon: bad.csv: bad\n"
 
 
+@pytest.mark.parametrize("bad", [2, 3])
+def test_more_than_two_bad_recordings_are_counted_in_the_last_line(capsys, bad):
+    each_of(["good.csv", *(f"bad-{n}.csv" for n in range(bad))], None, partial(named, ending=""))
+    told = capsys.readouterr().err.splitlines()
+    counted = [f"gearmon: {bad} of {bad + 1} recordings could not be used; the lines above say why"]
+    assert told[bad:] == (counted if bad > 2 else [])
+
+
 def test_cores_are_those_that_are_told(monkeypatch):
     monkeypatch.setenv(THREADS, "3")
     assert cores() == 3

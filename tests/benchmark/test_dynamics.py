@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from gearmon.benchmark import case_figures, rivals, run_case, summary_rows
+from gearmon.benchmark import case_figures, dynamics, rivals, run_case, summary_rows
 from gearmon.benchmark.dynamics import (
     GROWTH,
     SWEEP,
@@ -21,11 +21,15 @@ from gearmon.benchmark.dynamics import (
 )
 from gearmon.benchmark.equations import CASES, QUICK, growing_turn, square_wave
 from gearmon.benchmark.timing import facts_of_run, interleaved
+from gearmon.dynamics import steady_state
 from gearmon.errors import ArgumentError
 from gearmon.report.plots import save_all
+from gearmon.signatures.expected.fault_family import fault_family
 
 #: What each job of many solutions is done with.
 OF_JOBS = {SWEEP: "sweep", "stability chart": "stability_chart", "fault family": "fault_family"}
+OUR_PAIR = ("pair", "steady_state", True)
+OF_SUM = "steady_state of the Fourier sum"
 COLUMNS = {
     "case",
     "method",
@@ -141,6 +145,37 @@ def test_a_growing_turn_has_one_gaussian_dip(meshes):
     away = phase[:, None] - meshes * np.arange(-9, 10)
     dip = -0.1 * np.exp(-(away**2) / (2 * 0.25**2)).sum(axis=1)
     np.testing.assert_allclose(found, dip - dip.mean(), atol=1e-6)
+
+
+def test_unknowns_are_the_harmonics_that_were_solved_for(rows):
+    """The mean and every harmonic of the answer to the case, and their number alone."""
+    (row,) = (r for r in rows if (r["case"], r["method"], r["at_target"]) == OUR_PAIR)
+    solved = steady_state(CASES["pair"]().problem, row["wanted"])
+    assert row["unknowns"] == len(solved.displacement)
+
+
+def test_times_of_a_family_are_those_of_a_member(rows):
+    family = fault_family(dynamics.MACHINE, dynamics.KINDS[:1], tolerance=TARGET)
+    (row,) = (r for r in rows if r["method"] == OF_JOBS["fault family"])
+    assert row["sets"] == len(family) > len(family.members[:: dynamics.TAKEN])
+
+
+def test_the_error_of_a_family_is_that_of_the_worst_member(monkeypatch):
+    monkeypatch.setattr(rivals, "NOT_COMPILED", "numba is not installed")
+    monkeypatch.setattr(dynamics, "TAKEN", 1)
+    family = fault_family(dynamics.MACHINE, dynamics.KINDS[:1], tolerance=TARGET)
+    (row,) = (r for r in dynamics.family_rows(quick=True) if r["median_s"] is not None)
+    assert len(family) > 1
+    assert row["error"] == pytest.approx(max(own.lines.error for own in family.members), rel=1e-6)
+
+
+def test_sums_of_a_rectangle_are_judged_by_its_jumps(rows):
+    """No bound of a sum is one of the true jumps, which more harmonics come nearer to."""
+    told = [r for r in rows if (r["case"], r["method"]) == ("rectangle", OF_SUM)]
+    assert {row["error_bound"] for row in told} == {None}
+    errors = [row["error"] for row in told]
+    assert len(errors) > 2
+    assert errors == sorted(errors, reverse=True)
 
 
 def test_fixed_orders_gain_accuracy(rows):

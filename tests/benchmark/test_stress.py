@@ -10,10 +10,10 @@ import pytest
 from reference.refined_balance import refined_balance
 
 from gearmon.benchmark import dynamics as stress
-from gearmon.benchmark import run_case
+from gearmon.benchmark import equations, run_case
 from gearmon.benchmark.dynamics import TRACE_TOLERANCE, draw_system, instability_limit
 from gearmon.benchmark.equations import Lines, reference_and_doubt
-from gearmon.dynamics import floquet, steady_state
+from gearmon.dynamics import HillProblem, floquet, steady_state
 from gearmon.errors import ArgumentError
 
 
@@ -38,6 +38,28 @@ def test_doubt_of_the_reference_against_extended_precision(seed):
     exact = Lines(refined_balance(problem).displacement.astype(complex))
     assert reference.error(exact) < max(1e-13, 3 * doubt)
     assert doubt < 1e-11
+
+
+@pytest.mark.parametrize("zeta", [1e-3, 1e-4])
+def test_at_a_resonance_the_doubt_is_what_four_roundings_of_the_period_do(zeta):
+    """Where w = w0 an answer of 1 / (w0^2 - w^2 + 2 i zeta w w0) moves by (dT / T) / zeta."""
+    problem = HillProblem(1.0, 2 * zeta, 1.0, np.array([zeta + 0j]), 2 * np.pi, 1.0)
+    _, doubt = reference_and_doubt(problem)
+    moved = 4 * np.spacing(problem.period_s) / problem.period_s
+    assert 0.5 < doubt / (moved / zeta) < 2.0
+
+
+def test_the_doubt_of_a_coarse_reference_is_its_error(monkeypatch):
+    problem = HillProblem(1.0, 0.1, 1.0, np.array([0.2 + 0.1j, 0.1j]), 20.0, 1.0)
+    solved = equations.solve_reference
+    fine = solved(equations.Case(problem=problem))
+    monkeypatch.setattr(equations, "solve_reference", lambda own, count=4: solved(own, count))
+    coarse, doubt = reference_and_doubt(problem)
+    count = len(coarse.acceleration)
+    share = (np.arange(count)[:, None] + equations.rule(equations.NODES).nodes) / count
+    error = fine.error(equations.Samples(share.ravel(), coarse.acceleration.ravel()))
+    assert error > 1e-9
+    assert doubt == pytest.approx(error, rel=0.2)
 
 
 def test_same_seed_same_systems(rows):

@@ -6,8 +6,12 @@ No test asserts on seconds.
 from __future__ import annotations
 
 import json
+import os
 import sys
+from functools import partial
+from importlib import import_module
 from importlib.util import find_spec
+from types import SimpleNamespace
 
 import pytest
 from reference.small_gearbox import MACHINE_FILE
@@ -66,6 +70,19 @@ def test_what_solves_many_sets_at_once_is_told_for_one(monkeypatch):
     assert (row["median_s"], row["fastest_s"], row["sets"]) == (0.2, 0.2, 4)
     assert (row["error"], row["repeats"]) == (4, 3)
     assert (other["median_s"], other["repeats"], other["note"]) == (None, 0, "not run")
+
+
+def test_every_way_is_told_by_its_own_time_and_result(monkeypatch):
+    monkeypatch.setattr(timing, "task_time", lambda run: (run(), run()))
+    listed = [
+        timing.Contender(f"way {n}", run=partial(float, n), judge=lambda made: {"error": 10 * made})
+        for n in (1, 2, 3)
+    ]
+    listed.insert(1, timing.Contender("missing", note="not run"))
+    rows = timing.measured(listed, 2, 100.0)
+    assert [row["method"] for row in rows] == ["way 1", "missing", "way 2", "way 3"]
+    assert [row["median_s"] for row in rows] == [1.0, None, 2.0, 3.0]
+    assert [row["error"] for row in rows] == [10.0, None, 20.0, 30.0]
 
 
 def test_rows_without_the_other_library(monkeypatch):
@@ -130,7 +147,29 @@ def test_optimum_is_not_below_brute_force(tuned):
 def test_facts_of_run():
     facts = facts_of_run()
     assert set(facts) >= {"processor", "model", "cores", "python", "numpy", "scipy", "pandas"}
-    assert facts["cores"] >= 1
+    assert facts["cores"] == os.cpu_count()
+    assert facts["python"] == sys.version.split()[0]
+    for name in ("gearmon", "numpy", "scipy", "pandas"):
+        assert facts[name] == import_module(name).__version__
+
+
+def test_indicators_are_timed_on_as_many_samples_as_are_told(monkeypatch):
+    """They last their number over the sampling rate."""
+    asked = []
+
+    def take(_condition, setting):
+        asked.append(setting.duration_s)
+        return SimpleNamespace(recording=SimpleNamespace(vibration=lambda: None))
+
+    drawn = SimpleNamespace(take=take, machine=None)
+    monkeypatch.setattr(tasks, "find_spec", lambda _: None)
+    monkeypatch.setattr(tasks, "example_machine", lambda: MACHINE_FILE)
+    monkeypatch.setattr(tasks, "simulate", shortly)
+    monkeypatch.setattr(tasks, "draw_machine", lambda *_, **__: drawn)
+    monkeypatch.setattr(tasks, "indicator_table", lambda *_: None)
+    rows = tasks._reading(30_000, 1, 1)
+    assert asked == [pytest.approx(30_000 / tasks.RATE_HZ)]
+    assert {row["samples"] for row in rows} == {30_000}
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gearmon.errors import GearmonError
-from gearmon.exposure import DayPlan, Exposure, Job, Limits, load_day, sum_up
+from gearmon.exposure import DayPlan, Exposure, Job, Limits, exposure_day, load_day, sum_up
 from gearmon.exposure.measures import LIMITS, AxisExposure
 
 
@@ -183,6 +183,19 @@ recording = ["one.csv", "two.csv"]
 hours = 3
 hours_error = 0.5
 """
+
+
+def test_a_day_reads_its_recordings_as_it_is_told(tmp_path):
+    """Columns without time, in g: a sine of 0.1 g at 16 Hz along the spine, Wk = 0.77 there."""
+    time_s = np.arange(0.0, 120.0, 1 / 500.0)
+    path = tmp_path / "seat.csv"
+    np.savetxt(path, 0.1 * np.sin(2 * np.pi * 16.0 * time_s), header="up", comments="")
+    jobs = (Job(name="mowing", recording=str(path), hours=8.0),)
+    settings = {"sampling_rate_hz": 500.0, "unit": "g"}
+    day = exposure_day(DayPlan(jobs=jobs, position="seat"), {"z": "up"}, **settings)
+    assert day.doses[0].value == pytest.approx(0.1 * 9.80665 / np.sqrt(2) * 0.77, rel=0.01)
+    with pytest.raises(GearmonError, match="range"):
+        exposure_day(DayPlan(jobs=jobs, position="seat"), {"z": "up"}, range_ms2=0.098, **settings)
 
 
 def test_a_plan_is_read_with_limits_of_its_own(tmp_path):

@@ -246,6 +246,14 @@ def test_axes_are_told_by_name_number_or_heading():
     assert any("axes not measured: x, y" in told for told in felt(rows[2]).warnings)
 
 
+def test_the_running_rms_is_weighted_and_counted_with_the_factor_of_its_axis():
+    """A steady sine has the same rms every second: 1.4 times that of the axis on x and y."""
+    found = felt(*[sine(4.0)] * 3)
+    for axis, course in zip(found.axes, found.running_ms2, strict=True):
+        np.testing.assert_allclose(course[5:], axis.factor * axis.rms_ms2, rtol=5e-3)
+    assert [axis.factor for axis in found.axes] == [1.4, 1.4, 1.0]
+
+
 def test_third_octaves_hold_what_was_recorded():
     found = felt(sine(10**0.6, 2.0, seconds=300.0) + 9.81)
     band = np.argmin(np.abs(found.band_hz - 10**0.6))

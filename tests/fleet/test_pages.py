@@ -61,9 +61,12 @@ def served(fleet, **how):
     thread.start()
     while not server.started:
         time.sleep(0.05)
-    yield f"127.0.0.1:{port}"
-    server.should_exit = True
-    thread.join()
+    try:
+        yield f"127.0.0.1:{port}"
+    finally:
+        # a test that fails must not leave a server that keeps the tests from ending
+        server.should_exit = True
+        thread.join()
 
 
 @pytest.fixture(scope="module")

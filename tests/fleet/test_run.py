@@ -180,6 +180,26 @@ def test_a_recording_larger_than_memory_is_said_at_once(tmp_path):
     assert "8796.1 GB of recording take more memory than there is" in why
 
 
+@pytest.mark.parametrize(("size_gb", "fits"), [(0.6, True), (0.7, False)])
+def test_a_recording_takes_three_times_its_size_of_the_memory_of_a_process(
+    tmp_path, monkeypatch, size_gb, fits
+):
+    """Eight gigabytes for four processes are two for each."""
+    monkeypatch.setattr(running, "free_bytes", lambda: 8e9)
+    monkeypatch.setattr(running.os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(running, "judged", stopped)
+    fleet = made_fleet(tmp_path)
+    arrive(tmp_path, "a_{}.txt", "0.1")
+    (job,), _ = arrived(fleet)
+    why = analysed(replace(job, size=round(size_gb * 1e9))).why
+    told = f"{size_gb} GB of recording take more memory than there is (8.0 GB free for 4 processes)"
+    assert why.startswith("stopped here" if fits else told)
+
+
+def stopped(*_):
+    raise GearmonError("stopped here")
+
+
 def test_without_room_on_the_disk_it_is_said_and_gone_on_with_later(tmp_path):
     fleet = made_fleet(tmp_path)
     for day in range(28):
@@ -341,6 +361,7 @@ def test_a_recording_that_kills_its_process_is_isolated(tmp_path, monkeypatch):
         ("recordings = 'inbox'", "recordings = ''", "is no folder"),
         ("[defaults]", "[[defaults]]\n[[defaults]]", "defaults must be one table"),
         (PATTERN, "(?P<day>.*)", "must have the group"),
+        (PATTERN, "(?P<machine>.*)", "must have the group"),
         (PATTERN, "(?P<time>", "no regular expression"),
         ('name = "b"', 'name = "a"', "another machine"),
         ('name = "b"', 'name = "b"\nlimit = 20', "must lie in"),

@@ -241,6 +241,23 @@ def test_fault_family():
     assert y == pytest.approx(20 * np.log10(ratio))
 
 
+def test_a_picture_of_a_family_names_the_operating_point_that_it_shows():
+    pair = load_machine(SIGNATURES / "reference_pair.toml")
+    points = tuple(
+        replace(pair.operating[0], torque_nm=torque, share=0.5, name=name)
+        for name, torque in (("light", 20.0), ("heavy", 98.0))
+    )
+    family = fault_family(
+        replace(pair, operating=points), kinds=["eccentricity"], sizes=["20um"], gears=["pinion"]
+    )
+    for number, point in enumerate(points):
+        figure = family_figure(family, number)
+        assert f"{pair.name}, {point.name}: " in figure.get_suptitle()
+        (row,) = (row for row in family.rows() if row["operating"] == number)
+        level = 20 * np.log10(row["sidebands_ms2"] / row["healthy_ms2"])
+        assert figure.axes[0].lines[0].get_ydata() == pytest.approx([level])
+
+
 def test_demos():
     hour = np.arange(3.0)
     known = {"load": 0.5 + hour, "speed_hz": 20 + hour, "level of a1": hour - 1, "score": hour}

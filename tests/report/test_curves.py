@@ -72,6 +72,14 @@ def test_the_angle_spectrum_reads_the_lines_of_the_analysis(faulty):
     np.testing.assert_allclose(near, known, rtol=0.16)
 
 
+def test_neighbouring_lines_of_the_analysis_stand_in_bins_of_their_own(faulty):
+    order, _ = angle_spectrum(faulty.analysis, faulty.recording, 60.0)
+    lines = np.unique(faulty.analysis.signature.plan.orders.round(9))
+    bins = np.rint(lines[lines < 60.0] / (order[1] - order[0]))
+    assert len(bins) > 20
+    assert (np.diff(bins) > 0).all()
+
+
 def test_orders_end_where_the_sampling_rate_does(healthy):
     order, _ = angle_spectrum(healthy.analysis, healthy.recording, 1e4)
     fastest = healthy.analysis.signature.track.speed_hz.max()

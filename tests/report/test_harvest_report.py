@@ -94,6 +94,8 @@ def test_figures_are_those_of_the_survey_in_the_units_of_their_axes(survey):
     assert energy.get_ylabel() == "energy of a line in J/kg, (2πfA)²/2"
     assert beside.get_ylabel() == "harvester: µW per (m/s²)² (dashed)"
     frequency, gain = beside.lines[0].get_data()
+    (name,) = (text.get_text() for text in energy.get_legend().get_texts())
+    assert name.endswith(" (100 % of the time)")
     harvester = survey.best.tuned.harvester
     assert gain == pytest.approx(1e6 * harvester.gains(frequency).power_w)
     factors = {

@@ -98,6 +98,15 @@ def test_losses_limit_and_scores_are_drawn():
             assert any(np.allclose(span, own) for span in spans)
 
 
+def test_the_known_loss_is_drawn_in_percent_at_the_times_of_the_recordings():
+    found = history_trends(history(count=4), limit=0.3)
+    upper = history_figure(found, [0.0, 0.02, 0.05, 0.11]).axes[0]
+    (line,) = [own for own in upper.lines if own.get_label() == "known loss"]
+    assert line.get_ydata() == pytest.approx([0.0, 2.0, 5.0, 11.0])
+    days = [entry.time_s / 86400.0 for entry in found.history.entries]
+    assert line.get_xdata() == pytest.approx(days)
+
+
 def test_words_and_charts_tell_the_loss_in_percent_and_its_rate_a_day():
     found = history_trends(history(), limit=0.3)
     (tooth,) = found.shown

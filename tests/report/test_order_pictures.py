@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from gearmon.report.recording_plots import (
     indicator_figure,
     order_map_figure,
 )
+from gearmon.report.spectrum_plots import order_figure
 from gearmon.report.text import words
 from gearmon.signals.orders import order_map
 from gearmon.signatures.gear_averages import gear_averages
@@ -54,9 +56,21 @@ def test_map_keeps_every_line_and_is_calibrated(spectra):
     assert ax.get_xlim()[1] == pytest.approx(found.map.order[-1])
 
 
-def test_speeds_never_driven_are_grey_and_said_so(spectra):
-    from dataclasses import replace
+def test_strips_of_one_unit_share_a_scale_that_holds_them_all(spectra):
+    found = spectra["time"]
+    quiet = found.values.copy()
+    quiet[0] *= 1e-3
+    alike = replace(found, values=quiet)
+    shown = alike.values[:, 2:]
+    ((low, high),) = {ax.get_ylim() for ax in order_figure(alike).axes}
+    assert high >= shown.max()
+    assert low <= shown[0].max() / 10
+    # a channel of another unit has a scale of its own
+    other = replace(alike, units=("g", *found.units[1:]))
+    assert len({ax.get_ylim() for ax in order_figure(other).axes}) > 1
 
+
+def test_speeds_never_driven_are_grey_and_said_so(spectra):
     own = spectra["speed"].map
     kept = np.array([0, 2])
     width = 1.0

@@ -50,6 +50,15 @@ def test_stiffness(stage, sheet):
     np.testing.assert_allclose(y, 1e-9 * stage.damaged.at(x))
 
 
+def test_both_stiffnesses_are_drawn_over_the_whole_turn_of_phases(stage, sheet):
+    ax = sheet["mesh stiffness in GN/m"]
+    first, last = stage.phase[0], stage.phase[-1]
+    assert ax.get_xlim() == pytest.approx((first, last))
+    for line in ax.lines:
+        x = line.get_xdata()
+        assert (x[0], x[-1]) == pytest.approx((first, last), abs=0.01 * (last - first))
+
+
 def test_teeth(sheet):
     ax = sheet["along the line of centres in mm"]
     assert [line.get_label() for line in ax.lines] == ["pinion", "gear", "crack", "contact"]

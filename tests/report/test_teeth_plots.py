@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from gearmon.gears.faults import parse_fault
 from gearmon.gears.pairs import mesh_pairs
 from gearmon.gears.tooth_pairs import teeth_of
 from gearmon.machine import ParallelStage
-from gearmon.report.teeth_plots import half_profile, teeth_picture
+from gearmon.report.teeth_plots import half_profile, plot_flank, teeth_picture
 
 STAGE = ParallelStage(
     pinion_teeth=26,
@@ -46,6 +47,14 @@ def test_teeth_and_spaces_of_the_picture_are_equally_wide_on_the_reference_circl
         share = over[last] / (over[last] - over[last + 1])
         crossed = angle[last] + share * (angle[last + 1] - angle[last])
         assert np.abs(np.diff(crossed)) == pytest.approx(np.full(9, np.pi / tooth.teeth), rel=1e-3)
+
+
+def test_the_loaded_tooth_stands_in_the_middle_of_five():
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    picture = teeth_picture(pair, phase=0.8)
+    for gear in picture.gears:
+        loaded = np.hypot(*(gear.outline - picture.contact).T).argmin()
+        assert 0.4 < loaded / len(gear.outline) < 0.6
 
 
 def test_profile_runs_from_root_to_tip():
@@ -88,3 +97,23 @@ def test_spall_is_drawn_to_scale():
     around = picture.gears[1].outline @ [1, 1j] - floor
     turns = np.angle(np.roll(around, -1) / around).sum() / (2 * np.pi)
     assert abs(turns) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("percent", [10, 40])
+def test_pits_cover_the_share_of_the_flank_that_is_told(percent):
+    pair = teeth_of(mesh_pairs(STAGE)[0])
+    fault = parse_fault(f"pitting:1:gear:5:{percent}%flank")
+    gear = teeth_picture(pair, [fault]).gears[1]
+    ax = Figure().add_subplot()
+    plot_flank(gear, ax)
+    pits = [patch.get_xy() for patch in ax.patches if len(patch.get_xy()) > 20]
+    centred = [pit - pit.mean(axis=0) for pit in pits]
+    area = sum(
+        0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+        for x, y in (p.T for p in centred)
+    )
+    # a pit is drawn with 23 sides
+    assert area / (20.0 * (gear.tip - gear.flank_start)) == pytest.approx(percent / 100, rel=0.03)
+    reach = np.concatenate(pits)[:, 0]
+    assert 0 <= reach.min() < 0.3
+    assert 19.7 < reach.max() <= 20.0

@@ -47,6 +47,9 @@ def test_a_name_cannot_steer_the_terminal(healthy):
 def test_reference_and_lines_as_text(healthy):
     assert "3 healthy recordings" in reference_text(healthy.reference)
     assert "made-2.csv" in reference_text(healthy.reference)
+    families = len(healthy.reference.family_names)
+    assert families > 3
+    assert f"; {families} families of lines" in reference_text(healthy.reference)
     table = line_table_text(line_table(healthy.machine)).splitlines()
     assert table[1].split() == ["stage", "kind", "line", "shaft", "order", "Hz"]
     assert any("460.000" in line for line in table)

@@ -11,6 +11,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
+from gearmon.study import claims
 from gearmon.study.claims import (
     CLAIMS,
     QUANTITIES,
@@ -85,6 +86,22 @@ def test_verdicts_follow_the_results(results, findings):
     assert changed["6a"].verdict == changed["6c"].verdict == "not reproduced"
     assert changed["9a"].verdict == "not reproduced"
     assert changed["9d"] == findings["9d"]
+
+
+@pytest.mark.parametrize("key", [claim.key for claim in CLAIMS if claim.agreement == "all"])
+def test_one_number_that_differs_spoils_what_must_agree_as_a_whole(
+    results, findings, monkeypatch, key
+):
+    claim = findings[key].claim
+    numbers = [list(row) for row in claim.numbers]
+    known = [row for row in numbers if len(row) > 3 and isinstance(row[3], float | str)]
+    known[0][3] = 1e9
+    monkeypatch.setattr(claims, "CLAIMS", (replace(claim, numbers=numbers),))
+    (spoilt,) = judge(results)
+    agreeing = [item.agrees for item in spoilt.evidence if item.expected is not None]
+    assert (agreeing.count(False), agreeing.count(True)) == (1, len(agreeing) - 1)
+    assert any(agreeing)
+    assert spoilt.verdict != findings[key].verdict
 
 
 def test_substitution_is_compared_at_no_less_accuracy(results):

@@ -120,6 +120,33 @@ def test_spectra_of_the_forms_are_those_of_their_course(results):
             assert own > 4 or level == pytest.approx(20 * np.log10(lines[own]), abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("name", "axis", "power", "shown"),
+    [
+        # velocity in mm/s and acceleration in m/s2 follow from the displacement by the frequency
+        ("stiffness_spectra", 1, 1, lambda line: 1e3 * line),
+        ("stiffness_spectra", 2, 1, lambda line: 20 * np.log10(1e3 * line)),
+        ("mass_spectra", 0, 2, lambda line: line),
+        ("damping_spectra", 1, 2, lambda line: 20 * np.log10(line)),
+        # the energy per mass of a line of velocity v is v^2 / 2, over 1 uJ/kg
+        ("energy_of_stiffness", 0, 1, lambda line: 1e6 * line**2 / 2),
+        ("energy_of_stiffness", 1, 1, lambda line: 10 * np.log10(1e6 * line**2 / 2)),
+    ],
+)
+def test_spectra_of_a_sweep_follow_from_its_displacement(results, name, axis, power, shown):
+    sweep = results.sweeps[NAMED[name]["drawing"][1]]
+    ax = draw_picture(NAMED[name], results).axes[axis]
+    for point, first in zip(sweep.points, (0, 2), strict=False):
+        for line, number in ((ax.lines[first], 1), (ax.lines[first + 1], 2)):
+            x, y = line.get_data()
+            count = min(len(x), 6)
+            harmonic = number + 2 * np.arange(count)
+            np.testing.assert_allclose(x[:count], 0.625 * harmonic, rtol=1e-9)
+            size = 2 * np.abs(point.response.displacement[harmonic])
+            angular = 2 * np.pi * 625.0 * harmonic
+            np.testing.assert_allclose(y[:count], shown(size * angular**power), rtol=1e-6)
+
+
 def test_files(report):
     names = {path.name for path in report.files}
     assert {"study.html", "claims.csv", "sweeps.csv", "figures.csv"} < names
@@ -198,6 +225,13 @@ def test_shown_difference(item, text):
 
 def test_shown_number():
     assert [shown_number(v) for v in (0.0, 1234.56, 2e6)] == ["0", "1235", "2.00e+06"]
+    # four digits from a thousandth on, below it a power of ten
+    assert [shown_number(v) for v in (0.25, 0.0123456, 0.00123456)] == [
+        "0.25",
+        "0.01235",
+        "0.001235",
+    ]
+    assert [shown_number(v) for v in (12345.6, 0.000123)] == ["1.235e+04", "1.23e-04"]
     for value in (1e-4, 0.25, 1234.56, 2e6):
         assert shown_number(-value) == f"-{shown_number(value)}"
 
