@@ -170,10 +170,9 @@ def mesh_evidence(
         One a mesh.
     """
     # the speed is told by blocks that share no sample with the kept ones, all if there are too few
-    blocks = np.arange(len(scan.centre_s))
+    blocks, centre = np.arange(len(scan.centre_s)), scan.centre_s
     if len(blocks) >= 4:
         # in time, not in numbers: the last block may stand closer to its neighbour than the others
-        centre = scan.centre_s
         distance = np.abs(centre[:, None] - centre[scan.kept][None, :]).min(axis=1)
         blocks = blocks[distance >= 0.999 * scan.stride * float(np.median(np.diff(centre)))]
     judged = _JudgedSpectrum(scan, scan.track(blocks))
@@ -323,15 +322,15 @@ def sideband_spacing(
     # a line width at the second sideband: finer departures cannot be told from none
     near = max(2 * step / spacing, 1e-3)
     departures = np.linspace(-reach, reach, 2 * max(20, int(4 * reach / near)) + 1)
-    # where the second sideband of one gear nearly meets the first of the other, it is that one's
-    # (of a sound 25/118 pair each fifth turn of the gear, 5.9 % beside the pinion's, stood highest)
+    # where the second sideband of one gear nearly meets the first of the other, it is that one's,
+    # as are the skirts of its lines (of a sound 25/118 pair each fifth turn of the gear stood
+    # highest, 5.9 % beside the pinion's)
     others, low = [other for other in mesh.spacings if other != spacing], np.arange(1, 5)
-    parts = np.unique(np.outer(low, 1 / low))
     for other in others:
-        turns = np.arange(5, max(5, (1 + reach) * spacing / other + 1))
-        for ratio in np.concatenate([parts, turns]) * other / spacing:
-            elsewhere = np.abs(1 + departures - ratio) > 2 * near  # and the skirts of its lines
-            departures = departures[elsewhere | (np.abs(departures) <= near)]
+        turns = range(5, int((1 + reach) * spacing / other) + 1)
+        for ratio in (*np.unique(np.outer(low, 1 / low)), *turns):
+            away = np.abs(1 + departures - ratio * other / spacing)
+            departures = departures[(away > 2 * near) | (np.abs(departures) <= near)]
     total, usual = np.zeros(len(departures)), float(np.median(quality))
     for k in range(1, len(mesh.groups) + 1):
         for r in (*range(-_SIDEBANDS, 0), *range(1, _SIDEBANDS + 1)):
@@ -339,8 +338,7 @@ def sideband_spacing(
             if orders.min() > 0 and orders.max() < (len(quality) - 1) * step:
                 heard = quality[np.rint(orders / step).astype(int)]
                 for other in mesh.meshing:
-                    theirs = np.abs(orders - other * np.rint(orders / other)) <= 4 * step
-                    heard[theirs] = np.minimum(heard[theirs], usual)
+                    heard[np.abs(orders - other * np.rint(orders / other)) <= 4 * step] = usual
                 total += heard
     standard = _above(total, total)
     expected = float(standard[np.abs(departures) <= near].max())
