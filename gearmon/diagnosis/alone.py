@@ -87,13 +87,10 @@ def own_teeth(own: Profile, healthy: Sequence[Profile] = ()) -> tuple[ToothProfi
     # the tachometer's zero is that of shaft 1: other shafts stand anywhere when it comes
     numbered = [own.tacho and abs(wheel.order - 1.0) < 1e-12 for wheel in own.wheels]
     looked = [locate(w, numbered=n) for w, n in zip(own.wheels, numbered, strict=True)]
-    usual: dict[tuple[int, str], float] = {}
-    for one in (one for known in healthy for one in own_teeth(known)):
-        key = one.stage, one.gear
-        usual[key] = min(usual.get(key, 0.0), one.log10_probability)
-    found = []
-    for one in (one for one in looked if one is not None):
-        excess = min(0.0, one.log10_probability - usual.get((one.stage, one.gear), 0.0))
+    others, found = [one for known in healthy for one in own_teeth(known)], []
+    for one in filter(None, looked):
+        same = [o.log10_probability for o in others if (o.stage, o.gear) == (one.stage, one.gear)]
+        excess = min(0.0, one.log10_probability - min(same, default=0.0))
         found.append(replace(one, log10_probability=excess))
     return tuple(found)
 

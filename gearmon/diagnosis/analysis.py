@@ -219,7 +219,7 @@ def _measured(
     signature = measure_signature(recording, machine)
     if reference is None or signature.speed.method == "tacho":
         return signature
-    if signature.found and not _meshes_gone(signature, reference):
+    if signature.found and not _mesh_gone(signature, reference):
         return signature
     speeds = {
         min(machine.operating, key=lambda point: abs(point.shaft1_hz - profile.speed_hz))
@@ -228,13 +228,12 @@ def _measured(
     learned_at = tuple(replace(point, share=1.0 / len(speeds)) for point in speeds)
     again = measure_signature(recording, replace(machine, operating=learned_at), far=True)
     if signature.found:
-        return again if again.found and not _meshes_gone(again, reference) else signature
+        return again if again.found and not _mesh_gone(again, reference) else signature
     return again if again.found or again.held else signature
 
 
-def _meshes_gone(signature: MeasuredSignature, reference: Reference) -> set[int]:
-    """Stages not found whose lines fell far below those of all healthy recordings."""
-    gone = set[int]()
+def _mesh_gone(signature: MeasuredSignature, reference: Reference) -> bool:
+    """Whether a mesh that is not found lies far below that of all healthy recordings."""
     known, rows = reference.shared_with(signature)
     for stage in (mesh.stage for mesh in signature.meshes if not mesh.found):
         its = [
@@ -247,8 +246,8 @@ def _meshes_gone(signature: MeasuredSignature, reference: Reference) -> set[int]
         least = np.min([levels.level_db for levels in healthy], axis=0)
         fell = (least - signature.level_db[np.ix_(rows, [place for place, _ in its])])[heard]
         if fell.size and np.median(fell) > _GONE_DB:
-            gone.add(stage)
-    return gone
+            return True
+    return False
 
 
 def evidence_against(
@@ -295,8 +294,7 @@ class _Compared:
             found = mesh_lost(no_mesh(self.signature, self.machine), evidence)
             return replace(found, warnings=(*found.warnings, *notes))
         if elsewhere := other_speed(self.signature, self.reference):
-            healthy = [*self.reference.profiles]
-            return judged_alone(self.signature, self.machine, elsewhere, healthy)
+            return judged_alone(self.signature, self.machine, elsewhere, self.known.profiles)
         return self.judged(must_notice, notes)
 
     def judged(self, must_notice: float, notes: Sequence[str]) -> Analysis:

@@ -628,8 +628,7 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
     for reach in _PATH_REACHES:
         track = phases.unwarp(sums, track, signal.comb, reach)
     track, share = phases.lock_track(sums, track)
-    judged = signal.judged(track)
-    judged = replace(judged, coherent=share)
+    judged = replace(signal.judged(track), coherent=share)
     if share < _GATHERED or not _agrees(judged):
         return None
     course = course / float(signal.pace)
