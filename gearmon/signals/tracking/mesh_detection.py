@@ -326,9 +326,9 @@ def sideband_spacing(
     # as are the skirts of its lines (of a sound 25/118 pair each fifth turn of the gear stood
     # highest, 5.9 % beside the pinion's)
     others, low = [other for other in mesh.spacings if other != spacing], np.arange(1, 5)
+    parts = np.unique(np.outer(low, 1 / low))
     for other in others:
-        turns = range(5, int((1 + reach) * spacing / other) + 1)
-        for ratio in (*np.unique(np.outer(low, 1 / low)), *turns):
+        for ratio in (*parts, *range(5, int((1 + reach) * spacing / other) + 1)):
             away = np.abs(1 + departures - ratio * other / spacing)
             departures = departures[(away > 2 * near) | (np.abs(departures) <= near)]
     total, usual = np.zeros(len(departures)), float(np.median(quality))
