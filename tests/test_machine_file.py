@@ -243,20 +243,23 @@ REFUSED = {
     ),
     "pressure angle in radians": (PAIR + "pressure_angle_deg = 0.35\n", "must lie in [10, 35] deg"),
     "helix of 45 degrees": (PAIR + "helix_angle_deg = 45\n", "must lie in (-45, 45) deg"),
-    "spur contact ratio": (PAIR + "contact_ratio = 0.9\n", "must be at least 1 for spur gears"),
+    "spur contact ratio": (
+        PAIR + "contact_ratio = 0.9\n",
+        "must lie in [1, 6]: below 1 no",
+    ),
     "centre distance": (
         PAIR + "module_mm = 2\ncentre_distance_mm = 158\n",
-        ":9: stage[1].centre_distance_mm = 158.0 must lie in [74.24, 96.91] mm",
+        ":9: stage[1].centre_distance_mm = 158.0 must lie in [74.2357, 96.9078] mm",
     ),
     "bore": (
         PAIR + "module_mm = 2\nbore_diameter_pinion_mm = 47\n",
-        "bore_diameter_pinion_mm = 47.0 must be less than the root diameter, 47 mm",
+        "bore_diameter_pinion_mm = 47.0 must lie in [0, 47) mm: less than the root diameter",
     ),
     "name is a number": (PAIR.replace('"pair"', "1"), ":1: name = 1 must be one line of text"),
     "name of two lines": (PAIR.replace("pair", "a\\nb"), "must be one line of text"),
     "ring teeth": (
         PLANETARY.replace("100", "105") + "planet_teeth = 40\n",
-        ":6: stage[1].ring_teeth = 105 must lie within 3 teeth of sun + 2 planet = 100",
+        ":6: stage[1].ring_teeth = 105 must lie in [97, 103]: sun + 2 planet = 100",
     ),
     "planets not derivable": (PLANETARY.replace("100", "101"), "is not twice a tooth count"),
     "planets overlap": (PLANETARY.replace("= 4", "= 7"), "planets = 7 is more than fits"),
@@ -277,7 +280,10 @@ REFUSED = {
         PAIR + BEARING.replace("shaft", "planet_stage"),
         "planet_stage = 1 must be the number of a planetary stage (none here)",
     ),
-    "too many balls": (PAIR + BEARING.replace("= 9", "= 16"), "balls = 16 is more than fits"),
+    "too many balls": (
+        PAIR + BEARING.replace("= 9", "= 16"),
+        "16 must lie in [1, 15]: more do",
+    ),
     # what is missing has no line of its own: that of its table is told
     "half a bearing": (
         PAIR + BEARING.replace("balls = 9\n", ""),
@@ -285,7 +291,7 @@ REFUSED = {
     ),
     "balls too large": (
         PAIR + BEARING.replace("7.94", "39.04"),
-        "must be less than pitch_diameter_mm",
+        "must lie in [0, 39.04) mm: less than pitch_diameter_mm",
     ),
     "column zero": (PAIR + "[[sensor]]\ncolumn = 0\n", "column = 0 must be a column name"),
     "unit": (

@@ -11,7 +11,7 @@ import numbers
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -95,30 +95,23 @@ class Count(Number):
 
 @dataclass(frozen=True, kw_only=True)
 class Text:
-    """A string of one line."""
+    """A string of one line, or of another kind that is told."""
 
     example: str = '"..."'
+    kind: str = "one line of printable text"
+    is_kind: Callable[[str], bool] = str.isprintable
 
     def checked(self, key: str, value: object) -> str:
-        """Return `value` if it is a one-line string, or raise `FieldError`."""
+        """Return `value` if it is such a string, or raise `FieldError`."""
         if not isinstance(value, str):
             raise FieldError(key, f"must be text in quotes, such as {self.example}", value)
-        if not value.isprintable():
-            raise FieldError(key, "must be one line of printable text", value)
+        if not self.is_kind(value):
+            raise FieldError(key, f"must be {self.kind}", value)
         return value
 
 
-@dataclass(frozen=True, kw_only=True)
-class Unit:
-    """A unit that is known where recordings are read."""
-
-    example: str = '"m/s2"'
-
-    def checked(self, key: str, value: object) -> str:
-        """Return `value` if it is a known unit, or raise `FieldError`."""
-        if not (isinstance(value, str) and is_unit(value)):
-            raise FieldError(key, f"must be a known unit: {KNOWN_UNITS}", value)
-        return value
+#: A unit that is known where recordings are read.
+UNIT = Text(example='"m/s2"', kind=f"a known unit: {KNOWN_UNITS}", is_kind=is_unit)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -170,7 +163,7 @@ class Several:
         return tuple(self.rule.checked(key, one) for one in value)
 
 
-Rule = Number | Text | Unit | Choice | Column | Several
+Rule = Number | Text | Choice | Column | Several
 
 
 def held(rule: Rule, default: Any = MISSING) -> Any:
@@ -204,6 +197,25 @@ def check_fields(part: Any) -> None:
         if rule is None or (value in (None, "", math.inf) and value == own.default):
             continue
         object.__setattr__(part, own.name, rule.checked(own.name, value))
+
+
+def limit(part: Any, key: str, low: float, high: float, unit: str, why: str, **ends: Any) -> None:
+    """Hold a field of a dataclass object, if it is told, to a range that its other fields set.
+
+    Parameters
+    ----------
+    part : dataclass object
+    key : str
+    low, high, unit, why, **ends
+        As for a `Number`.
+
+    Raises
+    ------
+    FieldError
+        If it lies elsewhere.
+    """
+    if (value := getattr(part, key)) is not None:
+        Number(low, high, unit, why, **ends).checked(key, value)
 
 
 class Checked:

@@ -11,16 +11,18 @@ from typing import Any, TypeAlias
 
 from gearmon.errors import ArgumentError
 from gearmon.machine.fields import (
+    UNIT,
     Checked,
     Choice,
     Column,
     Count,
     FieldError,
     MachineSource,
+    Number,
     Text,
-    Unit,
     check_fields,
     held,
+    limit,
     optional,
     read_source,
     shown_value,
@@ -156,13 +158,10 @@ class Bearing:
         if self.balls is None or self.ball_diameter_mm is None or self.pitch_diameter_mm is None:
             told = "is missing; give all of " + ", ".join(BALLS)
             raise FieldError(missing[0], f"{told}, or stiffness_n_per_m and none of them")
-        if self.ball_diameter_mm >= self.pitch_diameter_mm:
-            reason = f"must be less than pitch_diameter_mm = {self.pitch_diameter_mm:g}"
-            raise FieldError("ball_diameter_mm", reason, self.ball_diameter_mm)
-        most = math.pi / math.asin(self.ball_diameter_mm / self.pitch_diameter_mm)
-        if self.balls > most + 1e-9:
-            reason = f"is more than fits on the pitch circle: at most {math.floor(most)}"
-            raise FieldError("balls", reason, self.balls)
+        pitch_mm, why = self.pitch_diameter_mm, "less than pitch_diameter_mm"
+        limit(self, "ball_diameter_mm", 0, pitch_mm, "mm", why, open_high=True)
+        most = math.floor(math.pi / math.asin(self.ball_diameter_mm / pitch_mm) + 1e-9)
+        limit(self, "balls", 1, most, "", "more do not fit on the pitch circle")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,9 +209,9 @@ class ShaftSection:
         check_fields(self)
         if self.diameter_mm is None and self.torsional_stiffness_nm_per_rad is None:
             raise FieldError("diameter_mm", "or torsional_stiffness_nm_per_rad must be given")
-        if self.diameter_mm is not None and self.bore_mm >= self.diameter_mm:
-            reason = f"must be less than diameter_mm = {self.diameter_mm:g}"
-            raise FieldError("bore_mm", reason, self.bore_mm)
+        if self.diameter_mm is not None:
+            most_mm, why = self.diameter_mm, "less than diameter_mm"
+            limit(self, "bore_mm", 0, most_mm, "mm", why, open_high=True)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -273,7 +272,7 @@ class Sensor(Checked):
     """
 
     column: str | int = held(Column())
-    unit: str | None = held(Unit(), None)
+    unit: str | None = held(UNIT, None)
     sensitivity: float = within(0, 1e12, default=1.0, open_low=True, why="recorded number per unit")
     position: str = held(Text(example='"input bearing, radial"'), "")
     kind: str = held(Choice(options=SENSOR_KINDS), "vibration")
@@ -374,31 +373,28 @@ class Machine(Result):
     def _check_places(self) -> None:
         """Refuse what sits on a shaft or in a stage that is not there, or beyond a shaft's end."""
         planetary = [i for i, s in enumerate(self.stages, start=1) if s.kind == "planetary"]
+        shafts = Number(1, self.shaft_count, why="n stages in a row have n + 1 shafts")
+        places = [
+            (f"stage[{number}].position_{member}_mm", shaft, getattr(own, f"position_{member}_mm"))
+            for number, own in enumerate(self.stages, start=1)
+            for shaft, member in enumerate(own.on_shafts, start=number)
+        ]
         for name in ("bearing", "sensor", "shaft", "disc"):
             for number, part in enumerate(getattr(self, TABLES[name]), start=1):
                 where = f"{name}[{number}]"
-                if part.shaft is None:
-                    if part.planet_stage in planetary:
-                        continue
+                if part.shaft is not None:
+                    shafts.checked(f"{where}.shaft", part.shaft)
+                    at = getattr(part, "position_mm", None)
+                    places.append((f"{where}.position_mm", part.shaft, at))
+                elif part.planet_stage not in planetary:
                     known = ", ".join(map(str, planetary)) or "none here"
                     reason = f"must be the number of a planetary stage ({known})"
                     raise FieldError(f"{where}.planet_stage", reason, part.planet_stage)
-                if part.shaft > self.shaft_count:
-                    last = self.shaft_count
-                    reason = f"must lie in [1, {last}]: n stages in a row have n + 1 shafts"
-                    raise FieldError(f"{where}.shaft", reason, part.shaft)
-                at = getattr(part, "position_mm", None)
-                self._check_place(f"{where}.position_mm", part.shaft, at)
-        for number, stage in enumerate(self.stages, start=1):
-            for shaft, member in enumerate(stage.on_shafts, start=number):
-                key = f"position_{member}_mm"
-                self._check_place(f"stage[{number}].{key}", shaft, getattr(stage, key))
-
-    def _check_place(self, key: str, shaft: int, position_mm: float | None) -> None:
-        length = sum(own.length_mm for own in self.sections if own.shaft == shaft)
-        if position_mm is not None and position_mm > length * (1 + 1e-9):
+        for key, shaft, at in places:
+            length = sum(own.length_mm for own in self.sections if own.shaft == shaft)
             told = f"the length of shaft {shaft}" if length else f"shaft {shaft} has no [[shaft]]"
-            raise FieldError(key, f"must lie in [0, {length:g}] mm: {told}", position_mm)
+            if at is not None and at > length * (1 + 1e-9):
+                Number(0, length, "mm", told).checked(key, at)
 
 
 def _filled(part: Any) -> dict[str, Any]:
@@ -489,10 +485,10 @@ def load_machine(source: MachineLike | None = None, **tables: Any) -> Machine:
         return Machine(
             name=name,
             operating=_operating_points(read),
-            stages=stages,
+            stages=tuple(stages),
             **parts,
             path=read.path,
-            notes=notes,
+            notes=tuple(notes),
         )
     except FieldError as error:
         raise read.error(error.key, error.message(error.key)) from None
@@ -511,28 +507,28 @@ def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
     return tuple(source.part(OperatingPoint, label, equal | table) for label, table in tables)
 
 
-def _stages(source: MachineSource) -> tuple[tuple[Stage, ...], tuple[str, ...]]:
-    tables = source.tables("stage")
-    if not tables:
+def _stages(source: MachineSource) -> tuple[list[Stage], list[str]]:
+    """Return the stages, and what is unusual about them."""
+    stages: list[Stage] = []
+    notes: list[str] = []
+    for number, (label, table) in enumerate(source.tables("stage"), start=1):
+        given = dict(table)
+        kind = given.pop("kind", None)
+        if kind is None:
+            raise source.error(label, f'{label} lacks kind; write kind = "parallel" or "planetary"')
+        if not isinstance(kind, str) or kind not in STAGE_KINDS:
+            message = f'{label}.kind = {shown_value(kind)} must be "parallel" or "planetary"'
+            raise source.error(f"{label}.kind", message)
+        derived = kind == "planetary" and "planet_teeth" not in given
+        remarks = _derive_planet_teeth(source, label, given) if derived else []
+        stage = source.part(STAGE_KINDS[kind], label, given)
+        remarks += stage.notes if isinstance(stage, PlanetaryStage) else ()
+        stages.append(stage)
+        notes += [f"stage {number}: {told}" for told in remarks]
+    if not stages:
         example = '[[stage]] with kind = "parallel", pinion_teeth = 26, gear_teeth = 53'
         raise source.error("", f"lacks a stage; write {example}")
-    stages, remarks = zip(*(_stage(source, *own) for own in tables), strict=True)
-    notes = [f"stage {n}: {told}" for n, own in enumerate(remarks, start=1) for told in own]
-    return stages, tuple(notes)
-
-
-def _stage(source: MachineSource, label: str, table: dict[str, Any]) -> tuple[Stage, list[str]]:
-    kind = table.get("kind")
-    if kind is None:
-        raise source.error(label, f'{label} lacks kind; write kind = "parallel" or "planetary"')
-    if not isinstance(kind, str) or kind not in STAGE_KINDS:
-        message = f'{label}.kind = {shown_value(kind)} must be "parallel" or "planetary"'
-        raise source.error(f"{label}.kind", message)
-    given, remarks = {key: own for key, own in table.items() if key != "kind"}, []
-    if kind == "planetary" and "planet_teeth" not in given:
-        remarks = _derive_planet_teeth(source, label, given)
-    stage = source.part(STAGE_KINDS[kind], label, given)
-    return stage, [*remarks, *(stage.notes if isinstance(stage, PlanetaryStage) else ())]
+    return stages, notes
 
 
 def _derive_planet_teeth(source: MachineSource, label: str, table: dict[str, Any]) -> list[str]:

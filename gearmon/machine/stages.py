@@ -14,6 +14,7 @@ from gearmon.machine.fields import (
     Text,
     check_fields,
     held,
+    limit,
     optional,
     within,
 )
@@ -67,9 +68,9 @@ class StageData:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        if self.contact_ratio is not None and self.helix_angle_deg == 0 and self.contact_ratio < 1:
-            reason = "must be at least 1 for spur gears: else no tooth pair carries for a while"
-            raise FieldError("contact_ratio", reason, self.contact_ratio)
+        if self.helix_angle_deg == 0:
+            why = "below 1 no tooth pair of spur gears carries for a while"
+            limit(self, "contact_ratio", 1, 6, "", why)
 
     @property
     def transverse_pressure_angle_rad(self) -> float:
@@ -79,18 +80,14 @@ class StageData:
 
     def _check_centre_distance(self, teeth: int) -> None:
         """Refuse a working centre distance at which the teeth of a pair cannot mesh."""
-        if self.module_mm is None or self.centre_distance_mm is None:
+        if self.module_mm is None:
             return
         reference = self.module_mm * abs(teeth) / (2 * math.cos(math.radians(self.helix_angle_deg)))
         # base circles set the lower end; the working pressure angle hardly passes 40 degrees
         shortest = reference * math.cos(self.transverse_pressure_angle_rad)
         longest = max(shortest / math.cos(math.radians(40)), 1.02 * reference)
-        if not shortest <= self.centre_distance_mm <= longest:
-            reason = (
-                f"must lie in [{shortest:.4g}, {longest:.4g}] mm for these teeth and this module "
-                f"(reference centre distance {reference:.5g} mm)"
-            )
-            raise FieldError("centre_distance_mm", reason, self.centre_distance_mm)
+        why = f"for these teeth and this module (reference centre distance {reference:.5g} mm)"
+        limit(self, "centre_distance_mm", shortest, longest, "mm", why)
 
     def _check_gear(self, member: str, teeth: int, sign: int = 1) -> None:
         """Refuse diameters and bodies of a gear that cannot be.
@@ -103,46 +100,37 @@ class StageData:
         sign : {1, -1}
             -1 for a ring.
         """
-        tip, root = (getattr(self, f"{which}_diameter_{member}_mm") for which in ("tip", "root"))
+        root: float | None = getattr(self, f"root_diameter_{member}_mm")
         if self.module_mm is not None:
             reference = teeth * self.module_mm / math.cos(math.radians(self.helix_angle_deg))
-            for which, given, heights in (("tip", tip, (-1, 4)), ("root", root, (-4, 1))):
-                if given is None:
-                    continue
-                ends = sorted(reference + 2 * sign * self.module_mm * own for own in heights)
-                if not ends[0] <= given <= ends[1]:
-                    reason = (
-                        f"must lie in [{ends[0]:.5g}, {ends[1]:.5g}] mm for these teeth and this "
-                        f"module (reference diameter {reference:.5g} mm)"
-                    )
-                    raise FieldError(f"{which}_diameter_{member}_mm", reason, given)
+            why = f"for these teeth and this module (reference diameter {reference:.5g} mm)"
+            for which, heights in (("tip", (-1, 4)), ("root", (-4, 1))):
+                low, high = sorted(reference + 2 * sign * self.module_mm * own for own in heights)
+                limit(self, f"{which}_diameter_{member}_mm", low, high, "mm", why)
             if root is None:
                 shift = getattr(self, f"profile_shift_{member}")
                 depth = getattr(self, f"root_factor_{member}") - shift
                 root = reference - sign * 2 * self.module_mm * depth
-        if tip is not None and root is not None and sign * (tip - root) <= 0:
-            side = "more" if sign > 0 else "less"
-            reason = f"must be {side} than the root diameter, {root:.5g} mm"
-            raise FieldError(f"tip_diameter_{member}_mm", reason, tip)
+        if root is not None:
+            low, high = (root, DIAMETER.high) if sign > 0 else (0.0, root)
+            why, ends = "beyond the root diameter", {"open_low": True, "open_high": True}
+            limit(self, f"tip_diameter_{member}_mm", low, high, "mm", why, **ends)
         if sign > 0:
-            self._check_body(member, root)
+            self._check_body(member, math.inf if root is None else root)
 
-    def _check_body(self, member: str, root: float | None) -> None:
+    def _check_body(self, member: str, root: float) -> None:
         """Refuse a bore that reaches the tooth roots, and half a description of a web."""
-        key = f"bore_diameter_{member}_mm"
-        bore: float | None = getattr(self, key)
-        if bore is not None and root is not None and bore >= root:
-            raise FieldError(key, f"must be less than the root diameter, {root:.5g} mm", bore)
-        web, rim = f"web_width_{member}_mm", f"rim_thickness_{member}_mm"
-        thickness: float | None = getattr(self, rim)
-        if (getattr(self, web) is None) != (thickness is None):
-            given, other = (web, rim) if thickness is None else (rim, web)
-            reason = f"says half of what a web is: give {other} too, or neither for a solid disc"
-            raise FieldError(given, reason, getattr(self, given))
-        room = math.inf if root is None else 0.5 * (root - (bore or 0.0))
-        if thickness is not None and thickness >= room:
-            reason = f"must be less than what lies between root circle and bore, {room:.5g} mm"
-            raise FieldError(rim, reason, thickness)
+        bore, web, rim = (
+            key.format(member)
+            for key in ("bore_diameter_{}_mm", "web_width_{}_mm", "rim_thickness_{}_mm")
+        )
+        limit(self, bore, 0, root, "mm", "less than the root diameter", open_high=True)
+        for given, other in ((web, rim), (rim, web)):
+            if getattr(self, given) is not None and getattr(self, other) is None:
+                reason = f"says half of what a web is: give {other} too, or neither"
+                raise FieldError(given, reason, getattr(self, given))
+        room, why = 0.5 * (root - (getattr(self, bore) or 0.0)), "from the root circle to the bore"
+        limit(self, rim, 0, room, "mm", why, open_high=True)
 
 
 MEMBERS = ("sun", "ring", "carrier")
@@ -394,11 +382,9 @@ class PlanetaryStage(StageData):
         if getattr(self, place) is not None:
             reason = f"is for members on shafts: the {self.fixed} is fixed"
             raise FieldError(place, reason, getattr(self, place))
-        if abs(self.tooth_deviation) > LARGEST_TOOTH_DEVIATION:
-            near = f"within {LARGEST_TOOTH_DEVIATION} teeth of sun + 2 planet"
-            matching = self.sun_teeth + 2 * self.planet_teeth
-            reason = f"must lie {near} = {matching} (stepped or double planets are not covered)"
-            raise FieldError("ring_teeth", reason, self.ring_teeth)
+        teeth, off = self.sun_teeth + 2 * self.planet_teeth, LARGEST_TOOTH_DEVIATION
+        why = f"sun + 2 planet = {teeth} or nearly so (stepped or double planets are not covered)"
+        limit(self, "ring_teeth", teeth - off, teeth + off, "", why)
         # neighbours touch when the chord between their axes falls below their reference diameter
         chord = (self.sun_teeth + self.planet_teeth) * math.sin(math.pi / max(self.planets, 2))
         if chord < self.planet_teeth:
