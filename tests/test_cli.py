@@ -274,8 +274,8 @@ def test_a_loss_to_be_noticed_that_is_none_is_refused_before_any_work(run, loss)
     code, out, err = run(*analyse("new.csv", "noise.csv"), "--must-notice", loss)
     assert (code, out) == (2, "")
     assert err.splitlines() == [
-        f"gearmon: --must-notice {loss}: must be a loss of pair stiffness above 0, up to 100%, "
-        "such as 20%"
+        f"gearmon: argument --must-notice: {loss}: must be a loss of pair stiffness above 0, "
+        "up to 100%, such as 20%; see gearmon analyse --help"
     ]
 
 

@@ -56,7 +56,10 @@ def written(rows, path):
 def run(capsys, monkeypatch, folder, *words):
     monkeypatch.chdir(folder)
     capsys.readouterr()
-    code = main(["exposure", *map(str, words)])
+    try:
+        code = main(["exposure", *map(str, words)])
+    except SystemExit as stop:  # of the parser
+        code = stop.code
     return code, *capsys.readouterr()
 
 

@@ -111,8 +111,6 @@ def test_a_bad_recording_is_named_and_the_others_are_kept(folder, tmp_path, caps
         ((), "when were the recordings made"),
         (("--times", "2026-01-01"), "1 times for 2 recordings"),
         (("--times", TIMES, "--time-from", "name"), "not both"),
-        (("--times", TIMES, "--limit", "200%"), "--limit 200%"),
-        (("--times", TIMES, "--limit", "much"), "--limit much"),
         (("--times", TIMES, "-o", "h.txt"), "must end in one of"),
         (("--times", TIMES, "--store", ""), "--store: the name is empty"),
     ],
@@ -120,6 +118,14 @@ def test_a_bad_recording_is_named_and_the_others_are_kept(folder, tmp_path, caps
 def test_wrong_arguments_are_refused_before_any_work(folder, capsys, options, message):
     assert run(folder, *options) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("limit", ["200%", "much"])
+def test_a_limit_that_is_no_loss_is_refused(folder, capsys, limit):
+    with pytest.raises(SystemExit) as stop:
+        run(folder, "--times", TIMES, "--limit", limit)
+    assert stop.value.code == 2
+    assert f"--limit: {limit}: must be a loss" in capsys.readouterr().err
 
 
 def test_the_store_must_be_a_file_of_its_own(folder, capsys):

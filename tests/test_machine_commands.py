@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from argparse import ArgumentTypeError
 
 import pytest
 from reference.small_gearbox import MACHINE_FILE
@@ -133,7 +134,7 @@ def test_a_loss_may_be_all_and_not_nothing():
     told = {"100%": 1.0, "1": 1.0, "20%": 0.2, "0.5": 0.5, "0.01%": 1e-4}
     assert {text: loss_of(text) for text in told} == pytest.approx(told)
     for text in ("0", "0%", "100.1%", "-5%", "1.01", "20 percent"):
-        with pytest.raises(ArgumentError, match="must be a loss"):
+        with pytest.raises(ArgumentTypeError, match="must be a loss"):
             loss_of(text)
 
 

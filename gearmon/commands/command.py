@@ -142,7 +142,7 @@ def loss_of(text: str) -> float:
 
     Raises
     ------
-    ArgumentError
+    ArgumentTypeError
         If it is no loss above 0 and up to 100 %.
     """
     try:
@@ -150,7 +150,8 @@ def loss_of(text: str) -> float:
     except ValueError:
         value = float("nan")
     if not 0.0 < value <= 1.0:
-        raise ArgumentError("must be a loss of pair stiffness above 0, up to 100%, such as 20%")
+        told = "must be a loss of pair stiffness above 0, up to 100%, such as 20%"
+        raise argparse.ArgumentTypeError(f"{text}: {told}")
     return value
 
 
@@ -159,35 +160,23 @@ def axes_of(text: str) -> dict[str, str | int]:
 
     Raises
     ------
-    ArgumentError
+    ArgumentTypeError
         If it is none, or names an axis twice.
     """
     pairs = [part.partition("=") for part in text.split(",")]
     if not all(mark and axis and channel for axis, mark, channel in pairs):
-        raise ArgumentError("must name channels as x=NAME,y=NAME,z=NAME or x=1,y=2")
+        told = "must name channels as x=NAME,y=NAME,z=NAME or x=1,y=2"
+        raise argparse.ArgumentTypeError(f"{text}: {told}")
     if len({axis for axis, _, _ in pairs}) < len(pairs):
-        raise ArgumentError("names an axis twice")
+        raise argparse.ArgumentTypeError(f"{text}: names an axis twice")
     return {axis.strip(): channel_of(channel.strip()) for axis, _, channel in pairs}
 
 
-class _Read(argparse.Action):
-    """Take what a text stands for; what is wrong with it is said in the words of its reader."""
-
-    def __call__(self, _: Any, given: Namespace, text: Any, option: str | None = None) -> None:
-        try:
-            setattr(given, self.dest, READ[str(self.metavar)](text))
-        except ArgumentError as error:
-            raise ArgumentError(f"{option} {text}: {error}") from None
-
-
-#: Readers of what stands behind an option, in words of their own.
-READ: dict[str, Callable[[str], Any]] = {"LOSS": loss_of, "x=A,y=B,z=C": axes_of}
-
-
 #: What stands behind an option; any other word is text.
-KINDS: dict[str, Any] = {"N": int, "NAME|N": channel_of} | dict.fromkeys(
-    ("DB", "F", "G", "HZ", "LO", "MM", "MS2", "NM", "RPM", "S", "X"), float
-)
+KINDS: dict[str, Callable[[str], Any]] = {
+    **{"N": int, "NAME|N": channel_of, "LOSS": loss_of, "x=A,y=B,z=C": axes_of},
+    **dict.fromkeys(("DB", "F", "G", "HZ", "LO", "MM", "MS2", "NM", "RPM", "S", "X"), float),
+}
 
 
 def argument(usage: str, told: str, default: Any = None, **more: Any) -> Argument:
@@ -222,19 +211,11 @@ def argument(usage: str, told: str, default: Any = None, **more: Any) -> Argumen
     if not words:
         return (name,), {"help": told, "action": "store_true"} | more
     settings |= {"metavar": words[0], "type": KINDS.get(words[0], str)}
-    if words[0] in READ:
-        settings |= {"action": _Read}
     if several:
         settings |= {"action": "append", "default": [], "help": f"{told}; repeatable"}
     if len(words) > 1:
         settings |= {"metavar": tuple(words), "nargs": len(words)}
     return (name,), settings | more
-
-
-def fault(*, errors: bool = False) -> Argument:
-    """Describe --fault; `errors` tells of those that only a baseline knows."""
-    told = f"{_FAULT}; {_ERRORS}" if errors else _FAULT
-    return argument("--fault KIND:STAGE:GEAR:TOOTH:SIZE...", told)
 
 
 MACHINE = argument("MACHINE", "machine file (TOML)")
@@ -243,6 +224,9 @@ _RATE = "needed if the file does not hold it"
 SAMPLING_RATE = argument("--sampling-rate HZ", _RATE, dest="sampling_rate_hz")
 REFERENCE = argument("--reference PATH", "what gearmon learn wrote, or one healthy recording")
 TACHO = argument("--tacho NAME|N", "channel with tachometer pulses")
+FAULT = argument("--fault KIND:STAGE:GEAR:TOOTH:SIZE...", _FAULT)
+#: Also those that only a baseline knows.
+FAULT_OR_ERROR = argument("--fault KIND:STAGE:GEAR:TOOTH:SIZE...", f"{_FAULT}; {_ERRORS}")
 
 
 def recordings(

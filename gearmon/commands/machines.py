@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING, Any
 import gearmon
 from gearmon import report
 from gearmon.commands.command import (
+    FAULT,
+    FAULT_OR_ERROR,
     MACHINE,
     SAMPLING_RATE,
     TACHO,
     argument,
     command,
-    fault,
     finish,
     given,
     recording_of,
@@ -79,7 +80,7 @@ def lines(arguments: Namespace) -> int:
 
 @command(
     MACHINE,
-    fault(),
+    FAULT,
     argument(
         "--form FORM",
         "stiffness form (potential-energy), or all: four forms and their spectra side by side",
@@ -116,7 +117,7 @@ def _thinned(rows: list[dict[str, Any]], what: str) -> list[str]:
 
 @command(
     MACHINE,
-    fault(errors=True),
+    FAULT_OR_ERROR,
     argument("--tolerance X", "relative error of the acceleration", 1e-6),
     _MAX_HZ,
     help="the spectrum that a healthy (or damaged) machine should emit, as table and picture",
@@ -264,7 +265,7 @@ def _modes_lines(found: Modes) -> list[str]:
 
 @command(
     MACHINE,
-    fault(errors=True),
+    FAULT_OR_ERROR,
     *(argument(*told, dest=name) for name, told in _SETTINGS.items()),
     argument("--tacho", "add a column with one pulse a turn of shaft 1"),
     argument("--no-time", "leave out the time column"),
@@ -297,7 +298,7 @@ def simulate(arguments: Namespace) -> int:
     argument("--count N", "harvesters of a set, 1 to 3", 1),
     argument("--share F...", "share of time of each recording, in their order", dest="shares"),
     argument("--degraded RECORDING...", "the same points with a damaged gear, in the same order"),
-    fault(),
+    FAULT,
     argument("--path-gain G", "mesh to harvester (1)"),
     argument("--wander F", "of speed, relative (0.005)"),
     argument(

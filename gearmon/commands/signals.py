@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import gearmon
 from gearmon import report
 from gearmon.commands.command import (
+    FAULT,
     SAMPLING_RATE,
     TACHO,
     Rows,
     argument,
     command,
     each_of,
-    fault,
     finish,
     given,
     judged,
@@ -203,7 +203,7 @@ _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
     argument("--day PLAN", "jobs of a day with hours and recordings (TOML)"),
     argument("--floor RECORDING", "made at once on the floor: tells the SEAT factor"),
     argument("--machine MACHINE", "share of its shafts and meshes, best operating point"),
-    fault(),
+    FAULT,
     TACHO,
     SAMPLING_RATE,
     argument("--unit UNIT", "m/s2 or g, where nothing else states it"),

@@ -25,7 +25,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -45,6 +45,9 @@ INSTRUMENT = 0.04
 #: Standard errors to either side that an interval holds: 95 %.
 COVERAGE = 2.0
 _POINTS_A_JOB = 60
+#: By the power that is summed up: name and unit of a dose, ending of its limits, and the hours over
+#: which it is a mean; VDV is a sum over seconds.
+_DOSES = {2: ("A(8)", "m/s2", "ms2", 8.0), 4: ("VDV", "m/s^1.75", "vdv", 1 / 3600)}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -324,80 +327,70 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
     told_of = ((e.recording, told) for e in every for told in (*e.advice, *e.warnings))
     # that on the statistics of VDV is said once for the day
     warnings = [f"{name}: {told}" for name, told in told_of if "statistics of VDV" not in told]
-    grown = [_Growth(plan, felt, 2)]
-    short = [e for e in every if e.duration_s < LEAST_S[0.5]]
+    powers, short = [2], [e for e in every if e.duration_s < LEAST_S[0.5]]
     if plan.position != "hand" and not short:
-        grown.append(_Growth(plan, felt, 4))
+        powers.append(4)
     elif plan.position != "hand":
         warnings.append(
             f"{short[0].recording}: {short[0].duration_s:.4g} s are too short for the statistics "
             f"of VDV, {LEAST_S[0.5]:g} s are needed: none is told for the day"
         )
-    if any(np.isnan(own.error).any() for own in grown):
+    grown = [_growth(plan, felt, power) for power in powers]
+    if any(np.isnan(error).any() for _, error, _ in grown):
         warnings.append("a recording is too short to see its scatter: intervals leave it out")
-    ends, hours = grown[0].ends_h, np.diff(grown[0].ends_h)
+    hours = np.array([job.hours for job in plan.jobs])
+    ends = np.append(0.0, np.cumsum(hours))
     # closer behind the start of a job: a dose of nothing begins steeply
     at = (ends[:-1, None] + np.multiply.outer(hours, np.linspace(0, 1, _POINTS_A_JOB) ** 3)).ravel()
-    doses = tuple(_dose(plan, own) for own in grown)
+    doses, course = [], {}
+    for power, growth in zip(powers, grown, strict=True):
+        dose, grows = _dose(plan, power, growth, ends)
+        doses.append(dose)
+        course[dose.measure] = tuple(grows(at).tolist())
     return DayExposure(
         plan=plan.path or "plan",
         position=plan.position,
         hours=float(ends[-1]),
-        jobs=tuple(_jobs(plan, felt, grown[0])),
-        doses=doses,
+        jobs=tuple(_jobs(plan, felt, grown[0][0])),
+        doses=tuple(doses),
         warnings=tuple(dict.fromkeys(warnings)),
         course_h=tuple(at.tolist()),
-        course={
-            dose.measure: tuple(own.dose(np.interp(at, ends, own.taken)).tolist())
-            for dose, own in zip(doses, grown, strict=True)
-        },
+        course=course,
     )
 
 
-class _Growth:
-    """How fast a dose grows in each job: the mean p-th power, k included, of the worst axis.
+def _growth(
+    plan: DayPlan, felt: Sequence[Sequence[Exposure]], power: int
+) -> tuple[FloatArray, FloatArray, str]:
+    """Return how fast a dose grows in each job, with its error, and the axis that it is of.
 
-    Its standard errors follow from how the recordings of a job differ, of a single one from its
-    stretches; NaN where that is not known. Jobs begin and end at `ends_h`; what has been `taken` up
-    until then is the sum of these powers over hours. A dose is a mean over `span_h`.
+    That is the mean p-th power, k included, of the worst axis of the day; of the hand, of all. The
+    standard errors follow from how the recordings of a job differ, of a single one from its
+    stretches; NaN where that is not known.
     """
-
-    def __init__(self, plan: DayPlan, felt: Sequence[Sequence[Exposure]], power: int) -> None:
-        means, errors = [], []
-        for job in felt:
-            sizes = [[a.factor * (a.rms_ms2 if power == 2 else a.vdv) for a in e.axes] for e in job]
-            # VDV is a sum over the recording
-            spans = [1.0 if power == 2 else e.duration_s for e in job]
-            own = np.array(sizes) ** power / np.array(spans)[:, None]
-            scatter = [a.square_scatter if power == 2 else a.fourth_scatter for a in job[0].axes]
-            single = own[0] * np.array(scatter, dtype=np.float64)  # None becomes NaN
-            many = own.std(axis=0, ddof=1) / math.sqrt(len(job)) if len(job) > 1 else single
-            means.append(own.mean(axis=0))
-            errors.append(many)
-        mean, error = np.array(means), np.array(errors)
-        hours = np.array([job.hours for job in plan.jobs])
-        worst, self.axis = slice(None), "vector sum"
-        if plan.position != "hand":
-            most = int(np.argmax(hours @ mean))
-            worst, self.axis = slice(most, most + 1), felt[0][0].axes[most].axis
-        self.error = np.sqrt((error[:, worst] ** 2).sum(axis=1))
-        self.mean = mean[:, worst].sum(axis=1)
-        self.ends_h = np.append(0.0, np.cumsum(hours))
-        self.taken = np.append(0.0, np.cumsum(self.mean * hours))
-        # 2: A(8), 4: VDV, which is a sum over seconds
-        self.power, self.span_h = power, 8.0 if power == 2 else 1 / 3600
-
-    def dose(self, taken: FloatArray) -> FloatArray:
-        """Return the dose of what has been taken up."""
-        return np.asarray((taken / self.span_h) ** (1 / self.power))
+    means, errors = [], []
+    for job in felt:
+        sizes = [[a.factor * (a.rms_ms2 if power == 2 else a.vdv) for a in e.axes] for e in job]
+        # VDV is a sum over the recording
+        spans = [1.0 if power == 2 else e.duration_s for e in job]
+        own = np.array(sizes) ** power / np.array(spans)[:, None]
+        scatter = [a.square_scatter if power == 2 else a.fourth_scatter for a in job[0].axes]
+        single = own[0] * np.array(scatter, dtype=np.float64)  # None becomes NaN
+        means.append(own.mean(axis=0))
+        errors.append(own.std(axis=0, ddof=1) / math.sqrt(len(job)) if len(job) > 1 else single)
+    mean, error = np.array(means), np.array(errors)
+    if plan.position == "hand":
+        return mean.sum(axis=1), np.linalg.norm(error, axis=1), "vector sum"
+    most = int(np.argmax(np.array([job.hours for job in plan.jobs]) @ mean))
+    return mean[:, most], error[:, most], felt[0][0].axes[most].axis
 
 
 def _jobs(
-    plan: DayPlan, felt: Sequence[Sequence[Exposure]], grown: _Growth
+    plan: DayPlan, felt: Sequence[Sequence[Exposure]], squares: FloatArray
 ) -> Iterator[JobExposure]:
-    limits, total = plan.limits, float(grown.taken[-1]) or 1.0
+    limits, total = plan.limits, float(squares @ [job.hours for job in plan.jobs]) or 1.0
     assert limits is not None
-    for job, own, square in zip(plan.jobs, felt, grown.mean.tolist(), strict=True):
+    for job, own, square in zip(plan.jobs, felt, squares.tolist(), strict=True):
         yield JobExposure(
             name=job.name,
             recordings=len(own),
@@ -410,32 +403,35 @@ def _jobs(
         )
 
 
-def _dose(plan: DayPlan, grown: _Growth) -> Dose:
-    """Sum up, with the errors of what was recorded and of the hours, and compare with limits."""
-    names = ("A(8)", "m/s2", "ms2") if grown.power == 2 else ("VDV", "m/s^1.75", "vdv")
-    (measure, unit, name), total = names, float(grown.taken[-1])
-    late = np.array([job.hours_error for job in plan.jobs])
-    errors = [np.nan_to_num(grown.error) * np.diff(grown.ends_h), grown.mean * late]
-    own = float(np.linalg.norm(errors)) / total / grown.power if total else 0.0
+def _dose(
+    plan: DayPlan, power: int, growth: tuple[FloatArray, FloatArray, str], ends_h: FloatArray
+) -> tuple[Dose, Callable[[FloatArray], FloatArray]]:
+    """Sum up, with the errors of what was recorded and of the hours, and compare with limits.
+
+    Returns
+    -------
+    dose, and what returns it at times of the day
+    """
+    measure, unit, name, span_h = _DOSES[power]
+    mean, error, axis = growth
+    taken = np.append(0.0, np.cumsum(mean * np.diff(ends_h)))
+
+    def grown(at_h: FloatArray) -> FloatArray:
+        return np.asarray((np.interp(at_h, ends_h, taken) / span_h) ** (1 / power))
+
+    total, late = float(taken[-1]), np.array([job.hours_error for job in plan.jobs])
+    errors = [np.nan_to_num(error) * np.diff(ends_h), mean * late]
+    own = float(np.linalg.norm(errors)) / total / power if total else 0.0
     relative = COVERAGE * math.hypot(own, plan.instrument)
-    value = float(grown.dose(grown.taken[-1]))
+    value = float(grown(ends_h[-1]))
     low, high = value * max(0.0, 1 - relative), value * (1 + relative)
     values = {of: getattr(plan.limits, f"{of}_{name}") for of in ("action", "limit")}
     verdict, reached = "below the action value", dict.fromkeys(values)
     for of, wanted in values.items():
         if wanted is not None and high >= wanted:
             verdict = f"{'' if low >= wanted else 'may be '}above the {of} value"
-        needed = math.inf if wanted is None else wanted**grown.power * grown.span_h
+        needed = math.inf if wanted is None else wanted**power * span_h
         if needed <= total:
-            reached[of] = float(np.interp(needed, grown.taken, grown.ends_h))
-    return Dose(
-        measure=measure,
-        unit=unit,
-        value=value,
-        low=low,
-        high=high,
-        axis=grown.axis,
-        **values,
-        verdict=verdict,
-        reached_h=reached,
-    )
+            reached[of] = float(np.interp(needed, taken, ends_h))
+    told: dict[str, Any] = {"measure": measure, "unit": unit, "axis": axis, "verdict": verdict}
+    return Dose(value=value, low=low, high=high, **values, reached_h=reached, **told), grown
