@@ -114,7 +114,13 @@ class Result:
             check_word("plot option ", name, {"ax": 0, "kind": 0} | dict(list(known.items())[1:]))
         if ax is None:
             drawn = draw(self, **options)
-            return _chosen(drawn, kind) if isinstance(drawn, dict) else _shown(drawn)
+            if not isinstance(drawn, dict):
+                return _shown(drawn)
+            named = {name.strip("-"): figure for name, figure in drawn.items()}
+            if kind:
+                check_word("kind=", kind, named)
+                return _shown(named[kind])
+            return {name: _shown(figure) for name, figure in named.items()}
         if "ax" not in known:
             raise ArgumentError(
                 f"plot: the picture of {type(self).__name__} arranges its axes itself; leave ax out"
@@ -201,15 +207,6 @@ def sample_rows(
 ) -> list[dict[str, Any]]:
     """Return a row a sample: the time, and every channel under its head."""
     return channel_rows("time_s", np.arange(samples.shape[1]) / sampling_rate_hz, samples, heads)
-
-
-def _chosen(figures: dict[str, Any], kind: str) -> Any:
-    """Return the axes of one of several figures, or of all."""
-    named = {name.strip("-"): figure for name, figure in figures.items()}
-    if not kind:
-        return {name: _shown(figure) for name, figure in named.items()}
-    check_word("kind=", kind, named)
-    return _shown(named[kind])
 
 
 def _shown(figure: Any) -> Any:

@@ -17,18 +17,17 @@ _ACCELERATION = (
     | dict.fromkeys(["g", "gn", "g_n", "g0"], STANDARD_GRAVITY)
     | {"mg": 1e-3 * STANDARD_GRAVITY}
 )
-_TIME = dict.fromkeys(["s", "sec", "secs", "second", "seconds", "sek"], 1.0) | {
-    "ms": 1e-3,
-    "msec": 1e-3,
-    "us": 1e-6,
-    "usec": 1e-6,
-    "ns": 1e-9,
-    "min": 60.0,
-    "h": 3600.0,
-}
-#: Other units, by what is measured in them.
-_OTHERS = {
-    "vibration": {"v", "mv", "uv", "m/s", "mm/s", "in/s", "ips", "m", "mm", "um", "mil", "mils"},
+_TIME = (
+    dict.fromkeys(["s", "sec", "secs", "second", "seconds", "sek"], 1.0)
+    | dict.fromkeys(["ms", "msec"], 1e-3)
+    | dict.fromkeys(["us", "usec"], 1e-6)
+    | {"ns": 1e-9, "min": 60.0, "h": 3600.0}
+)
+#: Units by what is measured in them.
+_KINDS = {
+    "vibration": {"v", "mv", "uv", "m/s", "mm/s", "in/s", "ips", "m", "mm", "um", "mil", "mils"}
+    | _ACCELERATION.keys(),
+    "time": _TIME.keys(),
     "speed": {"rpm", "1/min", "min-1", "u/min", "r/min", "rev/min", "tr/min", "1/s", "rad/s"},
     "torque": {"nm", "n.m", "n-m", "knm", "mnm", "ncm", "lbfft", "ftlb", "inlb", "lb-ft"},
     "other": {"°c", "degc", "c", "k", "°f", "degf", "a", "ma", "n", "kn", "w", "kw", "bar", "mbar"}
@@ -69,10 +68,7 @@ def kind_of_unit(unit: str | None) -> str | None:
         "vibration" stands for acceleration, velocity, displacement and volts.
     """
     plain = plain_unit(unit) if unit else ""
-    if plain in _ACCELERATION:
-        return "vibration"
-    others = (kind for kind, units in _OTHERS.items() if plain in units)
-    return "time" if plain in _TIME else next(others, None)
+    return next((kind for kind, units in _KINDS.items() if plain in units), None)
 
 
 def is_unit(text: str) -> bool:

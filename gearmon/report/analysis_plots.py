@@ -205,7 +205,7 @@ def speed_figure(analysis: Analysis) -> plots.Picture:
     Picture
     """
     track, speed = analysis.signature.track, analysis.signature.speed
-    time_s, speed_hz = curves.extremes(0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz)
+    time_s, speed_hz = 0.5 * (track.time_s[:-1] + track.time_s[1:]), track.speed_hz
     if len(time_s) == 1:
         time_s, speed_hz = track.time_s, np.repeat(speed_hz, 2)
     figure, (ax,) = plots.stack([1.4])

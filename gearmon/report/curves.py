@@ -58,39 +58,11 @@ def max_hold(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[Floa
     """
     if len(x) <= columns:
         return x, y
-    rows, groups = np.atleast_2d(y), _groups(len(x), columns)
+    rows, groups = np.atleast_2d(y), np.array_split(np.arange(len(x)), columns)
     largest = np.fmax.reduce(rows, axis=1, keepdims=True)
     clear = (rows / np.maximum(largest, 1e-300)).max(axis=0)
-    index = [a + int(np.argmax(clear[a:b])) for a, b in groups]
-    return x[index], np.maximum.reduceat(y, [a for a, _ in groups], axis=-1)
-
-
-def extremes(x: FloatArray, y: FloatArray, columns: int = COLUMNS) -> tuple[FloatArray, FloatArray]:
-    """Keep the smallest and the largest value in each of `columns` equal groups, in their order.
-
-    Parameters
-    ----------
-    x, y : ndarray of float, shape (n,)
-        The curve.
-    columns : int
-        Groups, >= 1; a curve with fewer than twice as many points is returned as it is.
-
-    Returns
-    -------
-    x, y : ndarray of float
-    """
-    if len(y) <= 2 * columns:
-        return x, y
-    index: list[int] = []
-    for a, b in _groups(len(y), columns):
-        both = {a + int(np.argmin(y[a:b])), a + int(np.argmax(y[a:b]))}
-        index.extend(sorted(both))
-    return x[index], y[index]
-
-
-def _groups(count: int, columns: int) -> list[tuple[int, int]]:
-    edges = np.linspace(0, count, columns + 1).astype(int)
-    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+    index = [own[np.argmax(clear[own])] for own in groups]
+    return x[index], np.maximum.reduceat(y, [own[0] for own in groups], axis=-1)
 
 
 def time_spectrum(samples: FloatArray, sampling_rate_hz: float) -> tuple[Spectrum, int]:

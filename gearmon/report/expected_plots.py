@@ -378,19 +378,17 @@ def campbell_figure(found: Modes) -> plots.Picture:
     top = max(found.mesh_orders) * found.harmonics * found.highest_rpm / 60
     elastic = [mode for mode in found.rows if mode.frequency_hz > 0]
     top = max(top, 1.05 * min((mode.frequency_hz for mode in elastic), default=0.0))
-    shown = [mode for mode in elastic if mode.frequency_hz <= top]
-    for mode in shown:
+    for mode in (own for own in elastic if own.frequency_hz <= top):
         colour, dashes = _TYPE_LINES[mode.type]
         ax.axhline(
             mode.frequency_hz, color=colour, linestyle=dashes, linewidth=0.7, label=mode.type
         )
     ends: list[tuple[float, str, str]] = []
     for stage, order in enumerate(found.mesh_orders):
-        for harmonic in range(1, found.harmonics + 1):
-            label = f"harmonics of mesh {stage + 1}"
-            hertz = harmonic * order * speeds / 60
-            ax.plot(speeds, hertz, color=plots.series_colour(stage), linewidth=1.0, label=label)
-            ends.append((hertz[1], f" {harmonic}", plots.series_colour(stage)))
+        label, colour = f"harmonics of mesh {stage + 1}", plots.series_colour(stage)
+        hertz = np.outer(speeds / 60, order * np.arange(1, found.harmonics + 1))
+        ax.plot(speeds, hertz, color=colour, linewidth=1.0, label=label)
+        ends += [(end, f" {harmonic}", colour) for harmonic, end in enumerate(hertz[1], start=1)]
     ends.sort()
     # letters of 7 points on axes of five inches
     heights = plots.spread([hertz for hertz, _, _ in ends], 0.02 * top, 0.0, top)

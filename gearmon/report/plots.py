@@ -357,11 +357,8 @@ def spread(places: list[float], least: float, low: float, high: float) -> list[f
     """
     if not places:
         return []
-    least = min(least, (high - low) / max(1, len(places) - 1))
-    moved: list[float] = []
-    for place in places:
-        moved.append(max(place, moved[-1] + least) if moved else max(place, low))
-    moved[-1] = min(moved[-1], high)
-    for index in range(len(moved) - 2, -1, -1):
-        moved[index] = min(moved[index], moved[index + 1] - least)
+    steps = np.arange(len(places)) * min(least, (high - low) / max(1, len(places) - 1))
+    # less these steps, labels that keep their distance ascend; the last one must have room
+    ascending = np.maximum.accumulate(np.maximum(np.array(places) - steps, low))
+    moved: list[float] = (np.minimum(ascending, high - steps[-1]) + steps).tolist()
     return moved

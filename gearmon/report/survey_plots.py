@@ -17,7 +17,6 @@ from gearmon.harvesting.placement import Placed, Survey
 from gearmon.harvesting.tuning import power_against_tuning
 from gearmon.harvesting.vibration import Vibration, operating_lines
 from gearmon.report import plots
-from gearmon.report.curves import extremes
 from gearmon.report.survey_text import spoken_time
 from gearmon.report.wording import shortened
 
@@ -262,7 +261,7 @@ def exposure_figure(exposure: Exposure) -> plots.Picture:
         label = f"{axis.axis}: {k}{axis.weighting}"
         bands.plot(exposure.band_hz, weighted[number], linewidth=2, color=colour, label=label)
         bands.plot(exposure.band_hz, recorded, linewidth=1, color=colour, linestyle=plots.DASHED)
-        (felt,) = course.plot(*extremes(seconds, exposure.running_ms2[number]), color=colour)
+        (felt,) = course.plot(seconds, exposure.running_ms2[number], color=colour)
         # a single second makes no line
         felt.set(linewidth=0.9, marker="o" if len(seconds) == 1 else "")
     bands.set(xscale="log", yscale="log", ylim=(top * 10**-_DECADES, top * 2))

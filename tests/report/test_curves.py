@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gearmon.report.curves import angle_spectrum, extremes, max_hold, time_spectrum, turn_waveform
+from gearmon.report.curves import angle_spectrum, max_hold, time_spectrum, turn_waveform
 from gearmon.signatures.measured.reference import WheelPattern
 
 
@@ -26,15 +26,6 @@ def test_curves_held_together_share_the_place_of_the_clearest():
     assert held.tolist() == [[101.0, 100.0], [1.0, 0.5]]
     # each beside its own highest: the second curve at 2, the first at 3 and 5
     assert x.tolist() == [1.0, 3.0]
-
-
-@given(st.integers(1, 500), st.integers(1, 60), st.integers(0, 2**31))
-def test_extremes_keep_the_range(count, columns, seed):
-    y = np.random.default_rng(seed).normal(size=count)
-    kept_x, kept_y = extremes(np.arange(count, dtype=float), y, columns)
-    assert (kept_y.min(), kept_y.max()) == (y.min(), y.max())
-    assert np.all(np.diff(kept_x) > 0)
-    assert len(kept_y) <= max(2 * columns, 1) or len(kept_y) == count
 
 
 @pytest.mark.parametrize("count", [4096, 300_000])
