@@ -20,7 +20,7 @@ from gearmon.diagnosis.history.changes import ChangePoint
 from gearmon.diagnosis.history.trends import HistoryTrends
 from gearmon.diagnosis.results import Analysis
 from gearmon.errors import ArgumentError
-from gearmon.files import write_atomically
+from gearmon.files import check_output, write_atomically
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine
 from gearmon.report import curves, text, wording
@@ -117,7 +117,12 @@ def write_report(
     """
     analyses = [analyses] if isinstance(analyses, Analysis) else analyses
     recordings = [recordings] if isinstance(recordings, Recording | None) else recordings
-    target = _checked(analyses, failures, Path(path))
+    target = Path(path)
+    if not analyses and not failures:
+        raise ArgumentError("a report needs at least one recording")
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise ArgumentError(f"{target}: a report is an HTML file; give a name that ends in .html")
+    check_output(target)
     sections, written, charts = [], [], {}
     points = max(_POINTS // 8, _POINTS // max(1, len(analyses)))
     pairs = zip(analyses, recordings, strict=False)
@@ -159,16 +164,6 @@ def write_report(
     )
     write_atomically(target, page)
     return [target, *written]
-
-
-def _checked(analyses: Sequence[Analysis], failures: Sequence[Failure], target: Path) -> Path:
-    if not analyses and not failures:
-        raise ArgumentError("a report needs at least one recording")
-    if target.suffix.lower() not in (".html", ".htm"):
-        raise ArgumentError(f"{target}: a report is an HTML file; give a name that ends in .html")
-    if not target.parent.is_dir():
-        raise ArgumentError(f"{target}: folder {target.parent} does not exist; make it first")
-    return target
 
 
 def _pictures(
@@ -235,16 +230,13 @@ def _recording_charts(
         for wheel in signature.plan.wheels:
             if len(wheel.number):
                 charts += _turn(analysis, wheel, reference)
-    channels = zip(signature.channel_names, signature.units, strict=True)
+    named = zip(map(wording.printable, signature.channel_names), signature.units, strict=True)
+    channels = [
+        {"name": name, "unit": wording.unit_text(unit), "colour": _colour(row)}
+        for row, (name, unit) in enumerate(named)
+    ]
     return {
-        "channels": [
-            {
-                "name": wording.printable(name),
-                "unit": wording.unit_text(unit),
-                "colour": _colour(row),
-            }
-            for row, (name, unit) in enumerate(channels)
-        ][:_MOST_CHANNELS],
+        "channels": channels[:_MOST_CHANNELS],
         "speed_hz": signature.speed.estimated_hz,
         "lines": _lines(analysis, reference) if signature.found else _places(analysis),
         "charts": charts,

@@ -106,11 +106,8 @@ def amplitude_figure(analysis: Analysis, recording: Recording) -> plots.Picture:
     spectrum, blocks = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
     nyquist = 0.5 * vibration.sampling_rate_hz
     high = min(nyquist, curves.last_harmonic_hz(signature))
-    marks = [mark for mark in curves.mesh_marks(signature) if mark.place < 0.999 * high]
-    if len(marks) > _MOST_MARKS:
-        marks = _wide_apart(marks, high / _MOST_MARKS)
     place, values = spectrum.frequency_hz, spectrum.values
-    strips = _strips(analysis, place, values, (2 * float(place[1]), high), marks)
+    strips = _strips(analysis, place, values, (2 * float(place[1]), high))
     peaks = [
         {"name": name, "unit": unit, "value": own.max(), "hertz": strips.place[np.argmax(own)]}
         for name, unit, own in zip(strips.names, strips.units, strips.values, strict=True)
@@ -151,23 +148,30 @@ def close_up_figure(
     Picture or None
         None where the recording does not reach so high.
     """
-    signature = analysis.signature
-    harmonic, hertz = 1, mesh.frequency_hz
+    signature, speed_hz = analysis.signature, analysis.signature.speed.estimated_hz
+    harmonic, families = 1, list[Family]()
+    look: dict[str, Any] = {}
     if signature.found:
         harmonic = close_up_harmonic(analysis, mesh.stage)
-        hertz *= harmonic
         wanted = ("sidebands", mesh.stage, harmonic)
         every = signature.plan.families
         families = [own for own in every if (own.kind, own.stage, own.harmonic) == wanted]
-        strips = _around(analysis, recording, mesh, harmonic, families)
+        # sampled at equal angles: a wandering speed smears no line
+        mesh_order = mesh.frequency_hz / speed_hz
+        spacing = max((family.spacing for family in families), default=1.0)
+        half = min(_CLOSE_UP_SPACINGS * spacing, _CLOSE_UP_MESHES * mesh_order)
+        low = max(harmonic * mesh_order - half, 0.0)
+        order, values = curves.angle_spectrum(analysis, recording, harmonic * mesh_order + half)
+        place, band = speed_hz * order, (low * speed_hz, float(order[-1]) * speed_hz)
+        look = {"axis": "Frequency at the mean speed (Hz)", "named": False}
     else:
-        families = []
         # the spectrum about the place where the mesh was looked for
         vibration = curves.vibration_of(analysis, recording)
         spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
-        mark = curves.mesh_marks(replace(signature, meshes=(mesh,)))[0]
-        band = (mark.place * (1 - _SEARCH_SHOWN), mark.place * (1 + _SEARCH_SHOWN))
-        strips = _strips(analysis, spectrum.frequency_hz, spectrum.values, band, [mark])
+        place, values = spectrum.frequency_hz, spectrum.values
+        at = curves.mesh_marks(replace(signature, meshes=(mesh,)))[0].place
+        band = (at * (1 - _SEARCH_SHOWN), at * (1 + _SEARCH_SHOWN))
+    strips, hertz = _strips(analysis, place, values, band, **look), harmonic * mesh.frequency_hz
     if not len(strips.place):
         return None
     figure = _strips_figure(strips, _REPORT_IN)
@@ -201,17 +205,8 @@ def spectrum_figure(found: RecordingSpectrum, ax: Sequence[Axes] = ()) -> Figure
     """
     if found.kurtograms:
         return _kurtogram_figure(found)
-    strips = Strips(
-        names=found.channel_names,
-        units=found.units,
-        axis=_AXES[found.axis],
-        what=found.value_name[0].upper() + found.value_name[1:],
-        place=found.place,
-        values=found.values,
-        marks=line_marks(found.marks, float(found.place[0]), float(found.place[-1])),
-        linear=found.kind == "cepstrum",
-    )
-    return _strips_figure(strips, given=ax)
+    what = found.value_name[0].upper() + found.value_name[1:]
+    return _recorded(found, 0, _AXES[found.axis], ax, what=what, linear=found.kind == "cepstrum")
 
 
 @plots.style()
@@ -230,14 +225,22 @@ def order_figure(found: OrderSpectra, ax: Sequence[Axes] = ()) -> Figure:
         A new one, or that of the axes given.
     """
     # the mean and what leaks from it are no lines
-    order = found.place[2:]
+    return _recorded(found, 2, order_axis(found), ax)
+
+
+def _recorded(
+    found: RecordingSpectrum | OrderSpectra, first: int, axis: str, ax: Sequence[Axes], **look: Any
+) -> plots.Picture:
+    """Draw what a recording holds, from the first place on, with the lines of the machine."""
+    place = found.place[first:]
     strips = Strips(
         names=found.channel_names,
         units=found.units,
-        axis=order_axis(found),
-        place=order,
-        values=found.values[:, 2:],
-        marks=line_marks(found.marks, float(order[0]), float(order[-1])),
+        axis=axis,
+        place=place,
+        values=found.values[:, first:],
+        marks=line_marks(found.marks, float(place[0]), float(place[-1])),
+        **look,
     )
     return _strips_figure(strips, given=ax)
 
@@ -362,27 +365,6 @@ def close_up_harmonic(analysis: Analysis, stage: int) -> int:
     return max(strong)[1] if strong else 1
 
 
-def _around(
-    analysis: Analysis,
-    recording: Recording,
-    mesh: MeshFinding,
-    harmonic: int,
-    families: Sequence[Family],
-) -> Strips:
-    """Return the spectrum in angle about a mesh harmonic."""
-    signature = analysis.signature
-    speed = signature.speed.estimated_hz
-    mesh_order = mesh.frequency_hz / speed
-    spacing = max((family.spacing for family in families), default=1.0)
-    half = min(_CLOSE_UP_SPACINGS * spacing, _CLOSE_UP_MESHES * mesh_order)
-    centre = harmonic * mesh_order
-    order, values = curves.angle_spectrum(analysis, recording, centre + half)
-    band = (max(centre - half, 0.0) * speed, float(order[-1]) * speed)
-    marks = [mark for mark in curves.mesh_marks(signature) if band[0] < mark.place < band[1]]
-    strips = _strips(analysis, speed * order, values, band, marks)
-    return replace(strips, axis="Frequency at the mean speed (Hz)", named=False)
-
-
 def _plot_sidebands(
     signature: MeasuredSignature, hertz: float, families: Sequence[Family], figure: plots.Picture
 ) -> None:
@@ -419,16 +401,22 @@ def _strips(
     place: FloatArray,
     values: FloatArray,
     band: tuple[float, float],
-    marks: Sequence[Mark],
+    **look: Any,
 ) -> Strips:
-    inside = (place >= band[0]) & (place <= band[1])
+    """Return what lies in a band [Hz], with the mesh harmonics that it has room for."""
+    signature, (low, high) = analysis.signature, band
+    inside = (place >= low) & (place <= high)
+    marks = [mark for mark in curves.mesh_marks(signature) if low < mark.place < high]
+    if len(marks) > _MOST_MARKS:
+        marks = _wide_apart(marks, (high - low) / _MOST_MARKS)
     return Strips(
-        names=analysis.signature.channel_names,
-        units=analysis.signature.units,
+        names=signature.channel_names,
+        units=signature.units,
         place=place[inside],
         values=values[:, inside],
         marks=marks,
-        reach=0.0 if analysis.signature.found else SPEED_TOLERANCE,
+        reach=0.0 if signature.found else SPEED_TOLERANCE,
+        **look,
     )
 
 

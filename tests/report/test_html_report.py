@@ -140,7 +140,7 @@ def test_the_name_must_be_that_of_a_page(tmp_path, gearless):
 
 
 def test_the_folder_must_exist(tmp_path, gearless):
-    with pytest.raises(ArgumentError, match="does not exist"):
+    with pytest.raises(ArgumentError, match="cannot write there"):
         write_report([gearless.analysis], [None], None, gearless.machine, tmp_path / "a" / "r.html")
 
 
