@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -67,8 +68,8 @@ _LEAST_GROWTH = 1e-9
 _COLUMNS, _PANEL_IN = 3, (2.9, 2.15)
 # Lines of a signature lower than this share of the highest are not shown: 100 dB.
 _LEAST_SHARE = 1e-5
-# Mesh harmonics are named in one of these steps, that far apart or farther [share of the width].
-_STEPS, _APART = (1, 2, 5, 10, 20, 50, 100, 200, 500), 0.03
+# Mesh harmonics that are named at most.
+_MOST_NAMED = 30
 # Levels of traces below this are not shown [dB].
 _LEAST_DB = -120.0
 
@@ -256,21 +257,18 @@ def signature_figure(signature: Signature) -> plots.Picture:
             colour = plots.series_colour(number - 1) if gear else plots.BLACK
             x, y = hertz[chosen], level[chosen]
             ax.vlines(x, lowest, y, color=colour, linewidth=0.6, label=name if x.size else "")
-        right = 1.02 * float(hertz[own].max())
-        mesh = own & (beside == "") & (signature["mesh_harmonic"] > 0)
-        each_hz = hertz[mesh] / signature["mesh_harmonic"][mesh]
-        mesh_hz = float(np.median(each_hz)) if each_hz.size else right
-        step = next((s for s in _STEPS if s * mesh_hz > _APART * right), _STEPS[-1])
-        for harmonic in range(step, int(right / mesh_hz) + 1, step) if each_hz.size else ():
-            plots.above(ax, harmonic * mesh_hz, f"{harmonic}", fontsize=6.5)
-        ax.set_yscale("log")
-        ax.set(ylim=(lowest, None), xlim=(0, right))
+        ax.set(yscale="log", ylim=(lowest, None), xlim=(0, 1.02 * float(hertz[own].max())))
         ax.set_ylabel("acceleration\nin m/s² (peak)")
         plots.light_grid(ax)
-        title = f"stage {stage}" + (
-            f", mesh harmonics of {mesh_hz:.5g} Hz:" if each_hz.size else ""
-        )
-        ax.set_title(title, fontsize=8, loc="left", pad=14)
+        title, mesh = f"stage {stage}", own & (beside == "") & (signature["mesh_harmonic"] > 0)
+        if mesh.any():
+            mesh_hz = float(np.median(hertz[mesh] / signature["mesh_harmonic"][mesh]))
+            title += f", mesh harmonics of {mesh_hz:.5g} Hz:"
+            counted = partial(np.multiply, 1 / mesh_hz), partial(np.multiply, mesh_hz)
+            above = ax.secondary_xaxis("top", functions=counted)
+            above.xaxis.set_major_locator(MaxNLocator(_MOST_NAMED, integer=True))
+            above.tick_params(labelsize=6.5, length=0, pad=1)
+        ax.set_title(title, fontsize=8, loc="left", pad=3)
     axes[-1].set_xlabel("frequency in Hz")
     told = ", ".join(signature.header.get("faults", ())) or "healthy"
     figure.text(0.01, 1 - 0.05 / figure.get_figheight(), f"{signature.machine}: {told}", va="top")
