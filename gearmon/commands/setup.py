@@ -124,17 +124,14 @@ def _doubts(machine: gearmon.Machine) -> list[str]:
     for place, stage in enumerate(machine.stages, start=1):
         if not isinstance(stage, ParallelStage):
             continue
-        ratio = stage.gear_teeth / stage.pinion_teeth
-        if ratio < 1.0:
-            notes.append(
-                f"stage {place}: {stage.pinion_teeth} teeth drive {stage.gear_teeth}: it speeds "
-                f"up by {1 / ratio:.3g}; if it slows down, swap them"
-            )
-        if max(ratio, 1 / ratio) > _USUAL_RATIO:
-            notes.append(
-                f"stage {place}: a ratio of {max(ratio, 1 / ratio):.3g} is more than one stage "
-                "usually has; look at the tooth counts again"
-            )
+        pinion, gear = stage.pinion_teeth, stage.gear_teeth
+        ratio = max(pinion, gear) / min(pinion, gear)
+        if pinion > gear:
+            told = f"{pinion} teeth drive {gear}: it speeds up by {ratio:.3g}"
+            notes.append(f"stage {place}: {told}; if it slows down, swap them")
+        if ratio > _USUAL_RATIO:
+            told = f"a ratio of {ratio:.3g} is more than one stage usually has"
+            notes.append(f"stage {place}: {told}; look at the tooth counts again")
     return notes
 
 

@@ -265,11 +265,9 @@ def plot_verdicts(
 ) -> None:
     """Draw scores, each with the colour and the shape of its verdict."""
     for verdict, marker in VERDICT_MARKERS.items():
-        own = [number for number, given in enumerate(verdicts) if given == verdict]
-        if own:
-            places, values = [x[number] for number in own], [scores[number] for number in own]
-            edge = {"markeredgecolor": BLACK, "markeredgewidth": 0.4, "label": verdict}
-            plot_marks(ax, places, values, marker, size, VERDICT_STYLE[verdict][0], **edge)
+        own, colour = np.array(verdicts) == verdict, VERDICT_STYLE[verdict][0]
+        edge = {"markeredgecolor": BLACK, "markeredgewidth": 0.4, "label": verdict}
+        plot_marks(ax, np.asarray(x)[own], np.asarray(scores)[own], marker, size, colour, **edge)
 
 
 def as_png(figure: Figure) -> bytes:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.patches import Polygon, Rectangle
+from matplotlib.patches import Circle, Polygon, Rectangle
 
 from gearmon.arrays import ComplexArray, FloatArray
 from gearmon.gears.faults import Fault
@@ -238,10 +238,8 @@ def plot_flank(gear: DrawnGear, ax: Axes) -> None:
 def _plot_pits(ax: Axes, face: float, width: float, middle: float, radius: float) -> None:
     """Spread pits evenly along the face; their number times their diameter is `width`."""
     count = max(1, round(width / (2 * radius)))
-    angle = np.linspace(0, 2 * np.pi, 24)
     # every other row is shifted by half a step
     shift = 0.25 if round(middle / radius) % 2 else 0.75
     for k in range(count):
-        x = face * (k + shift) / count
-        outline = x + radius * np.cos(angle), middle + radius * np.sin(angle)
-        ax.fill(*outline, **_HOLE | {"linewidth": 0.6})
+        centre = face * (k + shift) / count, middle
+        ax.add_patch(Circle(centre, radius, **_HOLE | {"linewidth": 0.6}))
