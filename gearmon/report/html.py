@@ -129,7 +129,7 @@ def write_report(
     for number, (analysis, recording) in enumerate(pairs, start=1):
         anchor, answer = f"recording-{number}", text.summary(analysis, history)
         pictures, files = _pictures(number, analysis, recording, target)
-        charts[anchor] = _recording_charts(analysis, recording, reference, machine, points)
+        charts[anchor] = _Charts(analysis, recording, reference, machine, points).page()
         section = {"analysis": analysis, "summary": answer, "anchor": anchor}
         sections.append(section | {"pictures": pictures})
         written += files
@@ -178,69 +178,245 @@ def _pictures(
         png = as_png(figure)
         files.append(target.with_name(f"{target.stem}-{number:02d}-{figure.name}.png"))
         write_atomically(files[-1], png)
-        told = {
-            "title": figure.heading,
-            "caption": figure.caption,
-            "alt": wording.printable(figure.alt),
-        }
-        shown.append(told | {"data": wording.base64_text(png)})
+        told = {"title": figure.heading, "caption": figure.caption}
+        told |= {"alt": wording.printable(figure.alt), "data": wording.base64_text(png)}
+        shown.append(told)
     return shown, files
 
 
-def _recording_charts(
-    analysis: Analysis,
-    recording: Recording | None,
-    reference: Reference | None,
-    machine: Machine,
-    points: int,
-) -> dict[str, Any]:
-    """Return the charts of a recording and the lines that they name.
+@dataclass(frozen=True)
+class _Charts:
+    """The charts of one recording, in built-in types, ready for JSON.
 
     Parameters
     ----------
     analysis : Analysis
-        The analysis.
     recording : Recording or None
-        Its recording; without, there are no spectra.
+        Without, there are no spectra.
     reference : Reference or None
         What it was compared with.
     machine : Machine
-        The machine.
     points : int
         Points of a curve, at most.
-
-    Returns
-    -------
-    dict
-        Built-in types, ready for JSON.
     """
-    signature = analysis.signature
-    charts: list[dict[str, Any]] = []
-    if recording is not None:
-        vibration = curves.vibration_of(analysis, recording)
-        spectrum, _ = curves.time_spectrum(vibration.samples, vibration.sampling_rate_hz)
+
+    analysis: Analysis
+    recording: Recording | None
+    reference: Reference | None
+    machine: Machine
+    points: int
+
+    def page(self) -> dict[str, Any]:
+        """Return the charts and the lines that they name."""
+        signature = self.analysis.signature
+        charts = [] if self.recording is None else list(self._spectra(self.recording))
+        for wheel in signature.plan.wheels if signature.found else ():
+            charts += self._turn(wheel) if len(wheel.number) else ()
+        named = zip(map(wording.printable, signature.channel_names), signature.units, strict=True)
+        channels = [
+            {"name": name, "unit": wording.unit_text(unit), "colour": _colour(row)}
+            for row, (name, unit) in enumerate(named)
+        ]
+        return {
+            "channels": channels[:_MOST_CHANNELS],
+            "speed_hz": signature.speed.estimated_hz,
+            "lines": self._lines() if signature.found else _places(self.analysis),
+            "charts": charts,
+        }
+
+    def _spectra(self, recording: Recording) -> Iterator[dict[str, Any]]:
+        """Give the spectrum, how the speed was searched for, the order spectrum and its map."""
+        analysis, signature = self.analysis, self.analysis.signature
+        vibration, speed = curves.vibration_of(analysis, recording), signature.speed
+        samples, rate = vibration.samples, vibration.sampling_rate_hz
+        spectrum, _ = curves.time_spectrum(samples, rate)
         place, values = spectrum.frequency_hz[2:], spectrum.values[:, 2:]
-        known = "spectrum", "Frequency (Hz)", signature.speed.estimated_hz
-        charts.append(_spectrum_chart(*known, place, values, points))
-        if not signature.found or text.far_from_nominal(signature.speed):
-            charts.append(_speed_search(analysis, recording, machine))
-    if signature.found:
-        if recording is not None:
-            charts += _in_orders(analysis, recording, points)
-        for wheel in signature.plan.wheels:
-            if len(wheel.number):
-                charts += _turn(analysis, wheel, reference)
-    named = zip(map(wording.printable, signature.channel_names), signature.units, strict=True)
-    channels = [
-        {"name": name, "unit": wording.unit_text(unit), "colour": _colour(row)}
-        for row, (name, unit) in enumerate(named)
-    ]
-    return {
-        "channels": channels[:_MOST_CHANNELS],
-        "speed_hz": signature.speed.estimated_hz,
-        "lines": _lines(analysis, reference) if signature.found else _places(analysis),
-        "charts": charts,
-    }
+        yield self._spectrum("spectrum", "Frequency (Hz)", speed.estimated_hz, place, values)
+        if not signature.found or text.far_from_nominal(speed):
+            yield self._speed_search(vibration)
+        if not signature.found:
+            return
+        track, last = curves.track_of(analysis, recording), curves.last_harmonic_hz(signature)
+        top = min(READ_UP_TO * rate / float(track.speed_hz.max()), last / speed.estimated_hz)
+        # a wandering speed smears no line of an order spectrum
+        orders, values = curves.angle_spectrum(analysis, recording, top)
+        axis = "Order (cycles a turn of shaft 1)"
+        yield self._spectrum("orders", axis, 1.0, orders, values)
+        turns = float(track.turns[-1] - track.turns[0])
+        block = float(np.clip(2 * turns / _MAP_ROWS, _LEAST_TURNS, _MOST_TURNS))
+        found = order_map(samples, rate, track, top=top, block_turns=block, rows=_MAP_ROWS)
+        edges = np.linspace(2, len(found.order), min(_MAP_COLUMNS, len(found.order) - 2) + 1)
+        starts = edges[:-1].astype(int)
+        held = np.maximum.reduceat(found.amplitude, starts, axis=2)
+        yield {
+            "name": "map",
+            "title": "Order map: an upright line turns with a shaft, a slanting one does not",
+            "axis": axis,
+            "scale": 1.0,
+            "value": "Time (s)",
+            "kind": "map",
+            "x": _numbers(found.order[starts]),
+            "time": [float(found.low[0]), float(found.high[-1])],
+            "rows": len(held),
+            "maps": [_shades(held[:, row]) | {"channel": row} for row in _strongest(values)],
+        }
+
+    def _spectrum(
+        self, name: str, axis: str, scale: float, place: FloatArray, values: FloatArray
+    ) -> dict[str, Any]:
+        x, held = _held(place, values[:_MOST_CHANNELS], self.points)
+        # a scale of logarithms has no zero
+        floor = 1e-7 * max(float(held.max(initial=0.0)), 1e-300)
+        drawn = [_curve(np.maximum(own, floor), "measured", row) for row, own in enumerate(held)]
+        return {
+            "name": name,
+            "kind": "spectrum",
+            "title": {"spectrum": "Amplitude spectrum", "orders": "Order spectrum"}[name],
+            "axis": axis,
+            "scale": scale,
+            "value": "Peak amplitude",
+            "vibration": True,
+            "x": _numbers(x),
+            "curves": drawn,
+        }
+
+    def _speed_search(self, vibration: Recording) -> dict[str, Any]:
+        """Give how well the machine's lines fit at every speed: the one found and its rivals."""
+        speed, rate = self.analysis.signature.speed, vibration.sampling_rate_hz
+        train = kinematics(self.machine)
+        comb = machine_comb(train, speed.nominal_hz)
+        block_s = 30.0 / (speed.nominal_hz * max(shaft.order for shaft in train.shafts))
+        scan = SpeedScan(vibration.samples, rate, comb, speed.nominal_hz, SPEED_REACH, block_s)
+        score = scan.scores.mean(axis=0)
+        x, held = _held(60 * speed.nominal_hz * scan.ratio, score[None] - score.min(), _POINTS // 4)
+        return {
+            "name": "speed",
+            "kind": "speed",
+            "title": "Search for the speed: how well the lines fit; shaded: the one found",
+            "axis": "Speed of shaft 1 (rpm)",
+            "value": "Fit of the lines",
+            "marked": 60 * speed.estimated_hz,
+            "x": _numbers(x),
+            "curves": [_curve(held[0], "fit", None)],
+        }
+
+    def _turn(self, wheel: WheelLines) -> Iterator[dict[str, Any]]:
+        """Give one turn of a gear, with that of the healthy recording that is most like it."""
+        analysis = self.analysis
+        profile = curves.profile_of(analysis, wheel.stage, wheel.gear)
+        own = WheelPattern.of(wheel, analysis.signature.lines)
+        channels = min(len(own.amplitude), _STRONGEST)
+        points = fast_length(min(4 * (int(wheel.number.max()) + 1), _ALL_POINTS // channels))
+        whole, rest = (curves.turn_waveform(own, points, mesh=mesh) for mesh in (True, False))
+        places = wheel.teeth * np.arange(points) / points
+        number = curves.tooth_numbers(places, profile, wheel.teeth)
+        order = np.argsort(number, kind="stable")
+        healthy = self._healthy_turn(own, rest)
+        drawn = []
+        for channel in _strongest(rest):
+            drawn.append(_wave(whole[channel, order], "with the mesh", channel, off=True))
+            if healthy is not None:
+                drawn.append(_wave(healthy[channel, order], "healthy", channel))
+            drawn.append(_wave(rest[channel, order], "without the mesh", channel))
+        name = f"{wheel.gear} of stage {wheel.stage}"
+        place = curves.flagged_place(analysis, wheel.stage, wheel.gear)
+        shared = {"axis": "Tooth", "marked": place, "teeth": wheel.teeth}
+        yield shared | {
+            "name": f"turn-{wheel.stage}-{wheel.gear}",
+            "title": f"One turn of the {name}, averaged",
+            "value": "Average over the turns",
+            "vibration": True,
+            "kind": "turn",
+            "even": [number[order[0]], wheel.teeth / points, points],
+            "curves": drawn,
+        }
+        if profile is not None:
+            teeth = curves.tooth_numbers(np.arange(float(wheel.teeth)), profile, wheel.teeth)
+            order = np.argsort(teeth, kind="stable")
+            yield shared | {
+                "name": f"teeth-{wheel.stage}-{wheel.gear}",
+                "title": f"Energy by tooth of the {name}: sound teeth stand at about 1",
+                "value": "Energy",
+                "kind": "bars",
+                "x": _numbers(teeth[order]),
+                "curves": [_curve(profile.energy[order], "energy", None)],
+            }
+
+    def _healthy_turn(self, own: WheelPattern, rest: FloatArray) -> FloatArray | None:
+        """Turn the healthy average of the nearest loudness until it fits this one best."""
+        reference, names = self.reference, self.analysis.signature.channel_names
+        if reference is None or reference.channel_names != names:
+            return None
+        patterns = [one for profile in reference.profiles if (one := own.same_in(profile.wheels))]
+        if not patterns:
+            return None
+        loud = float(np.abs(own.amplitude).sum())
+        near = min(patterns, key=lambda one: abs(float(np.abs(one.amplitude).sum()) - loud))
+        healthy = curves.turn_waveform(near, rest.shape[1], mesh=False)
+        fit = np.fft.irfft(np.sum(np.conj(np.fft.rfft(healthy)) * np.fft.rfft(rest), axis=0))
+        return np.roll(healthy, int(np.argmax(fit)), axis=1)
+
+    def _lines(self) -> dict[str, Any]:
+        """Return the lines of all families, measured and as in the healthy recordings."""
+        signature, analysis = self.analysis.signature, self.analysis
+        plan, families = signature.plan, signature.plan.families
+        chosen = sorted((line, number) for number, own in enumerate(families) for line in own.lines)
+        index = [line for line, _ in chosen]
+        orders = plan.orders[index]
+        low, high = self._healthy_range(orders)
+        mesh_hz = {own.stage: own.frequency_hz for own in signature.meshes}
+        numbers = []  # how many spacings of its family each line is off the mesh harmonic
+        for order, (_, number) in zip(orders, chosen, strict=True):
+            own = families[number]
+            centre = own.harmonic * mesh_hz[own.stage] / signature.speed.estimated_hz
+            numbers.append(round((order - centre) / own.spacing) if own.spacing else 0)
+        # what a reader switches: meshes first, what else repeats last
+        rank = {"mesh": 0, "sidebands": 1, "residual": 2}
+        groups = map(_group, sorted(families, key=lambda own: rank[own.kind]))
+        changes = {
+            (own.family, own.channel): [own.change_db, own.scatter_db] for own in analysis.changes
+        }
+        named = [
+            {
+                "name": own.name,
+                "group": _group(own),
+                "mesh": own.kind == "mesh",
+                "reach": 0.0,
+                "changes": [changes.get((own.name, name)) for name in signature.channel_names],
+            }
+            for own in families
+        ]
+        size = np.abs(signature.lines.mean[:, index])
+        amplitudes = {"measured": size, "low": low, "high": high}
+        return {
+            "order": np.round(orders, 6).tolist(),
+            "number": numbers,
+            "family": [number for _, number in chosen],
+            "families": named,
+            "groups": list(dict.fromkeys(groups)),
+            **{name: list(map(_numbers, own[:_MOST_CHANNELS])) for name, own in amplitudes.items()},
+        }
+
+    def _healthy_range(self, orders: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the smallest and the largest amplitude of each line in the healthy recordings.
+
+        Not a number where no healthy recording tells; shape (channels, lines) each.
+        """
+        names, reference = self.analysis.signature.channel_names, self.reference
+        low = np.full((len(names), len(orders)), np.nan)
+        high, place = low.copy(), {round(own, 6): at for at, own in enumerate(orders.tolist())}
+        if reference is None:
+            return low, high
+        known = reference.channel_names
+        for wheel in (wheel for profile in reference.profiles for wheel in profile.wheels):
+            at = np.array([place.get(own, -1) for own in np.round(wheel.number * wheel.order, 6)])
+            taken, at = np.flatnonzero(at >= 0), at[at >= 0]
+            for row, name in enumerate(names):
+                if name in known:
+                    size = np.abs(wheel.amplitude[known.index(name), taken])
+                    low[row, at] = np.fmin(low[row, at], size)
+                    high[row, at] = np.fmax(high[row, at], size)
+        return low, high
 
 
 def _colour(number: int) -> str:
@@ -272,76 +448,6 @@ def _held(place: FloatArray, values: FloatArray, points: int) -> tuple[FloatArra
     return curves.max_hold(place, values, points)
 
 
-def _spectrum_chart(
-    name: str, axis: str, scale: float, place: FloatArray, values: FloatArray, points: int
-) -> dict[str, Any]:
-    x, held = _held(place, values[:_MOST_CHANNELS], points)
-    # a scale of logarithms has no zero
-    floor = 1e-7 * max(float(held.max(initial=0.0)), 1e-300)
-    drawn = [_curve(np.maximum(own, floor), "measured", row) for row, own in enumerate(held)]
-    return {
-        "name": name,
-        "kind": "spectrum",
-        "title": {"spectrum": "Amplitude spectrum", "orders": "Order spectrum"}[name],
-        "axis": axis,
-        "scale": scale,
-        "value": "Peak amplitude",
-        "vibration": True,
-        "x": _numbers(x),
-        "curves": drawn,
-    }
-
-
-def _speed_search(analysis: Analysis, recording: Recording, machine: Machine) -> dict[str, Any]:
-    """Give how well the lines of the machine fit at every speed: the one found and its rivals."""
-    vibration, speed = curves.vibration_of(analysis, recording), analysis.signature.speed
-    train, rate = kinematics(machine), vibration.sampling_rate_hz
-    comb = machine_comb(train, speed.nominal_hz)
-    block_s = 30.0 / (speed.nominal_hz * max(shaft.order for shaft in train.shafts))
-    scan = SpeedScan(vibration.samples, rate, comb, speed.nominal_hz, SPEED_REACH, block_s)
-    score = scan.scores.mean(axis=0)
-    x, held = _held(60 * speed.nominal_hz * scan.ratio, score[None] - score.min(), _POINTS // 4)
-    return {
-        "name": "speed",
-        "kind": "speed",
-        "title": "Search for the speed: how well the machine's lines fit; shaded: the one found",
-        "axis": "Speed of shaft 1 (rpm)",
-        "value": "Fit of the lines",
-        "marked": 60 * speed.estimated_hz,
-        "x": _numbers(x),
-        "curves": [_curve(held[0], "fit", None)],
-    }
-
-
-def _in_orders(analysis: Analysis, recording: Recording, points: int) -> Iterator[dict[str, Any]]:
-    """Give the order spectrum, where a wandering speed smears no line, and the order map."""
-    vibration, signature = curves.vibration_of(analysis, recording), analysis.signature
-    track, rate = curves.track_of(analysis, recording), vibration.sampling_rate_hz
-    last = curves.last_harmonic_hz(signature) / signature.speed.estimated_hz
-    top = min(READ_UP_TO * rate / float(track.speed_hz.max()), last)
-    orders, values = curves.angle_spectrum(analysis, recording, top)
-    axis = "Order (cycles a turn of shaft 1)"
-    yield _spectrum_chart("orders", axis, 1.0, orders, values, points)
-    turns = float(track.turns[-1] - track.turns[0])
-    block = float(np.clip(2 * turns / _MAP_ROWS, _LEAST_TURNS, _MOST_TURNS))
-    found = order_map(vibration.samples, rate, track, top=top, block_turns=block, rows=_MAP_ROWS)
-    edges = np.linspace(2, len(found.order), min(_MAP_COLUMNS, len(found.order) - 2) + 1)
-    starts = edges[:-1].astype(int)
-    held = np.maximum.reduceat(found.amplitude, starts, axis=2)
-    yield {
-        "name": "map",
-        "title": "Order map: an upright line turns with a shaft, a slanting one does not",
-        "axis": axis,
-        "scale": 1.0,
-        "value": "Time (s)",
-        "kind": "map",
-        "x": _numbers(found.order[starts]),
-        "time": [float(found.low[0]), float(found.high[-1])],
-        "rows": len(held),
-        "maps": [_shades(held[:, row]) | {"channel": row} for row in _strongest(values)],
-    }
-
-
 def _strongest(values: FloatArray) -> list[int]:
     power = np.mean(values**2, axis=1)[:_MOST_CHANNELS]
     return [int(row) for row in np.argsort(-power, kind="stable")[:_STRONGEST]]
@@ -353,93 +459,6 @@ def _shades(amplitude: FloatArray) -> dict[str, Any]:
     level = 1.0 + np.log10(np.maximum(amplitude / top, 1e-9)) / _MAP_DECADES
     shades = wording.base64_text(np.rint(255 * np.clip(level, 0.0, 1.0)).astype(np.uint8).tobytes())
     return {"top": top, "decades": _MAP_DECADES, "shades": shades}
-
-
-def _turn(
-    analysis: Analysis, wheel: WheelLines, reference: Reference | None
-) -> Iterator[dict[str, Any]]:
-    """Give one turn of a gear, with that of the healthy recording that is most like it."""
-    profile = curves.profile_of(analysis, wheel.stage, wheel.gear)
-    own = WheelPattern.of(wheel, analysis.signature.lines)
-    channels = min(len(own.amplitude), _STRONGEST)
-    points = fast_length(min(4 * (int(wheel.number.max()) + 1), _ALL_POINTS // channels))
-    whole, rest = (curves.turn_waveform(own, points, mesh=mesh) for mesh in (True, False))
-    number = curves.tooth_numbers(wheel.teeth * np.arange(points) / points, profile, wheel.teeth)
-    order = np.argsort(number, kind="stable")
-    healthy = _healthy_turn(analysis, own, rest, reference)
-    drawn = []
-    for channel in _strongest(rest):
-        drawn.append(_wave(whole[channel, order], "with the mesh", channel, off=True))
-        if healthy is not None:
-            drawn.append(_wave(healthy[channel, order], "healthy", channel))
-        drawn.append(_wave(rest[channel, order], "without the mesh", channel))
-    name = f"{wheel.gear} of stage {wheel.stage}"
-    place = curves.flagged_place(analysis, wheel.stage, wheel.gear)
-    shared = {"axis": "Tooth", "marked": place, "teeth": wheel.teeth}
-    yield shared | {
-        "name": f"turn-{wheel.stage}-{wheel.gear}",
-        "title": f"One turn of the {name}, averaged",
-        "value": "Average over the turns",
-        "vibration": True,
-        "kind": "turn",
-        "even": [number[order[0]], wheel.teeth / points, points],
-        "curves": drawn,
-    }
-    if profile is not None:
-        teeth = curves.tooth_numbers(np.arange(float(wheel.teeth)), profile, wheel.teeth)
-        order = np.argsort(teeth, kind="stable")
-        yield shared | {
-            "name": f"teeth-{wheel.stage}-{wheel.gear}",
-            "title": f"Energy by tooth of the {name}: sound teeth stand at about 1",
-            "value": "Energy",
-            "kind": "bars",
-            "x": _numbers(teeth[order]),
-            "curves": [_curve(profile.energy[order], "energy", None)],
-        }
-
-
-def _healthy_turn(
-    analysis: Analysis, own: WheelPattern, rest: FloatArray, reference: Reference | None
-) -> FloatArray | None:
-    """Turn the healthy average of the nearest loudness until it fits this one best."""
-    if reference is None or reference.channel_names != analysis.signature.channel_names:
-        return None
-    patterns = [one for profile in reference.profiles if (one := own.same_in(profile.wheels))]
-    if not patterns:
-        return None
-    loud = float(np.abs(own.amplitude).sum())
-    near = min(patterns, key=lambda one: abs(float(np.abs(one.amplitude).sum()) - loud))
-    healthy = curves.turn_waveform(near, rest.shape[1], mesh=False)
-    fit = np.fft.irfft(np.sum(np.conj(np.fft.rfft(healthy)) * np.fft.rfft(rest), axis=0))
-    return np.roll(healthy, int(np.argmax(fit)), axis=1)
-
-
-def _lines(analysis: Analysis, reference: Reference | None) -> dict[str, Any]:
-    """Return the lines of all families, each measured and as it was in the healthy recordings."""
-    signature = analysis.signature
-    plan, families = signature.plan, signature.plan.families
-    chosen = sorted((line, number) for number, own in enumerate(families) for line in own.lines)
-    index = [line for line, _ in chosen]
-    orders = plan.orders[index]
-    low, high = _healthy_range(orders, analysis, reference)
-    mesh_hz = {own.stage: own.frequency_hz for own in signature.meshes}
-    numbers = []  # how many spacings of its family each line is off the mesh harmonic
-    for line, number in chosen:
-        own = families[number]
-        off = plan.orders[line] - own.harmonic * mesh_hz[own.stage] / signature.speed.estimated_hz
-        numbers.append(round(off / own.spacing) if own.spacing else 0)
-    # what a reader switches: meshes first, what else repeats last
-    rank = {"mesh": 0, "sidebands": 1, "residual": 2}
-    groups = map(_group, sorted(families, key=lambda own: rank[own.kind]))
-    size = np.abs(signature.lines.mean[:, index])
-    amplitudes = {"measured": size, "low": low, "high": high}
-    return {
-        "order": np.round(orders, 6).tolist(),
-        "number": numbers,
-        "family": [number for _, number in chosen],
-        "families": [_family(own, analysis) for own in families],
-        "groups": list(dict.fromkeys(groups)),
-    } | {name: [_numbers(row) for row in own[:_MOST_CHANNELS]] for name, own in amplitudes.items()}
 
 
 def _places(analysis: Analysis) -> dict[str, Any]:
@@ -459,47 +478,11 @@ def _places(analysis: Analysis) -> dict[str, Any]:
     }
 
 
-def _family(family: Family, analysis: Analysis) -> dict[str, Any]:
-    changes = {own.channel: own for own in analysis.changes if own.family == family.name}
-    named = [changes.get(name) for name in analysis.signature.channel_names[:_MOST_CHANNELS]]
-    return {
-        "name": family.name,
-        "group": _group(family),
-        "mesh": family.kind == "mesh",
-        "reach": 0.0,
-        "changes": [own and [own.change_db, own.scatter_db] for own in named],
-    }
-
-
 def _group(family: Family) -> str:
     if family.kind == "mesh":
         return f"mesh {family.stage}"
     what = "sidebands" if family.kind == "sidebands" else "other multiples"
     return f"{what} of {wording.shaft_text(family.shaft, family.gear)}"
-
-
-def _healthy_range(
-    orders: FloatArray, analysis: Analysis, reference: Reference | None
-) -> tuple[FloatArray, FloatArray]:
-    """Return the smallest and the largest amplitude of each line in the healthy recordings.
-
-    Not a number where no healthy recording tells; shape (channels, lines) each.
-    """
-    names = analysis.signature.channel_names
-    low = np.full((len(names), len(orders)), np.nan)
-    high, place = low.copy(), {round(own, 6): at for at, own in enumerate(orders.tolist())}
-    if reference is None:
-        return low, high
-    known = reference.channel_names
-    for wheel in (wheel for profile in reference.profiles for wheel in profile.wheels):
-        at = np.array([place.get(own, -1) for own in np.round(wheel.number * wheel.order, 6)])
-        taken, at = np.flatnonzero(at >= 0), at[at >= 0]
-        for row, name in enumerate(names):
-            if name in known:
-                size = np.abs(wheel.amplitude[known.index(name), taken])
-                low[row, at] = np.fmin(low[row, at], size)
-                high[row, at] = np.fmax(high[row, at], size)
-    return low, high
 
 
 def history_charts(
