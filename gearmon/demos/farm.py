@@ -66,12 +66,9 @@ def harvest_demo(folder: Path, progress: Progress | None = None) -> Demo:
 def _recorded(machine: gearmon.Machine, folder: Path, number: int, fault: str) -> gearmon.Recording:
     """Record an operating point at three places."""
     point = machine.operating[number]
-    own: dict[str, Any] = {
-        "faults": [fault] if fault else [],
-        "recording_seed": 2 * number + bool(fault),
-    }
+    told = {"faults": [fault] if fault else [], "recording_seed": 2 * number + bool(fault)}
     path = folder / f"{point.name.split(',')[0]}-{'damaged' if fault else 'sound'}.csv"
-    return recorded(path, machine, duration_s=12.0, point=point, **AT_THREE_PLACES, **own)
+    return recorded(path, machine, duration_s=12.0, point=point, **AT_THREE_PLACES, **told)
 
 
 RIDE_HZ, RIDE_S, LEVER_S = 400.0, 240.0, 12.0

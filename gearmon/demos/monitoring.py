@@ -6,7 +6,7 @@ demo, see `_monitored`. All but the first are of one conveyor drive.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from itertools import islice, product
@@ -31,9 +31,6 @@ from gearmon.terminal import Progress, followed, part_of
 
 if TYPE_CHECKING:
     import pandas as pd
-
-    from gearmon.diagnosis.fault_types.classifier import KindClassifier
-
 
 #: Length and rate of the drive's recordings: short, so that a demo takes less than a minute.
 DURATION_S, RATE_HZ = 5.0, 10_240.0
@@ -170,22 +167,16 @@ def growth_demo(folder: Path, progress: Progress | None = None) -> Demo:
     flagged = sound[-1] + 1 if sound else 0
     first = flagged + 1 if flagged < RECORDINGS else None
     facts = {"true_loss": losses, "first_flagged": first, "history": found.to_dict()}
-    story = {
-        "entries": found.history.entries,
-        "sound": losses.index(next(filter(None, losses))),
-        "within": list(_within(found, losses)),
-        "history": report.history_lines(found),
-    }
-    story |= {"losses": losses, "flagged": flagged, "tooth": TOOTH, "moment": moment_text}
+    # how many of the true losses lie within the interval of the cracked tooth's trend, if listed
+    within = []
+    for tooth in found.shown:
+        if (tooth.stage, tooth.gear, tooth.tooth) == (1, "pinion", TOOTH):
+            _, low, high = tooth.trend.at([entry.time_s for entry in found.history.entries])
+            within.append(int(np.sum((low <= losses) & (losses <= high))))
+    story = {"entries": found.history.entries, "sound": losses.index(next(filter(None, losses)))}
+    story |= {"within": within, "history": report.history_lines(found), "moment": moment_text}
+    story |= {"losses": losses, "flagged": flagged, "tooth": TOOTH}
     return told(folder, "growth", report.history_figure(found, losses), facts, **story)
-
-
-def _within(found: histories.HistoryTrends, losses: Sequence[float]) -> Iterator[int]:
-    """Count the true losses within the interval of the cracked tooth's trend, if it is listed."""
-    for trend in found.shown:
-        if (trend.stage, trend.gear, trend.tooth) == (1, "pinion", TOOTH):
-            _, low, high = trend.trend.at([entry.time_s for entry in found.history.entries])
-            yield sum(a <= loss <= b for a, loss, b in zip(low, losses, high, strict=True))
 
 
 KIND_LOADS = (0.7, 0.85, 1.0, 1.1)
@@ -243,44 +234,26 @@ def kinds_demo(folder: Path, progress: Progress | None = None) -> Demo:
     training, judging = part_of(progress, 0.0, 0.2), part_of(progress, 0.2, 0.8)
     classifier = gearmon.train_kinds(machine, count=EXAMPLES, progress=training)
     _, reference, found = _monitored(folder, machine, _heard, learned, new, judging)
-    judged = [
-        {"truth": truth, "load": load} | _told_kind(analysis, reference, classifier)
-        for (truth, load), (_, analysis) in zip(trials, found, strict=True)
-    ]
+    judged, rows = [], []
+    for (truth, load), (_, analysis) in zip(trials, found, strict=True):
+        features = analysis_features(analysis, reference)
+        measured = features.named(features.row((1, "pinion")))
+        # the kind is asked for only where a fault is called
+        kind = judge_kind(features, classifier) if analysis.verdict == "fault" else None
+        words = {"healthy": "sound", "fault": kind.kind if kind else ""}
+        one: dict[str, Any] = {"truth": truth, "load": load}
+        one["told"] = words.get(analysis.verdict, analysis.verdict)
+        row = {"truth": truth, "load": percent(load, 0), "verdict": analysis.verdict}
+        row |= {"told": one["told"], "of": (kind.gear or "") if kind else ""}
+        rows.append(row | {"share": percent(kind.probability, 0) if kind else ""})
+        one["features_db"] = {name: float(measured[name]) for name in FEATURES}
+        one |= {"kind": None if kind is None else kind.to_dict(), "analysis": analysis.to_dict()}
+        judged.append(one)
     right = sum(one["told"] == one["truth"] for one in judged)
     facts = {"right": right, "recordings": judged}
     changes = dict(_changes(truth, judged) for truth in STATES)
     story = {"states": STATES, "loads": NEW_LOADS, "judged": judged, "right": right}
-    rows = [_row(one) for one in judged]
     return told(folder, "kinds", kind_figure(changes), facts, rows=rows, **story)
-
-
-def _told_kind(
-    analysis: gearmon.Analysis, reference: gearmon.Reference, classifier: KindClassifier
-) -> dict[str, Any]:
-    """Tell what is made of a recording; the kind is asked for only where a fault is called."""
-    features = analysis_features(analysis, reference)
-    row = features.named(features.row((1, "pinion")))
-    kind = judge_kind(features, classifier) if analysis.verdict == "fault" else None
-    words = {"healthy": "sound", "fault": kind.kind if kind else ""}
-    return {
-        "told": words.get(analysis.verdict, analysis.verdict),
-        "features_db": {name: float(row[name]) for name in FEATURES},
-        "kind": None if kind is None else kind.to_dict(),
-        "analysis": analysis.to_dict(),
-    }
-
-
-def _row(one: dict[str, Any]) -> dict[str, Any]:
-    kind = one["kind"]
-    return {
-        "truth": one["truth"],
-        "load": percent(one["load"], 0),
-        "verdict": one["analysis"]["verdict"],
-        "told": one["told"],
-        "of": (kind["gear"] or "") if kind else "",
-        "share": percent(kind["probability"], 0) if kind else "",
-    }
 
 
 def _changes(truth: str, judged: Sequence[dict[str, Any]]) -> tuple[str, pd.DataFrame]:

@@ -160,9 +160,8 @@ def average_figure(found: GearAverages, own: GearAverage) -> plots.Picture:
     count = max(average.per_turn, _PER_TOOTH * wheel.teeth)
     angle = np.arange(count + 1.0) * wheel.teeth / count
     known = np.arange(average.per_turn + 1.0) * wheel.teeth / average.per_turn
-    whole, signals = one_turn(average.lines, count), own.signals
-    if count > average.per_turn:
-        signals = gear_signals(average.lines, wheel, per_turn=count)
+    whole = one_turn(average.lines, count)
+    signals = gear_signals(average.lines, wheel, per_turn=count)
     figure, axes = plots.stack([0.85, 0.85] * len(names), room_in=1.0, sharex=True)
     for row, name in enumerate(names):
         error = _BAND * np.interp(angle, known, _closed(average.waveform_error[row]))
@@ -183,11 +182,7 @@ def average_figure(found: GearAverages, own: GearAverage) -> plots.Picture:
             ax.yaxis.set_major_locator(MaxNLocator(4))
             ax.set_xlim(0.0, wheel.teeth)
             plots.light_grid(ax)
-    zero = (
-        "at the tachometer pulse"
-        if own.numbered
-        else "anywhere: no once-a-turn pulse on this shaft"
-    )
+    zero = "at the tachometer pulse" if own.numbered else "anywhere: no pulse once a turn"
     axes[-1].set_xlabel(f"Angle of the {wheel.gear} (tooth pitches; 0 {zero})")
     accelerations = all(unit in ("m/s2", "m/s^2", "g") for unit in found.units)
     figure.supylabel("Acceleration" if accelerations else "Signal", fontsize=7.5)

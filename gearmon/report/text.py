@@ -314,29 +314,16 @@ def _since(analysis: Analysis, found: HistoryTrends) -> str:
 
 
 def _next(analysis: Analysis) -> str:
-    if analysis.verdict == "healthy":
-        return "Nothing now; record again as planned."
-    if analysis.verdict == "no mesh found":
-        speed = 60 * analysis.signature.speed.nominal_hz
-        return (
-            "Check the sensor and the tooth counts, and whether the machine ran at about "
-            f"{speed:.4g} rpm; then record again, under load."
-        )
-    if analysis.flags:
-        flag = analysis.flags[0]
-        gear = f"the {flag.gear} of stage {flag.stage}" if flag.gear else "the gearbox"
-        tooth = f"tooth {flag.tooth} of {gear}" if flag.tooth else f"every tooth of {gear}"
-        other = "Record again at the same load; if it stays, open the gearbox at the next stop."
-        told = words()["next"].get(flag.kind, other).format(gear=gear, tooth=tooth)
-        doubts = (f"{own[:1].upper()}{own[1:]}." for own in left_open(flag))
-        return " ".join([told, *doubts])
-    if analysis.compared_with != "reference":
-        sound = "Record the machine while it is sound, at this speed and load, "
-        return sound + "and compare with that (gearmon learn)."
-    return (
-        "Record again, longer and under steady load. If the answer stays and the machine is sound, "
-        "add healthy recordings at this load to the reference."
-    )
+    told = words()["next"]
+    if analysis.verdict in ("healthy", "no mesh found"):
+        return told[analysis.verdict].format(rpm=60 * analysis.signature.speed.nominal_hz)
+    if not analysis.flags:
+        return told["unclear" if analysis.compared_with == "reference" else "no reference"]
+    flag = analysis.flags[0]
+    gear = f"the {flag.gear} of stage {flag.stage}" if flag.gear else "the gearbox"
+    tooth = f"tooth {flag.tooth} of {gear}" if flag.tooth else f"every tooth of {gear}"
+    doubts = (f"{own[:1].upper()}{own[1:]}." for own in left_open(flag))
+    return " ".join([told.get(flag.kind, told["fault"]).format(gear=gear, tooth=tooth), *doubts])
 
 
 def far_from_nominal(speed: Speed) -> bool:
