@@ -151,6 +151,8 @@ WRONG = {
 }
 #: Share of the whole difference at which a fault begins to grow.
 _FIRST = 0.1
+#: Samples of a machine sound, and damaged.
+Heard = tuple[FloatArray, FloatArray]
 
 
 def fleet_demo(folder: Path, progress: Progress | None = None) -> Demo:
@@ -211,14 +213,14 @@ def _made(folder: Path, name: str) -> None:
     generator, classes = np.random.default_rng(seed), list(LOADS)
     healthy = []
     for count in range(LEARNED):
-        samples = _stretch(*heard[classes[count % 2]], 0.0, generator)
+        samples = _stretch(heard[classes[count % 2]], 0.0, generator)
         own = gearmon.read_recording(samples, RATE_HZ, sensors=machine.sensors)
         healthy.append(replace(own, origin=f"{name}, sound {count + 1}"))
     gearmon.write_reference(gearmon.learn(healthy, machine), folder / f"{name}.ref")
     for count in range(RECORDINGS):
         grown = _FIRST + (1 - _FIRST) * (count - first) / (RECORDINGS - 1 - first or 1)
         share = max(0.0, grown) if count >= first else 0.0
-        samples = _stretch(*heard[classes[count % 2]], share, generator)
+        samples = _stretch(heard[classes[count % 2]], share, generator)
         if count >= first and what == "dead sensor":
             samples[0] = 0.0
         if count >= first and what == "moved sensor":
@@ -228,26 +230,20 @@ def _made(folder: Path, name: str) -> None:
         np.save(file, samples.astype(np.float32))
 
 
-def _heard(
-    machine: gearmon.Machine, seed: int, fault: str, load: float
-) -> tuple[FloatArray, FloatArray]:
+def _heard(machine: gearmon.Machine, seed: int, fault: str, load: float) -> Heard:
     """Simulate without noise a machine sound and, if it is to be, damaged, wandering alike."""
     kept: dict[str, Any] = {"machine_seed": seed, "recording_seed": seed, "load": load}
     kept |= {"channels": 2, "tacho_shaft": 1, "snr_db": None}
-
-    def made(*faults: str) -> FloatArray:
-        return np.asarray(
-            gearmon.simulate(machine, faults, SIMULATED_S, RATE_HZ, **kept).samples, float
-        )
-
-    sound = made()
-    return sound, made(fault) if fault else sound
+    sound, *damaged = (
+        np.asarray(gearmon.simulate(machine, faults, SIMULATED_S, RATE_HZ, **kept).samples, float)
+        for faults in ([[], [fault]] if fault else [[]])
+    )
+    return sound, damaged[0] if damaged else sound
 
 
-def _stretch(
-    sound: FloatArray, damaged: FloatArray, share: float, generator: np.random.Generator
-) -> FloatArray:
+def _stretch(heard: Heard, share: float, generator: np.random.Generator) -> FloatArray:
     """Take a stretch at random, with noise of its own; the tacho goes without."""
+    sound, damaged = heard
     samples = round(DURATION_S * RATE_HZ)
     start = int(generator.integers(sound.shape[1] - samples))
     part = slice(start, start + samples)

@@ -45,6 +45,8 @@ INSTRUMENT = 0.04
 #: Standard errors to either side that an interval holds: 95 %.
 COVERAGE = 2.0
 _POINTS_A_JOB = 60
+#: What was felt in the recordings of each job.
+Felt = Sequence[Sequence[Exposure]]
 #: By the power that is summed up: name and unit of a dose, ending of its limits, and the hours over
 #: which it is a mean; VDV is a sum over seconds.
 _DOSES = {2: ("A(8)", "m/s2", "ms2", 8.0), 4: ("VDV", "m/s^1.75", "vdv", 1 / 3600)}
@@ -113,9 +115,8 @@ class DayPlan:
             raise FieldError("job", "is missing: write [[job]] with name, recording and hours")
         total = math.fsum(job.hours for job in self.jobs)
         if total > 24:
-            raise FieldError(
-                "job.hours", f"must sum to 24 h at most over all jobs; it is {total:g}"
-            )
+            told = f"must sum to 24 h at most over all jobs; it is {total:g}"
+            raise FieldError("job.hours", told)
 
 
 def load_day(path: str | Path) -> DayPlan:
@@ -301,7 +302,7 @@ def exposure_day(
     return sum_up(plan, felt)
 
 
-def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
+def sum_up(plan: DayPlan, felt: Felt) -> DayExposure:
     """Sum up a day whose recordings are weighed already.
 
     Parameters
@@ -359,9 +360,7 @@ def sum_up(plan: DayPlan, felt: Sequence[Sequence[Exposure]]) -> DayExposure:
     )
 
 
-def _growth(
-    plan: DayPlan, felt: Sequence[Sequence[Exposure]], power: int
-) -> tuple[FloatArray, FloatArray, str]:
+def _growth(plan: DayPlan, felt: Felt, power: int) -> tuple[FloatArray, FloatArray, str]:
     """Return how fast a dose grows in each job, with its error, and the axis that it is of.
 
     That is the mean p-th power, k included, of the worst axis of the day; of the hand, of all. The
@@ -385,9 +384,7 @@ def _growth(
     return mean[:, most], error[:, most], felt[0][0].axes[most].axis
 
 
-def _jobs(
-    plan: DayPlan, felt: Sequence[Sequence[Exposure]], squares: FloatArray
-) -> Iterator[JobExposure]:
+def _jobs(plan: DayPlan, felt: Felt, squares: FloatArray) -> Iterator[JobExposure]:
     limits, total = plan.limits, float(squares @ [job.hours for job in plan.jobs]) or 1.0
     assert limits is not None
     for job, own, square in zip(plan.jobs, felt, squares.tolist(), strict=True):

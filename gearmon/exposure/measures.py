@@ -25,8 +25,8 @@ import numpy as np
 from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError, check_positive, check_type, check_word
 from gearmon.exposure.weighting import HALF_BAND, WEIGHTINGS, Weighting
-from gearmon.machine import FieldError, Sensor
-from gearmon.machine.fields import check_fields, within
+from gearmon.machine import Sensor
+from gearmon.machine.fields import check_fields, limit, within
 from gearmon.result import Result
 from gearmon.signals.reading import find_defect
 from gearmon.signals.recording import Recording, RecordingLike, read_recording
@@ -85,10 +85,8 @@ class Limits:
     def __post_init__(self) -> None:
         check_fields(self)
         for name in ("ms2", "vdv"):
-            action, limit = getattr(self, f"action_{name}"), getattr(self, f"limit_{name}")
-            if action is not None and limit is not None and action > limit:
-                reason = f"must not be above limit_{name} = {limit:g}"
-                raise FieldError(f"action_{name}", reason, action)
+            if (most := getattr(self, f"limit_{name}")) is not None:
+                limit(self, f"action_{name}", 0, most, "", f"not above limit_{name}")
 
 
 #: Limits of Directive 2002/44/EC.

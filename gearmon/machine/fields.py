@@ -247,7 +247,10 @@ _PLACE = re.compile(
     r"""|^[ \t]*(["']?)([\w-]+)\4[ \t]*=""",
     re.ASCII | re.MULTILINE,
 )
-_POSITION = re.compile(r"^(.*?)\s*\(at (?:line (\d+), column (\d+)|end of document)\)$", re.DOTALL)
+# What the parser complains of, and where: at the end of the document, if there is no number.
+_COMPLAINT = re.compile(
+    r"(.*?)\s*(?:\(at (?:line (\d+), column (\d+)|end of document)\))?", re.DOTALL
+)
 _DECIMAL_COMMA = re.compile(r"=\s*[+-]?\d+,\d")
 
 
@@ -402,7 +405,8 @@ def key_lines(text: str) -> dict[str, int]:
 def _text_of(path: Path, shown: str) -> str:
     try:
         size, ordinary = path.stat().st_size, path.is_file()
-        data = path.read_bytes() if ordinary and size <= LARGEST_FILE_BYTES else b""
+        large = size > LARGEST_FILE_BYTES
+        data = path.read_bytes() if ordinary and not large else b""
     except FileNotFoundError:
         hint = "; give the name of a TOML file, standard input is not taken" if shown == "-" else ""
         raise MachineFileError(f"{shown}: no such file{hint}") from None
@@ -410,17 +414,15 @@ def _text_of(path: Path, shown: str) -> str:
         raise MachineFileError(f"{shown}: cannot be read ({error.strerror})") from None
     except ValueError as error:
         raise MachineFileError(f"{shown!r}: is not the name of a file ({error})") from None
-    if path.is_dir():
-        raise MachineFileError(f"{shown}: is a folder; give the name of a machine file (TOML)")
-    if not ordinary:
-        raise MachineFileError(f"{shown}: is not an ordinary file")
-    if size > LARGEST_FILE_BYTES:
-        reason = f"has {size / 1e6:.1f} MB; a machine file is a short text (at most 1 MB)"
+    refusals = {
+        "is a folder; give the name of a machine file (TOML)": path.is_dir(),
+        "is not an ordinary file": not ordinary,
+        f"has {size / 1e6:.1f} MB; a machine file is a short text (at most 1 MB)": large,
+        "is UTF-16 text; save it as UTF-8": data.startswith((b"\xff\xfe", b"\xfe\xff")),
+        "is a binary file; a machine file is TOML text": b"\0" in data,
+    }
+    for reason in (told for told, holds in refusals.items() if holds):
         raise MachineFileError(f"{shown}: {reason}")
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise MachineFileError(f"{shown}: is UTF-16 text; save it as UTF-8")
-    if b"\0" in data:
-        raise MachineFileError(f"{shown}: is a binary file; a machine file is TOML text")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -431,9 +433,8 @@ def _text_of(path: Path, shown: str) -> str:
 
 def _syntax_error(shown: str, text: str, message: str) -> MachineFileError:
     """Return the parser's complaint with its place in front, the line itself and a remedy."""
-    match = _POSITION.match(message)
-    if match is None:
-        return MachineFileError(f"{shown}: is not valid TOML: {_one_line(message)}")
+    match = _COMPLAINT.fullmatch(message)
+    assert match is not None  # anything does
     lines = text.splitlines()
     number = int(match[2]) if match[2] else max(len(lines), 1)
     line = lines[number - 1].strip() if number <= len(lines) else ""
@@ -441,13 +442,9 @@ def _syntax_error(shown: str, text: str, message: str) -> MachineFileError:
     printed = "".join(letter if letter.isprintable() else "?" for letter in line)
     here = f", in: {printed if len(printed) <= 60 else f'{printed[:57]}...'}" if line else ""
     here += " (decimal numbers take a point)" if _DECIMAL_COMMA.search(line) else ""
-    complaint = _one_line(match[1])
+    complaint = " ".join(match[1].split())
     if complaint == "Cannot overwrite a value":
         complaint = "this key stands here for the second time"
     elif complaint.startswith("Cannot declare") and complaint.endswith("twice"):
         complaint = "this [table] stands here for the second time; a list of them takes [[table]]"
     return MachineFileError(f"{shown}:{place}: not valid TOML: {complaint}{here}")
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())

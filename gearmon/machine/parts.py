@@ -151,8 +151,7 @@ class Bearing:
             object.__setattr__(self, "rotating", "inner" if self.planet_stage is None else "outer")
         if self.planet_stage is not None and self.position_mm is not None:
             raise FieldError("position_mm", "is for bearings of a shaft", self.position_mm)
-        sizes = {name: getattr(self, name) for name in BALLS}
-        missing = [name for name, value in sizes.items() if value is None]
+        missing = [name for name in BALLS if getattr(self, name) is None]
         if missing == list(BALLS) and self.stiffness_n_per_m is not None:
             return
         if self.balls is None or self.ball_diameter_mm is None or self.pitch_diameter_mm is None:
@@ -399,10 +398,9 @@ class Machine(Result):
 
 def _filled(part: Any) -> dict[str, Any]:
     """Return what is told of a part, as the keys of its table."""
-    told = {own.name: getattr(part, own.name) for own in fields(part)}
-    usual = {own.name: own.default for own in fields(part)}
+    told = {own.name: (getattr(part, own.name), own.default) for own in fields(part)}
     kind = {"kind": part.kind} if isinstance(part, Stage) else {}
-    return kind | {name: own for name, own in told.items() if own not in (None, usual[name])}
+    return kind | {name: own for name, (own, usual) in told.items() if own not in (None, usual)}
 
 
 STAGE_KINDS: dict[str, type[Stage]] = {"parallel": ParallelStage, "planetary": PlanetaryStage}

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import lru_cache
+from itertools import takewhile
 from typing import TYPE_CHECKING
 
 from gearmon.diagnosis.results import Analysis, Change, Flag
@@ -297,9 +298,7 @@ def _since(analysis: Analysis, found: HistoryTrends) -> str:
     entries = found.history.entries
     if analysis.verdict != "fault" or not entries:
         return ""
-    run = 0
-    while run < len(entries) and entries[-1 - run].verdict == "fault":
-        run += 1
+    run = len(list(takewhile(lambda own: own.verdict == "fault", reversed(entries))))
     said = ["new: the last recording of the history shows none"]
     if run:
         every = counted(len(entries), "recording")
