@@ -177,9 +177,8 @@ def gear_share(
     )
     if not signature.found:
         return found
-    shaft1_hz = signature.speed.estimated_hz
     heard = _Heard(part, exposure, kinematics(machine), signature)
-    points, notes = _points(machine, heard, shaft1_hz, named)
+    points, note = heard.points(machine, named)
     lines = []
     for name in dict.fromkeys(heard.names.tolist()):
         own = heard.names == name
@@ -192,8 +191,8 @@ def gear_share(
         )
         lines.append(line)
     share = tuple(np.sum([own.share for own in lines], axis=0).tolist())
-    told: dict[str, Any] = {"share": share, "lines": tuple(lines), "points": points}
-    return replace(found, speed_hz=shaft1_hz, warnings=(*found.warnings, *notes), **told)
+    told: dict[str, Any] = {"share": share, "lines": tuple(lines), "points": tuple(points)}
+    return replace(found, speed_hz=heard.shaft1_hz, warnings=(*found.warnings, note), **told)
 
 
 class _Heard:
@@ -207,24 +206,75 @@ class _Heard:
         self, part: Recording, exposure: Exposure, train: Kinematics, signature: MeasuredSignature
     ) -> None:
         rate, block_turns = part.sampling_rate_hz, signature.lines.block_turns
-        shaft1_hz, self.exposure = signature.speed.estimated_hz, exposure
-        named = _orders(train, _TOP * rate / shaft1_hz, _APART / block_turns)
+        self.shaft1_hz, self.exposure = signature.speed.estimated_hz, exposure
+        named = _orders(train, _TOP * rate / self.shaft1_hz, _APART / block_turns)
         self.order = np.array(sorted(named))
         self.names = np.array([named[own] for own in self.order])
-        self.frequency_hz = self.order * shaft1_hz
+        self.frequency_hz = self.order * self.shaft1_hz
         samples = part.select([axis.channel for axis in exposure.axes]).samples
         track = signature.track
         blocks = OrderBlocks(samples, rate, track, self.order, block_turns, error=_LEAKAGE)
         lines = blocks.lines()
         power = np.maximum(lines.cross_power(), 0.0)
         self.square, self.above_noise = power / 2, power / lines.noise
-        self.weighted = self.square * _weight(exposure, self.frequency_hz)
+        self.weighted = self.square * self.weight(self.frequency_hz)
         self.felt = np.array([(axis.factor * axis.rms_ms2) ** 2 for axis in exposure.axes])
 
+    def weight(self, frequency_hz: FloatArray) -> FloatArray:
+        """Return k^2 |W|^2 of every axis, shape (axes, lines)."""
+        return np.square([axis.gain(frequency_hz) for axis in self.exposure.axes])
 
-def _weight(exposure: Exposure, frequency_hz: FloatArray) -> FloatArray:
-    """Return k^2 |W|^2 of every axis, shape (axes, lines)."""
-    return np.square([axis.gain(frequency_hz) for axis in exposure.axes])
+    def points(self, machine: Machine, faults: tuple[str, ...]) -> tuple[list[PointExposure], str]:
+        """Foretell every operating point, healthy and damaged; say how far that goes."""
+        numbers = range(len(machine.operating))
+        try:
+            healthy = [expected_signature(machine, operating=number) for number in numbers]
+        except ArgumentError as error:
+            if faults:
+                raise
+            return [], f"operating points are not foretold: {error}"
+        speeds = [point.shaft1_hz for point in machine.operating]
+        here = healthy[min(numbers, key=lambda number: abs(speeds[number] - self.shaft1_hz))]
+        # the path: frequencies, and gains to every axis where all axes hear a mesh harmonic
+        on_mesh, known, gains = np.char.startswith(self.names, "mesh"), [], []
+        for line in np.flatnonzero(on_mesh & (self.above_noise > 1).all(axis=0)):
+            near = np.abs(here["order"] / self.order[line] - 1) < 1e-9
+            expected = float(np.square(here["acceleration_ms2"][near]).sum()) / 2
+            if expected > 0:
+                known.append(self.frequency_hz[line])
+                gains.append(self.square[:, line] / expected)
+        if not known:
+            return [], "no mesh line stands clear on all axes: operating points are not foretold"
+
+        def through(lines: Signature) -> FloatArray:
+            """Return the weighted mean square that expected lines make at every axis."""
+            frequency = lines["frequency_hz"]
+            at, levels = np.log(frequency), np.log(gains).T
+            path = np.exp([np.interp(at, np.log(known), own) for own in levels])
+            square = np.square(lines["acceleration_ms2"]) / 2
+            return np.asarray((path * self.weight(frequency) * square).sum(axis=1))
+
+        # what is compared with limits, of mean squares axis by axis
+        compared = np.sum if self.exposure.position == "hand" else np.max
+        rest = np.maximum(self.felt - self.weighted[:, on_mesh].sum(axis=1), 0.0)
+        points = []
+        for number, point in enumerate(machine.operating):
+            gears, damaged = through(healthy[number]), None
+            if faults:
+                worn = expected_signature(machine, faults, operating=number)
+                damaged = math.sqrt(compared(rest + through(worn)))
+            points.append(
+                PointExposure(
+                    name=point.name or f"{point.speed_rpm:g} rpm",
+                    speed_rpm=point.speed_rpm,
+                    gears_ms2=math.sqrt(gears.sum()),
+                    value_ms2=math.sqrt(compared(rest + gears)),
+                    damaged_ms2=damaged,
+                )
+            )
+        low, high = known[0], known[-1]
+        note = f"the path is known from {low:.4g} to {high:.4g} Hz, and taken as constant beyond"
+        return sorted(points, key=lambda own: own.value_ms2), note
 
 
 def _orders(train: Kinematics, top: float, apart: float) -> dict[float, str]:
@@ -246,58 +296,3 @@ def _orders(train: Kinematics, top: float, apart: float) -> dict[float, str]:
         if apart < order < top and all(abs(order - other) > apart for other in kept):
             kept[order] = name
     return kept
-
-
-def _points(
-    machine: Machine, heard: _Heard, shaft1_hz: float, faults: tuple[str, ...]
-) -> tuple[tuple[PointExposure, ...], tuple[str, ...]]:
-    """Foretell every operating point, healthy and damaged."""
-    numbers = range(len(machine.operating))
-    try:
-        healthy = [expected_signature(machine, operating=number) for number in numbers]
-    except ArgumentError as error:
-        if faults:
-            raise
-        return (), (f"operating points are not foretold: {error}",)
-    speeds = [point.shaft1_hz for point in machine.operating]
-    here = healthy[min(numbers, key=lambda number: abs(speeds[number] - shaft1_hz))]
-    # the path: frequencies, and gains to every axis where all axes hear a mesh harmonic
-    on_mesh, known, gains = np.char.startswith(heard.names, "mesh"), [], []
-    for line in np.flatnonzero(on_mesh & (heard.above_noise > 1).all(axis=0)):
-        near = np.abs(here["order"] / heard.order[line] - 1) < 1e-9
-        expected = float(np.square(here["acceleration_ms2"][near]).sum()) / 2
-        if expected > 0:
-            known.append(heard.frequency_hz[line])
-            gains.append(heard.square[:, line] / expected)
-    if not known:
-        told = "no mesh line stands clear on all axes: what damage and other speeds do is not told"
-        return (), (told,)
-
-    def through(lines: Signature) -> FloatArray:
-        """Return the weighted mean square that expected lines make at every axis."""
-        frequency = lines["frequency_hz"]
-        line_gains = [np.interp(np.log(frequency), np.log(known), own) for own in np.log(gains).T]
-        felt = np.exp(line_gains) * _weight(heard.exposure, frequency)
-        return np.asarray((felt * np.square(lines["acceleration_ms2"]) / 2).sum(axis=1))
-
-    # what is compared with limits, of mean squares axis by axis
-    compared = np.sum if heard.exposure.position == "hand" else np.max
-    rest = np.maximum(heard.felt - heard.weighted[:, on_mesh].sum(axis=1), 0.0)
-    points = []
-    for number, point in enumerate(machine.operating):
-        gears, damaged = through(healthy[number]), None
-        if faults:
-            worn = expected_signature(machine, faults, operating=number)
-            damaged = math.sqrt(compared(rest + through(worn)))
-        points.append(
-            PointExposure(
-                name=point.name or f"{point.speed_rpm:g} rpm",
-                speed_rpm=point.speed_rpm,
-                gears_ms2=math.sqrt(gears.sum()),
-                value_ms2=math.sqrt(compared(rest + gears)),
-                damaged_ms2=damaged,
-            )
-        )
-    low, high = known[0], known[-1]
-    note = f"the path is known from {low:.4g} to {high:.4g} Hz, and taken as constant beyond"
-    return tuple(sorted(points, key=lambda own: own.value_ms2)), (note,)

@@ -221,7 +221,7 @@ def test_a_plan_is_read_with_limits_of_its_own(tmp_path):
             '"chair"',
             r"plan.toml:1: position = \"chair\" must be one of \"seat\", \"hand\"",
         ),
-        ("= 0.4", "= 4.0", r"plan.toml:3: limits.action_ms2 = 4.0 must lie in \[0, 1\]: not above limit_ms2"),
+        ("= 0.4", "= 4.0", r"plan.toml:3: limits.action_ms2 = 4.0 must lie in \[0, 1\]: not above"),
         (
             '["one.csv", "two.csv"]',
             "[]",
