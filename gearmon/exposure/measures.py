@@ -17,6 +17,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -58,6 +59,8 @@ _BLOCK = 1 << 16
 _FULL = 0.98
 # Stretches between which a mean is seen to scatter, each of some seconds at least.
 _STRETCHES, _STRETCH_S = 20, 5
+#: The row of each axis in the samples of a recording.
+Rows = dict[str, int]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -305,12 +308,8 @@ def vibration_exposure(
     )
     rows = _rows(found, told, position)
     _check_samples(found, rows, position, range_ms2)
-    weighed = side_by_side(
-        lambda axis: _weighed(found, axis, rows[axis], *POSITIONS[position][axis]),
-        list(rows),
-        found.samples.size,
-    )
-    felt, seconds = zip(*weighed, strict=True)
+    weigh = partial(_weighed, found, position, rows)
+    felt, seconds = zip(*side_by_side(weigh, list(rows), found.samples.size), strict=True)
     counted = {own.axis: own.factor * own.rms_ms2 for own in felt}
     worst, total = max(counted, key=lambda axis: counted[axis]), math.hypot(*counted.values())
     by_sum = position == "hand"
@@ -334,7 +333,7 @@ def vibration_exposure(
     )
 
 
-def _rows(found: Recording, told: Mapping[str, str | int], position: str) -> dict[str, int]:
+def _rows(found: Recording, told: Mapping[str, str | int], position: str) -> Rows:
     """Return the row of each axis in the samples."""
     if told:
         return {axis: found.row_of(told[axis]) for axis in POSITIONS[position] if axis in told}
@@ -352,9 +351,7 @@ def _rows(found: Recording, told: Mapping[str, str | int], position: str) -> dic
     return {axis: named[axis][0] for axis in POSITIONS[position] if axis in named}
 
 
-def _check_samples(
-    found: Recording, rows: Mapping[str, int], position: str, range_ms2: float | None
-) -> None:
+def _check_samples(found: Recording, rows: Rows, position: str, range_ms2: float | None) -> None:
     """Refuse what would be weighed but was not felt: wrong units, clipped samples, wrong axes."""
     where, weighting = found.origin, WEIGHTINGS[POSITIONS[position][next(iter(rows))][0]]
     weighting.sections(found.sampling_rate_hz)  # refuses a rate that is too low
@@ -403,11 +400,12 @@ def _trouble(values: FloatArray, unit: str | None, range_ms2: float | None) -> s
 
 
 def _weighed(
-    found: Recording, axis: str, row: int, name: str, factor: float
+    found: Recording, position: str, rows: Rows, axis: str
 ) -> tuple[AxisExposure, FloatArray]:
     """Filter one channel block by block, and keep what its measures need."""
     from scipy.signal import sosfilt
 
+    row, (name, factor) = rows[axis], POSITIONS[position][axis]
     samples, rate, weighting = found.samples[row], found.sampling_rate_hz, WEIGHTINGS[name]
     sections = weighting.sections(rate)
     offset = float(samples[: round(_OFFSET_PERIODS / weighting.limits_hz[0] * rate)].mean())
@@ -458,7 +456,7 @@ def _scatter(seconds: FloatArray) -> float | None:
 
 
 def _third_octaves(
-    found: Recording, rows: Mapping[str, int], weighting: Weighting
+    found: Recording, rows: Rows, weighting: Weighting
 ) -> tuple[FloatArray, FloatArray]:
     """Return centres 10^(n/10) and rms of bands, from Welch's spectrum of long blocks."""
     rate, count = found.sampling_rate_hz, found.samples.shape[1]
