@@ -66,7 +66,7 @@ def check_finite(name: str, value: float, unit: str = "") -> float:
     except (TypeError, ValueError, OverflowError):
         number = math.nan
     if not math.isfinite(number):
-        raise ArgumentError(f"{name}={_shown(value, unit)} must be a finite number")
+        raise _refusal(name, value, unit, "be a finite number")
     return number
 
 
@@ -80,7 +80,7 @@ def check_positive(name: str, value: float, unit: str = "") -> float:
     """
     number = check_finite(name, value, unit)
     if number <= 0:
-        raise ArgumentError(f"{name}={_shown(value, unit)} must be > 0")
+        raise _refusal(name, value, unit, "be > 0")
     return number
 
 
@@ -94,9 +94,7 @@ def check_range(name: str, value: float, low: float, high: float, unit: str = ""
     """
     number = check_finite(name, value, unit)
     if not low <= number <= high:
-        raise ArgumentError(
-            f"{name}={_shown(value, unit)} must lie in [{low:g}, {high:g}]{_suffix(unit)}"
-        )
+        raise _refusal(name, value, unit, f"lie in [{low:g}, {high:g}] {unit}".rstrip())
     return number
 
 
@@ -134,9 +132,6 @@ def check_word(name: str, word: str, known: Iterable[str]) -> None:
         raise ArgumentError(f"{name}{word!r} is not one of {', '.join(words)}{hint}")
 
 
-def _shown(value: float, unit: str) -> str:
-    return f"{value!r} (a text)" if isinstance(value, str) else f"{value}{_suffix(unit)}"
-
-
-def _suffix(unit: str) -> str:
-    return f" {unit}" if unit else ""
+def _refusal(name: str, value: float, unit: str, must: str) -> ArgumentError:
+    shown = f"{value!r} (a text)" if isinstance(value, str) else f"{value} {unit}".rstrip()
+    return ArgumentError(f"{name}={shown} must {must}")

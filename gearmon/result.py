@@ -235,12 +235,10 @@ def _plain(value: Any) -> Any:
     """Return a value in built-in types."""
     if hasattr(value, "to_dict"):
         return value.to_dict()
-    if isinstance(value, np.ndarray) and np.iscomplexobj(value):
-        return {"real": value.real.tolist(), "imag": value.imag.tolist()}
-    if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
-    if isinstance(value, complex):
-        return {"real": value.real, "imag": value.imag}
+    if isinstance(value, np.ndarray | np.generic | complex):
+        array = np.asarray(value)
+        both = {"real": array.real, "imag": array.imag} if np.iscomplexobj(array) else {}
+        return {part: own.tolist() for part, own in both.items()} or array.tolist()
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, dict):

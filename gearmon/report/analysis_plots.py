@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from itertools import product
+from itertools import groupby, product
 from typing import Any
 
 import matplotlib
@@ -237,18 +237,19 @@ FamilyGroup = tuple[int, str, list[Family]]
 
 def family_groups(families: Sequence[Family]) -> list[FamilyGroup]:
     """Return the families by stage, kind and what repeats, as rows of a picture."""
-    groups: dict[tuple[Any, ...], list[Family]] = {}
-    for own in sorted(
-        families, key=lambda own: (own.stage, _KINDS.index(own.kind), -own.spacing, own.harmonic)
-    ):
-        groups.setdefault((own.stage, own.kind, -own.spacing, own.gear), []).append(own)
+
+    def repeats(own: Family) -> tuple[Any, ...]:
+        return own.stage, _KINDS.index(own.kind), -own.spacing, own.gear
+
+    ordered = sorted(families, key=lambda own: (*repeats(own), own.harmonic))
+    groups = [list(own) for _, own in groupby(ordered, repeats)]
     result: list[FamilyGroup] = []
-    for stage in dict.fromkeys(one[0].stage for one in groups.values()):
-        of_stage = [one for one in groups.values() if one[0].stage == stage]
+    for stage, same in groupby(groups, lambda own: own[0].stage):
+        of_stage = list(same)
         # two spacings of one gear in one stage are told apart by their order
-        spacings = [one[0].spacing for one in of_stage]
-        names = wording.told_apart([_label(one[0]) for one in of_stage], spacings)
-        result += [(stage, name, one) for name, one in zip(names, of_stage, strict=True)]
+        spacings = [own[0].spacing for own in of_stage]
+        names = wording.told_apart([_label(own[0]) for own in of_stage], spacings)
+        result += [(stage, name, own) for name, own in zip(names, of_stage, strict=True)]
     return result
 
 

@@ -294,9 +294,11 @@ def day_exposure_figure(day: DayExposure) -> plots.Picture:
     """
     figure = plots.sheet(_WIDTH_IN, 0.8 + 2.3 * len(day.doses))
     grid = figure.subplots(len(day.doses), 1, sharex=True, squeeze=False)
+    ends = np.cumsum([0.0, *(job.hours for job in day.jobs)])
     for ax, dose in zip(grid[:, 0], day.doses, strict=True):
         _draw_dose(ax, day, dose)
-    ends = np.concatenate([[0.0], np.cumsum([job.hours for job in day.jobs])])
+        for end in ends[1:-1]:
+            ax.axvline(end, color=plots.LIGHT_GREY, linewidth=0.8)
     for job, start, end in zip(day.jobs, ends[:-1], ends[1:], strict=True):
         room = max(5, int(_LETTERS * (end - start) / day.hours))
         named = [shortened(line, room) for line in textwrap.wrap(job.name, room)[:2]]
@@ -313,10 +315,8 @@ def _draw_dose(ax: Axes, day: DayExposure, dose: Dose) -> None:
     how: dict[str, Any] = {"color": plots.series_colour(0), "capsize": 4, "clip_on": False}
     ax.errorbar([day.hours], [dose.value], yerr=spread, **how)
     highest = dose.high
-    for told, value, colour in (
-        ("action", dose.action, plots.GREY),
-        ("limit", dose.limit, plots.VERMILLION),
-    ):
+    limits = ("action", dose.action, plots.GREY), ("limit", dose.limit, plots.VERMILLION)
+    for told, value, colour in limits:
         if value is None or value > 4 * dose.high:  # so far off that the curve would be flat
             continue
         highest = max(highest, value)
@@ -325,8 +325,6 @@ def _draw_dose(ax: Axes, day: DayExposure, dose: Dose) -> None:
         ax.axhline(value, color=colour, linewidth=1.4, linestyle=plots.DASHED)
         where: dict[str, Any] = {"xytext": (3, 2), "textcoords": "offset points", "fontsize": 9}
         ax.annotate(f"{told} value {value:g}{when}", (0, value), **where)
-    for end in np.cumsum([job.hours for job in day.jobs])[:-1]:
-        ax.axvline(end, color=plots.LIGHT_GREY, linewidth=0.8)
     unit = dose.unit.replace("s2", "s²").replace("s^1.75", "s¹·⁷⁵")
     ax.set(ylabel=f"{dose.measure} in {unit}", xlim=(0, day.hours), ylim=(0, 1.15 * highest))
     plots.light_grid(ax)
