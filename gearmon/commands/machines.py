@@ -10,20 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import gearmon
 from gearmon import report
-from gearmon.commands.command import (
-    FAULT,
-    FAULT_OR_ERROR,
-    MACHINE,
-    SAMPLING_RATE,
-    TACHO,
-    argument,
-    command,
-    finish,
-    given,
-    recording_of,
-    show,
-    words,
-)
+from gearmon.commands import command
+from gearmon.commands.command import argument
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import table_lines
 from gearmon.terminal import followed
@@ -65,8 +53,8 @@ _FORM = argument("--form FORM", "stiffness form (parabolic)", "parabolic")
 _MAX_HZ = argument("--max-hz F", "no lines above this frequency")
 
 
-@command(
-    MACHINE,
+@command.command(
+    command.MACHINE,
     help="orders and frequencies of every shaft, mesh, assembly phase, hunting tooth and bearing",
     example="gearmon lines machine.toml",
 )
@@ -75,12 +63,12 @@ def lines(arguments: Namespace) -> int:
     from gearmon.gears.kinematics import line_table
 
     table = line_table(arguments.machine)
-    return finish(arguments, table, lambda: [report.line_table_text(table)])
+    return command.finish(arguments, table, lambda: [report.line_table_text(table)])
 
 
-@command(
-    MACHINE,
-    FAULT,
+@command.command(
+    command.MACHINE,
+    command.FAULT,
     argument(
         "--form FORM",
         "stiffness form (potential-energy), or all: four forms and their spectra side by side",
@@ -102,10 +90,10 @@ def stiffness(arguments: Namespace) -> int:
                 "--form all: compares healthy meshes; leave out --fault, or name a form"
             )
         forms = compare_forms(machine, stage=arguments.stage or 1)
-        return finish(arguments, forms, lambda: table_lines(forms.spectrum))
-    named = given(arguments, "form", "stage")
+        return command.finish(arguments, forms, lambda: table_lines(forms.spectrum))
+    named = command.given(arguments, "form", "stage")
     report = stiffness_report(machine, arguments.fault, **named)
-    return finish(arguments, report, lambda: _thinned(report.rows(), "rows"))
+    return command.finish(arguments, report, lambda: _thinned(report.rows(), "rows"))
 
 
 def _thinned(rows: list[dict[str, Any]], what: str) -> list[str]:
@@ -115,9 +103,9 @@ def _thinned(rows: list[dict[str, Any]], what: str) -> list[str]:
     return [*table_lines(shown), *([told] if len(shown) < len(rows) else [])]
 
 
-@command(
-    MACHINE,
-    FAULT_OR_ERROR,
+@command.command(
+    command.MACHINE,
+    command.FAULT_OR_ERROR,
     argument("--tolerance X", "relative error of the acceleration", 1e-6),
     _MAX_HZ,
     help="the spectrum that a healthy (or damaged) machine should emit, as table and picture",
@@ -127,10 +115,10 @@ def _thinned(rows: list[dict[str, Any]], what: str) -> list[str]:
 )
 def baseline(arguments: Namespace) -> int:
     """Run `gearmon baseline`."""
-    settings = given(arguments, "tolerance", "max_hz")
+    settings = command.given(arguments, "tolerance", "max_hz")
     signature = gearmon.expected_signature(arguments.machine, arguments.fault, **settings)
     lines, write = partial(_baseline_lines, signature), partial(gearmon.write_signature, signature)
-    return finish(arguments, signature, lines, write=write)
+    return command.finish(arguments, signature, lines, write=write)
 
 
 def _baseline_lines(signature: gearmon.Signature) -> list[str]:
@@ -139,11 +127,11 @@ def _baseline_lines(signature: gearmon.Signature) -> list[str]:
     strongest = sorted(rows, key=lambda row: -row["acceleration_ms2"])[:MOST_LINES]
     strongest.sort(key=lambda row: row["frequency_hz"])
     known = {"stages": stages, "shown": shown, "strongest": strongest, "count": len(rows)}
-    return words("baseline", known)
+    return command.words("baseline", known)
 
 
-@command(
-    MACHINE,
+@command.command(
+    command.MACHINE,
     argument(
         "--kind KIND...",
         "stiffness, crack, breakage, pitting, spall, wear or missing; of errors pitch, profile, "
@@ -168,7 +156,7 @@ def _baseline_lines(signature: gearmon.Signature) -> list[str]:
 )
 def family(arguments: Namespace) -> int:
     """Run `gearmon family`."""
-    named = given(arguments, "kinds", "sizes", "gears", "operating", "max_hz", "tolerance")
+    named = command.given(arguments, "kinds", "sizes", "gears", "operating", "max_hz", "tolerance")
     family = gearmon.fault_family(arguments.machine, **named)
     if not len(family):
         raise ArgumentError("no fault is left: " + "; ".join(family.notes))
@@ -177,7 +165,7 @@ def family(arguments: Namespace) -> int:
         table = family.table(arguments.mesh_harmonics, arguments.sidebands)
         gearmon.write_signature(table, path)
 
-    return finish(arguments, family, partial(_family_lines, family), write=write)
+    return command.finish(arguments, family, partial(_family_lines, family), write=write)
 
 
 def _family_lines(family: FaultFamily) -> list[str]:
@@ -185,8 +173,8 @@ def _family_lines(family: FaultFamily) -> list[str]:
     return [*_thinned(rows, "members"), *(f"note: {note}" for note in family.notes)]
 
 
-@command(
-    MACHINE,
+@command.command(
+    command.MACHINE,
     _FORM,
     _STAGE,
     argument("--harmonics N", "stiffness harmonics taken", 12),
@@ -201,7 +189,7 @@ def stability(arguments: Namespace) -> int:
 
     machine = arguments.machine
     stages = [arguments.stage] if arguments.stage else range(1, len(machine.stages) + 1)
-    named, rows = given(arguments, "form", "harmonics"), []
+    named, rows = command.given(arguments, "form", "harmonics"), []
     problems = {stage: mesh_problem(machine, stage, **named) for stage in stages}
     for stage, p in problems.items():
         margin = stability_margin(p, search=p.frequency_ratio <= MOST_RATIO_SEARCHED)
@@ -221,11 +209,11 @@ def stability(arguments: Namespace) -> int:
         maps = ((stage, stability_map_of(problem, points=CHART_POINTS)) for stage, problem in steps)
         return {f"-stage{stage}": report.stability_figure(own) for stage, own in maps}
 
-    return finish(arguments, result, lambda: table_lines(rows), lambda: rows, charts)
+    return command.finish(arguments, result, lambda: table_lines(rows), lambda: rows, charts)
 
 
-@command(
-    MACHINE,
+@command.command(
+    command.MACHINE,
     argument("--harmonics N", "mesh harmonics of the Campbell table", 10),
     argument("--to-rpm RPM", "its highest speed of shaft 1 (1.5 x nominal)", dest="highest_rpm"),
     _FORM,
@@ -237,11 +225,11 @@ def modes(arguments: Namespace) -> int:
     """Run `gearmon modes`."""
     from gearmon.signatures.expected.modes import Meeting
 
-    named = given(arguments, "harmonics", "highest_rpm", "form")
+    named = command.given(arguments, "harmonics", "highest_rpm", "form")
     found = gearmon.modes(arguments.machine, **named)
     tables = {"": found.frame_rows, "-campbell": found.campbell_rows}
     columns = [own.name for own in fields(Meeting)]
-    return finish(arguments, found, lambda: _modes_lines(found), tables, columns=columns)
+    return command.finish(arguments, found, lambda: _modes_lines(found), tables, columns=columns)
 
 
 def _modes_lines(found: Modes) -> list[str]:
@@ -260,12 +248,12 @@ def _modes_lines(found: Modes) -> list[str]:
     meetings = sorted(near[:MOST_MEETINGS], key=lambda own: own.speed_rpm)
     known: dict[str, Any] = {"modes": listed, "meetings": found.campbell_rows(meetings)}
     known |= {"all_modes": len(found.rows), "all_meetings": len(met), "rpm": found.speeds_rpm[0]}
-    return words("modes", known | {"notes": found.notes, "headline": found.headline()})
+    return command.words("modes", known | {"notes": found.notes, "headline": found.headline()})
 
 
-@command(
-    MACHINE,
-    FAULT_OR_ERROR,
+@command.command(
+    command.MACHINE,
+    command.FAULT_OR_ERROR,
     *(argument(*told, dest=name) for name, told in _SETTINGS.items()),
     argument("--tacho", "add a column with one pulse a turn of shaft 1"),
     argument("--no-time", "leave out the time column"),
@@ -279,16 +267,16 @@ def simulate(arguments: Namespace) -> int:
     """Run `gearmon simulate`."""
     from gearmon.simulation import write_simulation
 
-    settings = given(arguments, *_SETTINGS, "progress")
+    settings = command.given(arguments, *_SETTINGS, "progress")
     settings["tacho_shaft"] = 1 if arguments.tacho else None
     recording = gearmon.simulate(arguments.machine, arguments.fault, **settings)
     files = write_simulation(recording, arguments.output, with_time=not arguments.no_time)
     result = {"recording": str(files[0]), "truth": str(files[1])}
-    return show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
+    return command.show(arguments, result, lambda: [f"wrote {files[0]} and {files[1]}"])
 
 
-@command(
-    MACHINE,
+@command.command(
+    command.MACHINE,
     argument(
         "[RECORDING...]",
         "one for each operating point, every vibration channel a position; without any, the "
@@ -298,7 +286,7 @@ def simulate(arguments: Namespace) -> int:
     argument("--count N", "harvesters of a set, 1 to 3", 1),
     argument("--share F...", "share of time of each recording, in their order", dest="shares"),
     argument("--degraded RECORDING...", "the same points with a damaged gear, in the same order"),
-    FAULT,
+    command.FAULT,
     argument("--path-gain G", "mesh to harvester (1)"),
     argument("--wander F", "of speed, relative (0.005)"),
     argument(
@@ -306,9 +294,9 @@ def simulate(arguments: Namespace) -> int:
     ),
     argument("--published", "show published harvesters beside the best one"),
     argument("--share-error F", "standard deviation of the shares (0)"),
-    SAMPLING_RATE,
+    command.SAMPLING_RATE,
     argument("--channel NAME|N...", "only these channels"),
-    TACHO,
+    command.TACHO,
     help="say where to put a vibration energy harvester, how to tune it and what it will power",
     example="gearmon harvest machine.toml full.csv idle.csv --share 0.7 --share 0.3 "
     "-o harvest.json",
@@ -329,19 +317,19 @@ def harvest(arguments: Namespace) -> int:
         wrong["fault"] = "only for expected lines; give --degraded RECORDING beside recordings"
         if not arguments.shares:
             wrong["share_error"] = "only beside --share"
-    for name in given(arguments, *wrong):
+    for name in command.given(arguments, *wrong):
         option = name.removesuffix("_hz").removesuffix("_s").removesuffix("s").replace("_", "-")
         raise ArgumentError(f"--{option}: {wrong[name]}")
     if arguments.recording:
         read, damaged = (
-            [recording_of(path, arguments) for path in paths]
+            [command.recording_of(path, arguments) for path in paths]
             for paths in (arguments.recording, arguments.degraded)
         )
-        named = given(arguments, "shares", "share_error", "count", "progress")
+        named = command.given(arguments, "shares", "share_error", "count", "progress")
         survey = survey_measured(machine, harvester, read, budget, degraded=damaged, **named)
     else:
-        named = given(arguments, "count", *ASSUMED)
+        named = command.given(arguments, "count", *ASSUMED)
         survey = survey_expected(machine, harvester, budget, faults=arguments.fault, **named)
-    return finish(
+    return command.finish(
         arguments, survey, lambda: report.harvest_lines(survey, published=arguments.published)
     )

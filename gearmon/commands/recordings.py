@@ -11,24 +11,8 @@ from typing import TYPE_CHECKING, Any
 import gearmon
 from gearmon import fleet as fleets
 from gearmon import report
-from gearmon.commands.command import (
-    BAD_INPUT,
-    DONE,
-    FLAGGED,
-    OF_MACHINE,
-    REFERENCE,
-    argument,
-    command,
-    complain,
-    each_of,
-    finish,
-    given,
-    judged,
-    recording_of,
-    recordings,
-    show,
-    words,
-)
+from gearmon.commands import command
+from gearmon.commands.command import argument
 from gearmon.diagnosis import history as histories
 from gearmon.errors import ArgumentError, check_range, check_word
 from gearmon.files import write_table
@@ -50,8 +34,8 @@ _EXIT_CODES = (
 )
 
 
-@command(
-    *recordings(),
+@command.command(
+    *command.recordings(),
     endings=(),
     help="build a healthy reference from one or more healthy recordings, best at several loads",
     example="gearmon learn idle.csv half.csv full.csv --machine machine.toml -o healthy.ref",
@@ -62,7 +46,7 @@ def learn(arguments: Namespace) -> int:
     from gearmon.diagnosis.analysis import learned, measured_healthy
 
     def measure(path: str, *known: Any, **ways: Any) -> gearmon.MeasuredSignature:
-        return gearmon.measure_signature(recording_of(path, arguments), *known, **ways)
+        return gearmon.measure_signature(command.recording_of(path, arguments), *known, **ways)
 
     machine = arguments.machine
     paths = followed(arguments.recording, len(arguments.recording), arguments.progress)
@@ -80,14 +64,14 @@ def learn(arguments: Namespace) -> int:
         ],
         "warnings": list(reference.notes),
     }
-    return show(
+    return command.show(
         arguments, result, lambda: [report.reference_text(reference), f"wrote {arguments.output}"]
     )
 
 
-@command(
+@command.command(
     argument("REFERENCE", "what gearmon learn wrote"),
-    OF_MACHINE,
+    command.OF_MACHINE,
     help="say what a reference covers, what it would find, and which recording to add",
     example="gearmon check healthy.ref --machine machine.toml -o check.csv",
 )
@@ -97,13 +81,13 @@ def check(arguments: Namespace) -> int:
     found = gearmon.check_reference(reference, arguments.machine)
     result = found.to_dict()
     rows = [own | {"recording": printable(own["recording"])} for own in result["recordings"]]
-    lines = partial(words, "check", result, headline=found.headline(), rows=rows)
-    return finish(arguments, found, lines)
+    lines = partial(command.words, "check", result, headline=found.headline(), rows=rows)
+    return command.finish(arguments, found, lines)
 
 
-@command(
-    *recordings(),
-    REFERENCE,
+@command.command(
+    *command.recordings(),
+    command.REFERENCE,
     argument(
         "--must-notice LOSS",
         "of one tooth pair's stiffness; healthy is said only where it would have been noticed "
@@ -132,30 +116,28 @@ def analyse(arguments: Namespace) -> int:
     kept_here = {"progress": None, "recording": (), "asked": None}
     alone = Namespace(**vars(arguments) | kept_here)
     task = partial(_analysed, arguments=alone, reference=reference)
-    done = each_of(arguments.recording, analysed, task, side_by_side=True)
+    done = command.each_of(arguments.recording, analysed, task, side_by_side=True)
     results = [own if isinstance(own, dict) else own[0] for own in done]
     good = [own for own in done if not isinstance(own, dict)]
-    analyses, recordings = [own[1] for own in good], [own[2] for own in good]
+    analyses, drawn = [own[1] for own in good], [own[2] for own in good]
     result: dict[str, Any] = {"recordings": results}
     if arguments.report and good:
         bad = [entry for entry in results if "error" in entry]
         failures = [report.Failure(recording=e["recording"], message=e["error"]) for e in bad]
         more: dict[str, Any] = {"failures": failures, "history": past, "progress": reported}
-        files = gearmon.write_report(
-            analyses, recordings, reference, machine, arguments.report, **more
-        )
+        files = gearmon.write_report(analyses, drawn, reference, machine, arguments.report, **more)
         result["report"] = [str(file) for file in files]
     # a list of no rows: there is no table but the JSON
-    finish(arguments, result, lambda: _analysis_lines(result, analyses, past), list)
-    return judged(results, flagged=any(entry.get("flags") for entry in results))
+    command.finish(arguments, result, lambda: _analysis_lines(result, analyses, past), list)
+    return command.judged(results, flagged=any(entry.get("flags") for entry in results))
 
 
 def _analysed(
     path: str, arguments: Namespace, reference: gearmon.Reference | None
 ) -> tuple[dict[str, Any], gearmon.Analysis | None, gearmon.Recording | None]:
     """Analyse one recording; with the answer, what is worded of it and what a report draws."""
-    recording = recording_of(path, arguments)
-    options = given(arguments, "must_notice")
+    recording = command.recording_of(path, arguments)
+    options = command.given(arguments, "must_notice")
     analysis = gearmon.analyse(recording, arguments.machine, reference, **options)
     worded = analysis if arguments.report or not arguments.json else None
     return analysis.to_dict(), worded, recording if arguments.report else None
@@ -184,12 +166,12 @@ def reference_of(arguments: Namespace) -> gearmon.Reference | None:
     path = Path(arguments.reference)
     if is_reference(path) or not path.is_file():
         return gearmon.read_reference(path)
-    return gearmon.learn([recording_of(str(path), arguments)], arguments.machine)
+    return gearmon.learn([command.recording_of(str(path), arguments)], arguments.machine)
 
 
-@command(
-    *recordings("[RECORDING...]"),
-    REFERENCE,
+@command.command(
+    *command.recordings("[RECORDING...]"),
+    command.REFERENCE,
     argument("--trained FILE", "classifier of this machine; trained and written if there is none"),
     argument("--examples N", "simulated machines to train it on, in ten seconds", EXAMPLES),
     argument("--seed N", "of what is drawn at random", 0),
@@ -218,7 +200,7 @@ def kinds(arguments: Namespace) -> int:
         from gearmon.diagnosis.fault_types.kinds import kind_of_analysis
 
         assert reference is not None
-        analysis = gearmon.analyse(recording_of(path, arguments), machine, reference)
+        analysis = gearmon.analyse(command.recording_of(path, arguments), machine, reference)
         judgement = kind_of_analysis(analysis, reference, classifier)
         return {
             "recording": path,
@@ -227,14 +209,15 @@ def kinds(arguments: Namespace) -> int:
             "kind": None if judgement is None else judgement.to_dict(),
         }
 
-    results = each_of(arguments.recording, None if trained else arguments.progress, kind_of)
+    results = command.each_of(arguments.recording, None if trained else arguments.progress, kind_of)
     result = {
         "machine": machine.name,
         "classifier": {"file": arguments.trained, "trained_now": trained},
         "recordings": results,
     }
-    finish(arguments, result, partial(words, "kinds", result, least_shown=LEAST_SHOWN), list)
-    return judged(results, flagged=any(entry.get("flagged") for entry in results))
+    lines = partial(command.words, "kinds", result, least_shown=LEAST_SHOWN)
+    command.finish(arguments, result, lines, list)
+    return command.judged(results, flagged=any(entry.get("flagged") for entry in results))
 
 
 def _classifier(arguments: Namespace) -> tuple[KindClassifier, bool]:
@@ -264,9 +247,9 @@ def _classifier(arguments: Namespace) -> tuple[KindClassifier, bool]:
     return classifier, True
 
 
-@command(
-    *recordings("[RECORDING...]"),
-    REFERENCE,
+@command.command(
+    *command.recordings("[RECORDING...]"),
+    command.REFERENCE,
     argument("--store FILE", "keep the history in it; next time name new recordings only, or none"),
     argument("--name NAME", "of the machine in the store, if it is not that of the machine file"),
     argument("--times ISO8601,ISO8601", "of each, as 2026-03-01T08:00; UTC without an offset"),
@@ -306,10 +289,10 @@ def history(arguments: Namespace) -> int:
 
     def entry(path: str) -> Entry:
         moment = next(moments)
-        analysis = gearmon.analyse(recording_of(path, arguments), machine, reference)
+        analysis = gearmon.analyse(command.recording_of(path, arguments), machine, reference)
         return histories.entry_of(analysis, moment, arguments.time_from or "given")
 
-    done = each_of(arguments.recording, arguments.progress, entry)
+    done = command.each_of(arguments.recording, arguments.progress, entry)
     errors = [own for own in done if isinstance(own, dict)]
     entries: list[Entry] = [own for own in done if not isinstance(own, dict)]
     replaced = 0
@@ -323,9 +306,9 @@ def history(arguments: Namespace) -> int:
     result = found.to_dict() | {"errors": errors, "replaced": replaced}
     if arguments.output:
         result["files"] = _history_written(arguments.output, found, result)
-    show(arguments, result, lambda: _history_lines(found, result))
+    command.show(arguments, result, lambda: _history_lines(found, result))
     told = [*errors, *({"verdict": entry.verdict} for entry in entries)]
-    return judged(told, flagged=found.raised)
+    return command.judged(told, flagged=found.raised)
 
 
 def _history_written(output: str, found: HistoryTrends, result: dict[str, Any]) -> list[str]:
@@ -354,7 +337,7 @@ def _history_lines(found: HistoryTrends, result: dict[str, Any]) -> list[str]:
 _SHOWN, _EVERY_S = 20, 60.0
 
 
-@command(
+@command.command(
     argument(
         "ACTION",
         "run (analyse what is new), watch (what arrives), serve (web pages), rank (indicators "
@@ -389,12 +372,14 @@ def _run(arguments: Namespace, fleet: Fleet) -> int:
     with progress_line("fleet run") as progress:
         run = fleets.run_fleet(fleet, _engine(arguments), again=arguments.again, progress=progress)
     for path, why in run.failed.items():
-        complain(f"{path}: {why}")
+        command.complain(f"{path}: {why}")
     for trouble in fleets.deliver(fleet):
-        complain(trouble)
+        command.complain(trouble)
     result = run.to_dict(fleet)
-    finish(arguments, result, partial(words, "fleet", result, most=_SHOWN), list)
-    return BAD_INPUT if run.failed else FLAGGED if result["alarms"] else DONE
+    command.finish(arguments, result, partial(command.words, "fleet", result, most=_SHOWN), list)
+    if run.failed:
+        return command.BAD_INPUT
+    return command.FLAGGED if result["alarms"] else command.DONE
 
 
 def _engine(arguments: Namespace) -> Any:
@@ -411,12 +396,12 @@ def _watch(arguments: Namespace, fleet: Fleet) -> int:
 
     def told(what: Run | str) -> None:
         if isinstance(what, str):
-            complain(what)
+            command.complain(what)
         else:
-            print(*words("fleet", what.to_dict(fleet), most=_SHOWN), sep="\n", flush=True)
+            print(*command.words("fleet", what.to_dict(fleet), most=_SHOWN), sep="\n", flush=True)
 
     fleets.watch_fleet(fleet, _engine(arguments), every_s=arguments.every, told=told)
-    return DONE
+    return command.DONE
 
 
 def _serve(arguments: Namespace, fleet: Fleet) -> int:
@@ -427,7 +412,7 @@ def _serve(arguments: Namespace, fleet: Fleet) -> int:
 
     check_range("--port", arguments.port, 1, 65535)
     serve(fleet, arguments.host, arguments.port, arguments.token or "")
-    return DONE
+    return command.DONE
 
 
 def _rank(arguments: Namespace, fleet: Fleet) -> int:
@@ -438,7 +423,7 @@ def _rank(arguments: Namespace, fleet: Fleet) -> int:
         told = f"{FEWEST} recordings of a machine, and indicators that differ between them"
         raise ArgumentError(f"{fleet.name}: nothing to rank; it takes {told}")
     result = {"fleet": fleet.name, "rows": rows}
-    return finish(arguments, result, lambda: table_lines(rows[:_SHOWN]), lambda: rows)
+    return command.finish(arguments, result, lambda: table_lines(rows[:_SHOWN]), lambda: rows)
 
 
 _ACTIONS = {"run": _run, "watch": _watch, "serve": _serve, "rank": _rank, "compare": _rank}

@@ -12,14 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import gearmon
-from gearmon.commands.command import (
-    SAMPLING_RATE,
-    argument,
-    command,
-    finish,
-    given,
-    show,
-)
+from gearmon.commands import command
+from gearmon.commands.command import argument
 from gearmon.errors import ArgumentError
 from gearmon.files import write_atomically
 from gearmon.report.wording import table_lines, template
@@ -32,7 +26,7 @@ _SPEED = re.compile(r"\s*([0-9]*[.,]?[0-9]+)\s*(rpm|1/min|hz|)\s*", re.IGNORECAS
 _TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.IGNORECASE)
 
 
-@command(
+@command.command(
     argument("[RECORDING...]", "one that tells the columns"),
     argument("--teeth A/B...", "of a stage, driver/driven; sun/planet/ring x planets: 30/35/100x3"),
     argument("--speed SPEED", "of shaft 1 with its unit: 1480rpm or 24.7hz"),
@@ -40,7 +34,7 @@ _TEETH = re.compile(r"\s*(\d+)\s*/\s*(\d+)\s*(?:/\s*(\d+)\s*x\s*(\d+))?\s*", re.
     argument("--module MM", "of all stages", dest="module_mm"),
     argument("--face-width MM", "of all stages", dest="face_width_mm"),
     argument("--name NAME", "of the machine", "my gearbox"),
-    SAMPLING_RATE,
+    command.SAMPLING_RATE,
     help="write a machine file from tooth counts and speed, and the columns of a recording",
     example="gearmon init new.csv --teeth 23/57 --speed 1480rpm -o mine.toml",
     endings=(".toml",),
@@ -80,7 +74,7 @@ def init(arguments: Namespace) -> int:
     result = {"machine": arguments.output, "mesh_hz": meshes, "warnings": notes}
     lines = [f"meshes at nominal speed: {', '.join(f'{own:.4g} Hz' for own in meshes)}"]
     lines += [*(f"note: {note}" for note in notes), f"wrote {arguments.output}"]
-    return show(arguments, result, lambda: lines)
+    return command.show(arguments, result, lambda: lines)
 
 
 def _asked(option: str, question: str) -> str:
@@ -135,7 +129,7 @@ def _doubts(machine: gearmon.Machine) -> list[str]:
     return notes
 
 
-@command(
+@command.command(
     argument(
         "[NAME]",
         "crack (found; default), growth (of a crack), kinds (pitting, wear and eccentricity "
@@ -155,10 +149,10 @@ def demo(arguments: Namespace) -> int:
 
     usual = "gearmon-demo" if arguments.name == "crack" else f"gearmon-{arguments.name}"
     result = run_demo(arguments.name, Path(arguments.output or usual), arguments.progress)
-    return show(arguments, result.to_dict(), result.lines)
+    return command.show(arguments, result.to_dict(), result.lines)
 
 
-@command(
+@command.command(
     argument("--quick", "rough figures in seconds"),
     argument("--seed N", "of what is drawn at random", 0),
     argument("--count N", "random systems, parameter sets or machines"),
@@ -175,9 +169,9 @@ def benchmark(arguments: Namespace) -> int:
     """Run `gearmon benchmark`."""
     from gearmon.benchmark import PICTURED, case_figures, run_case, summary_rows
 
-    named = given(arguments, "quick", "seed", "count")
+    named = command.given(arguments, "quick", "seed", "count")
     rows = run_case(arguments.case, arguments.progress, **named)
     result: dict[str, Any] = {"case": arguments.case, "rows": rows}
     figures = partial(case_figures, arguments.case, rows) if arguments.case in PICTURED else None
     lines = partial(summary_rows, arguments.case, rows)
-    return finish(arguments, result, lambda: table_lines(lines()), lambda: rows, figures)
+    return command.finish(arguments, result, lambda: table_lines(lines()), lambda: rows, figures)

@@ -11,21 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import gearmon
 from gearmon import report
-from gearmon.commands.command import (
-    FAULT,
-    SAMPLING_RATE,
-    TACHO,
-    Rows,
-    argument,
-    command,
-    each_of,
-    finish,
-    given,
-    judged,
-    recording_of,
-    recordings,
-    words,
-)
+from gearmon.commands import command
+from gearmon.commands.command import argument
 from gearmon.errors import ArgumentError
 from gearmon.report.wording import printable, table_lines
 
@@ -54,8 +41,8 @@ _WINDOW = argument(
 _PEAKS = argument("--peaks N", "peaks listed a channel", 12, dest="most_peaks")
 
 
-@command(
-    *recordings(machine_required=False),
+@command.command(
+    *command.recordings(machine_required=False),
     argument("--baseline N", "healthy records at the start of the run, for NA4* and NB4*", 1),
     argument("--history FILE", "go on with the run in this file (JSON), and write it"),
     help="every condition indicator of recordings, with its input; several are those of a run",
@@ -71,12 +58,12 @@ def indicators(arguments: Namespace) -> int:
     tables: list[IndicatorTable] = []
 
     def table_of(path: str) -> dict[str, Any]:
-        about = recording_of(path, arguments), arguments.machine
+        about = command.recording_of(path, arguments), arguments.machine
         before = tables[-1].history if tables else history
         tables.append(gearmon.indicator_table(*about, before, arguments.baseline))
         return tables[-1].to_dict()
 
-    entries = each_of(arguments.recording, arguments.progress, table_of)
+    entries = command.each_of(arguments.recording, arguments.progress, table_of)
     history = tables[-1].history if tables else history
     result: dict[str, Any] = {"recordings": entries}
     if arguments.history and history is not None:
@@ -92,8 +79,8 @@ def indicators(arguments: Namespace) -> int:
         return {"": indicator_figure(tables)} if tables else {}
 
     lines = partial(_indicator_lines, result, tables)
-    finish(arguments, result, lines, rows if tables else None, figures, rows_in_json=True)
-    return judged(entries)
+    command.finish(arguments, result, lines, rows if tables else None, figures, rows_in_json=True)
+    return command.judged(entries)
 
 
 def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> list[str]:
@@ -114,8 +101,8 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
     return lines + [f"{e['recording']}: not read" for e in result["recordings"] if "error" in e]
 
 
-@command(
-    *recordings("RECORDING", machine_required=False),
+@command.command(
+    *command.recordings("RECORDING", machine_required=False),
     argument(
         "--kind KIND",
         "amplitude (peak; default), rms, density, energy, envelope, cepstrum or kurtogram",
@@ -135,16 +122,16 @@ def _indicator_lines(result: dict[str, Any], tables: list[IndicatorTable]) -> li
 )
 def spectrum(arguments: Namespace) -> int:
     """Run `gearmon spectrum`."""
-    recording = recording_of(arguments.recording[0], arguments)
-    named = given(arguments, "kind", "band", "window_name", "most_peaks", "machine")
+    recording = command.recording_of(arguments.recording[0], arguments)
+    named = command.given(arguments, "kind", "band", "window_name", "most_peaks", "machine")
     found = gearmon.recording_spectrum(recording, **named)
     title = f"{found.recording}: {found.value_name}, highest peaks"
-    lines = partial(words, "peaks", found.to_dict(), title=title, rows=())
-    return finish(arguments, found, lines, rows_in_json=True)
+    lines = partial(command.words, "peaks", found.to_dict(), title=title, rows=())
+    return command.finish(arguments, found, lines, rows_in_json=True)
 
 
-@command(
-    *recordings("RECORDING"),
+@command.command(
+    *command.recordings("RECORDING"),
     argument("--shaft N", "whose turns orders count", 1),
     argument("--map", "write the map only, in full resolution"),
     argument("--against WHAT", "of the map: time (default) or speed", "time", dest="map_against"),
@@ -159,15 +146,15 @@ def spectrum(arguments: Namespace) -> int:
 )
 def orders(arguments: Namespace) -> int:
     """Run `gearmon orders`."""
-    machine, recording = arguments.machine, recording_of(arguments.recording[0], arguments)
-    named = given(arguments, "shaft", "top", "window_name", "most_peaks", "map_against")
+    machine, recording = arguments.machine, command.recording_of(arguments.recording[0], arguments)
+    named = command.given(arguments, "shaft", "top", "window_name", "most_peaks", "map_against")
     found = gearmon.order_spectra(recording, machine, **named)
     averages = gearmon.gear_averages(recording, machine, signature=found.signature)
     own = averages.to_dict()
     notes = dict.fromkeys([*found.to_dict()["warnings"], *own["warnings"]])
     result = {**found.to_dict(), "averages": own["averages"], "warnings": list(notes)}
     title = f"{found.recording}: amplitude against order of shaft {found.shaft}, highest peaks"
-    rows: dict[str, Rows] = {
+    rows: dict[str, command.Rows] = {
         "": found.rows,
         "-map": partial(found.map_rows, _MAP_COLUMNS),
         "-averages": averages.rows,
@@ -183,29 +170,29 @@ def orders(arguments: Namespace) -> int:
         turns = {f"-average{name}": figure for name, figure in averages.figures().items()}
         return found.figures() | {"-map": chart} | turns
 
-    written: dict[str, Rows] = {"": found.map_rows} if arguments.map else rows
+    written: dict[str, command.Rows] = {"": found.map_rows} if arguments.map else rows
     shown = [
         {name: own[name] for name in _AVERAGE_SHOWN} | channel
         for own in result["averages"]
         for channel in own["channels"]
     ]
-    lines = partial(words, "peaks", result, title=title, rows=shown)
-    return finish(arguments, result, lines, written, figures, rows_in_json=True)
+    lines = partial(command.words, "peaks", result, title=title, rows=shown)
+    return command.finish(arguments, result, lines, written, figures, rows_in_json=True)
 
 
 _POSITIONS = "seat (default), hand, standing, backrest, feet or building"
 
 
-@command(
+@command.command(
     argument("[RECORDING...]", "on the seat, the hand or where the person is: CSV, WAV, ..."),
     argument("--axes x=A,y=B,z=C", "channels of the axes; by default named so"),
     argument("--position WHERE", _POSITIONS, "seat"),
     argument("--day PLAN", "jobs of a day with hours and recordings (TOML)"),
     argument("--floor RECORDING", "made at once on the floor: tells the SEAT factor"),
     argument("--machine MACHINE", "share of its shafts and meshes, best operating point"),
-    FAULT,
-    TACHO,
-    SAMPLING_RATE,
+    command.FAULT,
+    command.TACHO,
+    command.SAMPLING_RATE,
     argument("--unit UNIT", "m/s2 or g, where nothing else states it"),
     argument("--range MS2", "of the sensor: nothing may reach it", dest="range_ms2"),
     argument("--report HTML", "write a report (.html)"),
@@ -237,7 +224,7 @@ def exposure(arguments: Namespace) -> int:
         told = {key: own.to_dict() for key, own in found.items()}
         return told.pop("") | {"seat_factor": None, "gearbox": None} | told
 
-    entries = each_of(arguments.recording, arguments.progress, weighed)
+    entries = command.each_of(arguments.recording, arguments.progress, weighed)
     day = None
     if arguments.day:
         day = gearmon.exposure_day(arguments.day, arguments.axes, **_reading(arguments))
@@ -254,8 +241,8 @@ def exposure(arguments: Namespace) -> int:
     def figures() -> dict[str, Any]:
         return {name: own.figures()[""] for name, own in named.items() if own.picture}
 
-    finish(arguments, result, lambda: _exposure_lines(told, result), rows, figures)
-    return judged(entries, flagged=day is not None and day.flagged)
+    command.finish(arguments, result, lambda: _exposure_lines(told, result), rows, figures)
+    return command.judged(entries, flagged=day is not None and day.flagged)
 
 
 def _felt(path: str, arguments: Namespace) -> Iterator[tuple[str, Told]]:
@@ -268,15 +255,16 @@ def _felt(path: str, arguments: Namespace) -> Iterator[tuple[str, Told]]:
         yield "seat_factor", gearmon.seat_factor(exposure, floor)
     if arguments.machine is not None:
         named = [axis.channel for axis in exposure.axes]
-        known = given(arguments, "sampling_rate_hz", "tacho") | {"sensors": reading["sensors"]}
-        recording = gearmon.open_recording(path, channels=named, **known)
+        known = command.given(arguments, "sampling_rate_hz", "tacho")
+        known |= {"channels": named, "sensors": reading["sensors"]}
+        recording = gearmon.open_recording(path, **known)
         share = gearmon.gear_share(recording, exposure, arguments.machine, arguments.fault)
         yield "gearbox", share
 
 
 def _reading(arguments: Namespace) -> dict[str, Any]:
     sensors = arguments.machine.sensors if arguments.machine else ()
-    return given(arguments, "sampling_rate_hz", "unit", "range_ms2") | {"sensors": sensors}
+    return command.given(arguments, "sampling_rate_hz", "unit", "range_ms2") | {"sensors": sensors}
 
 
 def _exposure_lines(told: list[Told], result: Mapping[str, Any]) -> list[str]:

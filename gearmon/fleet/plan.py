@@ -18,24 +18,12 @@ from typing import Any
 from gearmon.diagnosis.history.entries import time_from_name
 from gearmon.diagnosis.results import VERDICTS
 from gearmon.errors import ArgumentError
+from gearmon.machine import fields as rules
 from gearmon.machine import load_machine
-from gearmon.machine.fields import (
-    Choice,
-    Column,
-    Count,
-    FieldError,
-    MachineSource,
-    Several,
-    Text,
-    check_fields,
-    held,
-    read_source,
-    shown_value,
-    within,
-)
+from gearmon.machine.fields import FieldError, check_fields, held, within
 
 _GROUPS = ("machine", "time", "class")
-_TEXTS = Several(rule=Text(), example='["maize", "rented"]')
+_TEXTS = rules.Several(rule=rules.Text(), example='["maize", "rented"]')
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,21 +55,21 @@ class FleetMachine:
         before the alarm is over.
     """
 
-    name: str = held(Text(example='"tractor 7"'))
-    file: str = held(Text(example='"tractor.toml"'))
-    recordings: str = held(Text(example='"inbox/tractor-7"'))
-    pattern: str = held(Text(example=r"'.*_(?P<time>[\dT-]+)\.wav'"))
-    reference: str = held(Text(example='"tractor-7.ref"'), "")
-    sensors: tuple[str | int, ...] = held(Several(rule=Column()), ())
+    name: str = held(rules.Text(example='"tractor 7"'))
+    file: str = held(rules.Text(example='"tractor.toml"'))
+    recordings: str = held(rules.Text(example='"inbox/tractor-7"'))
+    pattern: str = held(rules.Text(example=r"'.*_(?P<time>[\dT-]+)\.wav'"))
+    reference: str = held(rules.Text(example='"tractor-7.ref"'), "")
+    sensors: tuple[str | int, ...] = held(rules.Several(rule=rules.Column()), ())
     sampling_rate_hz: float | None = within(0, 1e8, "Hz", default=None, open_low=True)
     limit: float | None = within(0, 1, default=None, open_low=True)
     tags: tuple[str, ...] = held(_TEXTS, ())
     alarm_on: tuple[str, ...] = held(
-        Several(rule=Choice(options=VERDICTS), example='["fault"]'),
+        rules.Several(rule=rules.Choice(options=VERDICTS), example='["fault"]'),
         ("fault", "no mesh found", "cannot tell"),
     )
-    alarm_after: int = held(Count(low=1, high=1000), 2)
-    alarm_clear: int = held(Count(low=1, high=1000), 3)
+    alarm_after: int = held(rules.Count(low=1, high=1000), 2)
+    alarm_clear: int = held(rules.Count(low=1, high=1000), 3)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -113,7 +101,7 @@ class Hook:
     """
 
     command: tuple[str, ...] = held(_TEXTS, ())
-    webhook: str = held(Text(example='"https://example.org/alarm"'), "")
+    webhook: str = held(rules.Text(example='"https://example.org/alarm"'), "")
     mail: tuple[str, ...] = held(_TEXTS, ())
     tags: tuple[str, ...] = held(_TEXTS, ())
     classes: tuple[str, ...] = held(_TEXTS, ())
@@ -167,7 +155,7 @@ def read_fleet(path: str | Path) -> Fleet:
     MachineFileError
         If anything in it is unknown, missing or impossible: one line with file, key and value.
     """
-    source, folder = read_source(path), Path(path).parent
+    source, folder = rules.read_source(path), Path(path).parent
     known = ("name", "store", "results", "defaults", "machine", "alarm")
     source.refuse_unknown_keys(source.document, known)
     defaults = source.table("defaults")
@@ -194,7 +182,7 @@ def read_fleet(path: str | Path) -> Fleet:
             told = (
                 "must be text in quotes and lie on this computer; only recordings may be elsewhere"
             )
-            raise source.error(key, f"{key} = {shown_value(text)} {told}")
+            raise source.error(key, f"{key} = {rules.shown_value(text)} {told}")
     return Fleet(
         name=texts["name"],
         machines=tuple(machines),
@@ -204,7 +192,9 @@ def read_fleet(path: str | Path) -> Fleet:
     )
 
 
-def _placed(source: MachineSource, label: str, folder: Path, table: dict[str, Any]) -> FleetMachine:
+def _placed(
+    source: rules.MachineSource, label: str, folder: Path, table: dict[str, Any]
+) -> FleetMachine:
     """Return a machine with the places of its files, which are there, as seen from here."""
     machine = source.part(FleetMachine, label, table)
     placed: dict[str, Any] = {}

@@ -10,34 +10,10 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from gearmon.errors import ArgumentError
-from gearmon.machine.fields import (
-    UNIT,
-    Checked,
-    Choice,
-    Column,
-    Count,
-    FieldError,
-    MachineSource,
-    Number,
-    Text,
-    check_fields,
-    held,
-    limit,
-    optional,
-    read_source,
-    shown_value,
-    within,
-)
-from gearmon.machine.stages import (
-    INERTIA,
-    MASS,
-    MODULUS,
-    PLACE,
-    STIFFNESS,
-    TORSION,
-    ParallelStage,
-    PlanetaryStage,
-)
+from gearmon.machine import fields as rules
+from gearmon.machine import stages
+from gearmon.machine.fields import Checked, FieldError, check_fields, held, limit, optional, within
+from gearmon.machine.stages import ParallelStage, PlanetaryStage
 from gearmon.result import Result
 
 Stage = ParallelStage | PlanetaryStage
@@ -91,7 +67,7 @@ class OperatingPoint(Checked):
     )
     torque_nm: float | None = optional(0, 1e9, "Nm", "the magnitude of the torque on shaft 1")
     share: float = within(0, 1, default=1.0, open_low=True, why="a share of the running time")
-    name: str = held(Text(example='"full load"'), "")
+    name: str = held(rules.Text(example='"full load"'), "")
 
     @property
     def shaft1_hz(self) -> float:
@@ -131,17 +107,17 @@ class Bearing:
         If a value has the wrong type or cannot be.
     """
 
-    name: str = held(Text(example='"drive end"'))
-    shaft: int | None = held(Count(low=1, high=1000, example="1"), None)
-    planet_stage: int | None = held(Count(low=1, high=1000), None)
-    balls: int | None = held(Count(low=3, high=200, example="9"), None)
+    name: str = held(rules.Text(example='"drive end"'))
+    shaft: int | None = held(rules.Count(low=1, high=1000, example="1"), None)
+    planet_stage: int | None = held(rules.Count(low=1, high=1000), None)
+    balls: int | None = held(rules.Count(low=3, high=200, example="9"), None)
     ball_diameter_mm: float | None = optional(0, 500, "mm", open_low=True, example="7.94")
     pitch_diameter_mm: float | None = optional(0, 10_000, "mm", open_low=True, example="39.04")
     contact_angle_deg: float = within(0, 90, "deg", default=0.0)
-    rotating: str = held(Choice(options=("inner", "outer")), "")
-    stiffness_n_per_m: float | None = held(STIFFNESS, None)
+    rotating: str = held(rules.Choice(options=("inner", "outer")), "")
+    stiffness_n_per_m: float | None = held(stages.STIFFNESS, None)
     damping_ns_per_m: float | None = optional(0, 1e10, "Ns/m")
-    position_mm: float | None = held(PLACE, None)
+    position_mm: float | None = held(stages.PLACE, None)
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -194,13 +170,13 @@ class ShaftSection:
         If a value has the wrong type or cannot be.
     """
 
-    shaft: int = held(Count(low=1, high=1000, example="1"))
+    shaft: int = held(rules.Count(low=1, high=1000, example="1"))
     length_mm: float = within(0, 1e5, "mm", open_low=True, example="120.0")
     diameter_mm: float | None = optional(0, 5000, "mm", open_low=True)
     bore_mm: float = within(0, 5000, "mm", default=0.0)
-    torsional_stiffness_nm_per_rad: float | None = held(TORSION, None)
+    torsional_stiffness_nm_per_rad: float | None = held(stages.TORSION, None)
     bending_stiffness_nm2: float | None = optional(0, 1e13, "N m2", open_low=True)
-    elastic_modulus_pa: float = held(MODULUS, 206e9)
+    elastic_modulus_pa: float = held(stages.MODULUS, 206e9)
     poisson_ratio: float = within(0, 0.5, default=0.3, open_high=True, why="steel has 0.3")
     density_kgm3: float = within(0, 25_000, "kg/m3", default=7850.0)
 
@@ -235,11 +211,11 @@ class Disc(Checked):
         If a value has the wrong type or cannot be.
     """
 
-    name: str = held(Text(example='"motor"'))
-    shaft: int = held(Count(low=1, high=1000, example="1"))
-    inertia_kgm2: float = held(INERTIA)
-    mass_kg: float | None = held(MASS, None)
-    position_mm: float | None = held(PLACE, None)
+    name: str = held(rules.Text(example='"motor"'))
+    shaft: int = held(rules.Count(low=1, high=1000, example="1"))
+    inertia_kgm2: float = held(stages.INERTIA)
+    mass_kg: float | None = held(stages.MASS, None)
+    position_mm: float | None = held(stages.PLACE, None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,13 +246,13 @@ class Sensor(Checked):
         If a value has the wrong type or is out of its range.
     """
 
-    column: str | int = held(Column())
-    unit: str | None = held(UNIT, None)
+    column: str | int = held(rules.Column())
+    unit: str | None = held(rules.UNIT, None)
     sensitivity: float = within(0, 1e12, default=1.0, open_low=True, why="recorded number per unit")
-    position: str = held(Text(example='"input bearing, radial"'), "")
-    kind: str = held(Choice(options=SENSOR_KINDS), "vibration")
-    shaft: int = held(Count(low=1, high=1000), 1)
-    pulses_per_turn: int = held(Count(low=1, high=100_000), 1)
+    position: str = held(rules.Text(example='"input bearing, radial"'), "")
+    kind: str = held(rules.Choice(options=SENSOR_KINDS), "vibration")
+    shaft: int = held(rules.Count(low=1, high=1000), 1)
+    pulses_per_turn: int = held(rules.Count(low=1, high=100_000), 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -372,7 +348,7 @@ class Machine(Result):
     def _check_places(self) -> None:
         """Refuse what sits on a shaft or in a stage that is not there, or beyond a shaft's end."""
         planetary = [i for i, s in enumerate(self.stages, start=1) if s.kind == "planetary"]
-        shafts = Number(1, self.shaft_count, why="n stages in a row have n + 1 shafts")
+        shafts = rules.Number(1, self.shaft_count, why="n stages in a row have n + 1 shafts")
         places = [
             (f"stage[{number}].position_{member}_mm", shaft, getattr(own, f"position_{member}_mm"))
             for number, own in enumerate(self.stages, start=1)
@@ -393,7 +369,7 @@ class Machine(Result):
             length = sum(own.length_mm for own in self.sections if own.shaft == shaft)
             told = f"the length of shaft {shaft}" if length else f"shaft {shaft} has no [[shaft]]"
             if at is not None and at > length * (1 + 1e-9):
-                Number(0, length, "mm", told).checked(key, at)
+                rules.Number(0, length, "mm", told).checked(key, at)
 
 
 def _filled(part: Any) -> dict[str, Any]:
@@ -462,9 +438,9 @@ def load_machine(source: MachineLike | None = None, **tables: Any) -> Machine:
     if source is not None and tables:
         raise ArgumentError(f"machine: given twice, also as {', '.join(tables)}=; give it once")
     if isinstance(given, str | Path):
-        read = replace(read_source(given), homes=_HOMES)
+        read = replace(rules.read_source(given), homes=_HOMES)
     elif isinstance(given, Mapping):
-        read = MachineSource(path="", document=dict(given), homes=_HOMES)
+        read = rules.MachineSource(path="", document=dict(given), homes=_HOMES)
     else:
         raise ArgumentError(
             f"machine: {type(given).__name__} is no machine; give the name of a machine file, a "
@@ -492,7 +468,7 @@ def load_machine(source: MachineLike | None = None, **tables: Any) -> Machine:
         raise read.error(error.key, error.message(error.key)) from None
 
 
-def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
+def _operating_points(source: rules.MachineSource) -> tuple[OperatingPoint, ...]:
     tables = source.tables("operating", single=True)
     if not tables:
         told = "lacks an operating point; write [operating] with speed_rpm = 1460.0"
@@ -505,7 +481,7 @@ def _operating_points(source: MachineSource) -> tuple[OperatingPoint, ...]:
     return tuple(source.part(OperatingPoint, label, equal | table) for label, table in tables)
 
 
-def _stages(source: MachineSource) -> tuple[list[Stage], list[str]]:
+def _stages(source: rules.MachineSource) -> tuple[list[Stage], list[str]]:
     """Return the stages, and what is unusual about them."""
     stages: list[Stage] = []
     notes: list[str] = []
@@ -515,7 +491,7 @@ def _stages(source: MachineSource) -> tuple[list[Stage], list[str]]:
         if kind is None:
             raise source.error(label, f'{label} lacks kind; write kind = "parallel" or "planetary"')
         if not isinstance(kind, str) or kind not in STAGE_KINDS:
-            message = f'{label}.kind = {shown_value(kind)} must be "parallel" or "planetary"'
+            message = f'{label}.kind = {rules.shown_value(kind)} must be "parallel" or "planetary"'
             raise source.error(f"{label}.kind", message)
         derived = kind == "planetary" and "planet_teeth" not in given
         remarks = _derive_planet_teeth(source, label, given) if derived else []
@@ -529,7 +505,9 @@ def _stages(source: MachineSource) -> tuple[list[Stage], list[str]]:
     return stages, notes
 
 
-def _derive_planet_teeth(source: MachineSource, label: str, table: dict[str, Any]) -> list[str]:
+def _derive_planet_teeth(
+    source: rules.MachineSource, label: str, table: dict[str, Any]
+) -> list[str]:
     """Set planet_teeth = (ring - sun) / 2 where that is a whole number; say so."""
     sun, ring = table.get("sun_teeth"), table.get("ring_teeth")
     if type(sun) is not int or type(ring) is not int:

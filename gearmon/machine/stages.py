@@ -6,20 +6,10 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from gearmon.machine.fields import (
-    Choice,
-    Count,
-    FieldError,
-    Number,
-    Text,
-    check_fields,
-    held,
-    limit,
-    optional,
-    within,
-)
+from gearmon.machine import fields as rules
+from gearmon.machine.fields import FieldError, Number, check_fields, held, limit, optional, within
 
-TEETH = Count(low=5, high=2000, why="the range of cylindrical gears", example="26")
+TEETH = rules.Count(low=5, high=2000, why="the range of cylindrical gears", example="26")
 SHIFT = Number(-3, 3, why="the profile shift coefficient is a multiple of the module")
 TIP = Number(0.3, 2.0, why="the addendum is 1.0 modules in standard teeth")
 ROOT = Number(0.5, 2.5, why="the dedendum of the basic rack is about 1.25 modules")
@@ -42,7 +32,7 @@ HELIX = Number(-45, 45, "deg", "0 for spur", open_low=True, open_high=True)
 class StageData:
     """Data that parallel and planetary stages have in common; all of it optional for analysis."""
 
-    name: str = held(Text(example='"first reduction"'), "")
+    name: str = held(rules.Text(example='"first reduction"'), "")
     module_mm: float | None = optional(0.02, 200, "mm", "the normal module")
     pressure_angle_deg: float = held(PRESSURE, 20.0)
     helix_angle_deg: float = held(HELIX, 0.0)
@@ -328,9 +318,9 @@ class PlanetaryStage(StageData):
     sun_teeth: int = held(TEETH)
     planet_teeth: int = held(TEETH)
     ring_teeth: int = held(TEETH)
-    planets: int = held(Count(low=1, high=30, example="3"))
-    fixed: str = held(Choice(options=MEMBERS), "ring")
-    driving: str = held(Choice(options=MEMBERS), "")
+    planets: int = held(rules.Count(low=1, high=30, example="3"))
+    fixed: str = held(rules.Choice(options=MEMBERS), "ring")
+    driving: str = held(rules.Choice(options=MEMBERS), "")
     profile_shift_sun: float = held(SHIFT, 0.0)
     profile_shift_planet: float = held(SHIFT, 0.0)
     profile_shift_ring: float = held(SHIFT, 0.0)

@@ -16,16 +16,11 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib import ticker
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import (
-    LogFormatterMathtext,
-    LogFormatterSciNotation,
-    LogLocator,
-    NullFormatter,
-)
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -151,15 +146,15 @@ class Picture(Figure):
         """Draw in the figure's own style."""
         for ax in self.axes:
             for axis in (ax.xaxis, ax.yaxis):
-                if isinstance(axis.get_major_formatter(), LogFormatterMathtext):
+                if isinstance(axis.get_major_formatter(), ticker.LogFormatterMathtext):
                     axis.set_major_formatter(_PowersOfTen())
-                if isinstance(axis.get_minor_formatter(), LogFormatterMathtext):
+                if isinstance(axis.get_minor_formatter(), ticker.LogFormatterMathtext):
                     axis.set_minor_formatter(_PowersOfTen())
         with matplotlib.rc_context(self._style):
             super().draw(renderer)
 
 
-class _PowersOfTen(LogFormatterSciNotation):
+class _PowersOfTen(ticker.LogFormatterSciNotation):
     """Powers of ten without formulas: 10⁻³, 2×10⁻³."""
 
     def __call__(self, x: float, pos: int | None = None) -> str:
@@ -248,9 +243,9 @@ def light_grid(ax: Axes, axis: str = "y") -> None:
 
 def plain_frequencies(ax: Axes) -> None:
     """Write frequencies of a logarithmic axis out: 200, not 2 x 10^2."""
-    ax.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    ax.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
     ax.xaxis.set_major_formatter("{x:g}")
-    ax.xaxis.set_minor_formatter(NullFormatter())
+    ax.xaxis.set_minor_formatter(ticker.NullFormatter())
 
 
 def plot_marks(

@@ -19,18 +19,8 @@ from typing import TYPE_CHECKING
 from gearmon.diagnosis.results import Analysis, Change, Flag
 from gearmon.diagnosis.verdict import fault_sentence, left_open
 from gearmon.gears.kinematics import LineTable
-from gearmon.report.wording import (
-    counted,
-    gear_text,
-    loss_text,
-    percent,
-    printable,
-    probability_text,
-    score_text,
-    shipped,
-    table_lines,
-    with_uncertainty,
-)
+from gearmon.report import wording
+from gearmon.report.wording import counted, gear_text, percent, printable, probability_text
 from gearmon.signatures.measured.reference import Reference
 from gearmon.signatures.tracking import Speed
 
@@ -59,7 +49,7 @@ _BY_MINUTE_S = 864_000.0
 @lru_cache(maxsize=1)
 def words() -> dict[str, dict[str, str]]:
     """Return words.toml: definitions of "indicators", and by kind of fault what to do "next"."""
-    return tomllib.loads(shipped("words.toml"))
+    return tomllib.loads(wording.shipped("words.toml"))
 
 
 def is_beyond(change: Change) -> bool:
@@ -90,7 +80,8 @@ def analysis_text(
     lines = [f"{printable(analysis.recording)}: {analysis.verdict.upper()}", f"  {own.what}"]
     lines += [f"  {name}: {text}" for name, text in own.more.items()]
     lines += ["  evidence:", *([f"  {own.because}"] if own.because else [])]
-    lines.append(f"  score {score_text(analysis.score)}, compared with {analysis.compared_with}")
+    score = wording.score_text(analysis.score)
+    lines.append(f"  score {score}, compared with {analysis.compared_with}")
     if analysis.signature.found:
         lines.append(f"  shaft 1 at {running_text(analysis.signature.speed)}")
     lines += [f"  {sentence}" for sentence in mesh_sentences(analysis)]
@@ -172,14 +163,14 @@ def line_table_text(lines: LineTable) -> str:
         }
         for row in lines.rows
     ]
-    table = table_lines(rows, "l" * several + "rllrrr")
+    table = wording.table_lines(rows, "l" * several + "rllrrr")
     notes = [f"note: {note}" for note in lines.notes]
     return "\n".join([lines.machine or "machine", *table, *notes])
 
 
 def running_text(speed: Speed) -> str:
     """Return a speed with its uncertainty, and how it was found."""
-    running = with_uncertainty(speed.estimated_hz, speed.uncertainty_hz, "Hz")
+    running = wording.with_uncertainty(speed.estimated_hz, speed.uncertainty_hz, "Hz")
     told = f"{running} ({60 * speed.estimated_hz:.1f} rpm), by {speed.method}"
     if speed.highest_hz - speed.lowest_hz < _CHANGES * speed.estimated_hz:
         return told
@@ -200,7 +191,7 @@ def mesh_sentences(analysis: Analysis) -> list[str]:
 
 def flag_loss(flag: Flag) -> str:
     """Return the estimated loss of stiffness with its interval, "" if there is none."""
-    return loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
+    return wording.loss_text(flag.stiffness_loss, flag.stiffness_loss_low, flag.stiffness_loss_high)
 
 
 def indicator_definitions(analysis: Analysis) -> list[tuple[str, str]]:
@@ -404,7 +395,7 @@ def history_lines(found: HistoryTrends) -> list[str]:
     ]
     lines = [
         f"{name}: {counted(len(entries), 'recording')}, times in UTC",
-        *table_lines(rows),
+        *wording.table_lines(rows),
         "",
         began_line(found),
         *(line for tooth in told for line in tooth_lines(tooth, fine=fine)),
