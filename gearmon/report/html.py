@@ -360,6 +360,7 @@ class _Charts:
         """Return the lines of all families, measured and as in the healthy recordings."""
         signature, analysis = self.analysis.signature, self.analysis
         plan, families = signature.plan, signature.plan.families
+        channels = signature.channel_names[:_MOST_CHANNELS]
         chosen = sorted((line, number) for number, own in enumerate(families) for line in own.lines)
         index = [line for line, _ in chosen]
         orders = plan.orders[index]
@@ -382,7 +383,7 @@ class _Charts:
                 "group": _group(own),
                 "mesh": own.kind == "mesh",
                 "reach": 0.0,
-                "changes": [changes.get((own.name, name)) for name in signature.channel_names],
+                "changes": [changes.get((own.name, name)) for name in channels],
             }
             for own in families
         ]
