@@ -110,10 +110,8 @@ class StageData:
 
     def _check_body(self, member: str, root: float) -> None:
         """Refuse a bore that reaches the tooth roots, and half a description of a web."""
-        bore, web, rim = (
-            key.format(member)
-            for key in ("bore_diameter_{}_mm", "web_width_{}_mm", "rim_thickness_{}_mm")
-        )
+        keys = ("bore_diameter", "web_width", "rim_thickness")
+        bore, web, rim = (f"{key}_{member}_mm" for key in keys)
         limit(self, bore, 0, root, "mm", "less than the root diameter", open_high=True)
         for given, other in ((web, rim), (rim, web)):
             if getattr(self, given) is not None and getattr(self, other) is None:

@@ -16,7 +16,6 @@ from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from gearmon.arrays import FloatArray
 from gearmon.diagnosis.history.changes import LEVEL, ChangePoint
 from gearmon.diagnosis.history.trends import SECONDS_PER_DAY, HistoryTrends, ToothTrend
 from gearmon.diagnosis.results import Analysis, Change, ToothProfile
@@ -125,7 +124,13 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
     order = np.argsort(number, kind="stable")
     for channel, ax in zip(channels, axes, strict=False):
         _mark_flagged(flagged, ax)
-        _plot_turn(number[order], average[channel, order], rest[channel, order], ax)
+        turn, left = average[channel, order], rest[channel, order]
+        ax.plot(number[order], turn, color="#a9adb4", linewidth=0.6, label="synchronous average")
+        without = "the same without mesh harmonics"
+        ax.plot(number[order], left, color=plots.BLUE, linewidth=0.8, label=without)
+        plots.light_grid(ax)
+        ax.margins(x=0)
+        ax.yaxis.set_major_locator(MaxNLocator(4))
         unit = wording.unit_text(signature.units[channel])
         ax.set_ylabel(wording.strip_label(signature.channel_names[channel], unit), fontsize=7)
     if profile is not None:
@@ -150,14 +155,6 @@ def turn_figure(analysis: Analysis, wheel: WheelLines, *, at_length: bool = True
         channels=len(signature.channel_names),
         most=_MOST_CHANNELS,
     )
-
-
-def _plot_turn(number: FloatArray, average: FloatArray, rest: FloatArray, ax: Axes) -> None:
-    ax.plot(number, average, color="#a9adb4", linewidth=0.6, label="synchronous average")
-    ax.plot(number, rest, color=plots.BLUE, linewidth=0.8, label="the same without mesh harmonics")
-    plots.light_grid(ax)
-    ax.margins(x=0)
-    ax.yaxis.set_major_locator(MaxNLocator(4))
 
 
 def _plot_teeth(profile: ToothProfile, flagged: bool, ax: Axes) -> None:
