@@ -449,21 +449,14 @@ def load_machine(source: MachineLike | None = None, **tables: Any) -> Machine:
     read.refuse_unknown_keys(read.document, _TOP_KEYS)
     name = read.document.get("name", Path(read.path).stem or "machine")
     stages, notes = _stages(read)
-    parts: dict[str, Any] = {
-        TABLES[table]: [read.part(part, *own) for own in read.tables(table)]
-        for table, part in _PARTS.items()
-    }
+    parts: dict[str, Any] = {"stages": stages, "notes": notes}
+    for table, part in _PARTS.items():
+        parts[TABLES[table]] = [read.part(part, *own) for own in read.tables(table)]
+    parts["operating"] = _operating_points(read)
     try:
         if not isinstance(name, str) or not name.strip() or not name.isprintable():
             raise FieldError("name", "must be one line of text in quotes", name)
-        return Machine(
-            name=name,
-            operating=_operating_points(read),
-            stages=tuple(stages),
-            **parts,
-            path=read.path,
-            notes=tuple(notes),
-        )
+        return Machine(name=name, path=read.path, **parts)
     except FieldError as error:
         raise read.error(error.key, error.message(error.key)) from None
 
