@@ -275,7 +275,7 @@ def changes_figure(analysis: Analysis) -> plots.Picture:
     stages = sorted({change.stage for change in analysis.changes})
     own = [[group for group in groups if group[0] == stage] for stage in stages]
     heights = [0.62 + 0.24 * len(rows) for rows in own]
-    figure, axes = plots.stack(heights, room_in=0.1, many_colours=True)
+    figure, axes = plots.stack(heights, room_in=0.1)
     for stage, rows, ax in zip(stages, own, axes, strict=True):
         image = _plot_changes(analysis, rows, limit, ax)
         ax.set_xlabel(f"Harmonic of mesh {stage}")

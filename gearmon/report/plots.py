@@ -99,9 +99,6 @@ class Picture(Figure):
         Width and height [inch].
     dpi : float
         Dots of a PNG [per inch].
-    many_colours : bool
-        Whether it has areas in shades of colour. Lines and letters do with a palette: the same to
-        the eye at a third of the size.
 
     Attributes
     ----------
@@ -110,16 +107,9 @@ class Picture(Figure):
         not see it. Empty but in reports.
     """
 
-    def __init__(
-        self,
-        size_in: tuple[float, float],
-        *,
-        dpi: float = PNG_DOTS_PER_INCH,
-        many_colours: bool = False,
-    ) -> None:
+    def __init__(self, size_in: tuple[float, float], dpi: float = PNG_DOTS_PER_INCH) -> None:
         super().__init__(figsize=size_in, dpi=dpi, layout="constrained")
         FigureCanvasAgg(self)
-        self.many_colours = many_colours
         self.name = self.heading = self.caption = self.alt = ""
         # marks on an axis are made when it is drawn, in the style of that moment
         settings: Any = matplotlib.rcParams
@@ -174,16 +164,12 @@ def series_marker(index: int) -> str:
 
 
 def sheet(width_in: float, height_in: float) -> Picture:
-    """Return an empty figure in shades of colour."""
-    return Picture((width_in, height_in), dpi=SHEET_DOTS_PER_INCH, many_colours=True)
+    """Return an empty figure that is no page of a report."""
+    return Picture((width_in, height_in), SHEET_DOTS_PER_INCH)
 
 
 def stack(
-    heights_in: Sequence[float],
-    *,
-    room_in: float = 0.68,
-    sharex: bool = False,
-    many_colours: bool = False,
+    heights_in: Sequence[float], *, room_in: float = 0.68, sharex: bool = False
 ) -> tuple[Picture, list[Axes]]:
     """Return a figure as wide as a page, with axes one above the other.
 
@@ -195,11 +181,9 @@ def stack(
         For letters above and below all axes [inch].
     sharex : bool
         Whether all have one horizontal scale, numbered at the lowest only.
-    many_colours : bool
-        See `Picture`.
     """
     height = sum(heights_in) + room_in + 0.12 * (len(heights_in) - 1)
-    figure = Picture((PAGE_WIDTH_IN, height), many_colours=many_colours)
+    figure = Picture((PAGE_WIDTH_IN, height))
     grid = figure.subplots(
         len(heights_in), 1, sharex=sharex, squeeze=False, height_ratios=heights_in
     )
@@ -271,7 +255,9 @@ def as_png(figure: Figure) -> bytes:
     canvas.draw()  # type: ignore[no-untyped-call]
     pixels = np.asarray(canvas.buffer_rgba())[:, :, :3]  # type: ignore[no-untyped-call]
     image = Image.fromarray(np.ascontiguousarray(pixels))
-    if not getattr(figure, "many_colours", True):
+    areas = (own for ax in figure.axes for own in (*ax.images, *ax.collections))
+    if isinstance(figure, Picture) and all(own.get_array() is None for own in areas):
+        # without areas in shades of colour a palette does: the same to the eye at a third the size
         image = image.quantize(256, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
         # the palette averages nearby shades; paper stays white
         colours = image.getpalette() or []

@@ -54,7 +54,7 @@ def order_map_figure(found: OrderSpectra) -> plots.Picture:
     names = found.channel_names[:MOST_STRIPS]
     over_time = found.map.against == "time"
     height = 1.2 + len(names) * (2.4 if len(names) < 3 else 1.5)
-    figure = plots.Picture((plots.PAGE_WIDTH_IN, height), many_colours=True)
+    figure = plots.Picture((plots.PAGE_WIDTH_IN, height))
     widths = (1.0, _SPEED_WIDTH)[: 1 + over_time]
     grid = figure.subplots(
         len(names), len(widths), squeeze=False, sharex="col", sharey="row", width_ratios=widths

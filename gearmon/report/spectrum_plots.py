@@ -423,7 +423,7 @@ def _strips(
 def _kurtogram_figure(found: RecordingSpectrum) -> plots.Picture:
     shown = found.kurtograms[:MOST_STRIPS]
     heights = [0.55 + 0.135 * len(own.bands) for own in shown]
-    figure, axes = plots.stack(heights, room_in=0.2, many_colours=True)
+    figure, axes = plots.stack(heights, room_in=0.2)
     for own, channel, ax in zip(shown, found.channel_names, axes, strict=False):
         # a row a bandwidth; the quietest bands set the lowest colour, but for a few
         values, nyquist = np.concatenate(own.kurtosis), own.rate / 2

@@ -243,8 +243,8 @@ def decibels(amplitudes: ArrayLike, reference: float = 1.0) -> FloatArray:
     return np.asarray(20 * np.log10(sizes / reference))
 
 
-def _sheet(height_in: float, *, many_colours: bool = False) -> Figure:
-    return plots.Picture((WIDTH_IN, height_in), many_colours=many_colours)
+def _sheet(height_in: float) -> Figure:
+    return plots.Picture((WIDTH_IN, height_in))
 
 
 def _panel(ax: Axes, title: str, x: str, y: str, **more: Any) -> Axes:
@@ -460,7 +460,7 @@ def _draw_energy_of_reference(results: StudyResults) -> Figure:
 
 def _draw_contact(results: StudyResults) -> Figure:
     """Draw where contact would be lost."""
-    study, figure = results.contact, _sheet(6.1, many_colours=True)
+    study, figure = results.contact, _sheet(6.1)
     ((of_mass, of_damping), (of_variation, both)) = figure.subplots(2, 2)
     _least_force(of_mass, study.mass)
     _least_force(of_damping, study.damping, MILLI)
