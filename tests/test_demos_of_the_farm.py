@@ -137,7 +137,7 @@ def test_a_stretch_mixes_sound_and_damaged_by_share_under_noise_20_db_below():
     generator = np.random.default_rng(3)
     sound = np.vstack([np.sin(np.arange(40_000) / 7), np.arange(40_000.0)])
     damaged = np.vstack([3.0 * sound[0], sound[1]])
-    taken = farm._stretch(sound, damaged, 0.25, generator)
+    taken = farm._stretch((sound, damaged), 0.25, generator)
     assert taken.shape == (2, round(farm.DURATION_S * farm.RATE_HZ))
     # the last row is the tacho: it tells where the stretch begins, and has no noise
     start = int(taken[1, 0])
