@@ -7,7 +7,6 @@ from functools import partial
 from itertools import groupby, product
 from typing import Any
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -302,14 +301,7 @@ def _plot_changes(
                 table[row, column] = change.change_db
                 dark = abs(change.change_db / limit_db) > 0.62
                 _write_change(ax, column, row, change, "white" if dark else plots.BLACK, numbered)
-    image = ax.imshow(
-        np.ma.masked_invalid(table),
-        cmap=matplotlib.colormaps["RdBu_r"].with_extremes(bad="#f1f1f1"),
-        vmin=-limit_db,
-        vmax=limit_db,
-        aspect="auto",
-        interpolation="nearest",
-    )
+    image = plots.heat_map(ax, table, "RdBu_r", "#f1f1f1", vmin=-limit_db, vmax=limit_db)
     for edge in range(1, len(channels)):
         ax.axvline(edge * len(harmonics) - 0.5, color="white", linewidth=3)
     ax.set_yticks(range(len(rows)), [label for _, label, _ in rows])

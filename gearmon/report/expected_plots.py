@@ -141,14 +141,9 @@ def _plot_compliance_shares(stage: StageStiffness, ax: Axes) -> None:
     """Draw the share of each cause in the compliance of a sound pair over its contact."""
     phase = np.linspace(0.0, stage.healthy.contact_ratio, 201)
     shares = stage.shares(phase)
-    names = [name for name in _CAUSES if name in shares]
-    ax.stackplot(
-        phase,
-        [100 * shares[name] for name in names],
-        colors=[_CAUSES[name] for name in names],
-        labels=names,
-        alpha=0.85,
-    )
+    causes = {name: colour for name, colour in _CAUSES.items() if name in shares}
+    percents, colours = [100 * shares[name] for name in causes], [*causes.values()]
+    ax.stackplot(phase, percents, colors=colours, labels=[*causes], alpha=0.85)
     ax.set(xlim=(0, phase[-1]), ylim=(0, 100))
     ax.set_xlabel("phase of the pair's contact in mesh periods")
     ax.set_ylabel("share of pair compliance in %")
@@ -334,14 +329,8 @@ def _plot_growth(stability: StabilityMap, ax: Axes) -> QuadContourSet | None:
     top = float(chart.growth.max())
     if top <= _LEAST_GROWTH:
         return None
-    return ax.contourf(
-        chart.speeds,
-        chart.variations,
-        chart.growth,
-        levels=np.linspace(0.0, top, 13),
-        cmap="YlOrRd",
-        vmin=-0.15 * top,
-    )
+    drawn, levels = (chart.speeds, chart.variations, chart.growth), np.linspace(0.0, top, 13)
+    return ax.contourf(*drawn, levels=levels, cmap="YlOrRd", vmin=-0.15 * top)
 
 
 def _plot_boundary(

@@ -21,6 +21,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from numpy.typing import NDArray
 from PIL import Image
 
@@ -230,6 +231,13 @@ def plain_frequencies(ax: Axes) -> None:
     ax.xaxis.set_major_locator(ticker.LogLocator(subs=(1, 2, 5)))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.xaxis.set_minor_formatter(ticker.NullFormatter())
+
+
+def heat_map(ax: Axes, values: Any, colours: str, empty: str, **how: Any) -> AxesImage:
+    """Draw values as colours; what is no number has a colour of its own."""
+    known = matplotlib.colormaps[colours].with_extremes(bad=empty)
+    shown = np.ma.masked_invalid(values)
+    return ax.imshow(shown, cmap=known, aspect="auto", interpolation="nearest", **how)
 
 
 def plot_marks(

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.image import AxesImage
@@ -99,16 +99,10 @@ def _plot_order_map(found: OrderSpectra, row: int, ax: Axes) -> AxesImage:
     top = max(float(np.nanmax(held)), np.finfo(float).tiny)
     # colours are spent on what stands above the quietest twentieth, within four decades
     low_end = max(min(float(np.nanpercentile(held, 5)), 0.1 * top), top * 10**-_DECADES)
-    first, last = _ends(found)
-    image = ax.imshow(
-        np.ma.masked_invalid(np.maximum(held, low_end)),
-        aspect="auto",
-        origin="lower",
-        extent=(first, last, low, high),
-        cmap=colormaps["viridis"].with_extremes(bad=plots.LIGHT_GREY),
-        norm=LogNorm(vmin=low_end, vmax=top),
-        interpolation="nearest",
-    )
+    scale: dict[str, Any] = {"norm": LogNorm(vmin=low_end, vmax=top), "origin": "lower"}
+    scale["extent"] = (*_ends(found), low, high)
+    shown = np.maximum(held, low_end)
+    image = plots.heat_map(ax, shown, "viridis", plots.LIGHT_GREY, **scale)
     ax.yaxis.set_major_locator(MaxNLocator(5))
     return image
 
