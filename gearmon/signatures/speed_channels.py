@@ -17,9 +17,10 @@ from functools import cache
 
 import numpy as np
 
+from gearmon.arrays import FloatArray
 from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import kinematics
-from gearmon.machine import Machine
+from gearmon.machine import Machine, Sensor
 from gearmon.signals.recording import Recording
 from gearmon.signals.tracking import tacho
 from gearmon.signals.tracking.comb import SpeedTrack
@@ -44,6 +45,8 @@ _SPEEDS, _TRIED = (0.3, 1.3), 8
 # 0.45 to 1.2 of that speed and run up and down between 0.3 and 1.1 (504 recordings), all are
 # counted right.
 _SHOWN, _PLAIN = 0.25, 0.75
+# Share of the samples of a channel of pulses that may lie half way up.
+_HALF_WAY = 0.1
 # Blocks in which a channel tells the speed [turns]: longer ones round off where a ramp begins.
 _TOLD_TURNS = 1.0
 # Uncertainty in mesh periods up to which the lines alone tell an angle well.
@@ -88,29 +91,43 @@ def track_recording(recording: Recording, machine: Machine, far: bool = False) -
         signal, _ = signal.meant(lambda own: own.scan(_COMPARED_TURNS))
     notes: list[str] = []
     for index, kind in enumerate(recording.channel_kinds):
-        if kind != "tacho":
+        if kind != "tacho" and not (kind == "speed" and _is_pulsed(recording.samples[index])):
             continue
+        sure = recording.tacho_told and kind == "tacho"
         try:
-            return _with_tacho(recording, index, signal).by_shaft1()
+            return _with_tacho(recording, index, signal, sure).by_shaft1()
         except (ArgumentError, RecordingError) as error:
-            if recording.tacho_told:
+            if sure:
                 raise
+            if kind == "speed":
+                continue
             why = str(error).removeprefix("tacho channel: ").split(". ")[0]
             notes.append(
                 f"{recording.channel_names[index]} is no usable tachometer, though its name "
-                f"suggests one: {why}; the vibration alone tells the angle"
+                f"suggests one: {why}; it is left alone"
             )
-    found = _by_speed_channel(recording, signal) or signal.alone
-    found = found.by_shaft1()
+    found = (_by_speed_channel(recording, signal) or signal.alone).by_shaft1()
     return replace(found, notes=(*notes, *found.notes))
 
 
-def _with_tacho(recording: Recording, index: int, signal: GearVibration) -> Tracking:
-    """Track by the pulses of one channel and the lines between them."""
+def _is_pulsed(values: FloatArray) -> bool:
+    """Whether a channel of speed holds pulses: hardly a sample lies half way up."""
+    low, high = float(values.min()), float(values.max())
+    half_way = np.abs(values - 0.5 * (low + high)) < 0.25 * (high - low)
+    return bool(low < high and np.mean(half_way) < _HALF_WAY)
+
+
+def _sensor(recording: Recording, index: int, machine: Machine) -> Sensor | None:
+    """Return what the machine file says of a channel of this kind."""
+    places = recording.channel_names[index], str(recording.columns[index])
+    sensors = (own for own in machine.sensors if own.kind == recording.channel_kinds[index])
+    return next((own for own in sensors if str(own.column) in places), None)
+
+
+def _with_tacho(recording: Recording, index: int, signal: GearVibration, sure: bool) -> Tracking:
+    """Track by the pulses of one channel, surely one of pulses or not, and the lines between."""
     name = recording.channel_names[index]
-    places = name, str(recording.columns[index])
-    sensors = (s for s in signal.machine.sensors if s.kind == "tacho")
-    sensor = next((s for s in sensors if str(s.column) in places), None)
+    sensor = _sensor(recording, index, signal.machine)
     known = sensor.pulses_per_turn if sensor else None
     pulses = tacho.find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
     if sensor:
@@ -120,7 +137,7 @@ def _with_tacho(recording: Recording, index: int, signal: GearVibration) -> Trac
         )
     else:
         count, found = _pulses_counted(pulses, signal)
-    if not recording.tacho_told:
+    if not sure:
         _check_believed(found)
     # no mesh is heard less with pulses than without, where both tell the same speed: about one
     # speed there are few combs of other teeth to stand out of (of 14 drawn machines, 3 s each, one
@@ -258,9 +275,7 @@ def _courses_told(recording: Recording, signal: GearVibration) -> Iterator[tuple
     nominal_hz = [point.shaft1_hz for point in signal.machine.operating]
     for index in np.flatnonzero(np.array(recording.channel_kinds) == "speed").tolist():
         name, unit = recording.channel_names[index], recording.units[index]
-        places = name, str(recording.columns[index])
-        sensors = (s for s in signal.machine.sensors if s.kind == "speed")
-        told = next((s.shaft for s in sensors if str(s.column) in places), None)
+        sensor = _sensor(recording, index, signal.machine)
         values = np.abs(recording.samples[index])
         # a value that is held until the next one comes is that at the middle of this time
         held = np.flatnonzero(np.diff(values, prepend=np.nan, append=np.nan))
@@ -275,7 +290,7 @@ def _courses_told(recording: Recording, signal: GearVibration) -> Iterator[tuple
                 course_hz = mean * (speed_factor(spelt) or 0.0) / shaft.order
                 usual = float(np.median(course_hz))
                 near = _SPEEDS[0] * min(nominal_hz) < usual < _SPEEDS[1] * max(nominal_hz)
-                if told in (None, shaft.number) and near:
+                if near and (sensor is None or shaft.number == sensor.shaft):
                     least = _STANDS * min(nominal_hz)
                     course_hz = float(signal.pace) * np.maximum(course_hz, least)
                     what = f"channel {name} ({spelt}, shaft {shaft.number})"

@@ -104,6 +104,15 @@ def test_speeds_below_a_fifth_of_nominal_do_no_harm():
     assert np.std(away) * order < 0.15
 
 
+def test_a_channel_called_speed_that_holds_pulses_is_a_tachometer(cycle):
+    told = with_speed(cycle, name="speed", unit=None)
+    pulses = 5.0 * (cycle.turns % 1.0 < 0.3)
+    recording = replace(told, samples=np.vstack([cycle.recording.samples, pulses]))
+    found = track_recording(recording, cycle.machine)
+    assert found.track.method == "tacho"
+    assert error(cycle, found) < 0.1
+
+
 def test_units_of_speed_and_columns_in_hz(tmp_path):
     assert speed_factor("1/min") == speed_factor("rpm") == pytest.approx(1 / 60)
     assert speed_factor("rad/s") == pytest.approx(1 / (2 * np.pi))
