@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 
@@ -23,12 +24,18 @@ _TIME = (
     | dict.fromkeys(["us", "usec"], 1e-6)
     | {"ns": 1e-9, "min": 60.0, "h": 3600.0}
 )
+#: Turns a second.
+_SPEED = (
+    dict.fromkeys(["rpm", "1/min", "min-1", "u/min", "r/min", "rev/min", "tr/min"], 1.0 / 60.0)
+    | dict.fromkeys(["1/s", "hz"], 1.0)
+    | {"rad/s": 1.0 / (2.0 * math.pi)}
+)
 #: Units by what is measured in them.
 _KINDS = {
     "vibration": {"v", "mv", "uv", "m/s", "mm/s", "in/s", "ips", "m", "mm", "um", "mil", "mils"}
     | _ACCELERATION.keys(),
     "time": _TIME.keys(),
-    "speed": {"rpm", "1/min", "min-1", "u/min", "r/min", "rev/min", "tr/min", "1/s", "rad/s"},
+    "speed": _SPEED.keys() - {"hz"},
     "torque": {"nm", "n.m", "n-m", "knm", "mnm", "ncm", "lbfft", "ftlb", "inlb", "lb-ft"},
     "other": {"°c", "degc", "c", "k", "°f", "degf", "a", "ma", "n", "kn", "w", "kw", "bar", "mbar"}
     | {"pa", "kpa", "mpa", "%", "hz", "khz", "deg", "°", "rad", "rev", "kg", "db", "l/min"},
@@ -57,6 +64,11 @@ def acceleration_factor(unit: str | None) -> float | None:
 def time_factor(unit: str | None) -> float | None:
     """Return how many seconds the unit is, or None if it is no known unit of time."""
     return _TIME.get(plain_unit(unit)) if unit else None
+
+
+def speed_factor(unit: str | None) -> float | None:
+    """Return how many turns a second the unit is, or None if it is no known unit of speed."""
+    return _SPEED.get(plain_unit(unit)) if unit else None
 
 
 def kind_of_unit(unit: str | None) -> str | None:

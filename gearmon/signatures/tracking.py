@@ -1,24 +1,22 @@
-"""Speed and angle of shaft 1 in a recording: from a tachometer and the mesh lines, or tacholess.
+"""Speed and angle of a shaft by the lines of its meshes, and how clearly every mesh stands out.
 
-Without a tachometer the steady comb is tried first, within 3 % of a nominal speed. Where its lines
-are not phase-coherent in the angle that it gives, or no mesh shows at it, the speed is looked for
-in short blocks and far about the nominal one, and kept only if the mesh stands out better at the
-speeds so found. On the way it is told how clearly every mesh stands out.
+The steady comb is tried first, within 3 % of a nominal speed. Where its lines are not
+phase-coherent in the angle that it gives, or no mesh shows at it, the speed is looked for in short
+blocks and far about the nominal one, and kept only if the mesh stands out better at the speeds so
+found. Where a channel tells the course of the speed they are looked for about that, whose lag and
+scale the lines tell. What else a recording holds: `gearmon.signatures.speed_channels`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from gearmon.arrays import FloatArray
-from gearmon.errors import ArgumentError, RecordingError
 from gearmon.gears.kinematics import Kinematics, kinematics
 from gearmon.machine import Machine
 from gearmon.result import Result
@@ -26,10 +24,9 @@ from gearmon.signals.angle import AngleTrack
 from gearmon.signals.orders.lines import OrderSums
 from gearmon.signals.orders.resampling import InAngle
 from gearmon.signals.orders.spectra import fine_order_spectrum
-from gearmon.signals.recording import Recording
 from gearmon.signals.threads import at_once
 from gearmon.signals.tracking import mesh_detection, phases, tacho
-from gearmon.signals.tracking.comb import Comb, SpeedScan, clearest
+from gearmon.signals.tracking.comb import Comb, SpeedScan, SpeedTrack, clearest
 from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence
 from gearmon.signatures.measured.line_plan import MESH_HARMONICS, group_orders, mesh_harmonics
 
@@ -42,8 +39,6 @@ SPEED_REACH = 0.25
 _SCAN_TURNS, _SLOW_MESH_TURNS = 30.0, 8.0
 # Those in which a speed is followed that may change.
 _PATH_TURNS = 8.0
-# The same where nominal speeds are told apart, by lines that a speed that wanders must not smear.
-_COMPARED_TURNS = 12.0
 # Scan about a followed speed, for judging whether a mesh is there [turns, reach]; and the reach
 # about the speed that a tachometer tells: elsewhere than where its pulses want them lines are no
 # mesh's (over an eighth of a second, pulses a sample off at 4 kHz put the speed off by 0.3 %).
@@ -56,16 +51,9 @@ _PEAK_TOLERANCE, _PEAK_SAMPLES = 1e-3, 1 << 19
 _HARMONICS = 6
 # How far pulses and comb may be apart before it is asked which of them is right.
 _APART = 0.01
-# Mean speeds over the nominal one at which pulses are counted by the mesh, and the most a turn.
-_SPEEDS, _TRIED = (0.3, 1.3), 8
-# Share of the harmonics that must be clear for a count to be believed, and from which at the
-# nominal speed no other is asked. Of 14 lumped models of machines, 1 to 6 pulses a turn, steady at
-# 0.45 to 1.2 of that speed and run up and down between 0.3 and 1.1 (504 recordings), all are
-# counted right.
-_SHOWN, _PLAIN = 0.25, 0.75
 # Share of the mesh lines' power that must be phase-coherent, of a speed that wanders and of a calm
 # one, for no other speed to be looked for.
-_COHERENT, _NEARLY = 0.82, 0.6
+COHERENT, _NEARLY = 0.82, 0.6
 # Below this share the angle of a mesh line is not known to a tenth of its period.
 _LOST = 0.5
 # A path through noise gathers lines, too, which are not coherent in its angle: this share of them
@@ -75,12 +63,19 @@ _GATHERED = 0.2
 # Share of a path that may lie where the search ends. Of 5 drawn machines at 0.8 of their nominal
 # speed, wandering by 0.5 %, a third and more does: it was off by 0.3 to 1.2 % in the mean.
 _AT_THE_END = 0.1
-# How far about a path of speeds the comb is looked for in its angle, and then again.
-_PATH_REACHES = (0.015, 0.008)
+# How far about a path of speeds the comb is looked for in its angle, in blocks of so many turns,
+# and then again. About a course that a channel tells: for its lag and scale, and when these are
+# known. Seven lumped machines over cycles of 0.35 to 1.05 of their speed, a channel that rounds to
+# 1 rpm, lags by 60 ms, scatters by 2 rpm and is off by 0.3 %: a lag of 62 ms is told, and the angle
+# is right to 0.3 mesh periods throughout, where after a second search in blocks of 10 turns instead
+# it slipped by one where a ramp begins.
+_PATH_SEARCHES = (0.015, 10.0), (0.008, 10.0)
+_LAG_REACHES, _TOLD_SEARCHES = (0.12, 0.03), ((0.015, 5.0),)
 # Wander of the speed from which the ends of a recording need care, relative standard deviation.
 _WANDERS = 1e-3
-# Share of a recording in which the angle must be held for the rest to be left out.
-_HELD = 0.5
+# Share of a recording in which the angle must be held for the rest to be left out: without and with
+# a channel that tells the speed, by which lines too faint at low speeds are found again.
+_HELD = 0.5, 0.2
 # Stretches in which the angle may have slipped that a note names.
 _NAMED = 3
 # How much more of the lines must be phase-coherent before a speed far away is believed.
@@ -173,6 +168,8 @@ class GearVibration:
         blocks of some turns of a slow input would smear the lines of all behind it.
     far : bool
         Whether a mesh that healthy recordings show is looked for far about that speed, too.
+    told : SpeedTrack, optional
+        Course of that shaft's speed as a channel of the recording tells it.
     """
 
     samples: FloatArray
@@ -181,6 +178,7 @@ class GearVibration:
     nominal_hz: float
     pace: Fraction = Fraction(1)
     far: bool = False
+    told: SpeedTrack | None = None
 
     @cached_property
     def train(self) -> Kinematics:
@@ -269,7 +267,7 @@ class GearVibration:
             return replace(first, notes=("no mesh harmonic lies below the Nyquist frequency",))
         track, share = phases.follow_lines(sums, first.track, self.comb)
         found = replace(first, track=track, coherent=share)
-        calm = share > (_NEARLY if wander(track) < _WANDERS else _COHERENT)
+        calm = share > (_NEARLY if wander(track) < _WANDERS else COHERENT)
         if not calm:
             # a broken tooth fills the orders of its gear, and the comb suits two speeds alike
             course = phases.integrate_speed(first.scan.elsewhere(_BESIDE), self.last_s)
@@ -286,7 +284,7 @@ class GearVibration:
                 least = share + (_BETTER if more == 0 else _FAR_BETTER)
                 if self.far or more > 0 or followed[0].coherent > least:
                     return _with_doubt(*followed)
-        if share > _COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
+        if share > COHERENT and first.detected < len(first.evidence) and wander(track) > _WANDERS:
             # a speed that wanders smears lines in long blocks
             judged = replace(self.judged(track), coherent=share)
             if judged.detected > first.detected and _agrees(judged):
@@ -441,162 +439,10 @@ class Tracking:
         return abs(self.track.mean_hz / other.track.mean_hz - 1) <= _APART
 
 
-def track_recording(recording: Recording, machine: Machine, far: bool = False) -> Tracking:
-    """Find the angle of shaft 1: from a tachometer if there is one, else from comb and phases.
-
-    The pulses of a tachometer tell the turn, the phases of the mesh lines the angle between them
-    (`gearmon.signals.tracking`). A channel that only its name makes a tachometer is left alone
-    where it is none.
-
-    Parameters
-    ----------
-    recording : Recording
-        Vibration, and perhaps a tacho channel.
-    machine : Machine
-        Nominal speeds, of which that is meant whose own lines are clearest; its sensors tell what
-        the tachometer sits on.
-    far : bool
-        As of `GearVibration`; not asked where a tachometer tells the speed.
-
-    Returns
-    -------
-    Tracking
-
-    Raises
-    ------
-    RecordingError
-        If a tacho channel that somebody named as such holds no usable pulses.
-    """
-    vibration, shaft1_hz = recording.vibration(), machine.operating[0].shaft1_hz
-    pace = max(shaft.exact for shaft in kinematics(machine).shafts)
-    signal = GearVibration(
-        samples=vibration.samples,
-        rate=vibration.sampling_rate_hz,
-        machine=machine,
-        nominal_hz=shaft1_hz * float(pace),
-        pace=pace,
-        far=far,
-    )
-    if any(point.shaft1_hz != shaft1_hz for point in machine.operating):
-        signal, _ = signal.meant(lambda own: own.scan(_COMPARED_TURNS))
-    notes: list[str] = []
-    for index, kind in enumerate(recording.channel_kinds):
-        if kind != "tacho":
-            continue
-        try:
-            return _with_tacho(recording, index, signal).by_shaft1()
-        except (ArgumentError, RecordingError) as error:
-            if recording.tacho_told:
-                raise
-            why = str(error).removeprefix("tacho channel: ").split(". ")[0]
-            notes.append(
-                f"{recording.channel_names[index]} is no usable tachometer, though its name "
-                f"suggests one: {why}; the vibration alone tells the angle"
-            )
-    alone = signal.alone.by_shaft1()
-    return replace(alone, notes=(*notes, *alone.notes))
-
-
-def _with_tacho(recording: Recording, index: int, signal: GearVibration) -> Tracking:
-    """Track by the pulses of one channel and the lines between them."""
-    name = recording.channel_names[index]
-    places = name, str(recording.columns[index])
-    sensors = (s for s in signal.machine.sensors if s.kind == "tacho")
-    sensor = next((s for s in sensors if str(s.column) in places), None)
-    known = sensor.pulses_per_turn if sensor else None
-    pulses = tacho.find_pulses(recording.samples[index], recording.sampling_rate_hz, known)
-    if sensor:
-        count = sensor.pulses_per_turn
-        found = signal.by_pulses(
-            pulses, count, kinematics(signal.machine).shaft(sensor.shaft).order
-        )
-    else:
-        count, found = _pulses_counted(pulses, signal)
-    if not recording.tacho_told:
-        _check_believed(found)
-    # no mesh is heard less with pulses than without, where both tell the same speed: about one
-    # speed there are few combs of other teeth to stand out of (of 14 drawn machines, 3 s each, one
-    # shows its mesh without the pulses alone); the first costs less
-    for way in ("first", "alone"):
-        if found.detected == len(found.evidence):
-            break
-        rival: Tracking = getattr(signal, way)
-        if rival.detected > found.detected and found.is_near(rival):
-            found = replace(found, scan=rival.scan, evidence=rival.evidence)
-    told = [f"{count} pulse{'s' if count > 1 else ''} a turn"]
-    if pulses.missing or pulses.extra:
-        told.append(f"{pulses.missing} pulses filled in, {pulses.extra} left out")
-    track = found.track
-    sums = signal.sums(float(track.speed_hz.max()))
-    if sums is not None:
-        track, beyond = tacho.join(sums, track)
-        if beyond > 1.0:
-            told.append(
-                f"the mesh lines would move the angle {beyond:.3g} times as far as the "
-                "scatter of the pulses allows; the pulses alone tell it"
-            )
-    return replace(found, track=track, notes=tuple(f"tacho {name}: {one}" for one in told))
-
-
-def _pulses_counted(pulses: tacho.TachoPulses, signal: GearVibration) -> tuple[int, Tracking]:
-    """Count pulses a turn of shaft 1 as the nominal speed and the mesh have it.
-
-    At half the speed every second line of a comb is a mesh line, at twice the speed every one, but
-    then those between are as clear: the fastest speed counts at which they are not.
-    """
-    near, refused = tuple[int, ...](), list[RecordingError]()
-
-    @cache
-    def judged(count: int) -> Tracking | None:
-        try:
-            return signal.by_pulses(pulses, count)
-        except RecordingError as error:
-            refused.append(error)
-            return None
-
-    try:
-        near = tacho.pulses_per_turn(pulses, signal.shaft1_hz)
-    except RecordingError as error:
-        refused.append(error)
-    # most harmonics clear at the nominal speed: no other is asked
-    plain = judged(near[0]) if len(near) == 1 else None
-    if plain and plain.clear_share > _PLAIN:
-        return near[0], plain
-    mean = len(pulses.time_s[1:]) / float(np.ptp(pulses.time_s)) / signal.shaft1_hz
-    slowest, fastest = _SPEEDS
-    elsewhere = range(max(1, math.ceil(mean / fastest)), min(_TRIED, int(mean / slowest)) + 1)
-    tried = sorted({*near, *elsewhere})
-    for count in tried:
-        own = judged(count)
-        slower = [count / other for other in tried if other > count]
-        if own and own.clear_share > _SHOWN and not own.finer(slower):
-            return count, own
-    at_nominal = any(own.detected for own in map(judged, near) if own)
-    if not at_nominal and signal.alone.detected:
-        known_hz = signal.alone.track.mean_hz / float(signal.pace)
-        with suppress(RecordingError):
-            near += tacho.pulses_per_turn(pulses, known_hz, TACHO_REACH)
-    held = [(count, own) for count in near if (own := judged(count))]
-    if not held:
-        raise refused[0]
-    return max(held, key=lambda known: known[1].clarity)
-
-
-def _check_believed(judged: Tracking) -> None:
-    """Refuse pulses at whose speed fewer lines show than at another one that holds the angle."""
-    signal = judged.signal
-    for way in ("first", "alone") if judged.detected else ("alone",):
-        rival: Tracking = getattr(signal, way)
-        if judged.is_near(rival) or rival.clarity <= judged.clarity:
-            return
-    # where the speed changes far, lines show at that of any part, but stand still in no angle
-    if judged.detected and rival.lost:
-        return
-    told_hz, rival_hz = (own.track.mean_hz / float(signal.pace) for own in (judged, rival))
-    raise RecordingError(
-        f"the mesh lines stand out less at the {told_hz:.4g} Hz that its pulses "
-        f"say than at {rival_hz:.4g} Hz"
-    )
+def follow_told(signal: GearVibration) -> Tracking | None:
+    """Find the angle about the course of speed that a channel tells; None if no mesh is there."""
+    followed = _followed(signal)
+    return _with_doubt(*followed) if followed else None
 
 
 def _elsewhere(first: Tracking) -> bool:
@@ -615,23 +461,31 @@ def _elsewhere(first: Tracking) -> bool:
 
 
 def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
-    """Look for the comb in short blocks far about nominal; None if no mesh stands out there."""
-    signal, path = signal.meant(GearVibration.path)
-    speed = path.track()
-    course = speed.speed_hz
-    sums = signal.sums(float(course.max()))
-    ends = path.nominal_hz * path.ratio[[1, -2]]
-    # beyond what is looked at the speed is not known
-    if sums is None or np.mean((course <= ends[0]) | (course >= ends[1])) > _AT_THE_END:
+    """Look for the comb about a course that is told, or else in short blocks far about nominal.
+
+    None if no mesh stands out there.
+    """
+    if signal.told is None:
+        signal, path = signal.meant(GearVibration.path)
+        speed = path.track()
+        ends = path.nominal_hz * path.ratio[[1, -2]]
+        # beyond what is looked at the speed is not known
+        if np.mean((speed.speed_hz <= ends[0]) | (speed.speed_hz >= ends[1])) > _AT_THE_END:
+            return None
+        searches: Sequence[tuple[float, float]] = _PATH_SEARCHES
+    else:
+        speed, searches = _without_lag(signal, signal.told), _TOLD_SEARCHES
+    sums = signal.sums(float(speed.speed_hz.max()))
+    if sums is None:
         return None
     track = phases.integrate_speed(speed, signal.last_s)
-    for reach in _PATH_REACHES:
-        track = phases.unwarp(sums, track, signal.comb, reach)
+    for reach, turns in searches:
+        track = phases.unwarp(sums, track, signal.comb, reach, turns)
     track, share = phases.lock_track(sums, track)
     judged = replace(signal.judged(track), coherent=share)
-    if share < _GATHERED or not _agrees(judged):
+    if (share < _GATHERED and signal.told is None) or not _agrees(judged):
         return None
-    course = course / float(signal.pace)
+    course = speed.speed_hz / float(signal.pace)
     note = (
         f"the speed was followed over the recording, from {course[0]:.4g} to {course[-1]:.4g} Hz "
         f"between {course.min():.4g} and {course.max():.4g} Hz; nominal is {signal.shaft1_hz:.4g} "
@@ -640,11 +494,33 @@ def _followed(signal: GearVibration) -> tuple[Tracking, OrderSums] | None:
     return replace(judged, notes=(note,)), sums
 
 
+def _without_lag(signal: GearVibration, course: SpeedTrack) -> SpeedTrack:
+    """Take from a course that is told what its channel lags behind, and what its scale is off.
+
+    With the lag tau and the scale a, ln(true / told) = ln a + tau d(ln told)/dt to first order.
+    """
+    edges_s = np.linspace(0.0, signal.last_s, max(4, round(signal.last_s * signal.nominal_hz / 8)))
+    middle_s = 0.5 * (edges_s[1:] + edges_s[:-1])
+    for reach in _LAG_REACHES:
+        told = phases.integrate_speed(course, signal.last_s)
+        sums = signal.sums(float(course.speed_hz.max()))
+        if sums is None:
+            break
+        true = phases.unwarp(sums, told, signal.comb, reach)
+        known, found = (np.log(np.diff(own.turns_at(edges_s))) for own in (told, true))
+        terms = np.stack([np.gradient(known, middle_s), np.ones(len(known))], axis=1)
+        lag_s, scale = np.linalg.lstsq(terms, found - known)[0]
+        lagged_s = course.time_s + lag_s
+        course = SpeedTrack(time_s=course.time_s, speed_hz=np.exp(scale) * course.at(lagged_s))
+    return course
+
+
 def _agrees(judged: Tracking) -> bool:
     """Whether meshes are clear and sidebands agree with a speed; they must show if it is far off.
 
     A mesh of one tooth more stands at the same lines if the shaft turns a little slower: only the
-    spacing of its sidebands tells. Of a machine whose mesh is known coherent lines are enough.
+    spacing of its sidebands tells. Where the mesh is known coherent lines are enough, and where a
+    channel tells the speed clear ones.
     """
     if judged.clarity[1] < 2:
         return False
@@ -652,7 +528,8 @@ def _agrees(judged: Tracking) -> bool:
     low, high = (1 - SPEED_TOLERANCE) * speeds.min(), (1 + SPEED_TOLERANCE) * speeds.max()
     pieces = max(1, signal.samples.shape[-1] >> 18)
     spectrum = fine_order_spectrum(signal.in_angle(judged.track), pieces)
-    known, supported = signal.far and judged.coherent > _COHERENT, False
+    known, supported = signal.far and judged.coherent > COHERENT, False
+    known |= signal.told is not None
     for mesh, comb, seen in zip(signal.train.meshes, signal.meshes, judged.evidence, strict=True):
         if not seen.stands_out or mesh.carrier != 0:
             continue
@@ -679,18 +556,20 @@ def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
     if share >= _LOST and not check.locked:
         track, check = phases.mend_slips(sums, track, check, found.signal.comb)
     doubt, notes, held_s = check.typical_turns(), found.notes, None
-    lost = share < _LOST and not check.held_throughout
+    # a channel tells the speed however the path turns the lines
+    told = found.signal.told is not None
+    lost = share < _LOST and not check.held_throughout and not told
     if lost:
         order = max(mesh.order for mesh in found.signal.train.meshes)
         cycles = np.sqrt(-np.log(max(share, 1e-3))) / (2 * np.pi)
         doubt = max(cycles / order, doubt)
         notes += (
             f"the angle is doubtful: only {share:.0%} of the power of the mesh lines stands still "
-            "in it; record with a tachometer",
+            "in it; record with a tachometer, or the speed in a column",
         )
     elif not check.locked:
         start, stop = check.held(track)
-        if stop - start >= _HELD * (track.time_s[-1] - track.time_s[0]):
+        if stop - start >= _HELD[told] * (track.time_s[-1] - track.time_s[0]):
             doubt, held_s = check.typical_turns(start, stop), (start, stop)
             notes += (
                 f"only {start:.4g} to {stop:.4g} s are looked at: beyond, the mesh lines do not "
@@ -703,7 +582,7 @@ def _with_doubt(found: Tracking, sums: OrderSums) -> Tracking:
             notes += (
                 f"the angle is doubtful: the mesh lines do not hold it from {where}{more}, where "
                 "it may have slipped by whole mesh periods; leave these parts out, or record with "
-                "a tachometer",
+                "a tachometer, or the speed in a column",
             )
     track = replace(track, uncertainty_turns=float(doubt))
     return replace(found, track=track, notes=notes, held_s=held_s, lost=lost)

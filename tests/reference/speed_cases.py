@@ -148,8 +148,9 @@ def make_case(
 ):
     """A recording of a train.
 
-    `law` is "wander" (random speed, relative deviation `amount`) or "ramp" (speed rises evenly by
-    `amount`, its middle at nominal); `off` is how far the true speed departs from nominal; `tones`
+    `law` is "wander" (random speed, relative deviation `amount`), "ramp" (speed rises evenly by
+    `amount`, its middle at nominal) or the shares of nominal that the speed runs through, evenly in
+    time; `off` is how far the true speed departs from nominal; `tones`
     steady lines of other machines, each as strong as a mesh, are added.
     """
     generator = np.random.default_rng(seed)
@@ -158,8 +159,10 @@ def make_case(
     time = np.arange(count) / rate
     if law == "wander":
         relative = wandering(duration_s, rate, amount, generator, memory_s)
-    else:
+    elif law == "ramp":
         relative = amount * (time / duration_s - 0.5)
+    else:
+        relative = np.interp(time, np.linspace(0.0, duration_s, len(law)), law) - 1
     nominal = machine.operating[0].shaft1_hz
     speed = nominal * (1 + off) * (1 + relative)
     turns = generator.uniform(0, 1) + np.concatenate(

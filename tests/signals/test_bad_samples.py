@@ -202,6 +202,9 @@ SOUND = {
     "ringing impacts": np.tile(np.exp(-np.arange(1000) / 30) * np.cos(np.arange(1000)), 60)
     + 1e-3 * white(60_000, seed=6),
     "run-up": np.linspace(0.01, 1.0, 60_000) ** 2 * white(60_000, seed=7),
+    # 14 dB within an eighth of a second, on the way from one steady speed to another
+    "resonance on the way": 10 ** (0.7 * np.clip((TIME - 2.0) / 0.12, 0, 1))
+    * white(60_000, seed=15),
     "load that doubles": np.where(TIME < 3, 1.0, 2.0) * white(60_000, seed=8),
     "load that swings": (1.2 + np.sin(2 * np.pi * 0.5 * TIME)) * white(60_000, seed=9),
     "coarse load that swings": np.round(

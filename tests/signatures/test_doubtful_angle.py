@@ -14,7 +14,8 @@ from reference.synthetic_signals import lines_on, track_of
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import load_machine
 from gearmon.signals.angle import AngleTrack
-from gearmon.signatures.tracking import GearVibration, Tracking, _with_doubt, track_recording
+from gearmon.signatures.speed_channels import track_recording
+from gearmon.signatures.tracking import GearVibration, Tracking, _with_doubt
 
 
 def slipped(track, turns, at_s, lasting_s=0.4):

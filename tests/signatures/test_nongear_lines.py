@@ -16,6 +16,8 @@ from reference.nongear_cases import (
     train,
 )
 from reference.simulated_machines import planetary
+from reference.synthetic_signals import track_of, white
+from scipy.signal import bilinear, lfilter
 
 from gearmon.files import restored, stored
 from gearmon.gears.kinematics import kinematics
@@ -67,6 +69,28 @@ def test_what_follows_the_shaft_is_told_from_what_does_not():
 def test_an_even_speed_leaves_the_lock_open():
     found = heard(1, orders=(40.37,), tones_hz=(100.0,), wander=0.0)
     assert {line.locked for line in found} == {"either"}
+
+
+def test_a_line_that_modes_move_while_the_speed_rises_is_its_gears_own():
+    """Two modes that beat answer most after a while: on a ramp the line comes late."""
+    rate, last_s = 6000.0, 20.0
+    time_s = np.arange(round(rate * last_s)) / rate
+
+    def turns(at_s):
+        return 18.0 * at_s + 0.3 * at_s**2
+
+    order = 3 * float(train().meshes[0].order)
+    source, moved = np.cos(2 * np.pi * order * turns(time_s)), np.zeros(len(time_s))
+    for sign, mode_hz in ((1.0, 1600.0), (-1.0, 1640.0)):
+        w = 2 * rate * np.tan(np.pi * mode_hz / rate)  # as the bilinear transform warps it
+        moved += sign * lfilter(*bilinear([w * w], [1, 2 * 0.02 * w, w * w], rate), source)
+    samples = np.stack([moved, moved]) + 0.1 * white((2, len(time_s)), seed=2)
+    vibration = InAngle.of(samples, rate, track_of(turns, last_s, 400))
+    spectrum = fine_order_spectrum(vibration)
+    away = abs(spectrum.step * np.argmax(spectrum.power[0]) - order)
+    assert away > 3 * spectrum.width
+    found = nongear_lines(vibration, train(), spectrum)
+    assert [line.order for line in found if line.kind == "spectrum"] == []
 
 
 def drift(size):

@@ -201,7 +201,11 @@ class OrderBlocks:
         self.block_turns, self.count = block / grid.per_turn, 2 * (grid.count - block) // block + 2
         # steps that last no longer than a sample hold the whole band; fewer of them do for lines
         # low in it, and what is folded onto these the kernel has taken out before
-        width, room, coarsest = _choice(error, top, whole)
+        # of the kernels by what it may add, the highest order and samples a turn; close to half
+        # the sampling rate the middle one would need more steps than the longest
+        middle = error >= _MIDDLE_FROM and _MIDDLE[1] * top <= whole
+        slow = _MIDDLE if middle else _PRECISE
+        width, room, coarsest = _QUICK if error >= _QUICK_FROM else slow
         least = max(room * top, whole if held else coarsest * whole)
         self.steps = fast_length(int(np.ceil(self.block_turns * least))) // 2  # of a half
         per_turn = 2 * self.steps / self.block_turns
@@ -271,14 +275,6 @@ class OrderBlocks:
         floor = local_floor(mean, min(mean.shape[-1], 256)) / median
         bins = np.rint(self.orders * (2 * self.block_turns)).astype(int)
         return np.asarray(floor[:, np.minimum(bins, mean.shape[-1] - 1)] * self.scale**2)
-
-
-def _choice(error: float, top: float, whole: float) -> tuple[int, float, float]:
-    """Choose the kernel by what it may add, the highest order and samples a turn."""
-    if error >= _QUICK_FROM:
-        return _QUICK
-    # close to half the sampling rate it would need more steps than the longer kernel
-    return _MIDDLE if error >= _MIDDLE_FROM and _MIDDLE[1] * top <= whole else _PRECISE
 
 
 class GriddedPlan:

@@ -323,7 +323,11 @@ def spacing(stamps: FloatArray) -> Spacing:
         told = f"missing (in {len(missing)} of {len(stamps)} rows)"
         return Spacing(step=0.0, fault=told, row=int(missing[0]))
     step = float(stamps[-1] - stamps[0]) / (len(stamps) - 1)
-    usual, exact = _usual_step(stamps)
+    some = np.append(np.diff(stamps[: 2 * _MANY]), np.diff(stamps[2 * _MANY :][-_MANY:]))
+    usual = float(np.median(some))
+    slack = 1e-6 * abs(usual) + 4 * np.spacing(np.abs(stamps[[0, -1]]).max())
+    # whether nearly all steps are equal to it
+    exact = np.count_nonzero(np.abs(some - usual) > slack) <= max(1, 0.01 * len(some))
     resolution = _resolution(stamps)
     if exact and resolution > _DOUBTFUL * step:
         resolution = 0.0  # a step such as 0.001 with three decimals: nothing was rounded
@@ -378,15 +382,6 @@ def _fault(stamps: FloatArray, usual: float, least: float, most: float) -> tuple
     if lost >= 1 and abs(found / usual - lost - 1) <= 0.2:
         text += f": about {lost} {'sample is' if lost == 1 else 'samples are'} missing"
     return text, row
-
-
-def _usual_step(stamps: FloatArray) -> tuple[float, bool]:
-    """Return the median step, and whether nearly all steps are equal to it (nothing rounded)."""
-    some = np.append(np.diff(stamps[: 2 * _MANY]), np.diff(stamps[2 * _MANY :][-_MANY:]))
-    usual = float(np.median(some))
-    slack = 1e-6 * abs(usual) + 4 * np.spacing(np.abs(stamps[[0, -1]]).max())
-    others = int(np.count_nonzero(np.abs(some - usual) > slack))
-    return usual, others <= max(1, 0.01 * len(some))
 
 
 def _resolution(stamps: FloatArray) -> float:

@@ -13,7 +13,7 @@ import numpy as np
 
 from gearmon.arrays import FloatArray
 from gearmon.errors import RecordingError, nearest_name
-from gearmon.units import is_trusted_unit, is_unit, kind_of_unit
+from gearmon.units import is_trusted_unit, is_unit, kind_of_unit, speed_factor
 
 _SQUARE = re.compile(r"(.*?)\s*\[\s*([^\]]*?)\s*\]")
 _ROUND = re.compile(r"(.*?)\s*[(<]\s*(.+?)\s*[)>]")
@@ -180,10 +180,11 @@ def _kind_of(name: str, unit: str | None, *, named: bool) -> str:
         return "time"
     if named and by_unit is None and _INDEX.fullmatch(name):
         return "index"
-    if by_unit in ("speed", "torque", "other"):
-        return by_unit
     words = name.lower().replace("_", " ")
     by_name = next((kind for kind, pattern in _KINDS if re.search(pattern, words)), "vibration")
+    if by_unit in ("speed", "torque", "other"):
+        # in Hz it may be any frequency
+        return "speed" if by_name == "speed" and speed_factor(unit) else by_unit
     moves = unit is not None and by_unit == "vibration" and unit.lower() not in ("v", "mv")
     return "vibration" if moves else by_name
 

@@ -71,8 +71,8 @@ _PASSES = 2
 _LIMITS, _AT_ONCE = (0.4, 0.7, 1.0, 1.0, 1.0), (1.0, 1.0, 1.0)
 # Phases of noise scatter evenly over a cycle, variance 1/12; a line near that is not listened to.
 _NOISE_VARIANCE = 1.0 / 12.0
-# Blocks in which the comb is searched in the angle of a track [turns], and how often it is.
-_UNWARP_TURNS, _UNWARPED = 10.0, 2
+# How often the comb is searched in the angle of a track.
+_UNWARPED = 2
 # Share of the lines that is phase-coherent above which nothing is left to gain by that.
 _ALL_COHERENT = 0.93
 
@@ -345,7 +345,9 @@ def scan_angle(vibration: InAngle, comb: Comb, reach: float, block_turns: float)
     return SpeedScan(vibration, vibration.grid.per_turn, comb.below(top), 1.0, reach, block_turns)
 
 
-def unwarp(sums: OrderSums, track: AngleTrack, comb: Comb, reach: float = 0.015) -> AngleTrack:
+def unwarp(
+    sums: OrderSums, track: AngleTrack, comb: Comb, reach: float = 0.015, turns: float = 10.0
+) -> AngleTrack:
     """Follow a comb again in the angle of a first track, where its lines are nearly steady.
 
     Parameters
@@ -358,14 +360,16 @@ def unwarp(sums: OrderSums, track: AngleTrack, comb: Comb, reach: float = 0.015)
         Orders and weights.
     reach : float
         How far about the first track's speed to look, as a fraction.
+    turns : float
+        Length of a block.
 
     Returns
     -------
     AngleTrack
-        The better track, from blocks of 10 turns.
+        The better track.
     """
     vibration = InAngle.of(sums.samples, sums.sampling_rate_hz, track)
-    grid, scan = vibration.grid, scan_angle(vibration, comb, reach, _UNWARP_TURNS)
+    grid, scan = vibration.grid, scan_angle(vibration, comb, reach, turns)
     inner = integrate_speed(scan.track(), (grid.count - 1) / grid.per_turn)
     first = grid.first_turn
     return track.moved(first + inner.time_s, lambda turns: inner.turns_at(turns - first), np.nan)

@@ -94,12 +94,10 @@ class TachoPulses:
                 f"pulse times: an array of shape {times.shape}; a row of at least "
                 f"{_FEWEST_PULSES} times is needed"
             )
-        odd = np.flatnonzero(~np.isfinite(times))
-        if len(odd):
-            raise RecordingError(f"pulse times: pulse {odd[0] + 1} has no finite time")
+        for odd in np.flatnonzero(~np.isfinite(times)):
+            raise RecordingError(f"pulse times: pulse {odd + 1} has no finite time")
         falls = np.flatnonzero(np.diff(times) <= 0)
-        if len(falls):
-            first = int(falls[0])
+        for first in falls:
             raise RecordingError(
                 f"pulse times: pulse {first + 2} at {times[first + 1]:g} s does not come after "
                 f"pulse {first + 1} at {times[first]:g} s, nor do {len(falls) - 1} others after "

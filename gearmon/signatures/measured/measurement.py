@@ -26,7 +26,8 @@ from gearmon.signals.tracking import mesh_detection
 from gearmon.signals.tracking.mesh_detection import MeshComb, MeshEvidence, SidebandSpacing
 from gearmon.signatures.measured.line_plan import LinePlan, line_plan
 from gearmon.signatures.measured.nongear_lines import NonGearLines, nongear_lines
-from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, track_recording, wander
+from gearmon.signatures.speed_channels import track_recording
+from gearmon.signatures.tracking import SPEED_TOLERANCE, Speed, Tracking, wander
 
 #: What a line may add elsewhere, relative to it: the angle is not known as well.
 LEAKAGE = 1e-4

@@ -17,7 +17,7 @@ from gearmon.signals.orders import OrderSums
 from gearmon.signals.tracking import check_slips
 from gearmon.signals.tracking.comb import Comb
 from gearmon.signals.tracking.phases import LostStretch, _led_over, _stretches, mend_slips
-from gearmon.signatures.tracking import track_recording
+from gearmon.signatures.speed_channels import track_recording
 
 RATE, DURATION, SPEED = 5000.0, 12.0, 25.0
 TIME = np.arange(int(RATE * DURATION)) / RATE

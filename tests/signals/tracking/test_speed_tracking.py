@@ -15,7 +15,7 @@ from gearmon.machine import Machine, OperatingPoint, ParallelStage
 from gearmon.signals.angle import AngleTrack
 from gearmon.signals.recording import Recording
 from gearmon.signatures.measured.measurement import measure_signature
-from gearmon.signatures.tracking import track_recording
+from gearmon.signatures.speed_channels import track_recording
 from gearmon.simulation import simulate
 
 

@@ -1,0 +1,134 @@
+"""The angle where a channel tells the speed: over duty cycles no comb can be followed by itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.speed_cases import make_case
+from scipy.signal import lfilter
+
+from gearmon.gears.kinematics import kinematics
+from gearmon.machine import Sensor
+from gearmon.signals.recording import read_recording
+from gearmon.signatures.speed_channels import track_recording
+from gearmon.units import speed_factor
+
+CYCLE = (0.45, 0.45, 1.0, 1.05, 0.6, 0.9, 0.9)
+
+
+def with_speed(case, *, name="speed", unit="rpm", factor=60.0, lag_s=0.06, step=1.0, held_s=0.01):
+    """The case with a channel of speed: it lags, rounds, and stands between its values."""
+    recording, rate = case.recording, case.recording.sampling_rate_hz
+    true = factor * np.gradient(case.turns) * rate
+    share = np.exp(-1.0 / (lag_s * rate))
+    told, _ = lfilter([1 - share], [1, -share], true, zi=[share * true[0]])
+    held = round(held_s * rate)
+    told = np.repeat(told[::held], held)[: len(told)]
+    return replace(
+        recording,
+        samples=np.vstack([recording.samples, step * np.round(told / step)]),
+        channel_names=(*recording.channel_names, name),
+        channel_kinds=(*recording.channel_kinds, "speed"),
+        units=(*recording.units, unit),
+        columns=(),
+    )
+
+
+def error(case, found):
+    """Departure from the true angle: mesh periods of the fastest mesh, 95 % of the time within."""
+    time_s = np.arange(0, len(case.turns), 40) / case.recording.sampling_rate_hz
+    away = found.track.turns_at(time_s) - case.turns[::40]
+    order = max(float(mesh.order) for mesh in kinematics(case.machine).meshes)
+    return float(np.quantile(np.abs(away - np.median(away)), 0.95) * order)
+
+
+@pytest.fixture(scope="module", params=[0, 1])
+def cycle(request):
+    """A machine over a duty cycle, through a path that hardly turns its lines."""
+    return make_case(request.param, law=CYCLE, path_s=1e-4, duration_s=14.0, amount=0.0)
+
+
+def test_without_the_channel_a_duty_cycle_cannot_be_followed(cycle):
+    assert error(cycle, track_recording(cycle.recording, cycle.machine)) > 10
+
+
+@pytest.mark.parametrize(
+    "how",
+    [
+        {},
+        {"lag_s": 0.12},
+        {"held_s": 0.1, "step": 5.0},
+        {"factor": 61.0},
+        {"unit": "rad/s", "factor": 2 * np.pi, "step": 0.1},
+        {"name": "engine", "unit": None, "factor": 1.0, "step": 0.02},
+    ],
+    ids=["usual", "late", "slow", "wrong scale", "rad/s", "no unit"],
+)
+def test_about_a_speed_that_is_told_the_lines_tell_the_angle(cycle, how):
+    found = track_recording(with_speed(cycle, **how), cycle.machine)
+    assert error(cycle, found) < 0.2
+    assert "tells the speed about which the mesh lines were looked for" in found.notes[0]
+    assert "shaft 1" in found.notes[0]
+    assert all(seen.stands_out for seen in found.evidence)
+
+
+def test_a_channel_of_another_shaft_is_known_by_its_speed_or_by_the_machine_file(cycle):
+    order = float(kinematics(cycle.machine).shafts[1].order)
+    recording = with_speed(cycle, factor=60.0 * order, name="output", step=0.1)
+    found = track_recording(recording, cycle.machine)
+    assert "shaft 2" in found.notes[0]
+    assert error(cycle, found) < 0.15
+    sensor = Sensor(column="output", kind="speed", unit="rpm", shaft=2)
+    again = track_recording(recording, replace(cycle.machine, sensors=(sensor,)))
+    assert error(cycle, again) < 0.15
+
+
+def test_lines_that_tell_the_angle_alone_need_no_channel_and_no_wrong_one_spoils_them():
+    case = make_case(2, amount=0.005)
+    alone = track_recording(case.recording, case.machine)
+    for factor in (60.0, 61.0, 45.0, 30.0, 200.0):
+        found = track_recording(with_speed(case, factor=factor), case.machine)
+        assert np.array_equal(found.track.turns, alone.track.turns), factor
+        assert found.notes == alone.notes
+
+
+def test_speeds_below_a_fifth_of_nominal_do_no_harm():
+    case = make_case(3, law=(0.0, 0.0, 1.0, 1.0, 1.0, 0.8), path_s=1e-4, amount=0.0)
+    found = track_recording(with_speed(case), case.machine)
+    inside = slice(round(0.5 * len(case.turns)), None)
+    time_s = np.arange(len(case.turns))[inside] / case.recording.sampling_rate_hz
+    away = found.track.turns_at(time_s) - case.turns[inside]
+    order = max(float(mesh.order) for mesh in kinematics(case.machine).meshes)
+    assert np.std(away) * order < 0.15
+
+
+def test_a_channel_called_speed_that_holds_pulses_is_a_tachometer(cycle):
+    told = with_speed(cycle, name="speed", unit=None)
+    pulses = 5.0 * (cycle.turns % 1.0 < 0.3)
+    recording = replace(told, samples=np.vstack([cycle.recording.samples, pulses]))
+    found = track_recording(recording, cycle.machine)
+    assert found.track.method == "tacho"
+    assert error(cycle, found) < 0.1
+
+
+def test_units_of_speed_and_columns_in_hz(tmp_path):
+    assert speed_factor("1/min") == speed_factor("rpm") == pytest.approx(1 / 60)
+    assert speed_factor("rad/s") == pytest.approx(1 / (2 * np.pi))
+    assert speed_factor("Hz") == 1.0
+    assert speed_factor("Nm") is None
+    path = tmp_path / "a.csv"
+    rows = "\n".join(f"{k % 7 - 3},{24.5 + k % 2},{50.0 + k % 3}" for k in range(64))
+    path.write_text(f"acc [m/s2],shaft speed [Hz],grid [Hz]\n{rows}\n")
+    found = read_recording(path, 1000.0)
+    assert found.channel_kinds == ("vibration", "speed", "other")
+
+
+@pytest.mark.parametrize("seed", [5, 6])
+def test_half_the_nominal_speed_is_believed_where_lines_stand_between(seed):
+    case = make_case(seed, amount=0.003, off=-0.5)
+    found = track_recording(with_speed(case), case.machine)
+    true_hz = (case.turns[-1] - case.turns[0]) / case.recording.duration_s
+    assert found.track.mean_hz == pytest.approx(true_hz, rel=1e-3)
+    assert error(case, found) < 0.1
