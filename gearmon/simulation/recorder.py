@@ -98,22 +98,9 @@ def simulate(
     sampling_rate_hz: float = 20_000.0,
     seed: int = 0,
     *,
-    machine_seed: int | None = None,
-    recording_seed: int | None = None,
-    channels: int = 4,
-    load: float = 1.0,
-    slip: float = 0.01,
-    speed_drift: float = 0.005,
-    load_drift: float = 0.03,
-    torque_ripple: float = 0.02,
-    snr_db: float | None = 20.0,
-    accuracy_grade: float | None = 6.0,
-    unbalance: float = 1.0,
-    bearing_tones: float = 0.0,
-    mains_hz: float | None = None,
-    tacho_shaft: int | None = None,
     point: OperatingPoint | None = None,
     progress: Progress | None = None,
+    **settings: Any,
 ) -> SimulatedRecording:
     """Simulate a recording of a machine by integrating its equations of motion.
 
@@ -127,19 +114,16 @@ def simulate(
     duration_s, sampling_rate_hz : float
         Length [s], at least one turn of the slowest shaft, and rate [Hz].
     seed : int
-        Taken for `machine_seed` and `recording_seed` where these are not given.
-    machine_seed : int, optional
-        Of what belongs to the machine. Give the same one to a healthy and a faulty recording and
-        they are of the same machine, with the same pitch errors and the same path to the sensors.
-    recording_seed : int, optional
-        Of what differs between recordings: wander of speed and load, start angle, noise.
-    channels, load, slip, speed_drift, load_drift, torque_ripple, snr_db, accuracy_grade, \
-    unbalance, bearing_tones, mains_hz, tacho_shaft
-        See `Settings`.
+        Taken for `machine_seed` and `recording_seed` where these are not given. Give the same
+        `machine_seed` to a healthy and a faulty recording and they are of the same machine, with
+        the same pitch errors and the same path to the sensors.
     point : OperatingPoint, optional
         By default the machine's first.
     progress : callable, optional
         Called now and then with the share done, 0 to 1.
+    **settings
+        See `Settings`: machine_seed, recording_seed, channels, load, slip, speed_drift, load_drift,
+        torque_ripple, snr_db, accuracy_grade, unbalance, bearing_tones, mains_hz, tacho_shaft.
 
     Returns
     -------
@@ -173,26 +157,11 @@ def simulate(
     >>> recording.samples.shape, recording.truth["faults"][0]["tooth"]
     ((1, 4000), 7)
     """
-    settings = Settings(
-        duration_s=duration_s,
-        sampling_rate_hz=sampling_rate_hz,
-        machine_seed=seed if machine_seed is None else machine_seed,
-        recording_seed=seed if recording_seed is None else recording_seed,
-        channels=channels,
-        load=load,
-        slip=slip,
-        speed_drift=speed_drift,
-        load_drift=load_drift,
-        torque_ripple=torque_ripple,
-        snr_db=snr_db,
-        accuracy_grade=accuracy_grade,
-        unbalance=unbalance,
-        bearing_tones=bearing_tones,
-        mains_hz=mains_hz,
-        tacho_shaft=tacho_shaft,
-    )
+    lasting = {"duration_s": duration_s, "sampling_rate_hz": sampling_rate_hz}
+    seeds = {"machine_seed": seed, "recording_seed": seed}
+    wanted = Settings(**lasting, **(seeds | settings))
     known = faults_of(faults, errors=True)
-    return record(load_machine(machine), known, settings, point=point, progress=progress)
+    return record(load_machine(machine), known, wanted, point=point, progress=progress)
 
 
 def record(
