@@ -120,24 +120,14 @@ def half_traces_over(
             traces = value * np.exp(log)
         if not ROUNDING * np.abs(traces).max() < tolerance:
             break
-        terms = _analysis(points[1]) @ traces @ _analysis(points[0]).T
-        open_ = [_tail(t) > share for t in (terms.T, terms)]
+        along, across = (np.linalg.inv(chebyshev.chebvander(p, len(p) - 1)) for p in points)
+        terms = across @ traces @ along.T
+        # by the last coefficients: two, since every other one may vanish
+        open_ = [len(t) > 1 and bool((np.abs(t[-2:]) > share).any()) for t in (terms.T, terms)]
         if not any(open_):
             return partial(_interpolated, terms, sides)
         counts = [math.ceil(MORE_NODES * n) if o else n for n, o in zip(counts, open_, strict=True)]
     return partial(half_traces, **known, tolerance=tolerance)
-
-
-def _analysis(points: Real) -> Real:
-    """Matrix that makes coefficients of values at Chebyshev nodes."""
-    rows = chebyshev.chebvander(points, len(points) - 1).T * (2 / len(points))
-    rows[0] /= 2
-    return np.asarray(rows)
-
-
-def _tail(terms: Real) -> float:
-    """Size of the last coefficients: two, since every other one may vanish."""
-    return float(np.abs(terms[-2:]).max()) if len(terms) > 1 else 0.0
 
 
 def _interpolated(

@@ -157,11 +157,11 @@ def simulate(
     >>> recording.samples.shape, recording.truth["faults"][0]["tooth"]
     ((1, 4000), 7)
     """
-    lasting = {"duration_s": duration_s, "sampling_rate_hz": sampling_rate_hz}
-    seeds = {"machine_seed": seed, "recording_seed": seed}
-    wanted = Settings(**lasting, **(seeds | settings))
+    wanted: dict[str, Any] = {"duration_s": duration_s, "sampling_rate_hz": sampling_rate_hz}
+    wanted |= {"machine_seed": seed, "recording_seed": seed} | settings
     known = faults_of(faults, errors=True)
-    return record(load_machine(machine), known, wanted, point=point, progress=progress)
+    made = load_machine(machine), known, Settings(**wanted)
+    return record(*made, point=point, progress=progress)
 
 
 def record(
