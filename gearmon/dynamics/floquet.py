@@ -28,6 +28,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from numpy.polynomial import chebyshev
 
 from gearmon.arrays import IntArray
@@ -337,8 +338,6 @@ def system_multipliers(compliance: SystemCompliance, harmonics: Complex) -> Comp
 
 def _period_map(compliance: SystemCompliance, harmonics: Complex, count: int) -> Real:
     """Map of the modal state over a period in `count` steps, free rigid motions left out."""
-    from scipy.linalg import expm
-
     if count <= 2 * harmonics.shape[1]:
         raise ArgumentError(f"mesh_harmonics: more than {MOST_SYSTEM_STEPS // 2} of them")
     values, step = samples(with_zero_mean(harmonics), count), compliance.system.period_s / count
@@ -356,7 +355,7 @@ def _period_map(compliance: SystemCompliance, harmonics: Complex, count: int) ->
     seen = np.hstack([meshes.T, np.zeros_like(meshes.T)])
     pushed = np.vstack([np.zeros_like(meshes), meshes])
     begun = np.eye(2 * n) - pushed @ (kicks[0][:, None] * seen)
-    state = _kicked(begun, expm(rate * step), seen, pushed, kicks[1:])
+    state = _kicked(begun, scipy.linalg.expm(rate * step), seen, pushed, kicks[1:])
     matters = np.concatenate([held[kept], np.ones(n, dtype=bool)])
     return np.asarray(state[np.ix_(matters, matters)])
 
@@ -367,8 +366,6 @@ def _kicked(state: Real, drift: Real, seen: Real, pushed: Real, kicks: Real) -> 
     What the meshes see in a block of steps follows from the state before it by one triangular
     system, for a kick is felt by those after it only: far less work than step by step.
     """
-    from scipy.linalg import solve_triangular
-
     steps, meshes = min(KICKS_TOGETHER, len(kicks)), len(seen)
     freely, after = [seen @ drift], [pushed]
     for _ in range(steps - 1):
@@ -382,7 +379,7 @@ def _kicked(state: Real, drift: Real, seen: Real, pushed: Real, kicks: Real) -> 
     unkicked, left = np.concatenate(freely), np.concatenate(after[::-1], axis=1)
     whole, kicked = np.linalg.matrix_power(drift, steps), np.empty_like(between)
     for strengths in kicks.reshape(-1, steps * meshes):
-        places = solve_triangular(
+        places = scipy.linalg.solve_triangular(
             np.multiply(between, strengths, out=kicked),
             unkicked @ state,
             lower=True,

@@ -23,6 +23,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from gearmon.dynamics.compliance import PairCompliance
 from gearmon.dynamics.error_bound import Pattern
@@ -59,10 +60,8 @@ class Shot(NamedTuple):
 @lru_cache(maxsize=256)
 def odd_length(least: int) -> int:
     """Return the smallest odd 3^a 5^b 7^c 11^d >= `least`: every line but the mean has a twin."""
-    from scipy.fft import next_fast_len
-
     length = least | 1
-    while next_fast_len(length) != length:
+    while scipy.fft.next_fast_len(length) != length:
         length += 2
     return length
 
@@ -151,15 +150,14 @@ class Shooting:
 
     def _march_one(self, start: Real, steps: int, driven: Real | None) -> Real:
         """Do the same for one set, by LAPACK's band of a triangular matrix."""
-        from scipy.linalg.lapack import dtbtrs
-
         last, now = start[..., 0].reshape(-1, 2).T
         right = np.zeros((len(now), steps + 1))
         right[:, 0], right[:, 1] = now, self.recursion[0, 0, 0] * last
         if driven is not None:
             right[:, 1:] += driven[:, 0]
         bands = self._bands[: steps + 1].T
-        found = dtbtrs(bands, right.T, uplo="U", trans="T", diag="U", overwrite_b=1)[0].T
+        solve = scipy.linalg.lapack.dtbtrs
+        found = solve(bands, right.T, uplo="U", trans="T", diag="U", overwrite_b=1)[0].T
         return np.asarray(found).reshape(*start.shape[:-2], steps + 1, 1)
 
     def answer(self, still: Real) -> Real:

@@ -48,6 +48,7 @@ from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gearmon.arrays import BoolArray
 from gearmon.dynamics import floquet
@@ -347,8 +348,6 @@ def certainly_stable_up_to(shape: FourierShape, ratio: float, zeta: float, most:
 
 def _first_crossing(function: Callable[[float], float], grid: Real, values: Real) -> float:
     """Smallest s with function(s) > 0, also between grid points where it has a maximum."""
-    from scipy.optimize import brentq, minimize_scalar
-
     # a system without variation is on the boundary at most
     above = np.flatnonzero(values[1:] > 1e-14) + 1
     first = int(above[0]) if len(above) else len(grid)
@@ -357,7 +356,7 @@ def _first_crossing(function: Callable[[float], float], grid: Real, values: Real
     low, high = grid[first - 1], grid[first] if first < len(grid) else math.inf
     for peak in peaks:
         ends = grid[peak - 1], grid[peak + 1]
-        top = minimize_scalar(
+        top = scipy.optimize.minimize_scalar(
             lambda s: -function(s), bounds=ends, options={"xatol": 1e-9 * ends[1]}
         )
         if -top.fun > 1e-14:
@@ -365,7 +364,7 @@ def _first_crossing(function: Callable[[float], float], grid: Real, values: Real
             break
     if math.isinf(high):
         return math.inf
-    return float(brentq(function, low, high, xtol=1e-15 * high, rtol=1e-14))
+    return float(scipy.optimize.brentq(function, low, high, xtol=1e-15 * high, rtol=1e-14))
 
 
 MOST_HARMONICS = 600
@@ -438,8 +437,6 @@ def _undamped(shape: FourierShape, tongue: int, eps: Real) -> Real:
 
 def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Real:
     """1/m (I + eps F) 1/j, without the static row, whose harmonic follows the others."""
-    from scipy.linalg import toeplitz
-
     odd = tongue % 2
     order = np.arange(-highest, highest + 1 - odd) + odd / 2
     column = np.zeros(len(order), dtype=complex)
@@ -447,7 +444,7 @@ def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Rea
     if np.abs(f.imag).max() <= 1e-15 * np.abs(f).max():
         column = column.real
     # Hermitian: the first row is the conjugate of the first column
-    matrix = eps[:, None, None] * toeplitz(column) + np.eye(len(order))
+    matrix = eps[:, None, None] * scipy.linalg.toeplitz(column) + np.eye(len(order))
     if not odd:
         keep = order != 0
         static = matrix[:, keep][:, :, ~keep]

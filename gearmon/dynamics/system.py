@@ -41,6 +41,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+import scipy
 
 from gearmon.arrays import BoolArray, IntArray
 from gearmon.dynamics.fourier import Complex, Real
@@ -188,11 +189,9 @@ class HillSystem:
         ArgumentError
             If the mass matrix is not positive definite.
         """
-        from scipy.linalg import LinAlgError, eigh
-
         try:
-            squares, shapes = eigh(self.mean_stiffness, self.mass)
-        except LinAlgError:
+            squares, shapes = scipy.linalg.eigh(self.mean_stiffness, self.mass)
+        except np.linalg.LinAlgError:
             raise ArgumentError("mass: the matrix must be positive definite") from None
         return np.asarray(squares), np.asarray(shapes)
 
@@ -370,8 +369,6 @@ def integrate(
     >>> h.displacement.shape, float(h.displacement[0, 0]), float(round(h.acceleration[0, 0]))
     ((3, 1), 0.0, 14286.0)
     """
-    from scipy.integrate import solve_ivp
-
     check_range("relative_tolerance", relative_tolerance, 2.3e-14, 0.1)
     if backlash_m is not None and not backlash_m >= 0:
         raise ArgumentError(f"backlash_m={backlash_m} m must be >= 0")
@@ -384,7 +381,7 @@ def integrate(
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0).all():
         raise ArgumentError("time_s: must be a row of ascending times, two at least")
     size = relative_tolerance * equation.deflection
-    found = solve_ivp(
+    found = scipy.integrate.solve_ivp(
         lambda t, x: np.concatenate([x[n:], equation.rates(t, x)[0]]),
         (times[0], times[-1]),
         start,
