@@ -698,21 +698,16 @@ class Motion(Result):
 
     def _values(self, time: Real, derivative: int) -> Real:
         """Differentiate the displacement at a few times, or for 3 give the mesh force."""
-        e = self.equations
+        e, p = self.equations, self.equations.problem
+        angle = p.angular_frequency * time
         if derivative == KINDS.index("mesh_force"):
-            return self._mesh_force(time)
-        moved = turning(e.problem.angular_frequency * time, e.lines) @ self._shapes[derivative]
+            n = np.arange(1.0, len(p.stiffness_harmonics) + 1)
+            phi = 2 * (turning(angle, n) @ p.stiffness_harmonics).real
+            spring = p.stiffness_n_per_m * (1 + phi) * self._values(time, 0)
+            return np.asarray(spring + p.damping_ns_per_m * self._values(time, 1))
+        moved = turning(angle, e.lines) @ self._shapes[derivative]
         z = (moved[:, :2] * self.amplitudes(time)).sum(axis=1) + moved[:, 2]
         return np.asarray(z.real, dtype=np.float64)
-
-    def _mesh_force(self, time: Real) -> Real:
-        p = self.equations.problem
-        n = np.arange(1.0, len(p.stiffness_harmonics) + 1)
-        phi = 2 * (turning(p.angular_frequency * time, n) @ p.stiffness_harmonics).real
-        stiffness = p.stiffness_n_per_m * (1 + phi)
-        force: Real = stiffness * self._values(time, 0)
-        force += p.damping_ns_per_m * self._values(time, 1)
-        return force
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

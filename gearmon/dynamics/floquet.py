@@ -31,7 +31,6 @@ import numpy as np
 import scipy
 from numpy.polynomial import chebyshev
 
-from gearmon.arrays import IntArray
 from gearmon.dynamics.fourier import Complex, Real, samples, with_zero_mean
 from gearmon.errors import ArgumentError
 
@@ -75,7 +74,12 @@ def half_traces(
     given = np.array(np.broadcast_arrays(ratio, variation, zeta), dtype=np.float64)
     systems = given.reshape(3, -1)
     found = np.empty((2, systems.shape[1]))
-    counts = _first_counts(systems, harmonics, tolerance)
+    # powers of two: at 1e-7 a step a radian of the vibration or more, which the next doubles
+    stiffest = np.abs(1 - systems[2] ** 2) + np.abs(systems[1]) * 2 * np.abs(harmonics).sum()
+    each = (1e-7 / max(tolerance, 1e-12)) ** (1 / 6)
+    least = each * 2 * math.pi * systems[0] * np.sqrt(stiffest)
+    least = np.clip(least, 2.5 * len(harmonics) + 3, MOST_STEPS / 4)
+    counts = (2 ** np.ceil(np.log2(least))).astype(np.int_)
     for count in np.unique(counts):
         left = np.flatnonzero(counts == count)
         width = max(1, BLOCK // int(count))
@@ -144,16 +148,6 @@ def _interpolated(
     return np.asarray(made), np.zeros(1)
 
 
-def _first_counts(systems: Real, harmonics: Complex, tolerance: float) -> IntArray:
-    """Powers of two: at 1e-7 a step a radian of the vibration or more, which the next doubles."""
-    ratio, variation, zeta = systems
-    size = 2 * float(np.abs(harmonics).sum())
-    radians = 2 * math.pi * ratio * np.sqrt(np.abs(1 - zeta**2) + np.abs(variation) * size)
-    each = (1e-7 / max(tolerance, 1e-12)) ** (1 / 6)
-    least = np.maximum(each * radians, 2.5 * len(harmonics) + 3)
-    return np.asarray(2 ** np.ceil(np.log2(np.minimum(least, MOST_STEPS / 4)))).astype(np.int_)
-
-
 def _refined(systems: Real, harmonics: Complex, count: int, tolerance: float) -> tuple[Real, Real]:
     """Halve the steps until the extrapolated half traces agree."""
     old, log = _magnus(systems, harmonics, count)
@@ -180,7 +174,11 @@ def _magnus(systems: Real, harmonics: Complex, count: int) -> tuple[Real, Real]:
     ratio, variation, zeta = systems
     length = 2 * math.pi * ratio / count
     known = variation * length**2, (1 - zeta**2) * length**2
-    values = [known[0] * f[:, None] + known[1] for f in _at_gauss(harmonics, count)]
+    turns = 2j * math.pi / count * np.arange(1, len(harmonics) + 1)
+    # f at the three Gauss points of every step
+    offsets = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
+    at = [samples(with_zero_mean(harmonics * np.exp(turns * x)), count) for x in offsets]
+    values = [known[0] * f[:, None] + known[1] for f in at]
     matrices, log = _steps(values, length)
     for left in range(count.bit_length() - 2, -1, -1):
         matrices = multiply(matrices[:, :, 1::2], matrices[:, :, ::2])
@@ -189,13 +187,6 @@ def _magnus(systems: Real, harmonics: Complex, count: int) -> tuple[Real, Real]:
             matrices /= size
             log += np.log(size).sum(axis=0)
     return (matrices[0, 0, 0] + matrices[1, 1, 0]) / 2, log
-
-
-def _at_gauss(harmonics: Complex, count: int) -> list[Real]:
-    """Values of f at the three Gauss points of each of `count` equal steps of the period."""
-    turns = 2j * math.pi / count * np.arange(1, len(harmonics) + 1)
-    offsets = (0.5 - math.sqrt(0.15), 0.5, 0.5 + math.sqrt(0.15))
-    return [samples(with_zero_mean(harmonics * np.exp(turns * x)), count) for x in offsets]
 
 
 def _steps(values: list[Real], length: Real) -> tuple[Real, Real]:

@@ -332,22 +332,15 @@ def recombine(equations: MeshEquations, x: Complex, tolerance: float, most: int)
     def coupling(swing: Complex) -> Complex:
         return equations.modulate(equations.compliance.answer(swing), core)
 
-    target = _target(equations, known, right_side, tolerance)
-    inner, own = least_residual(coupling, right_side, target, most - orders)
+    # the rms residual of the core that leaves 0.4 of the tolerance
+    motion, gain = known.motion.copy(), equations.gain.acceleration
+    motion[..., : core + 1] += equations.compliance.motion(right_side)
+    swing = np.maximum(known.size, equations.size(motion))
+    target = 1e-3 * equations.compliance.size(right_side) if np.isinf(gain) else 0.4 * swing / gain
+    inner, own = least_residual(coupling, right_side, float(target) * tolerance, most - orders)
     x = known.swing.copy()
     x[..., : core + 1] += inner
     return equations.judge(x, orders + own)
-
-
-def _target(
-    equations: MeshEquations, known: Approximation, right_side: Complex, tolerance: float
-) -> float:
-    """Rms residual of the core that leaves 0.4 of the tolerance."""
-    gain, size = equations.gain.acceleration, equations.compliance.size(right_side)
-    motion = known.motion.copy()
-    motion[..., : right_side.shape[-1]] += equations.compliance.motion(right_side)
-    swing = np.maximum(known.size, equations.size(motion))
-    return float(1e-3 * size if np.isinf(gain) else 0.4 * swing / gain) * tolerance
 
 
 def plain_sum(

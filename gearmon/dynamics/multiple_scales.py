@@ -41,7 +41,7 @@ from __future__ import annotations
 import heapq
 import itertools
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -342,11 +342,15 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
     reaches = (widest * (order - k) for k in range(1, order + 1))
     near = [range(max(-highest, line - r), min(highest, line + r) + 1) for r in reaches]
     came = {n: [n - j for j in steps if j or own[n]] for n in range(-highest, highest + 1)}
-    if most is None and _most_paths(kept, near, came) > MOST_PATHS:
-        raise ArgumentError(
-            f"line {line} has more than {MOST_PATHS} terms at order {order}: ask for the "
-            "largest with most=20"
-        )
+    # how many lead to each line after every step, before any is made
+    ways = dict.fromkeys(kept, 1)
+    for lines in near if most is None else ():
+        ways = {n: sum(ways.get(m, 0) for m in came[n]) for n in lines}
+        if max(ways.values()) > MOST_PATHS:
+            raise ArgumentError(
+                f"line {line} has more than {MOST_PATHS} terms at order {order}: ask for the "
+                "largest with most=20"
+            )
     for lines in near:
         found: dict[int, list[Path]] = {}
         for n in lines:
@@ -359,17 +363,6 @@ def paths(expansion: Expansion, line: int, order: int, most: int | None = None) 
                 found[n] = longer if most is None else heapq.nsmallest(most, longer, key=_order)
         kept = found
     return sorted(kept.get(line, []), key=_order)[:most]
-
-
-def _most_paths(
-    first: Iterable[int], near: Sequence[Iterable[int]], came: Mapping[int, Sequence[int]]
-) -> int:
-    """Return the largest number of paths to one line after any step, without making them."""
-    ways, largest = dict.fromkeys(first, 1), 0
-    for lines in near:
-        ways = {n: sum(ways.get(m, 0) for m in came[n]) for n in lines}
-        largest = max(largest, *ways.values())
-    return largest
 
 
 def _by_line(half: Complex) -> dict[int, complex]:

@@ -100,7 +100,15 @@ class Shooting:
         self.phi = values[:, None] * scale
         self.stencil = _stencil(step, zeta)
         self._prepare(values, scale)
-        self.free = self._march_freely(step)
+        start = np.zeros((2, 2, len(step)))
+        start[0, 1] = start[1, 0] = 1.0
+        # what the slower exponent leaves of them, if phi does not feed them
+        slow = np.minimum(zeta, 0.5 / zeta)
+        lasting = math.ceil(min(LASTING / float((slow * step).min()), self.length))
+        #: motions from unit starts, as long as they last, shape (2, up to S+1, B)
+        self.free = self._march(start, lasting)
+        if lasting < self.length and not np.abs(self.free[:, -2:]).max() < DIED_OUT:
+            self.free = self._march(start, self.length)
 
     def _prepare(self, values: Real, scale: Real) -> None:
         """Coefficients of u_{i+1} = c_1 u_i + c_0 u_{i-1} + ..."""
@@ -122,17 +130,6 @@ class Shooting:
             # two thirds of the time of sums of its columns
             self._bands = np.zeros((self.length + 1, 3))
             self._bands[1:, 1:2], self._bands[2:, :1] = -now, -last[1:]
-
-    def _march_freely(self, step: Real) -> Real:
-        """Motions from unit starts, as long as they last, shape (2, up to S+1, B)."""
-        start = np.zeros((2, 2, len(step)))
-        start[0, 1] = start[1, 0] = 1.0
-        # what the slower exponent leaves of them, if phi does not feed them
-        slow = np.minimum(self.zeta, 0.5 / self.zeta)
-        lasting = math.ceil(min(LASTING / float((slow * step).min()), self.length))
-        free = self._march(start, lasting)
-        died_out = lasting == self.length or np.abs(free[:, -2:]).max() < DIED_OUT
-        return free if died_out else self._march(start, self.length)
 
     def _march(self, start: Real, steps: int, driven: Real | None = None) -> Real:
         """March from the samples at -1 and 0: samples 0..steps, shape (..., steps+1, B)."""

@@ -425,16 +425,6 @@ def tongue_edges(
     return Boundaries(shape, damping_ratio, [tongue], eps).edges(tongue, eps)
 
 
-def _undamped(shape: FourierShape, tongue: int, eps: Real) -> Real:
-    """Edges by the Hermitian eigenvalues, shape (E, 2)."""
-    highest = min(MOST_HARMONICS, tongue + 2 * len(shape.harmonics) + 24)
-    f = shape.harmonics[: 2 * highest]
-    matrices = _matrices(f, tongue, eps, highest)
-    values = np.linalg.eigvalsh(matrices)[:, ::-1]
-    first = 2 * ((tongue - 1) // 2)
-    return np.asarray(np.sqrt(np.maximum(values[:, first : first + 2], 0.0))[:, ::-1])
-
-
 def _matrices(f: Complex, tongue: int, eps: Real, highest: int) -> Complex | Real:
     """1/m (I + eps F) 1/j, without the static row, whose harmonic follows the others."""
     odd = tongue % 2
@@ -472,8 +462,13 @@ class Boundaries:
 
     def around(self, tongue: int, eps: Real) -> Real:
         """Interval of w/w0 that holds the damped tongue, shape (E, 2)."""
-        rest = 1 - self.zeta**2
-        return math.sqrt(rest) * _undamped(self.shape, tongue, eps / rest)
+        rest, f = 1 - self.zeta**2, self.shape.harmonics
+        # without damping, by the Hermitian eigenvalues
+        highest = min(MOST_HARMONICS, tongue + 2 * len(f) + 24)
+        matrices = _matrices(f[: 2 * highest], tongue, eps / rest, highest)
+        first = 2 * ((tongue - 1) // 2)
+        squares = np.linalg.eigvalsh(matrices)[:, ::-1][:, first : first + 2]
+        return np.asarray(np.sqrt(rest * np.maximum(squares, 0.0))[:, ::-1])
 
     def excess(self, tongue: int, x: Real, eps: Real) -> Real:
         """Measure of growth at w/w0, above zero within the tongue."""
@@ -682,20 +677,14 @@ def stability_map(
     numbers = range(first, last + 1)
     coarse = highest_variation * np.linspace(0.0, 1.0, 49)
     boundaries = Boundaries(shape, damping_ratio, numbers, coarse)
-    tongues = tuple(_tongue(boundaries, n, coarse, orders) for n in numbers)
-    return StabilityMap(chart=chart, tongues=tongues, mark=mark)
-
-
-def _tongue(boundaries: Boundaries, number: int, coarse: Real, orders: tuple[int, ...]) -> Tongue:
-    """Boundaries on a grid of eps that is fine at the tips."""
-    eps = np.unique(np.concatenate([coarse[1:], _near_tips(boundaries, number, coarse)]))
-    known = boundaries.shape, number, eps, boundaries.zeta
-    return Tongue(
-        number=number,
-        variations=eps,
-        exact=boundaries.edges(number, eps),
-        expanded={k: _expanded(*known, k) for k in orders},
-    )
+    tongues = []
+    for n in numbers:
+        # a grid of eps that is fine at the tips
+        eps = np.unique(np.concatenate([coarse[1:], _near_tips(boundaries, n, coarse)]))
+        expanded = {k: _expanded(shape, n, eps, damping_ratio, k) for k in orders}
+        exact = boundaries.edges(n, eps)
+        tongues.append(Tongue(number=n, variations=eps, exact=exact, expanded=expanded))
+    return StabilityMap(chart=chart, tongues=tuple(tongues), mark=mark)
 
 
 def _expanded(shape: FourierShape, number: int, eps: Real, zeta: float, order: int) -> Real:

@@ -120,7 +120,14 @@ def steady_state(
     check_arguments(tolerance, harmonics, method, order)
     is_free = method == "auto" and order is None
     if isinstance(problem, HillProblem):
-        _check_lines(problem)
+        ratio = problem.frequency_ratio
+        if ratio > MOST_RATIO:
+            raise ArgumentError(
+                f"mass_kg={problem.mass_kg} kg, stiffness_n_per_m={problem.stiffness_n_per_m} N/m, "
+                f"period_s={problem.period_s} s: the natural frequency is {ratio:.4g} times that "
+                f"of the mesh, and as many harmonics must be solved; allowed is {MOST_RATIO:.0g} "
+                "times"
+            )
         small = direct.solve(problem, tolerance, harmonics) if is_free else None
         if small is not None:
             text = f"small enough to solve directly, harmonics 0 to {small.solved} together: "
@@ -167,16 +174,6 @@ def _shot(equations: MeshEquations, tolerance: float) -> Solution | None:
             half, bound = shot.lines[:, 0], float(shot.relative[0])
             return Solution(cut(half, equations.shown), bound, True, len(half) - 1, False)
     return None
-
-
-def _check_lines(problem: HillProblem) -> None:
-    ratio = problem.frequency_ratio
-    if ratio > MOST_RATIO:
-        raise ArgumentError(
-            f"mass_kg={problem.mass_kg} kg, stiffness_n_per_m={problem.stiffness_n_per_m} N/m, "
-            f"period_s={problem.period_s} s: the natural frequency is {ratio:.4g} times that of "
-            f"the mesh, and as many harmonics must be solved; allowed is {MOST_RATIO:.0g} times"
-        )
 
 
 def check_arguments(
@@ -267,10 +264,16 @@ def _respond(
         solution = Solution(shown, bound, stable, found.highest, False)
         return _response(problem, solution, method, found.orders, text)
     largest = float(np.abs(equations.multipliers[:1]).max(initial=0.0))
+    # of springs and dampers of all meshes, shape (meshes, N+1); the swing that these deflections
+    # make, one order better than the one they come from
+    scale, u = np.sqrt(problem.mesh_stiffness_n_per_m)[:, None], found.deflection
+    force: Complex = scale * (u - found.swing - found.residual[:, : u.shape[1]])
+    rates = 1j * problem.angular_frequency * np.arange(u.shape[1]) * u
+    force += problem.mesh_damping_ns_per_m[:, None] / scale * rates
     return SystemResponse(
         system=problem,
         displacement=shown.T,
-        mesh_force=cut(_mesh_forces(problem, found), equations.shown).T,
+        mesh_force=cut(force, equations.shown).T,
         error_bound=bound if stable else math.inf,
         method=method,
         order=found.orders,
@@ -278,15 +281,6 @@ def _respond(
         stable=stable,
         message=text if stable else growing_by(largest),
     )
-
-
-def _mesh_forces(system: HillSystem, found: Approximation) -> Complex:
-    """Return the forces of springs and dampers of all meshes [N], shape (meshes, N+1)."""
-    scale, u = np.sqrt(system.mesh_stiffness_n_per_m)[:, None], found.deflection
-    # the swing that these deflections make, one order better than the one they come from
-    force: Complex = scale * (u - found.swing - found.residual[:, : u.shape[1]])
-    rates = 1j * system.angular_frequency * np.arange(u.shape[1]) * u
-    return force + system.mesh_damping_ns_per_m[:, None] / scale * rates
 
 
 def _verdict(bound: float, tolerance: float) -> str:

@@ -133,7 +133,11 @@ class HillSystem:
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         for name in ("mass", "damping", "stiffness", "gyroscopic"):
-            _check_symmetry(name, getattr(self, name), -1.0 if name == "gyroscopic" else 1.0)
+            matrix, sign = getattr(self, name), -1.0 if name == "gyroscopic" else 1.0
+            apart = float(np.abs(matrix - sign * matrix.T).max())
+            if apart > SYMMETRIC * float(np.abs(matrix).max()):
+                like = "symmetric" if sign > 0 else "skew-symmetric"
+                raise ArgumentError(f"{name}: must be {like}, but entries differ by {apart:.4g}")
         if (self.mesh_damping_ns_per_m < 0).any():
             raise ArgumentError("mesh_damping_ns_per_m: all values must be >= 0 N s/m")
         if not (len(self.mesh_vectors) and (self.mesh_stiffness_n_per_m > 0).all()):
@@ -221,13 +225,6 @@ _FIELDS = {
     "gyroscopic": (float, "nn"),
     "force_harmonics_n": (complex, "Jn"),
 }
-
-
-def _check_symmetry(name: str, matrix: Real, sign: float) -> None:
-    apart = float(np.abs(matrix - sign * matrix.T).max())
-    if apart > SYMMETRIC * float(np.abs(matrix).max()):
-        kind = "symmetric" if sign > 0 else "skew-symmetric"
-        raise ArgumentError(f"{name}: must be {kind}, but entries differ by {apart:.4g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
