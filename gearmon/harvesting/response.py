@@ -25,7 +25,7 @@ part        loses with temperature, and with every tenfold of its age
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any, Generic, NamedTuple
@@ -135,8 +135,15 @@ def respond(harvester: Harvester, samples_ms2: Real, rate: float, name: str = ""
     lead = min(math.ceil(SETTLED * settling * rate), count // 2)
     step = max(1, min(round(STEP_S * rate), (count - lead) // FEWEST_STEPS))
     power, peaks = [], []
-    for rows in _blocks(harvester, samples_ms2, rate, lead, step):
-        steps = np.abs(rows).reshape(len(rows), -1, step)
+    # in blocks of whole steps, each led in by the samples before
+    whole = (count - lead) // step * step
+    taken = min(whole, max(1, max(BLOCK, 3 * lead) // step) * step)
+    filtering = _transfer(harvester, lead + taken, rate)
+    for start in range(0, whole, taken):
+        # the last block reaches back, for its length to be that of the others
+        begin = min(start, whole - taken)
+        rows = _filtered(filtering, samples_ms2[begin : begin + lead + taken])
+        steps = np.abs(rows[:, lead + start - begin :]).reshape(len(rows), -1, step)
         power.append(np.mean(steps[0] ** 2, axis=-1))
         peaks.append(steps.max(axis=-1))
     highest, between = np.concatenate(peaks, axis=1), []
@@ -160,23 +167,6 @@ def _answer(harvester: Harvester, power_steps_w: Real, peaks: Real, steps: Real)
         quantiles=told,
         **{name: float(row[0]) for name, row in rows.items()},
     )
-
-
-def _blocks(
-    harvester: Harvester, samples: Real, rate: float, lead: int, step: int
-) -> Iterator[Real]:
-    """Yield the answers in whole steps after the lead; each block is led in by the samples before.
-
-    The transform takes a block for periodic: that is forgotten within the lead.
-    """
-    whole = (len(samples) - lead) // step * step
-    taken = min(whole, max(1, max(BLOCK, 3 * lead) // step) * step)
-    filtering = _transfer(harvester, lead + taken, rate)
-    for start in range(0, whole, taken):
-        # the last block reaches back, for its length to be that of the others
-        begin = min(start, whole - taken)
-        block = samples[begin : begin + lead + taken]
-        yield _filtered(filtering, block)[:, lead + start - begin :]
 
 
 def _transfer(harvester: Harvester, length: int, rate: float) -> Complex:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 from gearmon.arrays import FloatArray, IntArray
 from gearmon.errors import ArgumentError, check_positive, check_range
 from gearmon.gears.faults import GearError
-from gearmon.gears.pulses import LEAST_OVERLAP, PulseTrain
+from gearmon.gears.pulses import LEAST_OVERLAP
 from gearmon.gears.stiffness import MeshStiffness
 from gearmon.simulation.integrate import Course, divided_course
 
@@ -353,7 +353,7 @@ class ToothMesh:
 
         `count` must broadcast against `passed`.
         """
-        total = self._single.at(passed)
+        total = replace(self.stiffness.healthy, period_mesh=_ONCE).at(passed)
         for train in self.stiffness.pulses:
             for term in train.terms:
                 hurt = (count - round(term.offset)) % train.period_mesh == 0
@@ -375,10 +375,6 @@ class ToothMesh:
         corners = [term.corners(self.stiffness.overlap_ratio) for term in terms]
         places = np.concatenate([np.zeros(1), *corners])
         return np.unique(np.round(np.mod(places, 1.0), 12) % 1.0)
-
-    @cached_property
-    def _single(self) -> PulseTrain:
-        return replace(self.stiffness.healthy, period_mesh=_ONCE)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -18,6 +18,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 
@@ -500,7 +501,9 @@ def _join(
         last = passes == REPAIR_PASSES or usual > max(IRREGULAR * earlier, JOINT_TOLERANCE)
         if not last:
             if dying is None:
-                dying = _dying(system, np.diff(times[first]))
+                # what free motion with mean mesh stiffnesses becomes over each chunk
+                spans = np.diff(times[first])[:, None, None]
+                dying = np.asarray(scipy.linalg.expm(system.free_motion * spans))
             # what comes before a chunk changes what it must begin with
             for k in range(1, jumps.shape[1]):
                 jumps[:, k] += dying[k] @ jumps[:, k - 1]
@@ -510,21 +513,9 @@ def _join(
         told = part_of(tell, passes + 1, 1.0)
         reached = march.run(before, first[loose], length, SUBSTEPS, again, told)
         if last:
-            record[..., loose] = _faded(again, record[..., loose])
+            # irregular motion does not join: it is faded from one way into the other
+            share = np.linspace(0, 1, again.shape[2], endpoint=False, dtype=np.float32)[:, None]
+            record[..., loose] = again + share * (record[..., loose] - again)
             break
         begun[:, loose], ended[:, loose], record[..., loose] = before, reached, again
     return float(mismatch.max(initial=0.0))
-
-
-def _dying(system: GearedSystem, spans_s: FloatArray) -> FloatArray:
-    """Return what free motion with mean mesh stiffnesses becomes over some times."""
-    from scipy.linalg import expm
-
-    return np.asarray(expm(system.free_motion * spans_s[:, None, None]))
-
-
-def _faded(first: NDArray[np.float32], last: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return records that begin as `first` and end as `last`."""
-    steps = first.shape[2]
-    share = (np.arange(steps, dtype=np.float32) / steps)[:, None]
-    return np.asarray(first + share * (last - first), dtype=np.float32)

@@ -451,15 +451,15 @@ class FormResponse:
 def form_responses() -> dict[str, FormResponse]:
     """Solve and simulate the reference case under every form."""
     time = np.arange(PERIODS * POINTS + 1) / POINTS * REFERENCE.period_s
-    return {key: _form_response(signal, time) for key, signal in SIGNALS.items()}
-
-
-def _form_response(signal: StiffnessSignal, time: FloatArray) -> FormResponse:
-    harmonics = VARIATION * signal.shape_harmonics()
-    steady = solved(replace(REFERENCE, stiffness_harmonics=harmonics))
-    modulation = signal.modulation if signal.jumps else series(harmonics)
-    simulated = simulate(REFERENCE, modulation, time, signal.jumps, 1e-8)
-    return FormResponse(signal, steady, simulated, solved_start(steady, modulation, time))
+    found = {}
+    for key, signal in SIGNALS.items():
+        harmonics = VARIATION * signal.shape_harmonics()
+        steady = solved(replace(REFERENCE, stiffness_harmonics=harmonics))
+        modulation = signal.modulation if signal.jumps else series(harmonics)
+        simulated = simulate(REFERENCE, modulation, time, signal.jumps, 1e-8)
+        start = solved_start(steady, modulation, time)
+        found[key] = FormResponse(signal, steady, simulated, start)
+    return found
 
 
 def dynamic_difference(one: FormResponse, other: FormResponse) -> float:
