@@ -639,11 +639,19 @@ class Motion(Result):
 
     def amplitudes(self, time_s: npt.ArrayLike) -> Complex:
         """Slow amplitudes A(t) [m], shape (..., 2): envelope and phase of the modulation."""
-        time = np.asarray(time_s, dtype=float)
+        time, rate = np.asarray(time_s, dtype=float), self.equations.rate
+        middle = complex(np.trace(rate)) / 2
+        apart = rate - middle * np.eye(2)
+        # half the difference of both exponents: the root of the slower one has the positive real
+        # part, so that nothing overflows
+        half = cmath.sqrt(-complex(apart[0, 0] * apart[1, 1] - apart[0, 1] * apart[1, 0]))
+        first, twice = np.exp((middle + half) * time), 2 * half * time
+        safe = np.where(twice == 0, 1.0, twice)
+        share = np.where(twice == 0, 1.0, -np.expm1(-safe) / safe)
+        # e^{Lt} = even + odd (L - middle)
+        even, odd = first * (1 + np.exp(-twice)) / 2, first * time * share
         away = self.start_amplitudes - self.steady_amplitudes
-        even, odd = self._exponential(time)
-        spread = (self.equations.rate - self._middle * np.eye(2)) @ away
-        moved = self.steady_amplitudes + even[..., None] * away + odd[..., None] * spread
+        moved = self.steady_amplitudes + even[..., None] * away + odd[..., None] * (apart @ away)
         return np.asarray(moved, dtype=np.complex128)
 
     def at(self, time_s: npt.ArrayLike, kind: str = "displacement") -> Real:
@@ -677,24 +685,6 @@ class Motion(Result):
         for _ in range(2):
             shapes.append(turning * shapes[-1] + shapes[-1] @ rates)
         return shapes
-
-    @cached_property
-    def _middle(self) -> complex:
-        return complex(np.trace(self.equations.rate)) / 2
-
-    @cached_property
-    def _half_split(self) -> complex:
-        """Half the difference of both exponents [1/s]."""
-        away = self.equations.rate - self._middle * np.eye(2)
-        return cmath.sqrt(-complex(away[0, 0] * away[1, 1] - away[0, 1] * away[1, 0]))
-
-    def _exponential(self, time: Real) -> tuple[Complex, Complex]:
-        """e^{Lt} = even + odd (L - middle): the two factors."""
-        # the root of the slower exponent has the positive real part: nothing overflows
-        first, twice = np.exp((self._middle + self._half_split) * time), 2 * self._half_split * time
-        safe = np.where(twice == 0, 1.0, twice)
-        share = np.where(twice == 0, 1.0, -np.expm1(-safe) / safe)
-        return first * (1 + np.exp(-twice)) / 2, first * time * share
 
     def _values(self, time: Real, derivative: int) -> Real:
         """Differentiate the displacement at a few times, or for 3 give the mesh force."""
