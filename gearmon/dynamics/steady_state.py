@@ -140,20 +140,15 @@ def steady_state(
             text = f"shot round the period, harmonics 0 to {shot.solved}: "
             text += _verdict(shot.bound, tolerance)
             return _response(problem, shot, "shooting", 0, text)
-    return _respond(problem, equations, *_solve(equations, tolerance, method, order), tolerance)
-
-
-def _solve(
-    equations: MeshEquations, tolerance: float, method: str, order: int | None
-) -> tuple[Approximation, str]:
-    """Solve by the cheapest method, or the one asked for; return its name, too."""
     if method == "msm":
-        return _plain(equations, tolerance, order), method
-    if method == "harmonic balance":
-        return widen(equations, tolerance, partial(balance, equations)), method
-    most = MOST_ORDERS if order is None else order
-    improve = partial(recombine, equations, tolerance=tolerance, most=most)
-    return widen(equations, tolerance, improve, repeat=order is None), "msm least residual"
+        found = _plain(equations, tolerance, order)
+    elif method == "harmonic balance":
+        found = widen(equations, tolerance, partial(balance, equations))
+    else:
+        method, most = "msm least residual", MOST_ORDERS if order is None else order
+        improve = partial(recombine, equations, tolerance=tolerance, most=most)
+        found = widen(equations, tolerance, improve, repeat=order is None)
+    return _respond(problem, equations, found, method, tolerance)
 
 
 def _shot(equations: MeshEquations, tolerance: float) -> Solution | None:

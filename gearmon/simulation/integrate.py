@@ -390,43 +390,30 @@ def integrate(
     MeshForces
     """
     plans = _plans(system, course.pieces, run_in) if chunks is None else [(1, run_in, chunks)]
-    for passes, own, count in plans:
+    at_rest = np.append(system.at_rest, np.zeros(len(system.stiffness)))
+    meshes = len(system.vectors)
+    for passes, own, wanted in plans:
 
         def tell(done: float, passes: int = passes) -> None:
+            """Tell how often all of the course has been done."""
             if progress is not None:
                 progress(min(1.0, done / passes))
 
-        found = _integrated(system, course, own, start, count, tell)
+        length = -(-course.pieces // wanted)
+        # rounded lengths may leave nothing for the last chunks
+        count = -(-course.pieces // length)
+        first, coarse = np.arange(count) * length, int(COARSE_SHARE * own)
+        state = np.repeat(at_rest[:, None], count, axis=1)
+        if start is not None:
+            state[:, first <= own] = start.reshape(-1, 1)
+        state = March(system, course, state, COARSE_SUBSTEPS).run(first - own, coarse)
+        begun = March(system, course, state).run(first - own + coarse, own - coarse)
+        record = np.empty((3, meshes, length * SUBSTEPS, count), dtype=np.float32)
+        ended = March(system, course, begun).run(first, length, record, tell)
+        mismatch = _join(system, course, record, begun, ended, first, tell)
         # slow modes of irregular motion must forget by themselves
-        if found.joint_mismatch <= JOINT_TOLERANCE:
+        if mismatch <= JOINT_TOLERANCE:
             break
-    return found
-
-
-def _integrated(
-    system: GearedSystem,
-    course: Course,
-    run_in: int,
-    start: FloatArray | None,
-    chunks: int,
-    tell: Progress,
-) -> MeshForces:
-    """Integrate in chunks, each with a run-in; `tell` how often all of the course has been done."""
-    length = -(-course.pieces // chunks)
-    # rounded lengths may leave nothing for the last chunks
-    count = -(-course.pieces // length)
-    first = np.arange(count) * length
-    at_rest = np.append(system.at_rest, np.zeros(len(system.stiffness)))
-    state = np.repeat(at_rest[:, None], count, axis=1)
-    if start is not None:
-        state[:, first <= run_in] = start.reshape(-1, 1)
-    coarse = int(COARSE_SHARE * run_in)
-    state = March(system, course, state, COARSE_SUBSTEPS).run(first - run_in, coarse)
-    begun = March(system, course, state).run(first - run_in + coarse, run_in - coarse)
-    meshes = len(system.vectors)
-    record = np.empty((3, meshes, length * SUBSTEPS, count), dtype=np.float32)
-    ended = March(system, course, begun).run(first, length, record, tell)
-    mismatch = _join(system, course, record, begun, ended, first, tell)
     # the last chunk goes on beyond the end of the course with steps that last no time
     ordered = record.swapaxes(2, 3).reshape(3, meshes, -1)
     impulses, starts, ends = ordered[:, :, : course.pieces * SUBSTEPS]

@@ -271,8 +271,17 @@ def build_train(
     sides = _meshes(machine, faults, running, load, train, pairs, drawn)
     springs, meshes, mechanics = zip(*sides, strict=True)
     floats = "a floating sun shares the load among planets but for the pitch deviations"
+    loads = [train.load({own.stage: own.force_n for own in mechanics})]
+    # runout of a mesh that strains nothing: all behind it turns
+    rows = np.concatenate([own.rows[0:1] for own in springs])
+    still = [own.stiffness @ own.rows for own in train.springs if own not in springs]
+    still = [own / np.linalg.norm(own) for own in still]
+    free = np.linalg.pinv(np.concatenate([rows, *still]), rcond=1e-9)
+    loads += [-train.mass @ free[:, j] for j, mesh in enumerate(meshes) if not mesh.floating]
+    around = train.around(springs, np.transpose(loads), carried_hz)
+    backlash_m = np.array([mesh.backlash_m for mesh in meshes])
     return Train(
-        system=_system(train, springs, meshes, mechanics, carried_hz),
+        system=GearedSystem(**vars(around), backlash_m=backlash_m),
         meshes=meshes,
         mechanics=mechanics,
         gear_mass_kg=sum(_gear_mass_kg(own[0]) for own in pairs),
@@ -359,22 +368,3 @@ def _gear_mass_kg(pair: MeshPair) -> float:
     area = math.pi * (radii[0] ** 2 + pair.planets * radii[1] ** 2)
     width_m = WIDTH_OVER_MODULE * module if width is None else 1e-3 * width
     return pair.stage.density_kgm3 * width_m * area
-
-
-def _system(
-    train: DriveTrain,
-    springs: Sequence[Spring],
-    meshes: Sequence[ToothMesh],
-    mechanics: Sequence[StageMechanics],
-    carried_hz: float,
-) -> GearedSystem:
-    loads = [train.load({own.stage: own.force_n for own in mechanics})]
-    # runout of a mesh that strains nothing: all behind it turns
-    rows = np.concatenate([own.rows[0:1] for own in springs])
-    still = [own.stiffness @ own.rows for own in train.springs if own not in springs]
-    still = [own / np.linalg.norm(own) for own in still]
-    free = np.linalg.pinv(np.concatenate([rows, *still]), rcond=1e-9)
-    loads += [-train.mass @ free[:, j] for j, mesh in enumerate(meshes) if not mesh.floating]
-    backlash_m = np.array([mesh.backlash_m for mesh in meshes])
-    around = train.around(springs, np.transpose(loads), carried_hz)
-    return GearedSystem(**vars(around), backlash_m=backlash_m)
