@@ -287,6 +287,12 @@ def _truth(
     """
     speed = _speed(settings, point, drive)
     wander = settings.load * (1 + drive.load.value(_times(settings)))
+    notes = [*train.notes, *(said for own in train.mechanics for said in own.stiffness.warnings)]
+    if integration["joint_mismatch"] > IRREGULAR:
+        notes.append(
+            "irregular motion with loss of contact: parts of the record are faded from one "
+            "possible motion into another"
+        )
     return {
         "kind": "truth of a simulated recording",
         "gearmon_version": __version__,
@@ -318,7 +324,7 @@ def _truth(
         "meshes": [_mesh(train, drive, number) for number in range(len(train.meshes))],
         "natural_frequencies_hz": train.system.natural_frequencies_hz().tolist(),
         "integration": integration,
-        "notes": [*train.notes, *_remarks(integration, train)],
+        "notes": list(dict.fromkeys(notes)),
     }
 
 
@@ -376,16 +382,6 @@ def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
             for errors in mesh.errors
         ],
     }
-
-
-def _remarks(integration: dict[str, float], train: Train) -> list[str]:
-    remarks = [warning for m in train.mechanics for warning in m.stiffness.warnings]
-    if integration["joint_mismatch"] > IRREGULAR:
-        remarks.append(
-            "irregular motion with loss of contact: parts of the record are faded from one "
-            "possible motion into another"
-        )
-    return list(dict.fromkeys(remarks))
 
 
 def write_simulation(
