@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -165,25 +166,15 @@ def fade_ends(rows: FloatArray, flank: int) -> None:
     rows[:, -flank:] *= rise[::-1]
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Grid:
-    """Samples and cells of a record with a lead and a tail that are cut off at the end."""
+class _Grid(NamedTuple):
+    """Cells of a record, with a lead and a tail that are cut off at the end."""
 
-    samples: int
+    cells: int
     lead: int
-    oversampling: int
-    rate_hz: float
-
-    @property
-    def cells(self) -> int:
-        return self.samples * self.oversampling
-
-    @property
-    def cell_s(self) -> float:
-        return 1 / (self.rate_hz * self.oversampling)
+    cell_s: float
 
     def edge_s(self, cell: int) -> float:
-        return (cell - self.lead * self.oversampling) * self.cell_s
+        return (cell - self.lead) * self.cell_s
 
 
 def mesh_vibration(
@@ -216,24 +207,24 @@ def mesh_vibration(
     samples = 2 * next_fast_len(-(-(settings.samples + lead + 2 * flank) // 2), real=True)
     cells = max(CELLS_PER_SAMPLE, math.ceil(CELLS_PER_PERIOD * frequencies[-1] / rate))
     oversampling = next_fast_len(cells, real=True)
-    grid = _Grid(samples=samples, lead=lead, oversampling=oversampling, rate_hz=rate)
-    forces, integration = _stage_forces(train, drive, grid, frequencies, progress)
+    grid = _Grid(samples * oversampling, lead * oversampling, 1 / (rate * oversampling))
+    fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
+    every_hz = np.append(frequencies, fastest_hz)
+    carried_hz = every_hz[every_hz <= CARRIED_SHARE * rate].max(initial=0.0)
+    fast = STEPS_PER_FAST_PERIOD * float(every_hz.max())
+    step_s = 1 / max(STEPS_PER_PERIOD * float(carried_hz), fast)
+    forces, integration = _stage_forces(train, drive, grid, step_s, progress)
     _add_profile(forces, train, drive, grid)
     fade_ends(forces, math.ceil(_FLANK_S / grid.cell_s))
-    spectra = band_spectrum(forces, grid.oversampling)
+    spectra = band_spectrum(forces, oversampling)
     heard = through_path(path, spectra, samples, rate)
     return heard[:, lead : lead + settings.samples].copy(), integration
 
 
 def _stage_forces(
-    train: Train, drive: Drive, grid: _Grid, frequencies_hz: FloatArray, progress: Progress | None
+    train: Train, drive: Drive, grid: _Grid, step_s: float, progress: Progress | None
 ) -> tuple[FloatArray, dict[str, float]]:
     """Return the dynamic force that every stage puts on the housing, cell by cell."""
-    fastest_hz = float(np.abs(train.system.rates).max()) / (2 * math.pi)
-    every_hz = np.append(frequencies_hz, fastest_hz)
-    carried_hz = every_hz[every_hz <= CARRIED_SHARE * grid.rate_hz].max(initial=0.0)
-    fast = STEPS_PER_FAST_PERIOD * float(every_hz.max())
-    step_s = 1 / max(STEPS_PER_PERIOD * float(carried_hz), fast)
     run_in_s = RUN_IN_CONSTANTS / train.system.decay_rate
     in_memory = STEPS_PER_BLOCK // len(train.meshes) * step_s
     per_block = max(1, min(grid.cells, int(in_memory / grid.cell_s)))
