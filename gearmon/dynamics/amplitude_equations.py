@@ -317,16 +317,13 @@ class AmplitudeEquations(Result):
         The states. Pairs (1, n), (-1, -n) are conjugate: their amplitudes are, too.
     small_damping : bool
         Whether damping counts as order one.
-    rate_terms : complex ndarray, shape (K+1, p, p)
-        L_0..L_K [1/s]; L_0 is diagonal and holds the detuning s - i n w.
-    forcing_terms : complex ndarray, shape (K+1, p)
-        b_0..b_K [m/s].
+    rate_terms : complex ndarray, shape (K+1, p, p+1)
+        L_0..L_K [1/s], and in their last column b_0..b_K [m/s]; L_0 is diagonal and holds the
+        detuning s - i n w.
     lines : float ndarray, shape (M,)
         Harmonics n: whole numbers, and halves where the slow states are such.
-    shape_terms : complex ndarray, shape (N+1, M, p)
-        Orders of U [1].
-    forced_terms : complex ndarray, shape (N+1, M)
-        Orders of q [m].
+    shape_terms : complex ndarray, shape (N+1, M, p+1)
+        Orders of U [1], and in their last column of q [m].
     smallest_divisor : float
         Smallest difference of exponents that was divided by, relative to w0. The expansion is
         asymptotic, good for max|phi|/2 well below this.
@@ -336,10 +333,8 @@ class AmplitudeEquations(Result):
     slow: tuple[State, ...]
     small_damping: bool
     rate_terms: Complex
-    forcing_terms: Complex
     lines: Real
     shape_terms: Complex
-    forced_terms: Complex
     smallest_divisor: float
 
     @property
@@ -350,12 +345,12 @@ class AmplitudeEquations(Result):
     @property
     def rate(self) -> Complex:
         """L, all orders [1/s], shape (p, p)."""
-        return np.asarray(self.rate_terms.sum(axis=0), dtype=np.complex128)
+        return np.asarray(self.rate_terms.sum(axis=0)[:, :-1], dtype=np.complex128)
 
     @property
     def forcing(self) -> Complex:
         """b, all orders [m/s], shape (p,)."""
-        return np.asarray(self.forcing_terms.sum(axis=0), dtype=np.complex128)
+        return np.asarray(self.rate_terms.sum(axis=0)[:, -1], dtype=np.complex128)
 
     @property
     def exponents(self) -> Complex:
@@ -387,8 +382,7 @@ class AmplitudeEquations(Result):
 
     def steady_displacement(self) -> Complex:
         """Steady vibration as z_0..z_n [m], whole harmonics."""
-        total = self.forced_terms.sum(axis=0)
-        total += self.shape_terms.sum(axis=0) @ self.steady_amplitudes()
+        total = self.shape_terms.sum(axis=0) @ np.append(self.steady_amplitudes(), 1.0)
         whole: Complex = total[(self.lines >= 0) & (self.lines % 1 == 0)]
         whole[0] = whole[0].real
         return whole
@@ -442,17 +436,13 @@ def amplitude_equations(
     )
     forces = problem.static_forcing(len(problem.force_harmonics_n))
     found = reduce(coupling, slow, order, rate_order, forces, apart)
-    rates = 2 * math.pi * problem.natural_frequency_hz * found.rates[:, :-1]
-    terms = found.states[: order + 1].sum(axis=1)
     return AmplitudeEquations(
         problem=problem,
         slow=tuple(slow),
         small_damping=small_damping,
-        rate_terms=rates[..., :-1],
-        forcing_terms=rates[..., -1],
+        rate_terms=2 * math.pi * problem.natural_frequency_hz * found.rates[:, :-1],
         lines=found.lines,
-        shape_terms=terms[..., :-1],
-        forced_terms=terms[..., -1],
+        shape_terms=found.states[: order + 1].sum(axis=1),
         smallest_divisor=found.smallest_divisor,
     )
 
@@ -679,9 +669,9 @@ class Motion(Result):
         """Lines of z, z' and z'' per amplitude, and without any, shape (M, 3) each."""
         e = self.equations
         rates = np.zeros((3, 3), dtype=complex)
-        rates[:2, :2], rates[:2, 2] = e.rate, e.forcing
+        rates[:2] = e.rate_terms.sum(axis=0)
         turning = 1j * e.problem.angular_frequency * e.lines[:, None]
-        shapes = [np.column_stack([e.shape_terms.sum(axis=0), e.forced_terms.sum(axis=0)])]
+        shapes = [e.shape_terms.sum(axis=0)]
         for _ in range(2):
             shapes.append(turning * shapes[-1] + shapes[-1] @ rates)
         return shapes
