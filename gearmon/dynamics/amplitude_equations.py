@@ -428,12 +428,8 @@ def amplitude_equations(
     offsets = {n % 1 for _, n in slow}
     if not slow or len(set(slow)) < len(slow) or offsets not in ({0.0}, {0.5}):
         raise ArgumentError(f"slow={slow} must be different states, all on whole or on half lines")
-    coupling = Coupling(
-        ratio=problem.frequency_ratio,
-        zeta=problem.damping_ratio,
-        harmonics=problem.stiffness_harmonics,
-        small_damping=small_damping,
-    )
+    ratio, zeta, c = problem.frequency_ratio, problem.damping_ratio, problem.stiffness_harmonics
+    coupling = Coupling(ratio=ratio, zeta=zeta, harmonics=c, small_damping=small_damping)
     forces = problem.static_forcing(len(problem.force_harmonics_n))
     found = reduce(coupling, slow, order, rate_order, forces, apart)
     return AmplitudeEquations(

@@ -294,11 +294,8 @@ class SystemCompliance:
         """Bounds of |G| and of acceleration over x, of all lines from one on."""
         sizes, moved, beyond = self._sizes
         physical = 2 * float(np.linalg.norm(self.shapes, 2) * np.linalg.norm(self.meshes, 2))
-        near = float(sizes[line:].max(initial=0.0))
-        return (
-            max(near, beyond / max(line, self.far + 1) ** 2),
-            max(float(moved[line:].max(initial=0.0)), physical),
-        )
+        near, far = float(sizes[line:].max(initial=0.0)), beyond / max(line, self.far + 1) ** 2
+        return max(near, far), max(float(moved[line:].max(initial=0.0)), physical)
 
     def quiet_above(self, level: float) -> int:
         """Line above which |G| <= level for certain."""

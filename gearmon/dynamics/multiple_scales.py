@@ -138,12 +138,9 @@ class Expansion(Result):
         forcing = np.tile(self.problem.static_forcing(highest), (len(force), 1))
         forcing *= self.problem.stiffness_n_per_m
         forcing[:, :1] = force
+        zeroth = Zeroth.of(ratio, zeta, highest, self.small_damping)
         product = self._products[len(force) >= FEWEST_FOR_A_MATRIX]
-        terms = _orders(
-            Zeroth.of(ratio, zeta, highest, self.small_damping),
-            forcing / stiffness,
-            lambda half: scale * product(half),
-        )
+        terms = _orders(zeroth, forcing / stiffness, lambda half: scale * product(half))
         return np.asarray(sum(itertools.islice(terms, self.order + 1)))
 
 
@@ -185,16 +182,11 @@ def expand(
         forced = len(problem.force_harmonics_n)
         highest = max(1, forced + order * len(problem.stiffness_harmonics))
     check_range("highest", highest, 1, 10_000_000)
-    stream = _orders(
-        Zeroth.of(problem.frequency_ratio, problem.damping_ratio, highest, small_damping),
-        problem.static_forcing(highest),
-        Modulation(problem.stiffness_harmonics, highest, highest),
-    )
-    return Expansion(
-        problem=problem,
-        terms=np.array(list(itertools.islice(stream, order + 1))),
-        small_damping=small_damping,
-    )
+    zeroth = Zeroth.of(problem.frequency_ratio, problem.damping_ratio, highest, small_damping)
+    modulate = Modulation(problem.stiffness_harmonics, highest, highest)
+    stream = _orders(zeroth, problem.static_forcing(highest), modulate)
+    terms = np.array(list(itertools.islice(stream, order + 1)))
+    return Expansion(problem=problem, terms=terms, small_damping=small_damping)
 
 
 class Zeroth(NamedTuple):

@@ -664,12 +664,8 @@ def stability_map(
     if highest_variation is None:
         highest_variation = min(1.0, limit)
     check_range("highest_variation", highest_variation, 1e-6, limit)
-    chart = stability_chart(
-        shape,
-        np.linspace(low, high, points[0]),
-        np.linspace(0.0, highest_variation, points[1]),
-        damping_ratio,
-    )
+    x, eps = np.linspace(low, high, points[0]), np.linspace(0.0, highest_variation, points[1])
+    chart = stability_chart(shape, x, eps, damping_ratio)
     # tongues bend to lower speeds, so that some begin outside
     first, last = max(1, math.ceil(1.7 / high)), math.floor(2 / low)
     # what is damped so much has none: nothing swings
@@ -679,7 +675,7 @@ def stability_map(
     boundaries = Boundaries(shape, damping_ratio, numbers, coarse)
     tongues = []
     for n in numbers:
-        # a grid of eps that is fine at the tips
+        # fine at the tips
         eps = np.unique(np.concatenate([coarse[1:], _near_tips(boundaries, n, coarse)]))
         expanded = {k: _expanded(shape, n, eps, damping_ratio, k) for k in orders}
         exact = boundaries.edges(n, eps)

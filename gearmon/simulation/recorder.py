@@ -228,16 +228,12 @@ def _drive(machine: Machine, settings: Settings, point: OperatingPoint) -> Drive
         generator = stream(settings.machine_seed, "ripple", shaft.number)
         size, angle = generator.uniform(0.3, 1.0), generator.uniform(0, 2 * math.pi)
         ripples.append((shaft.order, settings.torque_ripple * size, angle))
-    seed = settings.recording_seed
-    return Drive(
-        motion=ShaftMotion(
-            mean_hz=settings.mean_shaft1_hz(point),
-            wander=random_wander(settings.speed_drift, stream(seed, "speed")),
-            start_turns=float(stream(seed, "start").uniform(0, 1000)),
-        ),
-        load=random_wander(settings.load_drift, stream(seed, "load")),
-        ripples=tuple(ripples),
-    )
+    seed, mean_hz = settings.recording_seed, settings.mean_shaft1_hz(point)
+    wander = random_wander(settings.speed_drift, stream(seed, "speed"))
+    start_turns = float(stream(seed, "start").uniform(0, 1000))
+    motion = ShaftMotion(mean_hz=mean_hz, wander=wander, start_turns=start_turns)
+    load = random_wander(settings.load_drift, stream(seed, "load"))
+    return Drive(motion=motion, load=load, ripples=tuple(ripples))
 
 
 def _additions(

@@ -349,13 +349,10 @@ def _errors(
     else:
         # a planet has two flanks at work, and there are several planets
         flank = f"{pair.name}{planet}" if member.name == "planet" else ""
-        own = random_errors(
-            member.teeth,
-            pair.geometry.transverse_module_m * member.teeth,
-            1e-3 * pair.need("module_mm", "pitch errors"),
-            accuracy_grade,
-            stream(seed, "errors", pair.number or 1, member.name, flank),
-        )
+        generator = stream(seed, "errors", pair.number or 1, member.name, flank)
+        diameter_m = pair.geometry.transverse_module_m * member.teeth
+        sizes_m = diameter_m, 1e-3 * pair.need("module_mm", "pitch errors")
+        own = random_errors(member.teeth, *sizes_m, accuracy_grade, generator)
     for error in faults:
         if isinstance(error, GearError) and (error.stage, error.gear) == (pair.number, member.name):
             own = own.with_error(error)

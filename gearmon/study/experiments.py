@@ -350,11 +350,9 @@ def study_speed(repeats: int = 3, tolerances: Sequence[float] = TOLERANCES) -> S
         Of the simulations.
     """
     case, facts = Case(problem=pair.REFERENCE), facts_of_run()
-    return SpeedStudy(
-        costs=measured(list(_ways(case, tolerances)), repeats, LONGEST_S),
-        repeats=repeats,
-        machine="{processor}, {cores} processors, Python {python}, NumPy {numpy}".format(**facts),
-    )
+    machine = "{processor}, {cores} processors, Python {python}, NumPy {numpy}".format(**facts)
+    costs = measured(list(_ways(case, tolerances)), repeats, LONGEST_S)
+    return SpeedStudy(costs=costs, repeats=repeats, machine=machine)
 
 
 def _ways(case: Case, tolerances: Sequence[float]) -> Iterator[Contender]:
