@@ -281,7 +281,7 @@ def least_residual(
         if length <= max(1e-14 * whole, SMALLEST):
             break
         if orders == len(basis):
-            basis = np.concatenate([basis, np.empty_like(basis)])
+            basis = np.concatenate([basis, np.empty((min(orders, most - orders), 2 * size))])
         row /= length
         basis[orders], orders = row, orders + 1
         share = float(image @ rest)

@@ -259,8 +259,8 @@ def _respond(
         solution = Solution(shown, bound, stable, found.highest, False)
         return _response(problem, solution, method, found.orders, text)
     largest = float(np.abs(equations.multipliers[:1]).max(initial=0.0))
-    # of springs and dampers of all meshes, shape (meshes, N+1); the swing that these deflections
-    # make, one order better than the one they come from
+    # forces of springs and dampers of all meshes [N], shape (meshes, N+1): of the swing that these
+    # deflections make, one order better than the one they come from
     scale, u = np.sqrt(problem.mesh_stiffness_n_per_m)[:, None], found.deflection
     force: Complex = scale * (u - found.swing - found.residual[:, : u.shape[1]])
     rates = 1j * problem.angular_frequency * np.arange(u.shape[1]) * u
