@@ -19,7 +19,7 @@ from gearmon.gears.faults import Fault, GearError, faults_of
 from gearmon.gears.kinematics import kinematics
 from gearmon.machine import Machine, MachineLike, OperatingPoint, load_machine
 from gearmon.result import Result, sample_rows, with_units
-from gearmon.simulation.contact import Drive, ShaftMotion, random_wander
+from gearmon.simulation.contact import Drive, ShaftMotion, ToothMesh, random_wander
 from gearmon.simulation.train import Settings, Train, build_train, stream
 from gearmon.simulation.vibration import (
     BEARING_SLIP,
@@ -283,7 +283,9 @@ def _truth(
     """
     speed = _speed(settings, point, drive)
     wander = settings.load * (1 + drive.load.value(_times(settings)))
-    notes = [*train.notes, *(said for own in train.mechanics for said in own.stiffness.warnings)]
+    notes = [*train.notes]
+    for mesh in train.meshes:
+        notes += mesh.mechanics.stiffness.warnings
     if integration["joint_mismatch"] > IRREGULAR:
         notes.append(
             "irregular motion with loss of contact: parts of the record are faded from one "
@@ -317,7 +319,7 @@ def _truth(
             {"stage": m.stage, "order": m.order, "frequency_hz": m.order * speed["mean_hz"]}
             for m in kinematics(machine).meshes
         ],
-        "meshes": [_mesh(train, drive, number) for number in range(len(train.meshes))],
+        "meshes": [_mesh(mesh, drive) for mesh in train.meshes],
         "natural_frequencies_hz": train.system.natural_frequencies_hz().tolist(),
         "integration": integration,
         "notes": list(dict.fromkeys(notes)),
@@ -358,11 +360,10 @@ def _times(settings: Settings) -> FloatArray:
     return np.linspace(0.0, settings.samples / settings.sampling_rate_hz, 4097)
 
 
-def _mesh(train: Train, drive: Drive, number: int) -> dict[str, Any]:
-    mesh, mechanics = train.meshes[number], train.mechanics[number]
-    stiffness = mechanics.stiffness
+def _mesh(mesh: ToothMesh, drive: Drive) -> dict[str, Any]:
+    mechanics, stiffness = mesh.mechanics, mesh.mechanics.stiffness
     return {
-        "stage": mesh.stage,
+        "stage": mechanics.stage,
         "mesh": mesh.name,
         "teeth": list(mesh.teeth),
         "phase_at_start": float(mesh.phase(np.array([drive.motion.start_turns]))[0]),

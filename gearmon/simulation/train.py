@@ -23,7 +23,7 @@ from gearmon.gears.assembly import WIDTH_OVER_MODULE, drive_train, of_told_beari
 from gearmon.gears.faults import Fault, GearError
 from gearmon.gears.geometry import GearTeeth
 from gearmon.gears.kinematics import kinematics
-from gearmon.gears.mechanics import DriveTrain, Spring, StageMechanics, stage_mechanics
+from gearmon.gears.mechanics import DriveTrain, Spring, stage_mechanics
 from gearmon.gears.pairs import MeshPair, mesh_pairs
 from gearmon.machine import Machine, OperatingPoint
 from gearmon.machine.fields import Checked, Count, held, within
@@ -190,8 +190,6 @@ class Train:
         Its inputs: the load over its mean, then the acceleration of the runout [m/s2] of each mesh
         that does not float.
     meshes : tuple of ToothMesh
-    mechanics : tuple of StageMechanics
-        One for each mesh, at the mean load.
     gear_mass_kg : float
         Mass of all gears as solid discs; what a ring weighs goes with the housing.
     carrier_orders : tuple of float
@@ -203,7 +201,6 @@ class Train:
 
     system: GearedSystem
     meshes: tuple[ToothMesh, ...]
-    mechanics: tuple[StageMechanics, ...]
     gear_mass_kg: float
     carrier_orders: tuple[float, ...]
     notes: tuple[str, ...]
@@ -211,12 +208,12 @@ class Train:
     @property
     def static_force(self) -> FloatArray:
         """Force of every mesh [N] under the mean load."""
-        return np.array([own.force_n for own in self.mechanics])
+        return np.array([own.mechanics.force_n for own in self.meshes])
 
     @property
     def greatest_stiffness(self) -> FloatArray:
         """Of every mesh without damage [N/m]."""
-        variation = np.array([own.stiffness.variation for own in self.mechanics])
+        variation = np.array([own.mechanics.stiffness.variation for own in self.meshes])
         return np.asarray(self.system.means * (1 + variation))
 
 
@@ -269,9 +266,10 @@ def build_train(
     train = drive_train(of_told_bearings(machine), running)
     drawn = partial(_errors, faults, seed, accuracy_grade)
     sides = _meshes(machine, faults, running, load, train, pairs, drawn)
-    springs, meshes, mechanics = zip(*sides, strict=True)
+    springs, meshes = zip(*sides, strict=True)
     floats = "a floating sun shares the load among planets but for the pitch deviations"
-    loads = [train.load({own.stage: own.force_n for own in mechanics})]
+    forces = {own.mechanics.stage: own.mechanics.force_n for own in meshes}
+    loads = [train.load(forces)]
     # runout of a mesh that strains nothing: all behind it turns
     rows = np.concatenate([own.rows[0:1] for own in springs])
     still = [own.stiffness @ own.rows for own in train.springs if own not in springs]
@@ -283,7 +281,6 @@ def build_train(
     return Train(
         system=GearedSystem(**vars(around), backlash_m=backlash_m),
         meshes=meshes,
-        mechanics=mechanics,
         gear_mass_kg=sum(_gear_mass_kg(own[0]) for own in pairs),
         carrier_orders=tuple(float(mesh.carrier) for mesh in kinematics(machine).meshes),
         notes=(*train.notes, *([floats] if train.planets else [])),
@@ -298,7 +295,7 @@ def _meshes(
     train: DriveTrain,
     pairs: Sequence[Sequence[MeshPair]],
     drawn: Callable[[MeshPair, GearTeeth, str], GearErrors],
-) -> Iterator[tuple[Spring, ToothMesh, StageMechanics]]:
+) -> Iterator[tuple[Spring, ToothMesh]]:
     """Give the meshes stage by stage, those with the sun before those with the ring."""
     for number, own in enumerate(pairs, start=1):
         is_set = number in train.planets
@@ -321,19 +318,18 @@ def _meshes(
             module_mm = pair.need("module_mm", "backlash")
             backlash_m = 2e-3 / 3 * (0.06 + 0.0005 * distance_mm + 0.03 * module_mm)
             mesh = ToothMesh(
-                stage=number,
+                mechanics=mechanics,
                 name=pair.name + name,
                 order=kinematics(machine).mesh(number).order,
                 offset=spring.phase,
                 teeth=pair.teeth,
                 errors=(first, second),
                 base_pitch_m=pair.geometry.base_pitch_m,
-                stiffness=mechanics.stiffness,
                 backlash_m=backlash_m,
                 place_turns=angle / (2 * math.pi),
                 floating=is_set,
             )
-            yield spring, mesh, mechanics
+            yield spring, mesh
 
 
 def _errors(

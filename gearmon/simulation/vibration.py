@@ -247,11 +247,11 @@ def _stage_forces(
         times = grid.edge_s(first) + grid.cell_s * np.arange(last - first)
         turns = drive.motion.turns(times) if any(train.carrier_orders) else times
         for mesh, mean in zip(train.meshes, means, strict=True):
-            carrier = train.carrier_orders[mesh.stage - 1]
+            carrier = train.carrier_orders[mesh.mechanics.stage - 1]
             if carrier:
                 passing = 0.5 + 0.5 * np.cos(2 * np.pi * (carrier * turns + mesh.place_turns))
                 mean *= 1 - PLANET_PASS_DEPTH * (1 - passing)
-            forces[mesh.stage - 1, first:last] += mean
+            forces[mesh.mechanics.stage - 1, first:last] += mean
         state, before_s = result.end_state, span[1]
         mismatch, steps = max(mismatch, result.joint_mismatch), steps + course.pieces * SUBSTEPS
     return forces, {"longest_step_s": step_s, "steps": steps, "joint_mismatch": mismatch}
@@ -274,7 +274,7 @@ def _add_profile(forces: FloatArray, train: Train, drive: Drive, grid: _Grid) ->
         inertia = angular**2 / float(system.vectors[number] @ system.vectors[number])
         spring = system.means[number] + 1j * angular * system.dampers[number]
         force = spring * inertia / (spring - inertia) * missing
-        forces[mesh.stage - 1] += np.fft.irfft(force, grid.cells)
+        forces[mesh.mechanics.stage - 1] += np.fft.irfft(force, grid.cells)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
