@@ -17,10 +17,21 @@ True
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from gearmon.dynamics.hill import HillProblem, Response
 from gearmon.dynamics.steady_state import Method, steady_state
 from gearmon.dynamics.system import HillSystem, SystemResponse
 from gearmon.lazy import lazily
+
+if TYPE_CHECKING:
+    from gearmon.dynamics.amplitude_equations import forced_resonance as forced_resonance
+    from gearmon.dynamics.amplitude_equations import parametric_resonance as parametric_resonance
+    from gearmon.dynamics.amplitude_equations import transient as transient
+    from gearmon.dynamics.multiple_scales import expand as expand
+    from gearmon.dynamics.stability import stability_chart as stability_chart
+    from gearmon.dynamics.system import combination_tongues as combination_tongues
+    from gearmon.dynamics.system import integrate as integrate
 
 _OFFERED = {
     "amplitude_equations": ("forced_resonance", "parametric_resonance", "transient"),

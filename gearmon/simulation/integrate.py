@@ -206,13 +206,6 @@ class MeshForces:
     end_state: FloatArray
     joint_mismatch: float
 
-    @property
-    def steps_s(self) -> FloatArray:
-        """Where the steps of the course begin, and where the last one ends [s]."""
-        times = self.course.times_s
-        share = np.arange(SUBSTEPS) / SUBSTEPS
-        return np.append((times[:-1, None] + np.diff(times)[:, None] * share).ravel(), times[-1])
-
 
 class March:
     """Many chunks on their way along one course, by Runge-Kutta steps.

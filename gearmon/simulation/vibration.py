@@ -92,7 +92,11 @@ def triangle_means(
     step the force is the parabola with the known integral and the known values at both ends.
     """
     edges = start_s + cell_s * np.arange(cells + 1, dtype=np.float64)
-    rows, steps_s = [forces.impulses_ns, forces.starts_n, forces.ends_n], forces.steps_s
+    rows = [forces.impulses_ns, forces.starts_n, forces.ends_n]
+    # where the steps begin, and where the last one ends
+    times, share = forces.course.times_s, np.arange(SUBSTEPS) / SUBSTEPS
+    begins = times[:-1, None] + np.diff(times)[:, None] * share
+    steps_s = np.append(begins.ravel(), times[-1])
     parts = [
         _moments(rows, steps_s, edges[first : first + CELLS_PER_BLOCK + 1])
         for first in range(0, cells, CELLS_PER_BLOCK)
@@ -203,7 +207,9 @@ def mesh_vibration(
     frequencies = train.system.natural_frequencies_hz(train.greatest_stiffness)
     rate = settings.sampling_rate_hz
     flank = math.ceil(_FLANK_S * rate) + 8
-    lead = flank + math.ceil(path.decay_s() * rate)
+    # until the slowest mode has fallen to 1e-5
+    slowest = float((path.damping_ratios * path.frequencies_hz).min())
+    lead = flank + math.ceil(math.log(1e5) / (2 * math.pi * slowest) * rate)
     samples = 2 * next_fast_len(-(-(settings.samples + lead + 2 * flank) // 2), real=True)
     cells = max(CELLS_PER_SAMPLE, math.ceil(CELLS_PER_PERIOD * frequencies[-1] / rate))
     oversampling = next_fast_len(cells, real=True)
@@ -313,11 +319,6 @@ class ModalPath:
         bearing_hz = float(self.bearing_hz[stage])
         total *= bearing_hz**2 / _resonance(frequency_hz, bearing_hz, BEARING_DAMPING)
         return total
-
-    def decay_s(self) -> float:
-        """Time in which the slowest mode falls to 1e-5 [s]."""
-        slowest = float((self.damping_ratios * self.frequencies_hz).min())
-        return math.log(1e5) / (2 * math.pi * slowest)
 
 
 def _resonance(frequency_hz: FloatArray, own_hz: float, damping: float) -> ComplexArray:

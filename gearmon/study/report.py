@@ -403,7 +403,7 @@ def _draw_over_time(name: str, height: float, rows: list[Panels], results: Study
             ax = figure.add_subplot(cells[column])
             (field, scale, label), (part, per_second, time) = QUANTITIES[quantity], PARTS[when]
             for point, style in _by_value(results.sweeps[name]):
-                motion = point.waveform if when == "settled" else point.start.motion
+                motion = point.waveform if when == "settled" else point.start
                 values = scale * getattr(motion, field)[part]
                 ax.plot(per_second * motion.time_s[part], values, **style)
             _panel(ax, title, time, label).margins(x=0)
